@@ -1,1 +1,1 @@
-"""Provide files, errors, workers, progress bars and figure style to all other rooms."""
+"""Files, errors, worker pools, progress bars and figure style for all other packages."""

@@ -1,4 +1,4 @@
-"""Find the cache folder for programs, kernels and recorded scans; it must belong to the user alone.
+"""Cache folder for compiled programs, kernels and recorded scans, private to the user.
 
 Cache entries are executed (kernels, simulations) or trusted (scans). Therefore a folder that another user owns or can
 write to is never used, nor a predictable path that any user could have created first, such as one under /tmp.
@@ -27,7 +27,7 @@ def folder() -> Path:
 
 
 def usable(*parts: str) -> Path | None:
-    """Return a folder in the cache, created if missing; None if it cannot be trusted or written."""
+    """Return a folder in the cache, created if missing; None if the folder is unsafe or read-only."""
     place = folder()
     if str(place).startswith("~"):  # this user has no home
         return None
@@ -36,7 +36,7 @@ def usable(*parts: str) -> Path | None:
 
 
 def private_folder(path: Path) -> Path:
-    """Return a folder for executable code, created if missing, that no other user can write to.
+    """Return a folder for executable code to which no other user can write.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def private_folder(path: Path) -> Path:
 
 
 def _made_private(path: Path) -> bool:
-    """Create a folder if necessary, forbid others to write to it, and return whether only this user owns it."""
+    """Create a folder with private permissions if missing; return True if only this user owns it."""
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not path.is_symlink() and (mode := path.stat().st_mode) & _OTHERS_WRITE:
@@ -63,7 +63,7 @@ def _made_private(path: Path) -> bool:
 
 
 def is_private(path: Path) -> bool:
-    """Return whether a file or folder is not a link, belongs to this user, and no other user can change it."""
+    """Return True if a path is no link, belongs to this user, and cannot be changed by others."""
     try:
         found = path.lstat()
     except OSError:

@@ -1,5 +1,5 @@
-"""The error for bad user input: commands print it as one sentence and exit with code 2."""
+"""The exception for bad user input: commands print its message and exit with code 2."""
 
 
 class InputError(ValueError):
-    """Report bad input in one sentence that names the value and the remedy."""
+    """Raised for bad user input; the message names the value and the remedy."""

@@ -1,4 +1,4 @@
-"""Write files completely or not at all."""
+"""Write files atomically."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PROBE_BYTES = 2**17
 
 @contextlib.contextmanager
 def atomic_write(path: Path) -> Iterator[IO[bytes]]:
-    """Open a binary file that appears under ``path`` only when it has been written completely.
+    """Open a binary file that appears under ``path`` only after it is complete.
 
     The bytes go to a temporary file in the same folder, which replaces ``path`` at the end and is removed on any error.
     An interrupted command therefore leaves the old file, or none. A device or FIFO receives all bytes at the end. A
@@ -68,7 +68,7 @@ def atomic_write(path: Path) -> Iterator[IO[bytes]]:
 
 
 def _into_stream(path: Path) -> Iterator[IO[bytes]]:
-    """Yield a file in memory, and copy its content to a device or FIFO at the end."""
+    """Yield an in-memory file whose content is copied to a device or FIFO at the end."""
     with io.BytesIO() as file:
         yield file
         try:
@@ -79,7 +79,7 @@ def _into_stream(path: Path) -> Iterator[IO[bytes]]:
 
 
 def make_folder(root: Path, inside: str | Path, empty: bool = False) -> Path:
-    """Create a folder of the program inside the user's folder, and return its path.
+    """Create an output folder inside the user's folder, and return its path.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def make_folder(root: Path, inside: str | Path, empty: bool = False) -> Path:
 
 @contextlib.contextmanager
 def refusing_a_full_disk(folder: Path) -> Iterator[None]:
-    """Raise InputError if the work inside fails and the disk of a folder is full."""
+    """Raise InputError if the enclosed work fails because the disk of a folder is full."""
     try:
         yield
     except Exception:
@@ -123,13 +123,13 @@ def refusing_a_full_disk(folder: Path) -> Iterator[None]:
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Write a JSON file atomically; floats that are not finite become strings."""
+    """Write a JSON file atomically, with infinite and NaN floats as strings."""
     with atomic_write(path) as file:
         file.write((json.dumps(plain(content), indent=1, allow_nan=False) + "\n").encode())
 
 
 def keep_line(path: Path, content: Any) -> None:
-    """Append a line of JSON to a file, on a new line if the last line is incomplete."""
+    """Append a JSON line to a file."""
     with path.open("ab+") as file:
         if file.seek(0, os.SEEK_END):
             file.seek(-1, os.SEEK_END)
@@ -139,14 +139,14 @@ def keep_line(path: Path, content: Any) -> None:
 
 
 def kept_lines(path: Path) -> Iterator[Any]:
-    """Yield the objects of a JSON-lines file; skip an incomplete line, and yield nothing if the file is missing."""
+    """Yield the objects of a JSON-lines file, without an incomplete last line."""
     for line in path.read_text(errors="replace").splitlines() if path.exists() else ():
         with contextlib.suppress(ValueError):
             yield json.loads(line)
 
 
 class Pieces:
-    """Store the results of a long run as they arrive, so that a stopped run can continue.
+    """Store of partial results that lets a stopped run continue.
 
     Parameters
     ----------
@@ -164,39 +164,39 @@ class Pieces:
         self._known = {piece["name"]: piece for piece in lines if self._whole(piece)}
 
     def of(self, name: str, job: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-        """Return a piece by name; compute the piece if it is not stored."""
+        """Return a stored partial result by name, or compute and store it."""
         return self.known(name) or self.add(name, job())
 
     def known(self, name: str) -> dict[str, Any] | None:
-        """Return a stored piece by name, or None."""
+        """Return a stored partial result by name, or None."""
         return self._known.get(name)
 
     def add(self, name: str, result: dict[str, Any]) -> dict[str, Any]:
-        """Store a piece, replace an older one of that name, and return the new piece."""
+        """Store a partial result under a name and return it."""
         piece = self._known[name] = {"name": name, "code": self.code, **result}
         if self.path:
             keep_line(self.path, {"seal": _seal(piece), **piece})
         return piece
 
     def _whole(self, piece: Any) -> bool:
-        """Return whether a line is an undamaged piece of the current code; other pieces are computed again."""
+        """Return True if a line is an undamaged result of the current code."""
         if not isinstance(piece, dict) or piece.get("code") != self.code:
             return False
         return bool(piece.pop("seal", None) == _seal(piece))
 
 
 def _seal(piece: dict[str, Any]) -> str:
-    """Return a digest of the content of a piece."""
+    """Return a digest of a partial result."""
     return hashlib.sha256(json.dumps(piece).encode()).hexdigest()[:12]
 
 
 def pieces_of(out: Path) -> Path:
-    """Return the path of the stored pieces of a result; remove this file when the result is written."""
+    """Return the path of the file with the partial results of a run."""
     return out.with_name(f".{out.name}.pieces")
 
 
 def origin(command: str) -> dict[str, str]:
-    """Return the origin of a stored result: command, commit of the sources, and date."""
+    """Return the origin of a result: command, source commit and date."""
     describe = ["git", "describe", "--always", "--dirty"]
     commit = subprocess.run(describe, cwd=Path(__file__).parent, capture_output=True, text=True).stdout.strip()
     return {"command": command, "commit": commit, "date": datetime.date.today().isoformat()}
@@ -207,7 +207,7 @@ MOST_TEXT_BYTES = 2**28
 
 
 def read_bytes(path: Path, what: str, most: int = MOST_TEXT_BYTES) -> bytes:
-    """Return the content of a file of at most ``most`` bytes, or raise InputError or OSError."""
+    """Return the content of a file; raise InputError if it is longer than ``most`` bytes."""
     pieces, size = [], 0
     with path.open("rb") as file:
         while piece := file.read(2**20):
@@ -251,7 +251,7 @@ def read_json(path: Path, what: str, kind: type | None = None) -> Any:
 
 
 def _whole(text: str) -> int:
-    """Return an integer that fits into a float; refuse larger ones."""
+    """Return an integer for a text; raise an error if it does not fit a float."""
     if len(text) > 308:
         raise ValueError(f"it contains a number of {len(text)} digits")
     return int(text)
@@ -262,14 +262,14 @@ MOST_UNPACKED = 2**30
 
 
 def check_unpacked(archive: zipfile.ZipFile) -> None:
-    """Refuse an archive that claims to unpack to more than ``MOST_UNPACKED`` bytes."""
+    """Check that an archive unpacks to at most ``MOST_UNPACKED`` bytes."""
     size = sum(member.file_size for member in archive.infolist())
     if size > MOST_UNPACKED:
         raise InputError(f"claims {size / 2**20:.0f} MiB of data, more than {MOST_UNPACKED // 2**20}, and is refused")
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compressed: bool = False) -> None:
-    """Write an ``.npz`` archive atomically, with a fixed date, so that equal arrays give equal bytes."""
+    """Write an ``.npz`` archive atomically and reproducibly."""
     from numpy.lib.format import write_array
 
     with atomic_write(path) as file, zipfile.ZipFile(file, "w") as archive:
@@ -315,7 +315,7 @@ def read_arrays(path: Path, kind: str, remedy: str) -> dict[str, NDArray[Any]]:
 
 
 def plain(content: Any) -> Any:
-    """Replace floats that JSON lacks, such as -inf, by strings."""
+    """Return content in which floats that JSON lacks, such as -inf, are strings."""
     if isinstance(content, dict):
         return {name: plain(value) for name, value in content.items()}
     if isinstance(content, (list, tuple)):
@@ -324,14 +324,14 @@ def plain(content: Any) -> Any:
 
 
 def _umask() -> int:
-    """Return the permission bits that new files must not have (mkstemp gives 0600)."""
+    """Return the umask of the process."""
     mask = os.umask(0)
     os.umask(mask)
     return mask
 
 
 def forget_stale_kernels(module: Path, steps: Iterable[Path]) -> None:
-    """Remove compiled kernels of a module that are older than a source they contain.
+    """Remove cached Numba kernels of a module that are older than a source they depend on.
 
     Numba looks at the module's own file only: a step that was edited in another file would not be seen.
 

@@ -1,4 +1,4 @@
-"""The file formats of this project, by the name in each file; a reader names the format that it received instead."""
+"""File formats of the project; each file contains the name of its format."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from eskin.base.errors import InputError
 
 
 class Format(NamedTuple):
-    """A kind of file.
+    """A file format with name and version.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Format(NamedTuple):
     version: int = 1
 
     def check(self, header: Any) -> None:
-        """Refuse the header of a file of another kind or version.
+        """Check that the header of a file names this format and a known version.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Find the readable files below a folder of the user, and the entries that only look like files."""
+"""Find the readable files in a user's folder."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _KINDS = {stat.S_ISDIR: "a folder", stat.S_ISFIFO: "a FIFO", stat.S_ISSOCK: "a s
 
 
 def find_files(folder: Path, suffixes: Collection[str]) -> tuple[list[Path], list[str]]:
-    """Return the files below a folder with given suffixes, and the entries with such names that are not files.
+    """Return the files with given suffixes below a folder, and the paths with such names that are not files.
 
     Links to folders are followed. Names that begin with a dot are left out.
 

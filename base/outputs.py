@@ -1,4 +1,4 @@
-"""Check before the work that output can be written, and never overwrite files that are not output."""
+"""Check output paths before any work, and protect files that no command wrote."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _PARTS = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
 
 
 def file_of(path: Path) -> Path:
-    """Return the file to which a user's path leads through links, after checking that it can be written.
+    """Return the output file to which a path leads through links, after checking that it is writable.
 
     Nothing is left behind. The file need not exist.
 
@@ -49,7 +49,7 @@ def file_of(path: Path) -> Path:
 
 
 def check_file(path: Path) -> None:
-    """Refuse a path that cannot be an output file."""
+    """Check that a path can be an output file."""
     _check_length(path)
     mode = _mode(path)
     if stat.S_ISDIR(mode):
@@ -64,7 +64,7 @@ def check_file(path: Path) -> None:
 
 
 def check_folder(path: Path) -> None:
-    """Refuse an output folder that cannot be created or written; leave nothing behind.
+    """Check that an output folder exists or can be created, and is writable.
 
     Raises
     ------
@@ -83,12 +83,12 @@ def check_folder(path: Path) -> None:
 
 
 def in_out(folder: Path) -> bool:
-    """Return whether a folder is the default output folder or below it; such folders are created if missing."""
+    """Return True if a folder is the default output folder or below it."""
     return folder.parts[:1] == OUT.parts and ".." not in folder.parts
 
 
 def is_stream(path: Path) -> bool:
-    """Return whether a path must be written directly and never replaced: a device, a FIFO, or an open file."""
+    """Return True if a path must be written directly: a device, a FIFO, or an open file."""
     if _OPEN_FILES.fullmatch(str(path.parent)):
         return True
     try:
@@ -99,7 +99,7 @@ def is_stream(path: Path) -> bool:
 
 
 def has_earlier(path: Path | None) -> bool:
-    """Return whether an output file exists whose content can be kept: a device or FIFO has none."""
+    """Return True if a regular output file already exists."""
     return path is not None and path.exists() and not is_stream(path)
 
 
@@ -112,7 +112,7 @@ def _behind_links(path: Path) -> Path:
 
 
 def new_part(path: Path) -> tuple[int, str]:
-    """Return handle and name of a new file beside ``path``, locked while the handle is open.
+    """Return the handle and the name of a new, locked temporary file beside ``path``.
 
     Files left by killed processes for the same path are removed.
     """
@@ -131,7 +131,7 @@ def new_part(path: Path) -> tuple[int, str]:
 
 @functools.cache
 def _parts_in(folder: str) -> list[str]:
-    """Return the names of the partial files found in a folder when this process first wrote there."""
+    """Return the names of the temporary files that a folder contained when this process first wrote there."""
     try:
         return [name for name in os.listdir(folder) if _PARTS.fullmatch(name)]
     except OSError:
@@ -139,7 +139,7 @@ def _parts_in(folder: str) -> list[str]:
 
 
 def _remove_if_abandoned(part: Path) -> None:
-    """Remove a partial file of this user that no running process holds."""
+    """Remove a temporary file of this user if no running process holds it."""
     with contextlib.suppress(OSError):
         if not stat.S_ISREG(part.lstat().st_mode) or part.lstat().st_uid != os.getuid():
             return
@@ -152,7 +152,7 @@ def _remove_if_abandoned(part: Path) -> None:
 
 
 def _mode(path: Path) -> int:
-    """Return the mode of the target of a path, 0 if it does not exist."""
+    """Return the file mode of a path after links; 0 if the target does not exist."""
     try:
         return path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
@@ -162,21 +162,21 @@ def _mode(path: Path) -> int:
 
 
 def _check_length(path: Path) -> None:
-    """Refuse a path with a name that is too long for the file system."""
+    """Check that a file name is not too long for the file system."""
     for part in path.parts:
         if len(os.fsencode(part)) > MOST_NAME:
             raise InputError(f"cannot write {part[:40]}...: the name has more than {MOST_NAME} bytes; shorten it")
 
 
 def _nearest(folder: Path) -> Path:
-    """Return the folder itself, or its nearest existing parent, which may be a broken link."""
+    """Return the folder itself, or its nearest existing parent."""
     while not (folder.exists() or folder.is_symlink()) and folder != folder.parent:
         folder = folder.parent
     return folder
 
 
 def _probe(path: Path, folder: Path) -> None:
-    """Refuse a path if no file can be created in a folder."""
+    """Check that a file can be created in a folder."""
     try:
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:

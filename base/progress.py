@@ -1,4 +1,4 @@
-"""Report the progress of commands: bars on a terminal, otherwise lines about long steps."""
+"""Report the progress of commands: bars on a terminal, lines elsewhere."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ SILENCE_S = 15.0
 
 
 def watched() -> bool:
-    """Return whether standard error is a terminal."""
+    """Return True if standard error is a terminal."""
     return sys.stderr.isatty()
 
 
 def progress_of(*words: str, spinner: bool = False, time_left: bool = False, transient: bool = True) -> Progress:
-    """Return progress bars in a common style: text, bar, finished pieces, time.
+    """Return a progress display in the common style: text, bar, count, time.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def progress_of(*words: str, spinner: bool = False, time_left: bool = False, tra
 
 @contextmanager
 def bar(text: str, total: int | None = None) -> Iterator[Callable[[], None]]:
-    """Yield a function to call after each finished piece; show nothing without a terminal."""
+    """Yield a function that advances a progress bar by one; without a terminal nothing is shown."""
     if not watched():
         yield lambda: None
         return
@@ -66,7 +66,7 @@ def bar(text: str, total: int | None = None) -> Iterator[Callable[[], None]]:
 
 @contextmanager
 def bars() -> Iterator[Callable[[str, int], tuple[Callable[[], None], Callable[[str], None]]]]:
-    """Yield a function that adds a bar and returns its functions: one to advance the bar, one to change its text."""
+    """Yield a function that adds a progress bar and returns functions to advance and rename the bar."""
     if not watched():
         yield lambda text, total: (lambda: None, lambda words: None)
         return
@@ -81,7 +81,7 @@ def bars() -> Iterator[Callable[[str, int], tuple[Callable[[], None], Callable[[
 
 @contextmanager
 def reported(text: str) -> Iterator[None]:
-    """Report a long step: without a terminal, print the elapsed seconds every ``SILENCE_S``."""
+    """Report a long step; without a terminal, print the elapsed seconds every ``SILENCE_S``."""
     done, started = threading.Event(), time.monotonic()
 
     def report() -> None:

@@ -1,4 +1,4 @@
-"""Check the content of the project's files against a shape, so that a damaged file gives one sentence, not a crash."""
+"""Check the structure of the project's JSON files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Shape = Any
 
 
 def misfit(value: Any, shape: Shape, place: str = "it") -> str:
-    """Return a description of the error in JSON content, or an empty string.
+    """Return a description of the first error in JSON content, or an empty string.
 
     A float may be any finite number, an int only a whole number from 0 on; ``object`` is anything.
 
@@ -57,7 +57,7 @@ def _shown(value: Any) -> str:
 
 
 def read_shaped(path: Path, what: str, shape: Shape, remedy: str = "remove it") -> Any:
-    """Return the content of a JSON file that has a shape.
+    """Return the content of a JSON file after checking its structure.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Format numbers for people: three digits and a unit with a prefix. Files keep all digits."""
+"""Format numbers for people: three digits and a unit with a prefix."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ PREFIXES = ("a", "f", "p", "n", "u", "m", "", "k", "M", "G", "T")
 
 
 def with_unit(value: float, unit: str, digits: int = 3) -> str:
-    """Return a value with its unit: 26.9 mW, 80.2 uV, 1.2 Mbit/s."""
+    """Return a value with its unit as text: 26.9 mW, 80.2 uV, 1.2 Mbit/s."""
     if value == 0 or not math.isfinite(value):
         return f"{value:g} {unit}"
     power = len(PREFIXES) - 1
@@ -20,5 +20,5 @@ def with_unit(value: float, unit: str, digits: int = 3) -> str:
 
 
 def plain(value: float, digits: int = 3) -> str:
-    """Format a number with some significant digits, and integers with commas: 0.000123, 3.66, 12,345."""
+    """Return a number as text, rounded to significant digits: 0.000123, 3.66, 12,345."""
     return f"{value:,.0f}" if abs(value) >= 999.5 else f"{value:.{digits}g}"

@@ -1,4 +1,4 @@
-"""Spiking readout for electronic skin, from Python: events, RTL, pictures and classes.
+"""Spiking readout for electronic skin: encode and decode signals, run the RTL, plot events, classify recordings.
 
 ``docs/guide/python.md`` shows all of it in ten lines. A name is imported when it is first used, so ``import eskin``
 takes no time and needs no other package. The rooms are subpackages: ``eskin.model``, ``eskin.rtl``, and so on.

@@ -1,4 +1,4 @@
-"""``python -m eskin``."""
+"""Run the command ``eskin`` by ``python -m eskin``."""
 
 from eskin.app.__main__ import main
 

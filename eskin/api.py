@@ -1,4 +1,4 @@
-"""The project from Python: signals to events and back, the RTL, pictures, and classes of recordings.
+"""Functions of ``import eskin``: encode, decode, run the RTL, plot, train and predict.
 
 Signals are integer codes of ``config.sample_bits`` bits, or floats in full scales (-1.0 to 1.0). Their shape is
 (ticks, taxels) or (ticks, rows, columns); a readout of one taxel also takes (ticks,). Events are an array with the
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def encode(config: ReadoutConfig, signal: ArrayLike) -> Events:
-    """Return the events that the readout sends while a signal lasts, by the golden model.
+    """Return the address events of a signal, computed by the golden model.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def encode(config: ReadoutConfig, signal: ArrayLike) -> Events:
 
 
 def decode(config: ReadoutConfig, events: Events, ticks: int) -> NDArray[np.float64]:
-    """Return the signals rebuilt from events.
+    """Return the signals reconstructed from events.
 
     An event counts for the tick in which it left the readout.
 
@@ -92,7 +92,7 @@ def decode(config: ReadoutConfig, events: Events, ticks: int) -> NDArray[np.floa
 def run_rtl(
     config: ReadoutConfig, signal: ArrayLike, simulator: Literal["verilator", "icarus"] = "verilator"
 ) -> Events:
-    """Return the events that the RTL sends while a signal lasts, and compare them with those of the model.
+    """Return the address events of a signal, computed by simulating the RTL and compared with the golden model.
 
     The first call builds the Verilog of the configuration for the simulator, which takes seconds to minutes, depending
     on the array; later calls reuse the program.
@@ -130,7 +130,7 @@ def plot(
     title: str = "",
     path: str | Path | None = None,
 ) -> Figure:
-    """Return a picture of events as a raster, under the signals that they belong to; a notebook shows it.
+    """Return a picture with a raster of events below their signals.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def dataset(
     classes: Sequence[str] | None = None,
     bin_s: float = 0.004,
 ) -> ScanData:
-    """Return the event counts of signals, as networks take them.
+    """Return a dataset for networks: event counts per bin, with a class for each signal.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def train(
     progress: Callable[[Epoch], object] | None = None,
     **settings: Any,
 ) -> Weights:
-    """Return a network that has learned the classes of a dataset.
+    """Train a network on a dataset and return its weights.
 
     Parameters
     ----------
@@ -273,7 +273,7 @@ def train(
 
 
 def predict(weights: Weights, data: ScanData, recordings: Sequence[int] | None = None) -> list[str]:
-    """Return the class that a network finds for each recording.
+    """Return the predicted class of each recording.
 
     Parameters
     ----------
@@ -303,7 +303,7 @@ def predict(weights: Weights, data: ScanData, recordings: Sequence[int] | None =
 
 
 def _codes(config: ReadoutConfig, signal: ArrayLike) -> NDArray[np.int32]:
-    """Return the codes of a signal, shape (ticks, taxels)."""
+    """Return a signal as integer codes, shape (ticks, taxels)."""
     from eskin.skin.textures.scan import quantise
 
     values = _flat(config, signal)
@@ -327,7 +327,7 @@ def _codes(config: ReadoutConfig, signal: ArrayLike) -> NDArray[np.int32]:
 
 
 def _flat(config: ReadoutConfig, signal: ArrayLike) -> NDArray[Any]:
-    """Return the numbers of a signal, shape (ticks, taxels)."""
+    """Return a signal as an array of shape (ticks, taxels)."""
     values = np.asarray(signal)
     if values.dtype.kind not in "iuf":
         raise InputError(f"signal must be integer codes or floats in full scales, not {values.dtype}")
@@ -341,14 +341,14 @@ def _flat(config: ReadoutConfig, signal: ArrayLike) -> NDArray[Any]:
 
 
 def _png(figure: Figure) -> bytes:
-    """Return a picture as PNG."""
+    """Return a figure as a PNG picture."""
     with io.BytesIO() as file:
         figure.savefig(file, format="png")
         return file.getvalue()
 
 
 def _numbers(data: ScanData, recordings: Sequence[int]) -> NDArray[np.int64]:
-    """Return numbers of recordings that the data have."""
+    """Return the indices of the chosen recordings of a dataset."""
     numbers = np.asarray(recordings)
     if numbers.ndim != 1 or not numbers.size or numbers.dtype.kind not in "iu":
         raise InputError("recordings must be a list of numbers of recordings, at least one")
@@ -360,7 +360,7 @@ def _numbers(data: ScanData, recordings: Sequence[int]) -> NDArray[np.int64]:
 
 @contextmanager
 def _named_group() -> Iterator[None]:
-    """Name the group of packages to install if a package is missing."""
+    """Raise an error that names the pip extra to install if a package is missing."""
     try:
         yield
     except ModuleNotFoundError as error:

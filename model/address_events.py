@@ -22,7 +22,7 @@ Events = NDArray[Any]
 
 
 def make_events(t: ArrayLike, row: ArrayLike, column: ArrayLike, polarity: ArrayLike = True) -> Events:
-    """Return events of four columns of numbers.
+    """Return an event array made from arrays of clocks, rows, columns and polarities.
 
     Parameters
     ----------
@@ -42,18 +42,18 @@ def make_events(t: ArrayLike, row: ArrayLike, column: ArrayLike, polarity: Array
 
 
 def no_events() -> Events:
-    """Return an array of no events."""
+    """Return an empty event array."""
     return np.empty(0, EVENT_DTYPE)
 
 
 def taxel_of(events: Events, config: ReadoutConfig) -> NDArray[np.int64]:
-    """Return the taxel of every event, row * columns + column, shape (events,)."""
+    """Return the taxel index of every event, row * columns + column, shape (events,)."""
     taxel: NDArray[np.int64] = events["y"].astype(np.int64) * config.columns + events["x"]
     return taxel
 
 
 def check_events(events: Events, config: ReadoutConfig, duration_clocks: int) -> None:
-    """Raise InputError unless events are of EVENT_DTYPE, in order, in the array and in the duration."""
+    """Check the type, the order, the addresses and the duration of events."""
     if not isinstance(events, np.ndarray) or events.dtype != EVENT_DTYPE or events.ndim != 1:
         got = f"shape {events.shape} of {events.dtype}" if isinstance(events, np.ndarray) else type(events).__name__
         raise InputError(f"events must be a one-dimensional array with the fields t, x, y, p, not {got}")

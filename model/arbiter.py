@@ -1,4 +1,4 @@
-"""Compute the order of events: rows round robin, all requests of a row latched together, rising columns.
+"""Model of the row-column arbiter: round robin over rows, with the requests of a row latched together.
 
 The rows and the columns of a row are bits of 64-bit words, lowest index in the least significant bit.
 """
@@ -29,7 +29,7 @@ def new_state() -> NDArray[np.uint64]:
 
 @njit(cache=True)
 def lowest(bits: np.uint64) -> int:
-    """Return the index of the lowest set bit of a word that is not 0."""
+    """Return the index of the lowest set bit of a non-zero word."""
     index = 0
     while bits & np.uint64(0xFF) == ZERO:
         bits >>= np.uint64(8)
@@ -42,13 +42,13 @@ def lowest(bits: np.uint64) -> int:
 
 @njit(cache=True)
 def without_lowest(bits: np.uint64) -> np.uint64:
-    """Return a word without its lowest set bit."""
+    """Return a word with its lowest set bit cleared."""
     return bits & (bits - ONE)
 
 
 @njit(cache=True)
 def next_row(requests: np.uint64, behind: np.uint64) -> int:
-    """Return the next row to grant: the first requesting row after the last granted one, cyclically.
+    """Return the row to grant next: round robin, starting behind the last granted row.
 
     Parameters
     ----------
@@ -63,37 +63,37 @@ def next_row(requests: np.uint64, behind: np.uint64) -> int:
 
 @njit(cache=True)
 def rows_behind(row: int) -> np.uint64:
-    """Return the rows with a higher index than ``row``."""
+    """Return a word with a bit set for every row of a higher index than ``row``."""
     return ~(((ONE << np.uint64(row)) << ONE) - ONE)
 
 
 @njit(inline="always")
 def offers(state: NDArray[np.uint64]) -> bool:
-    """Return whether the latch offers an event."""
+    """Return True if the burst latch offers an event."""
     return state[WAITING] != ZERO
 
 
 @njit(inline="always")
 def idle(state: NDArray[np.uint64]) -> bool:
-    """Return whether no event is offered and no request pending."""
+    """Return True if the latch is empty and no row requests."""
     return state[WAITING] == ZERO and state[REQUESTS] == ZERO
 
 
 @njit(inline="always")
 def request(state: NDArray[np.uint64], row: int) -> None:
-    """Note that a row requests."""
+    """Set the request of a row."""
     state[REQUESTS] |= ONE << np.uint64(row)
 
 
 @njit(inline="always")
 def withdraw(state: NDArray[np.uint64], row: int) -> None:
-    """Note that a row no longer requests."""
+    """Clear the request of a row."""
     state[REQUESTS] &= ~(ONE << np.uint64(row))
 
 
 @njit(cache=True)
 def take(state: NDArray[np.uint64], columns: int) -> np.int64:
-    """Take the offered event; return 2 * taxel + polarity."""
+    """Remove the offered event from the latch and return 2 * taxel + polarity."""
     column = lowest(state[WAITING])
     polarity = np.int64(state[SIGNS] >> np.uint64(column) & ONE)
     state[WAITING] = without_lowest(state[WAITING])
@@ -102,7 +102,7 @@ def take(state: NDArray[np.uint64], columns: int) -> np.int64:
 
 @njit(cache=True)
 def grant(state: NDArray[np.uint64], rows: Any) -> int:
-    """Latch the requests of the next row if the latch is empty; return the row, or -1."""
+    """Latch the requests of the next row if the latch is empty; return the row, or -1 if none is granted."""
     if state[WAITING] != ZERO or state[REQUESTS] == ZERO:
         return -1
     row = next_row(state[REQUESTS], state[BEHIND])

@@ -1,4 +1,4 @@
-"""Configure the readout with one object for model, RTL, tests and network."""
+"""Configuration of the readout, shared by model, RTL, tests and networks."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ SPECIFICATION = "docs/specification.md, section"
 
 
 def parameter(default: Any, unit: str, source: str, meaning: str, option: str = "", values: str = "") -> Any:
-    """Return a dataclass field with the text of its option, its help, and its table row.
+    """Return a dataclass field with its unit, source, help text and command-line option.
 
     Parameters
     ----------
@@ -70,14 +70,14 @@ def parameter(default: Any, unit: str, source: str, meaning: str, option: str = 
 
 
 def option_of(field: dataclasses.Field[Any]) -> str:
-    """Return the command-line option of a field made by ``parameter``: its name without the unit."""
+    """Return the command-line option of a field made by ``parameter``."""
     name = field.metadata["option"] or field.name.removesuffix(f"_{field.metadata['unit'].lower()}")
     return "--" + name.replace("_", "-")
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReadoutConfig:
-    """All parameters of one readout. Immutable, validated on construction, JSON in and out.
+    """All parameters of one readout; immutable, validated, convertible to JSON.
 
     Parameters
     ----------
@@ -222,12 +222,12 @@ class ReadoutConfig:
 
     @property
     def encoder(self) -> Encoder:
-        """The encoder, of ``eskin.model.encoders``."""
+        """Encoder object of the configured encoding."""
         return registry.named(self.encoding)
 
     @property
     def idle_fields(self) -> tuple[str, ...]:
-        """Fields that only other encoders read."""
+        """Names of the fields that the configured encoder ignores."""
         return tuple(n for one in registry.ENCODERS for n in one.fields if n not in self.encoder.fields)
 
     @property
@@ -247,47 +247,47 @@ class ReadoutConfig:
 
     @property
     def decisions_per_tick(self) -> int:
-        """Number of decisions of a free taxel between two samples."""
+        """Decisions of a taxel without a pending request between two samples."""
         return self.clocks_per_sample if self.decide_every == "clock" else 1
 
     @property
     def most_events_per_tick(self) -> int:
-        """Largest number of events in a tick: all decisions, or all steps of the range."""
+        """Largest number of events of a taxel in a tick."""
         return min(self.decisions_per_tick, 1 << (self.resolution + 2))
 
     @property
     def closing_levels_log2(self) -> int:
-        """log2 of the number of half-widths of a CW-LCS window: closing_shift, or less if D is too small."""
+        """log2 of the number of half-widths of a CW-LCS window."""
         return min(self.closing_shift, self.sample_bits - 2 - self.resolution)
 
     @property
     def closing_step(self) -> int:
-        """Codes by which a CW-LCS window closes, which is also its smallest half-width; at least one code."""
+        """Codes by which a CW-LCS window closes per step, equal to its smallest half-width."""
         return self.step >> self.closing_levels_log2
 
     @property
     def grid(self) -> int:
-        """Codes between neighbouring positions of the reference."""
+        """Spacing of the reference levels in codes."""
         return self.encoder.grid(self)
 
     @property
     def has_polarity(self) -> bool:
-        """True if events contain ON or OFF."""
+        """True if events carry a polarity."""
         return self.encoder.polarity
 
     @property
     def closes(self) -> bool:
-        """True if every taxel has a closing window of more than one half-width."""
+        """True if every taxel has a closing window with more than one half-width."""
         return self.encoder.closes(self)
 
     @property
     def needs_tick(self) -> bool:
-        """True if the RTL needs the sample tick as a time base with either front end."""
+        """True if the RTL needs the sample tick as a time base with analog and digital front end."""
         return self.encoder.needs_tick(self) or self.decide_every == "sample"
 
     @property
     def half_width_bits(self) -> int:
-        """Bits of a window's half-width in codes: D at most, with registers D of the coarsest resolution."""
+        """Bits of the half-width of a window in codes."""
         return self.step.bit_length() if self.registers == "none" else self.sample_bits - 2
 
     @property
@@ -307,29 +307,29 @@ class ReadoutConfig:
 
     @property
     def event_bits(self) -> int:
-        """Bits of one address event {polarity, row, column}; 0 for a single unipolar taxel."""
+        """Bits of one address event {polarity, row, column}."""
         return int(self.has_polarity) + self.row_bits + self.column_bits
 
     @property
     def handshake(self) -> bool:
-        """Whether the link is a four-phase handshake, with one request or with two."""
+        """True if the link is a four-phase handshake, with one or two request lines."""
         return bool(self.chosen("link", stream=False, four_phase=True, four_phase_dual=True))
 
     @property
     def address_bits(self) -> int:
-        """Bits of the address beside the requests of a four-phase link."""
+        """Address bits beside the request lines of a four-phase link."""
         return self.event_bits - (self.link == "four_phase_dual")
 
     @property
     def tau_s(self) -> float:
-        """Time constant in seconds of leak_shift and leak_period: -P Ts / ln(1 - 2**-k)."""
+        """Time constant in seconds for leak_shift k and leak_period P: -P Ts / ln(1 - 2**-k)."""
         return -self.leak_period / self.sample_rate_hz / math.log1p(-(2.0**-self.leak_shift))
 
     # -- construction and exchange ---------------------------------------------------------------
 
     @classmethod
     def from_tau(cls, tau_s: float, ts_s: float, encoding: Encoding = "nlcs", **parameters: Any) -> ReadoutConfig:
-        """Return the configuration of a leaking encoder whose leak is closest to a time constant.
+        """Return the configuration of a leaky encoder whose leak is closest to a time constant.
 
         A coarse leak (small leak_shift) removes events, by about a quarter of its step, and a short period approximates
         tau badly. The method takes the leak_shift from 1 to 6 with the smallest sum of both errors. ``tau_s`` of the
@@ -378,12 +378,12 @@ class ReadoutConfig:
         )
 
     def replace(self, **changes: Any) -> ReadoutConfig:
-        """Return a copy with some fields changed, validated again."""
+        """Return a validated copy with changed fields."""
         self._check_names(changes)
         return dataclasses.replace(self, **changes)
 
     def chosen(self, field: str, **values: Any) -> Any:
-        """Return the entry of a table for a field, such as the link; refuse a value without an entry.
+        """Return the entry of a table for the value of a field; raise an error if the table has no entry.
 
         Raises
         ------
@@ -395,7 +395,7 @@ class ReadoutConfig:
         return values[value]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as a plain dictionary; registers and receptive fields only if present."""
+        """Return all fields as a dictionary, without unused registers and receptive fields."""
         fields = dataclasses.asdict(self)
         if self.registers == "none":
             del fields["registers"]
@@ -406,12 +406,12 @@ class ReadoutConfig:
         return fields
 
     def to_json(self) -> str:
-        """Return the configuration as JSON text, keys in the order of the fields."""
+        """Return the configuration as JSON text."""
         return json.dumps(self.to_dict(), indent=2)
 
     @classmethod
     def from_dict(cls, fields: Any) -> ReadoutConfig:
-        """Return the configuration of a dictionary; absent fields take their defaults, unknown ones are refused."""
+        """Return the configuration for a dictionary; raise an error for unknown fields."""
         if not isinstance(fields, dict):
             raise InputError(f"a configuration must be a JSON object, not {type(fields).__name__}")
         cls._check_names(fields)
@@ -425,7 +425,7 @@ class ReadoutConfig:
 
     @classmethod
     def from_json(cls, text: str) -> ReadoutConfig:
-        """Return the configuration of a JSON text."""
+        """Return the configuration for JSON text."""
         try:
             fields = json.loads(text)
         except (ValueError, RecursionError) as error:
@@ -434,12 +434,12 @@ class ReadoutConfig:
 
     @classmethod
     def load(cls, path: str | Path) -> ReadoutConfig:
-        """Return the configuration of a JSON file: a configuration file, or the file beside the Verilog."""
+        """Return the configuration from a JSON file: a configuration file, or the description beside the Verilog."""
         return cls.of_file(Path(path))[0]
 
     @classmethod
     def of_file(cls, path: Path, beside: Collection[str] = ()) -> tuple[ReadoutConfig, dict[str, Any]]:
-        """Return the configuration of a JSON file and the names of its fields; read the file once, as it may be a pipe.
+        """Return the configuration from a JSON file, and the names of the fields in the file.
 
         Fields ``beside`` those of this class, which another configuration has, may stand in it too.
 

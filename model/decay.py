@@ -1,4 +1,4 @@
-"""Compute the leak of N-LCS: its size, and its staggered ticks from one counter for the whole array.
+"""Leak of N-LCS: its size, and its ticks, staggered over the rows.
 
 Plain Python, which ``eskin.model.encoders.compiled`` compiles.
 """
@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # a configuration knows its encoder, which may leak
 
 
 def decay_phases(config: ReadoutConfig) -> NDArray[np.int64]:
-    """Return for every row the phase of its decay tick within the leak period: floor(r * P / rows).
+    """Return the phase of every row's decay tick within the leak period: floor(r * P / rows).
 
     Row r leaks at sample ticks j (counted from 0 after reset) with ``j mod leak_period == phase[r]``, so the rows
     do not fire together (docs/specification.md, section 2, N-LCS).
@@ -29,5 +29,5 @@ def leak_of(u: Any, leak_shift: int) -> Any:
 
 
 def is_due(leak_period: int, phase: int, tick: int) -> bool:
-    """Return whether a row of a phase leaks at a sample tick, counted from 0."""
+    """Return True if a row with the given phase leaks at a sample tick."""
     return tick % leak_period == phase

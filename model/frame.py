@@ -1,4 +1,4 @@
-"""Simulate the frame readout, clock by clock: one ADC converts all taxels in turn (docs/reference/frame.md).
+"""Cycle-accurate model of the frame readout: one ADC converts all taxels in turn (docs/reference/frame.md).
 
 This is the golden model of ``rtl/frame.py``, without bit slices.
 """
@@ -21,7 +21,7 @@ WORD_DTYPE = np.dtype([("t", np.int64), ("sync", np.bool_), ("data", np.uint64)]
 
 
 class Inputs(NamedTuple):
-    """The input ports in one clock; ``adc_code`` has N bits, unsigned."""
+    """Values of the input ports in one clock; ``adc_code`` has N bits, unsigned."""
 
     frame_start: int = 0
     adc_done: int = 0
@@ -30,7 +30,7 @@ class Inputs(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """The output ports in one clock, as unsigned numbers; none depends on an input in the same clock."""
+    """Values of the output ports in one clock, as unsigned integers."""
 
     row_select: int
     column_select: int
@@ -42,7 +42,7 @@ class Outputs(NamedTuple):
 
 
 class FrameModel:
-    """The registers of the readout, and their change at a rising edge.
+    """State of the frame readout, updated at each rising edge.
 
     Attributes
     ----------
@@ -79,12 +79,12 @@ class FrameModel:
 
     @property
     def idle(self) -> bool:
-        """True while no taxel is selected and no sample or word waits."""
+        """True if no taxel is selected and no sample or word is waiting."""
         return self.taxel < 0 and self.held is None and not self.flush and not self.valid
 
     @property
     def outputs(self) -> Outputs:
-        """The output ports just before the next rising edge."""
+        """Values of the output ports just before the next rising edge."""
         row, column = divmod(self.taxel, self.config.columns)
         starts = self.taxel >= 0 and not self.converting and self.countdown == 0 and self.held is None
         return Outputs(
@@ -118,7 +118,7 @@ class FrameModel:
             self.countdown -= 1
 
     def _packer(self, inputs: Inputs) -> bool:
-        """Apply the edge to the packer; return whether it took the waiting sample."""
+        """Apply a rising edge to the packer; return True if the packer took the waiting sample."""
         free = not self.valid or bool(inputs.word_ready)
         if not free:
             return False
@@ -150,7 +150,7 @@ class FrameModel:
 
 @dataclass(frozen=True)
 class FrameStimulus:
-    """The inputs of a frame readout from the end of reset on.
+    """Inputs of a frame readout, starting at the end of reset.
 
     Attributes
     ----------
@@ -185,7 +185,7 @@ class FrameStimulus:
         ready: NDArray[np.uint8] | None = None,
         drain: int = 0,
     ) -> FrameStimulus:
-        """Return one frame for every row of samples, at the frame rate, plus some clocks at the end."""
+        """Return a stimulus with one frame per row of samples at the frame rate."""
         start = np.arange(len(samples), dtype=np.int64) * config.clocks_per_frame
         return cls(
             samples=np.asarray(samples),
@@ -197,7 +197,7 @@ class FrameStimulus:
         )
 
     def check(self, config: FrameConfig) -> None:
-        """Refuse a stimulus that does not fit a configuration, in one sentence."""
+        """Check that a stimulus fits a configuration."""
         if self.samples.ndim != 2 or self.samples.shape[1] != config.taxels:
             raise InputError(
                 f"samples must have shape (ticks, {config.taxels}) for {config.rows} x {config.columns} taxels, "
@@ -212,7 +212,7 @@ class FrameStimulus:
 
 @dataclass(frozen=True)
 class FrameRun:
-    """Results of a frame readout.
+    """Words and samples of one simulated run of a frame readout.
 
     Attributes
     ----------
@@ -232,7 +232,7 @@ class FrameRun:
 
 
 def simulate(config: FrameConfig, stimulus: FrameStimulus) -> FrameRun:
-    """Simulate the readout with a stimulus and an ADC that rounds down (``adc_code``)."""
+    """Simulate the frame readout with an ideal ADC that rounds down (``adc_code``)."""
     stimulus.check(config)
     codes = adc_code(config, stimulus.samples) & ((1 << config.resolution) - 1)
     model = FrameModel(config)
@@ -266,7 +266,7 @@ def simulate(config: FrameConfig, stimulus: FrameStimulus) -> FrameRun:
 
 
 def _cycled(pattern: NDArray[np.integer]) -> Iterator[int]:
-    """Repeat the values of a pattern forever."""
+    """Yield the values of a pattern repeatedly without end."""
     values = pattern.tolist()
     while True:
         yield from values

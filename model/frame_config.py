@@ -1,4 +1,4 @@
-"""Configure the frame readout (docs/reference/frame.md)."""
+"""Configuration of the frame readout (docs/reference/frame.md)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SHARED_FIELDS = (
 
 @dataclass(frozen=True, kw_only=True)
 class FrameConfig:
-    """All parameters of one frame readout. Immutable, validated on construction.
+    """All parameters of one frame readout; immutable and validated.
 
     ``readout`` contains all fields shared with the spiking readout: array, W, N, reset, and the sample rate. The sample
     rate is the frame rate, because every taxel is sampled once per frame.
@@ -97,7 +97,7 @@ class FrameConfig:
 
     @property
     def sample_bits(self) -> int:
-        """W, bits of the signed sample that the ADC sees."""
+        """W, bits of the signed sample at the ADC input."""
         return self.readout.sample_bits
 
     @property
@@ -107,34 +107,34 @@ class FrameConfig:
 
     @property
     def reset(self) -> str:
-        """Style of the flops' reset, "sync" or "async"."""
+        """Reset style of the flip-flops, "sync" or "async"."""
         return self.readout.reset
 
     # -- derived numbers -------------------------------------------------------------------------
 
     @property
     def adc_clocks(self) -> int:
-        """Clocks of one conversion, from adc_start to adc_done, assumed for the clock frequency."""
+        """Assumed clocks of one conversion, from adc_start to adc_done."""
         return self.resolution + 1 if self.conversion_clocks is None else self.conversion_clocks
 
     @property
     def frame_clocks(self) -> int:
-        """Clocks from one frame_start to the first accepted one after it, if the sink never waits."""
+        """Smallest number of clocks from one accepted frame_start to the next."""
         return self.taxels * (self.settle_clocks + 1 + self.adc_clocks) + 1
 
     @property
     def words_per_frame(self) -> int:
-        """Output words of a frame, with zeros in the rest of the last one."""
+        """Output words per frame."""
         return -(-self.taxels * self.resolution // self.word_bits)
 
     @property
     def frame_rate_hz(self) -> float:
-        """Frames per second: the sample rate of a taxel."""
+        """Frames per second, equal to the sample rate of a taxel."""
         return self.readout.sample_rate_hz
 
     @property
     def clocks_per_frame(self) -> int:
-        """Clocks from frame to frame: those of a sample, or more if a scan needs more."""
+        """Clocks per frame: the clocks per sample, or more if a scan of the array takes longer."""
         return max(self.readout.clocks_per_sample, self.frame_clocks)
 
     @property
@@ -144,7 +144,7 @@ class FrameConfig:
 
     @property
     def bit_rate_hz(self) -> float:
-        """Bits per second of the samples: N M per frame (Fig. 5a of the paper)."""
+        """Bits of samples per second: N M per frame (Fig. 5a of the paper)."""
         return self.resolution * self.taxels * self.frame_rate_hz
 
     @property
@@ -155,7 +155,7 @@ class FrameConfig:
     # -- construction and exchange ---------------------------------------------------------------
 
     def replace(self, **changes: Any) -> FrameConfig:
-        """Return a copy with changed fields (shared fields in ``readout``), validated again."""
+        """Return a validated copy with changed fields; shared fields are in ``readout``."""
         shared = {name: changes.pop(name) for name in SHARED_FIELDS if name in changes}
         try:
             copy = dataclasses.replace(self, **changes)
@@ -164,13 +164,13 @@ class FrameConfig:
             raise InputError(f"unknown parameter in {', '.join(sorted(changes))}: {error}") from None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all used fields as one flat dictionary; ``conversion_clocks`` as a number."""
+        """Return all used fields as one flat dictionary."""
         fields = {name: getattr(self.readout, name) for name in SHARED_FIELDS}
         return fields | {name: getattr(self, name) for name in OWN_FIELDS} | {"conversion_clocks": self.adc_clocks}
 
     @classmethod
     def from_dict(cls, fields: Any) -> FrameConfig:
-        """Return the configuration of a flat dictionary; check fields of the spiking readout, but ignore them."""
+        """Return the configuration for a flat dictionary; fields of the spiking readout alone are ignored."""
         if not isinstance(fields, dict):
             raise InputError(f"a configuration must be a JSON object, not {type(fields).__name__}")
         own = {name: fields[name] for name in OWN_FIELDS if name in fields}

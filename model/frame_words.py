@@ -1,4 +1,4 @@
-"""Convert samples to ADC codes, and codes to words (docs/reference/frame.md)."""
+"""Conversion of samples to ADC codes, and of codes to output words (docs/reference/frame.md)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from eskin.model.frame_config import FrameConfig
 
 
 def adc_code(config: FrameConfig, samples: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Return the N-bit two's complement codes of W-bit samples: the N upper bits, rounded down.
+    """Return the ADC codes of samples: the upper N of W bits, rounded down.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def adc_code(config: FrameConfig, samples: NDArray[np.integer]) -> NDArray[np.in
 
 
 def pack(config: FrameConfig, codes: NDArray[np.integer]) -> NDArray[np.uint64]:
-    """Return the output words of frames: taxel 0 in the lowest bits, no gaps, a new word for each frame.
+    """Return the output words of frames, packed from the lowest bit; every frame starts a new word.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def pack(config: FrameConfig, codes: NDArray[np.integer]) -> NDArray[np.uint64]:
 
 
 def unpack(config: FrameConfig, words: NDArray[np.integer], sync: NDArray[Any] | None = None) -> NDArray[np.int64]:
-    """Return the signed ADC codes of output words.
+    """Return the signed ADC codes packed in output words.
 
     Parameters
     ----------
@@ -102,11 +102,11 @@ def unpack(config: FrameConfig, words: NDArray[np.integer], sync: NDArray[Any] |
 
 
 def _from_bits(bits: NDArray[Any]) -> NDArray[np.uint64]:
-    """Return the numbers for bits, lowest first along the last axis."""
+    """Return integers for arrays of bits, least significant bit first."""
     weights = np.uint64(1) << np.arange(bits.shape[-1], dtype=np.uint64)
     return np.asarray((bits.astype(np.uint64) * weights).sum(axis=-1), np.uint64)
 
 
 def bit_positions(config: FrameConfig) -> int:
-    """Return the greatest common divisor of N and the word length; codes begin at multiples of it."""
+    """Return the greatest common divisor of N and the word length, the alignment of codes in words."""
     return math.gcd(config.resolution, config.word_bits)

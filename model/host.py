@@ -1,4 +1,4 @@
-"""Simulate a readout and its SPI host, clock by clock: pins in, events and MISO out."""
+"""Cycle-accurate model of a readout with an SPI host: from pins to events and MISO."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ COUNTED = {TAKEN: ("events_count",), WAITED: ("stalls_count",), 0: ()}
 
 
 class HostRun(NamedTuple):
-    """Results of a readout with registers.
+    """Results of simulating a readout with registers.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class HostRun(NamedTuple):
 
 
 def play(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins]) -> HostRun:
-    """Play a stimulus and a host's transfers from the end of reset on.
+    """Simulate a readout with a stimulus and the SPI transfers of a host.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def play(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins]) -> Hos
 
 
 def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins]) -> Stimulus:
-    """Return the stimulus seen by the array. Registers can be computed first, because no write depends on an event."""
+    """Return the stimulus with all register settings applied; no register write depends on an event."""
     slave, file = SpiSlave(), RegisterFile(config)
     outside = dict(zip(stimulus.enable_clock.tolist(), stimulus.enable, strict=True))
     mask, resolution = stimulus.enable[0], config.resolution

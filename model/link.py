@@ -1,4 +1,4 @@
-"""Simulate the four-phase AER link with an asynchronous receiver, clock by clock."""
+"""Cycle-accurate model of the four-phase AER link with an asynchronous receiver."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def new_state() -> NDArray[np.int64]:
 
 @njit(cache=True)
 def ready(state: NDArray[np.int64]) -> bool:
-    """Return whether the link takes an event in this clock; its state does not change before that."""
+    """Return True if the link accepts an event in this clock."""
     return state[SETUP] == 0 and state[REQ] == 0 and state[ACK_SYNC] == 0
 
 
 @njit(cache=True)
 def advance(state: NDArray[np.int64], clock: int, taken: bool, ack_delay: NDArray[np.int64]) -> bool:
-    """Advance the link by a clock edge; return whether REQ rises.
+    """Advance the link by a clock edge; return True if REQ rises.
 
     Parameters
     ----------

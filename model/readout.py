@@ -1,4 +1,4 @@
-"""Simulate the array, its arbiter and its link, clock by clock: the golden model for the RTL.
+"""Golden model of the RTL: a cycle-accurate simulation of taxel array, arbiter and link.
 
 The loop visits only the clocks in which something can change, which is exact: a taxel that decided for nothing
 decides so again until its sample, its reference or its window moves.
@@ -34,7 +34,7 @@ TAKEN, WAITED = 1, 2
 
 @dataclass(frozen=True)
 class Stimulus:
-    """The inputs of a readout from the end of reset on.
+    """The inputs of a readout, starting at the end of reset.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Stimulus:
         ready: NDArray[np.uint8] | None = None,
         ack_delay: NDArray[np.int64] | None = None,
     ) -> Stimulus:
-        """Return samples at a constant rate for an array with all taxels enabled.
+        """Return a stimulus of samples at a constant rate, with all taxels enabled.
 
         Parameters
         ----------
@@ -117,7 +117,7 @@ class Stimulus:
         )
 
     def check(self, config: ReadoutConfig) -> None:
-        """Refuse a stimulus that does not fit a configuration, in one sentence."""
+        """Check that a stimulus fits a configuration."""
         samples, clock = self.samples, self.sample_clock
         _check_samples(config, samples)
         if clock.shape != samples.shape[:1] or (np.diff(clock) < 1).any() or (clock < 0).any():
@@ -146,7 +146,7 @@ class Stimulus:
 
 
 def _check_samples(config: ReadoutConfig, samples: NDArray[Any]) -> None:
-    """Refuse samples that are not codes of the configuration, in one sentence."""
+    """Check that samples are valid codes of the configuration."""
     full_scale = config.full_scale * (ANALOG_RANGE if config.frontend == "analog" else 1)
     if samples.ndim != 2 or samples.shape[1] != config.taxels:
         raise InputError(
@@ -190,7 +190,7 @@ class State:
 
 
 def simulate(config: ReadoutConfig, stimulus: Stimulus) -> Events:
-    """Return the address events of a readout, exactly those of the RTL.
+    """Return the address events of a readout, equal to those of the RTL.
 
     Parameters
     ----------
@@ -222,7 +222,7 @@ def simulate(config: ReadoutConfig, stimulus: Stimulus) -> Events:
 
 
 def simulate_counted(config: ReadoutConfig, stimulus: Stimulus) -> tuple[Events, NDArray[np.uint8]]:
-    """Return the events, as ``simulate``, and the state of the arbiter's output in every clock, shape (clocks,).
+    """Return the events, and the state of the arbiter's output in every clock, shape (clocks,).
 
     0: nothing was offered, 1: an event was taken (``TAKEN``), 2: one waited (``WAITED``).
     """
@@ -232,7 +232,7 @@ def simulate_counted(config: ReadoutConfig, stimulus: Stimulus) -> tuple[Events,
 
 
 def state_at(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> State:
-    """Return the registers of a readout just before a clock of a run."""
+    """Return the registers of a readout just before a given clock of a run."""
     stimulus.check(config)
     _, registers = _run(config, stimulus, clock)
     taxels = registers.taxels.reshape(config.rows, config.columns)
@@ -250,7 +250,7 @@ def state_at(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> State:
 
 
 class Parameters(NamedTuple):
-    """The configuration as the compiled loop needs it.
+    """The configuration as a tuple for the compiled loop.
 
     Attributes
     ----------
@@ -276,7 +276,7 @@ class Parameters(NamedTuple):
 
     @classmethod
     def of(cls, config: ReadoutConfig) -> Parameters:
-        """Return the parameters of a configuration."""
+        """Return the loop parameters of a configuration."""
         encoder = config.encoder
         bits = encoder.fraction_bits(config)
         return cls(
@@ -294,7 +294,7 @@ class Parameters(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """A stimulus for the compiled loop: the attributes of ``Stimulus``, and the phase of every row's leak.
+    """The stimulus as a tuple for the compiled loop: the attributes of ``Stimulus``, and the leak phase of every row.
 
     ``samples`` are the signals of the fields. ``decisions`` has no rows without decisions. ``shown`` has a row of
     analog signals for every choice of fields in ``choice_clock``.
@@ -314,7 +314,7 @@ class Inputs(NamedTuple):
 
 
 class Registers(NamedTuple):
-    """All registers of a readout except the counter of decay ticks; changed in place.
+    """All registers of a readout except the decay tick counter.
 
     Attributes
     ----------
@@ -333,7 +333,7 @@ class Registers(NamedTuple):
 
     @classmethod
     def after_reset(cls, config: ReadoutConfig) -> Registers:
-        """Return the registers after a reset."""
+        """Return the registers after reset."""
         taxels = np.zeros(config.taxels, taxel.taxel_dtype(config))
         taxels["u"] = Parameters.of(config).reset
         taxels["given"] = -1
@@ -343,7 +343,7 @@ class Registers(NamedTuple):
 def _run(
     config: ReadoutConfig, stimulus: Stimulus, clocks: int, traffic: NDArray[np.uint8] | None = None
 ) -> tuple[Events, Registers]:
-    """Run the loop for some clocks; return the events and the final registers."""
+    """Run the compiled loop for a number of clocks; return the events and the final registers."""
     registers = Registers.after_reset(config)
     inputs = Inputs(
         _signals(config, stimulus),
@@ -367,7 +367,7 @@ def _run(
 
 
 def _signals(config: ReadoutConfig, stimulus: Stimulus) -> NDArray[np.int32]:
-    """Return what the encoders see of every sample, shape (ticks, taxels)."""
+    """Return the inputs of the encoders for every sample, shape (ticks, taxels)."""
     if not len(stimulus.choice_clock):
         return np.ascontiguousarray(fields.seen(config, stimulus.samples), np.int32)
     now = np.searchsorted(stimulus.choice_clock, stimulus.sample_clock, side="right") - 1
@@ -375,7 +375,7 @@ def _signals(config: ReadoutConfig, stimulus: Stimulus) -> NDArray[np.int32]:
 
 
 def _shown(config: ReadoutConfig, stimulus: Stimulus) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Return the clocks in which a choice moves analog signals, and the signals; a digital one waits for a sample."""
+    """Return the analog inputs of the comparators, and the clocks in which a host's choice of fields changes them."""
     clock = stimulus.choice_clock
     if not len(clock) or config.frontend == "digital":
         return np.zeros(0, np.int64), np.zeros((0, 0), np.int32)
@@ -385,7 +385,7 @@ def _shown(config: ReadoutConfig, stimulus: Stimulus) -> tuple[NDArray[np.int64]
 
 
 def _decisions(config: ReadoutConfig, stimulus: Stimulus) -> NDArray[np.uint8]:
-    """Return the decisions of the comparators; without polarity there is no lower comparator."""
+    """Return the outputs of the comparators; without polarity there is no lower comparator."""
     if stimulus.decisions is None:
         return np.zeros((0, 0), np.uint8)
     return stimulus.decisions & np.uint8(3 if config.has_polarity else 1)
@@ -393,7 +393,7 @@ def _decisions(config: ReadoutConfig, stimulus: Stimulus) -> NDArray[np.uint8]:
 
 @njit(cache=True, nogil=True)
 def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: Any) -> NDArray[np.int64]:
-    """Return the events, shape (events, 2): their clocks, and 2 * taxel + polarity.
+    """Simulate the readout; return the clock and 2 * taxel + polarity of every event, shape (events, 2).
 
     Settings are None where there are none: without them the loop is compiled as if no host could be. ``traffic`` takes
     what ``simulate_counted`` returns, if it has room.
@@ -478,7 +478,7 @@ def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: 
 
 @njit(inline="always")
 def _set(p: Parameters, now: Any) -> Parameters:
-    """Return the parameters with a host's settings."""
+    """Return the loop parameters changed by the settings of a host."""
     return Parameters(
         p.leaks,
         p.per_sample,
@@ -495,7 +495,7 @@ def _set(p: Parameters, now: Any) -> Parameters:
 
 @njit(inline="always")
 def decide(p: Any, y: int, todo: Any, tick: bool, leaks: bool, taxels: Any, rows: Any, latch: Any) -> bool:
-    """Let the taxels of a row decide; return whether they must decide again, because a threshold moved.
+    """Compute the decisions of the taxels of a row; return True if a moved threshold requires another decision.
 
     Parameters
     ----------
@@ -528,7 +528,7 @@ def decide(p: Any, y: int, todo: Any, tick: bool, leaks: bool, taxels: Any, rows
 
 @njit(cache=True, nogil=True)
 def mask_rows(p: Any, enable: Any, taxels: Any, rows: Any, latch: Any) -> None:
-    """Apply a new mask: disabled taxels take their reset state."""
+    """Apply a new mask, which holds disabled taxels in reset."""
     for y in range(len(rows)):
         active = ZERO
         for column in range(p.columns):
@@ -545,7 +545,7 @@ def mask_rows(p: Any, enable: Any, taxels: Any, rows: Any, latch: Any) -> None:
 
 @njit(cache=True, nogil=True)
 def take_samples(p: Any, samples: Any, taxels: Any, rows: Any) -> None:
-    """Take new samples; with a digital front end, a disabled taxel keeps its sample register in reset."""
+    """Store new samples, except in disabled taxels with a digital front end."""
     for y in range(len(rows)):
         for column in range(p.columns):
             if not p.digital or rows[y].active >> np.uint64(column) & ONE != ZERO:
@@ -554,7 +554,7 @@ def take_samples(p: Any, samples: Any, taxels: Any, rows: Any) -> None:
 
 @njit(cache=True, nogil=True)
 def with_room(log: NDArray[Any], events: int) -> NDArray[Any]:
-    """Return a log with room for one more event."""
+    """Return an event log with room for one more event."""
     if events < len(log):
         return log
     longer = np.empty((2 * len(log), 2), log.dtype)

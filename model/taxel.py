@@ -1,4 +1,4 @@
-"""Encode and decode taxel signals, integer-exact and without contention (docs/reference/encoders.md).
+"""Functional model: encode and decode taxel signals without contention (docs/reference/encoders.md).
 
 A request is taken in the clock after it was raised, as with one taxel and a sink that is always ready. The model starts
 with the first sample. If the reset value of the reference is far enough from 0 to cause events before the first sample,
@@ -49,7 +49,7 @@ _BLOCK_BYTES = 2**20
 
 
 def encode(config: ReadoutConfig, samples: Samples, out: Counts | None = None) -> Counts:
-    """Return the events that follow each sample.
+    """Return the event counts of each sample for every taxel.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def encode(config: ReadoutConfig, samples: Samples, out: Counts | None = None) -
 
 
 def encode_timed(config: ReadoutConfig, samples: Samples) -> tuple[Counts, Flags]:
-    """Return the events that follow each sample, and whether they start one clock late.
+    """Return the event counts of each sample, and flags for events that start one clock late.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def encode_timed(config: ReadoutConfig, samples: Samples) -> tuple[Counts, Flags
 
 
 def count_events(config: ReadoutConfig, samples: Samples) -> NDArray[np.int64]:
-    """Return the number of events of every taxel, shape (taxels,), without storing counts per tick.
+    """Return the total number of events of every taxel, shape (taxels,).
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def count_events(config: ReadoutConfig, samples: Samples) -> NDArray[np.int64]:
 
 
 def uncontended_events(config: ReadoutConfig, counts: Counts, late: Flags | None = None) -> Events:
-    """Return the address events of all taxels, each with its own link; exact for a one-taxel array.
+    """Return the address events of all taxels as if each had its own link.
 
     The j-th event (from 0) of tick i has ``t = i * clocks_per_sample + 3 + j``, one clock more where late.
 
@@ -178,7 +178,7 @@ def uncontended_events(config: ReadoutConfig, counts: Counts, late: Flags | None
 
 
 def counts_of_events(config: ReadoutConfig, events: Events, ticks: int) -> tuple[Counts, Flags]:
-    """Return the counts and late flags of address events: the inverse of ``uncontended_events``.
+    """Return the counts and late flags of address events, the inverse of ``uncontended_events``.
 
     Events that had to wait for the link count for the tick in which they left, if that is one of ``ticks``.
 
@@ -211,7 +211,7 @@ def counts_of_events(config: ReadoutConfig, events: Events, ticks: int) -> tuple
 
 
 def decode(config: ReadoutConfig, counts: Counts, late: Flags | None = None) -> NDArray[np.float64]:
-    """Return the reconstruction: the reference of the encoder at the end of every tick, exactly.
+    """Return the reconstruction: the reference of every taxel at the end of every tick.
 
     No event moves the reference off the scale: a late event that would do so has no effect.
 
@@ -238,7 +238,7 @@ def decode(config: ReadoutConfig, counts: Counts, late: Flags | None = None) -> 
 
 
 def error_bound(config: ReadoutConfig) -> tuple[float, float]:
-    """Return (low, high): low <= x - u <= high at the end of every tick, in codes, for inputs within a limit.
+    """Return the error bounds (low, high): low <= x - u <= high in codes, for signals within the slope limit.
 
     The limit is ``slope_limit``, which also applies to the step from the reset value of the reference to the first
     sample. ``error_bound`` of each encoder (``eskin.model.encoders``) defines its bound.
@@ -274,21 +274,21 @@ class _Bank:
 
     @classmethod
     def reset(cls, config: ReadoutConfig, taxels: int) -> _Bank:
-        """Return the state after reset."""
+        """Return the state of all taxels after reset."""
         encoder = config.encoder
         start = config.reference_reset // config.grid << encoder.fraction_bits(config)
         starts = (start, *(0 for _ in encoder.state))
         return cls(config, tuple(np.full(taxels, value, encoder.state_dtype(config)) for value in starts))
 
     def run(self, x: NDArray[Any], counts: Counts, late: Flags | None) -> None:
-        """Write the events of the samples x, shape (ticks, taxels), into counts and optionally late."""
+        """Encode the samples x, shape (ticks, taxels), into counts and optional late flags."""
         rule, flags = self.config.encoder.rule(self.config), late if late is not None else _NO_FLAGS
         kernels.ticks(rule, x, self.state, _phases(self.config), self.tick, counts, flags, late is not None)
         self.tick += len(x)
 
 
 def _phases(config: ReadoutConfig) -> NDArray[np.int32]:
-    """Return for every taxel the tick, modulo leak_period, at which it leaks, shape (taxels,)."""
+    """Return the leak phase of every taxel: its decay tick modulo leak_period."""
     return np.repeat(decay_phases(config), config.columns).astype(np.int32)
 
 
@@ -297,7 +297,7 @@ def _count_dtype(config: ReadoutConfig) -> type[np.signedinteger[Any]]:
 
 
 def _check_samples(config: ReadoutConfig, samples: Samples) -> NDArray[Any]:
-    """Return the signals of the receptive fields as a C-ordered int16 (W <= 16) or int32 array, or raise InputError."""
+    """Return checked samples after the receptive fields, as a C-ordered integer array."""
     samples = np.asarray(samples)
     if samples.ndim != 2:
         raise InputError(f"samples must have the shape (ticks, taxels), not {samples.shape}")
@@ -330,14 +330,14 @@ def _check_samples(config: ReadoutConfig, samples: Samples) -> NDArray[Any]:
 
 
 def _silenced(config: ReadoutConfig, found: NDArray[Any]) -> NDArray[Any]:
-    """Return counts or flags, 0 for the taxels (the last axis) that are off."""
+    """Return counts or flags with 0 for every disabled taxel."""
     if not isinstance(config.fields, str):
         found[..., is_off(config)] = 0
     return found
 
 
 def _check_counts(config: ReadoutConfig, counts: Counts, late: Flags | None, needed: bool) -> tuple[Counts, Flags]:
-    """Return the counts and late flags (all false if missing and not needed), or raise InputError."""
+    """Return checked counts and late flags."""
     counts = np.asarray(counts)
     if counts.ndim != 2 or counts.dtype.kind != "i":
         raise InputError(

@@ -1,4 +1,4 @@
-"""Compile the loops of ``eskin.model.taxel`` and the taxel's part of the loop of ``eskin.model.readout``.
+"""Compiled loops of ``eskin.model.taxel``, and the taxel functions of ``eskin.model.readout``.
 
 The loops serve every encoder; ``eskin.model.encoders`` contains the rules.
 """
@@ -21,7 +21,7 @@ forget_stale_kernels(Path(__file__), compiled.sources())
 
 
 def taxel_dtype(config: ReadoutConfig) -> np.dtype[np.void]:
-    """Return the type of a taxel's record: sample x, reference u, encoder state, and given.
+    """Return the NumPy type of a taxel record: sample x, reference u, encoder state.
 
     u is in 2**-fraction_bits codes. ``given`` is the comparators' decision in this clock: 1 for above and 2 for below,
     or -1 to decide by x.
@@ -31,8 +31,7 @@ def taxel_dtype(config: ReadoutConfig) -> np.dtype[np.void]:
 
 @njit(inline="always")
 def decide(p: Any, taxel: Any, tick: bool, leaks: bool) -> tuple[bool, bool, bool]:
-    """Let a taxel decide in one clock; return whether it raises ON, OFF, and whether a threshold moved without an
-    event.
+    """Compute one decision of a taxel; return ON, OFF, and whether a threshold moved without an event.
 
     Parameters
     ----------
@@ -50,7 +49,7 @@ def decide(p: Any, taxel: Any, tick: bool, leaks: bool) -> tuple[bool, bool, boo
 
 @njit(inline="always")
 def steps(p: Any, taxel: Any) -> tuple[bool, bool]:
-    """Return whether a taxel steps up, and whether it steps down; no step leaves the scale."""
+    """Return whether a taxel steps up, and whether it steps down, limited by the full scale."""
     above, below = compiled.compare(p.rule, taxel)
     if taxel.given >= 0:
         above, below = taxel.given & 1 != 0, taxel.given == 2  # where both say so, above counts
@@ -60,7 +59,7 @@ def steps(p: Any, taxel: Any) -> tuple[bool, bool]:
 
 @njit(inline="always")
 def reset(p: Any, taxel: Any) -> None:
-    """Put a taxel into its reset state; keep the sample of an analog front end."""
+    """Reset a taxel, except the sample of an analog front end."""
     taxel.u = p.reset
     compiled.clear(p.rule, taxel)
     if p.digital:
@@ -75,7 +74,7 @@ def reset(p: Any, taxel: Any) -> None:
 
 @njit(cache=True, nogil=True)
 def magnitude_bits(x: Any) -> Any:
-    """Return the OR over the 1-D array of x, or -x - 1 where negative: below 2**(W-1) if all x fit W bits."""
+    """Return the OR of x over an array, or of -x - 1 for negative x, to check that all codes fit W bits."""
     code = x.dtype.type
     sign = code(8 * x.itemsize - 1)
     seen = code(0)
@@ -86,13 +85,13 @@ def magnitude_bits(x: Any) -> Any:
 
 @njit(cache=True, nogil=True)
 def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
-    """Write the events of every tick; see ``Encoder.ticks``."""
+    """Write the event counts of every tick; see ``Encoder.ticks``."""
     compiled.ticks(rule, x, state, phase, tick, counts, late, timed)
 
 
 @njit(cache=True, nogil=True)
 def magnitudes(counts: Any) -> Any:
-    """Return the sum of |counts| over the ticks, int32 of shape (taxels,); the sum must fit."""
+    """Return the sum of |counts| over the ticks, int32 of shape (taxels,)."""
     totals = np.zeros(counts.shape[1], np.int32)
     for i in range(counts.shape[0]):
         for j in range(counts.shape[1]):

@@ -1,4 +1,4 @@
-"""The closing window of CW-LCS: its half-width, and how it closes while no event happens.
+"""The closing window of CW-LCS: its half-width, and its steps while no event occurs.
 
 Plain Python, which ``eskin.model.encoders.compiled`` compiles.
 """
@@ -12,18 +12,18 @@ STATE = ("closed", "quiet")
 
 
 def half_width(rule: Any, taxel: Any) -> Any:
-    """Return the half-width h of a taxel's window in codes: D minus the closing steps taken."""
+    """Return the half-width of a taxel's window in codes."""
     return rule.step - taxel.closed * rule.closing_step
 
 
 def open_fully(taxel: Any) -> None:
-    """Open the window of a taxel that raises an event."""
+    """Open the window of a taxel fully."""
     taxel.closed = 0
     taxel.quiet = 0
 
 
 def pass_tick(rule: Any, taxel: Any) -> bool:
-    """Count a sample tick without an event; return whether the window has closed by a step."""
+    """Count a sample tick without an event; return True if the window has closed by a step."""
     taxel.quiet += 1
     if taxel.quiet < rule.window_period:
         return False

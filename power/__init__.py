@@ -1,1 +1,1 @@
-"""Power of the readouts: the published model, the same with corrections, and what follows from both."""
+"""Power of the readouts: the published model, corrections of this model, and studies."""

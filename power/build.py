@@ -1,4 +1,4 @@
-"""The power model that the options of a command name."""
+"""Build the power model from command-line options."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MEASURED = frozenset({"event_rates", "bandwidth"})
 
 
 def chosen_corrections(mode: str | None, correct: str | None, without: str | None) -> frozenset[str]:
-    """Return the corrections that the options name: none in ``paper``, all in ``consistent`` unless listed."""
+    """Return the corrections chosen by mode and options: none in mode ``paper``, all in mode ``consistent``."""
     from eskin.power.equations import CORRECTIONS, PowerMode, check_corrections
 
     if mode is not None and mode not in get_args(PowerMode):
@@ -46,7 +46,7 @@ def rate_table(
     array: tuple[int, int] = (8, 8),
     watch: Watch = unwatched,
 ) -> RateTable:
-    """Return measured event rates: of a dataset, from a file, or those that come with the project."""
+    """Return event rates measured on a dataset, read from a file, or stored in the project."""
     from eskin.power.rates import STORED, load_tables, measure_table, stored_table
     from eskin.skin.textures.presets import preset
 
@@ -70,7 +70,7 @@ def rate_table(
 def _with_bandwidth(
     parameters: PowerParameters, source: RateSource, settings: Sequence[str], published_sensor: bool
 ) -> PowerParameters:
-    """Return the parameters with the bandwidth of the data; 97 Hz stays that of the published scan of Kylberg."""
+    """Return the parameters with the signal bandwidth of the measured dataset."""
     from eskin.power.rates import RateTable
 
     if not isinstance(source, RateTable) or any(s.startswith("signal_bandwidth_hz=") for s in settings):
@@ -87,7 +87,7 @@ def build_model(
     source: Callable[[], RateSource],
     sensor: PowerParameters | None = None,
 ) -> PowerModel:
-    """Return the power model of some options.
+    """Return the power model for given corrections and settings.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def build_model(
 def both_modes(
     settings: Sequence[str] | None, synthesis: Sequence[Path] | None, table: Callable[[], RateTable]
 ) -> dict[str, PowerModel]:
-    """Return the models of both modes; a synthesis report belongs to ``consistent`` only."""
+    """Return the power models of both modes, by mode name."""
     from eskin.power.equations import CORRECTIONS
 
     return {

@@ -1,4 +1,4 @@
-"""Power of the three readouts: the published model and the same model with named corrections.
+"""Power equations of the three readouts, as published and with named corrections.
 
 With no correction this is the model behind Fig. 5 to 7 of the paper (mode ``paper``); with all of them it is mode
 ``consistent``. There is one set of equations: a correction changes one quantity in them. Equations, sources and
@@ -44,7 +44,7 @@ _EVEN = 1e-12  # relative difference of two totals below which it is rounding
 
 @dataclass(frozen=True)
 class TaxelRates:
-    """Event rates of an array, as far as its power depends on them.
+    """Event rates of an array, reduced to the sums that the power equations need.
 
     Attributes
     ----------
@@ -59,26 +59,26 @@ class TaxelRates:
 
     @classmethod
     def uniform(cls, population_hz: FloatArray, taxels: int) -> TaxelRates:
-        """Return the rates of an array whose taxels are all alike."""
+        """Return the rates of an array with equal rates in all taxels."""
         return cls(population_hz, population_hz**2 / taxels)
 
 
 class RateSource(Protocol):
-    """Where event rates come from."""
+    """Interface of a source of event rates."""
 
     def taxel_rates(self, readout: Readout, resolution: FloatArray, tau_s: FloatArray, taxels: int) -> TaxelRates:
-        """Return the rates of a spiking readout, of the shape of resolution and tau_s."""
+        """Return the event rates of a spiking readout, in the common shape of resolution and tau_s."""
         ...
 
 
 @dataclass(frozen=True)
 class FittedRates:
-    """The rates of the original model: 2429 * 2^(N-2) (LCS), 3009.6 * 2^(N-4) * 0.2 s / tau (N-LCS), 64 taxels."""
+    """The published rate fits: 2429 * 2^(N-2) (LCS), 3009.6 * 2^(N-4) * 0.2 s / tau (N-LCS), 64 taxels."""
 
     parameters: PowerParameters
 
     def taxel_rates(self, readout: Readout, resolution: FloatArray, tau_s: FloatArray, taxels: int) -> TaxelRates:
-        """Return the rates of a spiking readout; see ``RateSource``."""
+        """Return the event rates of a spiking readout; see ``RateSource``."""
         p = self.parameters
         rate = published(
             readout,
@@ -90,7 +90,7 @@ class FittedRates:
 
 @dataclass(frozen=True)
 class Breakdown:
-    """Power of a readout in watts; all arrays have the common shape of resolution, noise and tau.
+    """Power of the parts of a readout in watts, in the common shape of resolution, noise and tau.
 
     Attributes
     ----------
@@ -108,16 +108,16 @@ class Breakdown:
 
     @property
     def converter(self) -> FloatArray:
-        """Sum of the converter's parts in watts."""
+        """Total converter power in watts."""
         return np.asarray(sum(self.converter_parts.values()))
 
     @property
     def total(self) -> FloatArray:
-        """AFE, converter and I/O in watts."""
+        """Total power of AFE, converter and I/O in watts."""
         return self.afe + self.converter + self.io
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all numbers in watts as plain lists or floats."""
+        """Return all powers in watts as a dictionary."""
         parts = {name: value.tolist() for name, value in self.converter_parts.items()}
         return {
             "afe": self.afe.tolist(),
@@ -130,7 +130,7 @@ class Breakdown:
 
 @dataclass(frozen=True)
 class Crossover:
-    """The point at which a spiking readout costs as much as frames.
+    """AFE noise at which a spiking readout and frames need equal power.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ class Crossover:
 
 @dataclass(frozen=True, kw_only=True)
 class PowerModel:
-    """The power model with a choice of corrections.
+    """The power model with a set of corrections.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ class PowerModel:
     def breakdown(
         self, readout: Readout, resolution: ArrayLike, noise_v_rms: ArrayLike, tau_s: ArrayLike = 0.2
     ) -> Breakdown:
-        """Return the power of a readout.
+        """Return the power of the parts of a readout.
 
         Parameters
         ----------
@@ -212,7 +212,7 @@ class PowerModel:
         return Breakdown(self._afe(readout, bits, noise), parts, io)
 
     def crossover(self, readout: Readout, resolution: int, tau_s: float = 0.2) -> Crossover:
-        """Return the AFE noise at which a spiking readout and frames cost the same.
+        """Return the AFE noise at which a spiking readout and frames need equal power.
 
         Only the AFE depends on the noise, as 1/v_n^2, so there is at most one; it is solved for as a root of
         log(P_spiking / P_frame) over log(v_n).
@@ -237,7 +237,7 @@ class PowerModel:
         return Crossover(root, "above" if low > 0 else "below")
 
     def taxel_rates(self, readout: Readout, resolution: FloatArray, tau_s: FloatArray) -> TaxelRates:
-        """Return the event rates of a spiking readout that the model uses."""
+        """Return the event rates of a spiking readout in the model."""
         source: RateSource = FittedRates(self.parameters)
         if "event_rates" in self.corrections:
             assert self.measured is not None
@@ -248,24 +248,24 @@ class PowerModel:
 
     @property
     def bandwidth_hz(self) -> float:
-        """BW in hertz; with correction ``bandwidth`` that of the textures."""
+        """BW, signal bandwidth in hertz."""
         p = self.parameters
         return p.signal_bandwidth_hz if "bandwidth" in self.corrections else p.bandwidth_hz
 
     @property
     def bit_j(self) -> float:
-        """Energy of a charged pad, C_out V_IO^2 in joules; correction ``pads`` lowers V_IO."""
+        """Energy to charge a pad once, C_out V_IO^2 in joules."""
         p = self.parameters
         return p.io_load_f * (p.pads_voltage_v if "pads" in self.corrections else p.io_voltage_v) ** 2
 
     @property
     def toggle(self) -> float:
-        """Share of data bits that are charged; with correction ``pads`` that of random data."""
+        """Share of data bits that charge their pad."""
         p = self.parameters
         return p.pads_toggle if "pads" in self.corrections else p.io_toggle
 
     def _afe(self, readout: Readout, resolution: FloatArray, noise_v_rms: FloatArray) -> FloatArray:
-        """Return the AFE's power: settling of two weak-inversion stages, or by noise efficiency."""
+        """Return the AFE power: two weak-inversion stages limited by settling, or limited by noise efficiency."""
         p = self.parameters
         copies = 1 if readout == "frame" else p.taxels
         # One amplifier behind the multiplexer serves all taxels in turn.
@@ -289,16 +289,16 @@ class PowerModel:
         return copies * p.supply_v * current
 
     def _comparator_bandwidth_hz(self, event_rate_hz: FloatArray) -> FloatArray:
-        """Return BW_c of a comparator that has its share of the loop time 1 / event_rate_hz; linear in the rate."""
+        """Return the bandwidth BW_c of a comparator that has its share of the loop time 1 / event_rate_hz."""
         p = self.parameters
         return p.settling_time_constants / (2 * math.pi * p.comparator_share) * event_rate_hz
 
     def _lsb_rms_v(self, resolution: FloatArray) -> FloatArray:
-        """Return the quantisation noise of an LSB of the usable swing in volts rms."""
+        """Return the quantisation noise of the usable swing in volts rms."""
         return self.parameters.swing_v * 2.0**-resolution / math.sqrt(12)
 
     def _lcs(self, resolution: FloatArray, rates: TaxelRates) -> dict[str, FloatArray]:
-        """Return the parts of the LCS converter.
+        """Return the power of the parts of the LCS converter.
 
         The original has one comparator pair, at the population rate. M pairs at their own rates cost the same,
         since the power is linear in the rate: correction ``comparators`` changes nothing here.
@@ -314,12 +314,12 @@ class PowerModel:
         }
 
     def _dac(self, resolution: FloatArray, rate: FloatArray) -> FloatArray:
-        """Return the power of the capacitors that make references, at mid-scale, moved by every event."""
+        """Return the power to charge the reference DAC at mid-scale for every event."""
         p, code = self.parameters, 2.0 ** (resolution - 1)
         return np.asarray(code * p.dac_unit_f * p.supply_v**2 * (1 - code / 2.0**resolution) * rate)
 
     def _nlcs(self, resolution: FloatArray, rates: TaxelRates) -> dict[str, FloatArray]:
-        """Return the parts of the N-LCS converter.
+        """Return the power of the parts of the N-LCS converter.
 
         All currents follow 1/R_eq, which is in proportion to the comparator's bandwidth and so to an event rate:
         the original gives every taxel that of the whole population, correction ``comparators`` its own. Where the
@@ -350,7 +350,7 @@ class PowerModel:
         }
 
     def _periphery(self, readout: Readout, rate: FloatArray) -> dict[str, FloatArray]:
-        """Return the row and column lines and the logic of a spiking readout."""
+        """Return the power of the row lines, the column lines and the logic of a spiking readout."""
         p = self.parameters
         bias = p.line_f * p.supply_v**2 * rate / p.line_share * p.lines
         if "digital" not in self.corrections:
@@ -362,12 +362,12 @@ class PowerModel:
         return {"line_bias": bias, "logic": logic}
 
     def _spiking_io(self, rate: FloatArray, polarity: bool) -> FloatArray:
-        """Return the power of the pads: polarity, addresses, REQ and ACK; the last two rise with every event."""
+        """Return the power of the pads for polarity, address, REQ and ACK."""
         data_bits = self.parameters.address_bits + int(polarity)
         return (data_bits * self.toggle + 2) * self.bit_j * rate
 
     def _frame(self, resolution: FloatArray) -> tuple[dict[str, FloatArray], FloatArray]:
-        """Return the converter's parts and the I/O of the frame readout."""
+        """Return the power of the converter's parts and the I/O of the frame readout."""
         p = self.parameters
         samples_hz = 2 * self.bandwidth_hz * p.taxels * np.ones_like(resolution)
         parts = {"adc": p.sar_j_per_step * 2.0**resolution * samples_hz}
@@ -377,7 +377,7 @@ class PowerModel:
 
 
 def check_corrections(names: Iterable[str]) -> frozenset[str]:
-    """Return the names of corrections as a set, or refuse the first unknown one."""
+    """Return the names of corrections as a set; raise an error for an unknown name."""
     chosen = frozenset(names)
     if unknown := sorted(chosen - set(CORRECTIONS)):
         raise InputError(f"unknown correction {unknown[0]!r}; known are {', '.join(CORRECTIONS)}")
@@ -385,7 +385,7 @@ def check_corrections(names: Iterable[str]) -> frozenset[str]:
 
 
 def _checked_resolution(resolution: ArrayLike) -> FloatArray:
-    """Return N as float array, whole numbers in 1..10."""
+    """Return N as a float array after checking for whole numbers in 1..10."""
     values = np.asarray(resolution, np.float64)
     bad = ~((values >= MIN_RESOLUTION) & (values <= MAX_RESOLUTION) & (values == np.rint(values)))
     if bad.any():
@@ -396,7 +396,7 @@ def _checked_resolution(resolution: ArrayLike) -> FloatArray:
 
 
 def _positive(value: ArrayLike, name: str, unit: str) -> FloatArray:
-    """Return a positive float array, of numbers with which no formula here leaves the range of a float."""
+    """Return a float array after checking for positive numbers in a safe range."""
     values = np.asarray(value, np.float64)
     bad = ~(np.isfinite(values) & (values > 0))
     if bad.any():

@@ -15,7 +15,7 @@ from eskin.power.study import RESOLUTIONS, breakdowns
 
 @dataclass(frozen=True)
 class GivenRates:
-    """Event rates that a user knows at one resolution; they double with every bit. A ``RateSource``.
+    """Event rates given by a user at one resolution, doubled for every further bit.
 
     Attributes
     ----------
@@ -35,19 +35,19 @@ class GivenRates:
                 raise InputError(f"event rate must be a number of events/s from 0, not {rate:g}")
 
     def taxel_rates(self, readout: Readout, resolution: FloatArray, tau_s: FloatArray, taxels: int) -> TaxelRates:
-        """Return the rates of a spiking readout, whatever the time constant; see ``RateSource``."""
+        """Return the event rates of a spiking readout, independent of tau; see ``RateSource``."""
         rate = published(readout, lcs=self.lcs_hz, nlcs=self.nlcs_hz) * 2.0 ** (resolution - self.resolution)
         return TaxelRates.uniform(rate + 0 * tau_s, taxels)
 
 
 def noise_resolution(parameters: PowerParameters, noise_v_rms: float) -> int:
-    """Return the finest N, 1..10, whose quantisation noise LSB / sqrt 12 is not below the AFE's noise."""
+    """Return the finest N in 1..10 whose quantisation noise LSB / sqrt 12 is at least the AFE noise."""
     finest = math.floor(math.log2(parameters.swing_v / (math.sqrt(12) * noise_v_rms)))
     return min(max(finest, MIN_RESOLUTION), MAX_RESOLUTION)
 
 
 def explore_data(model: PowerModel, noise_v_rms: float, tau_s: float, least_resolution: int | None = None) -> Any:
-    """Return the power of all readouts at all resolutions, and the cheapest.
+    """Return the power of all readouts at all resolutions, and the cheapest choice.
 
     Parameters
     ----------

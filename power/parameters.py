@@ -1,4 +1,4 @@
-"""Every constant of the power model, with unit and source (docs/results/power.md)."""
+"""Constants of the power model, with unit and source (docs/results/power.md)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MIN_RESOLUTION, MAX_RESOLUTION = 1, 10
 
 @dataclass(frozen=True, kw_only=True)
 class PowerParameters:
-    """The constants of both modes of the power model. Immutable, validated on construction.
+    """The constants of both modes of the power model; immutable and validated.
 
     ``dataclasses.fields(PowerParameters)`` gives unit, source and meaning of each in its ``metadata``; the command
     ``eskin power --parameters`` prints them. The group from ``signal_bandwidth_hz`` on is used only by
@@ -115,7 +115,7 @@ class PowerParameters:
 
     @classmethod
     def unit(cls, name: str) -> str:
-        """Return the unit of a parameter, empty for a pure number."""
+        """Return the unit of a parameter; empty for a pure number."""
         return str(next(f.metadata["unit"] for f in dataclasses.fields(cls) if f.name == name))
 
     @property
@@ -125,33 +125,33 @@ class PowerParameters:
 
     @property
     def address_bits(self) -> int:
-        """Bits of a row and a column address; the original's 2 ceil(log2 sqrt M) on square arrays."""
+        """Bits of a row address and a column address together."""
         return (self.rows - 1).bit_length() + (self.columns - 1).bit_length()
 
     @property
     def lines(self) -> int:
-        """Row and column lines; the original's 2 sqrt M on square arrays."""
+        """Number of row and column lines."""
         return self.rows + self.columns
 
     @property
     def thermal_energy_j(self) -> float:
-        """KT in joules."""
+        """Thermal energy kT in joules."""
         return self.boltzmann_j_per_k * self.temperature_k
 
     @property
     def thermal_voltage_v(self) -> float:
-        """U_T = kT/q in volts."""
+        """Thermal voltage U_T = kT/q in volts."""
         return self.thermal_energy_j / self.electron_c
 
     def replace(self, **changes: Any) -> PowerParameters:
-        """Return a copy with some parameters changed, validated again."""
+        """Return a validated copy with changed parameters."""
         known = {f.name for f in dataclasses.fields(self)}
         if unknown := sorted(set(changes) - known):
             raise InputError(f"unknown parameter {unknown[0]!r}; eskin power --parameters lists them")
         return dataclasses.replace(self, **changes)
 
     def with_settings(self, settings: Iterable[str]) -> PowerParameters:
-        """Return a copy with the parameters of texts such as ``io_voltage_v=3.3`` changed."""
+        """Return a copy with parameters changed by texts such as ``io_voltage_v=3.3``."""
         changes = {}
         for setting in settings:
             name, equals, text = setting.partition("=")

@@ -1,4 +1,4 @@
-"""Event rates per taxel over resolution and time constant, for the power model.
+"""Event rates per taxel against resolution and time constant, for the power model.
 
 A table is measured with the project's encoders on a dataset and kept as JSON; event_rates.json beside this file holds
 those of the two datasets in both presets.
@@ -44,7 +44,7 @@ _DIGITS = 5  # significant digits of a stored rate
 
 @dataclass(frozen=True, eq=False)
 class RateTable:
-    """Mean event rates of every taxel over a dataset; a ``RateSource`` of the power model.
+    """Table of mean event rates of every taxel over a dataset.
 
     Attributes
     ----------
@@ -77,12 +77,12 @@ class RateTable:
     nlcs_hz: NDArray[np.float64]
 
     def population_hz(self, readout: Readout, resolution: int, tau_s: float = 0.2) -> float:
-        """Return the events/s of the whole array that was measured."""
+        """Return the events/s of the whole measured array."""
         rates = self.taxel_rates(readout, np.array(float(resolution)), np.array(tau_s), self.rows * self.columns)
         return float(rates.population_hz)
 
     def taxel_rates(self, readout: Readout, resolution: FloatArray, tau_s: FloatArray, taxels: int) -> TaxelRates:
-        """Return the rates of a spiking readout; see ``RateSource``.
+        """Return the event rates of a spiking readout; see ``RateSource``.
 
         Between measured time constants both moments are interpolated, logarithms over logarithms. Arrays of another
         size have the same rates a taxel.
@@ -103,7 +103,7 @@ class RateTable:
         return TaxelRates(moments[0] * scale, moments[1] * scale)
 
     def _at_tau(self, moments: FloatArray, index: NDArray[np.int64], tau_s: FloatArray) -> FloatArray:
-        """Return moments of shape (2, *index.shape) at time constants; moments is (2, taus, resolutions)."""
+        """Return sums of rates interpolated to time constants, shape (2, *index.shape)."""
         order = np.argsort(self.taus_s)
         known = np.asarray(self.taus_s)[order]
         outside = (tau_s < known[0] * (1 - 1e-9)) | (tau_s > known[-1] * (1 + 1e-9))
@@ -120,14 +120,14 @@ class RateTable:
         return np.asarray(np.exp((1 - part) * np.log(low) + part * np.log(high)))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the table as a plain dictionary, rates rounded to five digits."""
+        """Return the table as a dictionary, with rates rounded to five digits."""
         fields = {name: getattr(self, name) for name in _SCALARS} | {"bandwidth_hz": round(self.bandwidth_hz, 2)}
         lists = {"resolutions": list(self.resolutions), "taus_s": list(self.taus_s)}
         return fields | lists | {"lcs_hz": _rounded(self.lcs_hz), "nlcs_hz": _rounded(self.nlcs_hz)}
 
     @classmethod
     def from_dict(cls, values: Any) -> RateTable:
-        """Return the table of a dictionary."""
+        """Return the table for a dictionary."""
         try:
             table = cls(
                 **{name: kind(values[name]) for name, kind in _SCALARS.items()},
@@ -152,7 +152,7 @@ _SCALARS: dict[str, type] = {"dataset": str, "preset": str, "images": int, "rows
 
 
 def _moments(rates: NDArray[np.float64]) -> FloatArray:
-    """Return sum and sum of squares over the taxels (last axis), stacked first."""
+    """Return sum and sum of squares of rates over the taxels (last axis)."""
     return np.stack([rates.sum(-1), (rates**2).sum(-1)])
 
 
@@ -170,7 +170,7 @@ def _list(numbers: Sequence[int]) -> str:
 
 
 def load_tables(path: Path = STORED) -> tuple[RateTable, ...]:
-    """Return the tables of a file."""
+    """Return the rate tables from a file."""
     remedy = "write one with eskin event-rates"
     try:
         values = read_json(path, "the event rates")
@@ -182,7 +182,7 @@ def load_tables(path: Path = STORED) -> tuple[RateTable, ...]:
 
 
 def stored_table(preset_name: str = "paper", dataset: str = "kylberg", path: Path = STORED) -> RateTable:
-    """Return the table of a preset and dataset from a file."""
+    """Return the rate table for a preset and dataset from a file."""
     tables = load_tables(path)
     for table in tables:
         if (table.preset, table.dataset) == (preset_name, dataset):
@@ -192,7 +192,7 @@ def stored_table(preset_name: str = "paper", dataset: str = "kylberg", path: Pat
 
 
 def tables_text(tables: Sequence[RateTable], command: str) -> str:
-    """Return a file of tables as JSON text, one list of taxels a line."""
+    """Return rate tables as JSON text, one list of taxels per line."""
     blocks = []
     for table in tables:
         values = table.to_dict()
@@ -221,7 +221,7 @@ def measure_table(
     pool: WorkerPool | None = None,
     watch: Watch = unwatched,
 ) -> RateTable:
-    """Return the event rates of every taxel, of LCS and N-LCS, with every request taken at once.
+    """Return the event rates of every taxel for LCS and N-LCS, measured without contention.
 
     Parameters
     ----------
@@ -271,7 +271,7 @@ def measure_table(
 def _configurations(
     scan: Scan, base: ReadoutConfig, resolutions: Sequence[int], taus_s: Sequence[float]
 ) -> tuple[list[ReadoutConfig], dict[float, list[int]]]:
-    """Return the configurations of a table, and which of them share a sample rate and so their samples."""
+    """Return the configurations of a table, grouped by equal sample rate."""
     configs = [scan.configure(base.replace(encoding="lcs", resolution=n)) for n in resolutions]
     configs += [scan.configure(base.replace(encoding="nlcs", resolution=n), tau) for tau in taus_s for n in resolutions]
     groups: dict[float, list[int]] = {}
@@ -287,7 +287,7 @@ _SPECTRUM_STEP_HZ = 0.25
 def _measure(
     image: Image, scan: Scan, configs: list[ReadoutConfig], want_spectrum: bool
 ) -> tuple[FloatArray, FloatArray | float]:
-    """Return the rates of every configuration and taxel, and the power spectrum, of one image at one sample rate."""
+    """Return event rates and power spectrum of one image for configurations of one sample rate."""
     found = scan_image(image, scan, configs)
     power = _spectrum(found.signals, configs[0].sample_rate_hz) if want_spectrum else 0.0
     return found.counts / found.seconds, power
@@ -297,7 +297,7 @@ _HIGHEST_HZ = 2500.0  # no texture has power there, and slower samples would fol
 
 
 def _spectrum(signals: FloatArray, sample_rate_hz: float) -> FloatArray:
-    """Return the power of signals without their mean, by frequency, all taxels together (Hann window)."""
+    """Return the power spectrum of zero-mean signals, summed over taxels (Hann window)."""
     from scipy.signal import get_window
 
     window = get_window("hann", len(signals))[:, None]

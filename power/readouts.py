@@ -1,4 +1,4 @@
-"""The readouts that have equations of power: two encoders, and frames."""
+"""Readouts that have power equations: LCS, N-LCS and frames."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 
 def published(readout: str, *, lcs: T, nlcs: T) -> T:
-    """Return the readout that represents an encoder of the paper.
+    """Return the published readout that represents an encoder.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def published(readout: str, *, lcs: T, nlcs: T) -> T:
 
 
 def equations_of(encoding: str) -> Readout:
-    """Return the readout whose equations an encoder takes.
+    """Return the readout whose power equations apply to an encoder.
 
     Raises
     ------

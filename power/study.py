@@ -1,4 +1,4 @@
-"""The data of Fig. 6 and 7 and of the sensitivity study, as plain dictionaries for JSON (docs/results/power.md)."""
+"""Data of Fig. 6, Fig. 7 and the sensitivity study, as dictionaries for JSON (docs/results/power.md)."""
 
 from __future__ import annotations
 
@@ -31,22 +31,22 @@ Data = dict[str, Any]
 
 
 def tau_key(tau_s: float) -> str:
-    """Return a time constant as the key of a JSON object: 2.0, 0.2, 0.02."""
+    """Return a time constant as a JSON key: 2.0, 0.2, 0.02."""
     return str(float(tau_s))
 
 
 def breakdowns(model: PowerModel, resolution: int, noise_v_rms: float, tau_s: float) -> Data:
-    """Return the breakdown of the three readouts in watts, by readout."""
+    """Return the power breakdown of the three readouts in watts, by readout."""
     return {name: model.breakdown(name, resolution, noise_v_rms, tau_s).to_dict() for name in READOUTS}
 
 
 def crossovers(model: PowerModel) -> Data:
-    """Return the noise in volts above which spikes use less power, for N = 1..10; None without a crossover."""
+    """Return the crossover noise in volts for N = 1..10; None without a crossover."""
     return _over_crossovers(model, "noise_v_rms")
 
 
 def winning_sides(model: PowerModel) -> Data:
-    """Return on which side of the crossover spikes cost less: above, below, always or never."""
+    """Return the side of the crossover on which spikes need less power: above, below, always or never."""
     return _over_crossovers(model, "spikes_win")
 
 
@@ -58,7 +58,7 @@ def _over_crossovers(model: PowerModel, attribute: str) -> Data:
 
 
 def _origin(models: Iterable[PowerModel]) -> Data:
-    """Return the array of some models, and the first measured event rates among them."""
+    """Return the array size of several models, and the first measured event rates among them."""
     data: Data = {}
     for model in models:
         data |= {"rows": model.parameters.rows, "columns": model.parameters.columns}
@@ -68,7 +68,7 @@ def _origin(models: Iterable[PowerModel]) -> Data:
 
 
 def fig6_data(models: Mapping[str, PowerModel]) -> Data:
-    """Return the data of Fig. 6 for some models by their mode: a breakdown for every noise target."""
+    """Return the data of Fig. 6: a power breakdown for every mode and noise target."""
     return {
         **_origin(models.values()),
         "resolution": FIG_RESOLUTION,
@@ -83,7 +83,7 @@ def fig6_data(models: Mapping[str, PowerModel]) -> Data:
 
 
 def fig7_data(models: Mapping[str, PowerModel]) -> Data:
-    """Return the data of Fig. 7 for some models by their mode: crossover noise, winning side, ratio at 1 mV."""
+    """Return the data of Fig. 7 by mode: crossover noise, cheaper side, and power ratio at 1 mV."""
     return {
         **_origin(models.values()),
         "resolution": list(RESOLUTIONS),
@@ -108,7 +108,7 @@ def _ratios(model: PowerModel) -> Data:
 
 
 def sensitivity_models(model: PowerModel, other_rates: Mapping[str, RateTable]) -> dict[str, tuple[str, PowerModel]]:
-    """Return the models of the study by name, each with its group.
+    """Return the models of the sensitivity study by name, each with its group.
 
     Parameters
     ----------
@@ -141,14 +141,14 @@ def sensitivity_models(model: PowerModel, other_rates: Mapping[str, RateTable]) 
 
 
 def settling_bandwidth(model: PowerModel) -> float:
-    """Return the bandwidth, of M BW, at which a shared AFE settles to half an LSB of 6 b in a tenth of a sample."""
+    """Return the AFE bandwidth, relative to M BW, that settles to half an LSB at 6 b in a tenth of a sample."""
     p = model.parameters
     time_constants = -math.log(p.settling_error_lsb * 2.0**-FIG_RESOLUTION)
     return 2 * time_constants / (2 * math.pi * p.settling_share)
 
 
 def sensitivity_data(cases: Mapping[str, tuple[str, PowerModel]]) -> Data:
-    """Return spiking / frame power at the noise targets of Fig. 6, and the crossover, of every case."""
+    """Return the power ratio at each noise target of Fig. 6 and the crossover of every case."""
     rows = []
     for name, (group, model) in cases.items():
         frame = model.breakdown("frame", FIG_RESOLUTION, FIG6_NOISE_V).total
@@ -173,7 +173,7 @@ def sensitivity_data(cases: Mapping[str, tuple[str, PowerModel]]) -> Data:
 
 
 def crossover_text(crossover: dict[str, Any]) -> str:
-    """Return a crossover in words: ``above 0.54 mV``, ``never``."""
+    """Return a crossover as text: ``above 0.54 mV``, ``never``."""
     value = crossover["noise_v_rms"]
     side = str(crossover["spikes_win"])
     return side if value is None else f"{side} {value * 1e3:.3g} mV"

@@ -1,4 +1,4 @@
-"""Read reports of synthesised gates for the power model (docs/guide/power.md)."""
+"""Read synthesis reports for the power model (docs/guide/power.md)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MOST = {
 
 @dataclass(frozen=True, kw_only=True)
 class SynthesisReport:
-    """Area and power of the digital part of one readout: taxel logic, arbiter and link, without pads.
+    """Area and power of the digital logic of one readout, without pads.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class SynthesisReport:
                 raise InputError(f"{name} must be {'positive' if value == 0 else 'at least 0'}, not {value!r}")
 
     def power_w(self, taxels: int, event_rate_hz: Any) -> Any:
-        """Return the digital power in watts, of the shape of the rate.
+        """Return the digital power in watts, in the shape of the event rate.
 
         Parameters
         ----------
@@ -114,7 +114,7 @@ class SynthesisReport:
 
     @classmethod
     def from_dict(cls, values: Any) -> SynthesisReport:
-        """Return the report of a dictionary; fields that it does not know are left to other readers."""
+        """Return the report for a dictionary; unknown fields are ignored."""
         if not isinstance(values, dict):
             raise InputError(f"a synthesis report must be a JSON object, not {type(values).__name__}")
         known = dataclasses.fields(cls)
@@ -125,7 +125,7 @@ class SynthesisReport:
 
     @classmethod
     def load(cls, path: Path) -> SynthesisReport:
-        """Return the report of a JSON file."""
+        """Return the report from a JSON file."""
         values = read_json(path, "the synthesis report")
         try:
             return cls.from_dict(values)
@@ -134,7 +134,7 @@ class SynthesisReport:
 
 
 def load_reports(paths: list[Path]) -> dict[str, SynthesisReport]:
-    """Return the reports of files by readout; two of one readout are refused."""
+    """Return the reports from files by readout; raise an error for two reports of one readout."""
     reports: dict[str, SynthesisReport] = {}
     for path in paths:
         report = SynthesisReport.load(path)

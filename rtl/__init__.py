@@ -1,1 +1,1 @@
-"""The readout in Amaranth, and its Verilog."""
+"""The readout in Amaranth, and the generated Verilog."""

@@ -1,4 +1,4 @@
-"""The row-column arbiter: rows round robin, all requests of a row latched at once, one event per clock."""
+"""Row-column arbiter: round robin over rows, all requests of a row latched at once, one event per clock."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ class Arbiter(Block[ReadoutConfig]):
 
 
 def event_ports(config: ReadoutConfig, flow: Any) -> dict[str, Any]:
-    """Return the ports of an event stream whose source sees ``flow`` as out; zero-width fields are absent.
+    """Return the ports of an event stream, without zero-width fields; ``flow`` is the direction at the source.
 
     Not a ``stream.Signature``: that makes one packed port ``event__payload``, and the specification (section 4)
     promises ``event_row``, ``event_col`` and ``event_polarity``, each only where it has bits.

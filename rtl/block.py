@@ -1,4 +1,4 @@
-"""Make one Verilog module of a component, for any number of instances."""
+"""Blocks whose Verilog module is written once for any number of instances."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ yosys.offer_to_amaranth()
 
 
 class Block(wiring.Component, Generic[Config]):
-    """A component of a readout, configured by the parameter object of that readout and nothing else.
+    """A component configured only by the parameter object of its readout.
 
     Since all instances of a block in a readout are alike, its Verilog is emitted once, and its parents refer to
     it by name. Everywhere else (Amaranth's simulator, formal) it is an ordinary submodule.
@@ -38,13 +38,13 @@ class Block(wiring.Component, Generic[Config]):
         super().__init__({name: port for name, port in ports.items() if port is not None})
 
     def connect(self, m: Module, name: str, outside: Value) -> None:
-        """Connect a port of this block to a signal of its parent, in the port's direction."""
+        """Connect a port of this block to a signal of its parent, in the direction of the port."""
         port = getattr(self, name)
         inward = self.signature.members[name].flow is wiring.In
         m.d.comb += port.eq(outside) if inward else outside.eq(port)
 
     def place(self, m: Module, name: str, platform: Any) -> None:
-        """Add this block to a parent as its submodule ``name``; its ports are this component's signals.
+        """Add this block to a parent as submodule ``name``.
 
         In the Verilog the parent's wire to a port is named after both: ``row_0_request``.
         """
@@ -57,7 +57,7 @@ class Block(wiring.Component, Generic[Config]):
 
 
 class RtlilModules:
-    """The platform that collects the RTLIL of every distinct block while a design is elaborated.
+    """Platform that collects the RTLIL of every distinct block during elaboration.
 
     Parameters
     ----------
@@ -72,11 +72,11 @@ class RtlilModules:
 
     @property
     def text(self) -> str:
-        """The RTLIL of all blocks, inner ones first."""
+        """RTLIL text of all blocks, submodules first."""
         return "\n".join(self.modules.values())
 
     def add(self, block: Block[Any]) -> str:
-        """Return the RTLIL text of a block, made at first use after those of its inner blocks.
+        """Return the RTLIL text of a block, generated at first use.
 
         Raises
         ------
@@ -101,7 +101,7 @@ class RtlilModules:
         return self.modules[block.module_name]
 
     def instance(self, block: Block[Any]) -> Instance:
-        """Return an instance of a block by name, wired to the block's own port signals."""
+        """Return an instance of a block's module, wired to the port signals of the block."""
         clocked = yosys.is_clocked(self.add(block))
         wires: dict[str, Any] = {"i_clk": ClockSignal(), "i_rst": ResetSignal()} if clocked else {}
         for name, member in block.signature.members.items():

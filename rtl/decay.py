@@ -1,4 +1,4 @@
-"""Time the leak of the N-LCS array with one counter, staggered over the rows."""
+"""Decay tick counter of the N-LCS array, staggered over the rows."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eskin.rtl.block import Block
 
 
 class DecayTicks(Block[ReadoutConfig]):
-    """The one counter that times the leak of the whole N-LCS array; only for a leak period of two ticks or more.
+    """Counter that times the leak of the whole N-LCS array, for leak periods of at least two ticks.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Write the files beside the Verilog: ports, timing constraints, description, FuseSoC core file."""
+"""Write the files beside the Verilog: port list, timing constraints, description and FuseSoC core file."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ FRAME_PORTS = PORTS_OF_ALL | {
 
 
 def _fields(config: ReadoutConfig) -> dict[str, Any]:
-    """Return the values for the braces in the port descriptions of a readout."""
+    """Return the values for the placeholders in the port descriptions of a readout."""
     half_width = "half_width" if config.closes else str(config.step) if config.registers == "none" else "step_code"
     return config.to_dict() | {
         "above": f"x >= reference_code + {half_width + (' + 1' if config.encoder.strict else '')}",
@@ -133,7 +133,7 @@ def _fields(config: ReadoutConfig) -> dict[str, Any]:
 
 
 def ports(config: Config) -> Iterator[dict[str, Any]]:
-    """Yield the ports of the top module as dictionaries: name, direction, width in bits, meaning."""
+    """Yield a dictionary for each port of the top module: name, direction, width in bits, meaning."""
     members = top_block(config).signature.members
     fields, meanings = config.to_dict(), FRAME_PORTS
     if isinstance(config, ClassifierConfig):
@@ -162,7 +162,7 @@ def ports(config: Config) -> Iterator[dict[str, Any]]:
 
 
 def description(config: Config, gated: bool = False) -> str:
-    """Return the JSON file of a design: version, configuration and ports."""
+    """Return the JSON description of a design: version, configuration and ports."""
     return json.dumps(
         {
             "top": top_block(config).module_name,
@@ -177,7 +177,7 @@ def description(config: Config, gated: bool = False) -> str:
 
 
 def constraints(config: Config, gated: bool = False) -> str:
-    """Return the timing constraints (SDC): clock, port delays, and asynchronous inputs."""
+    """Return the SDC timing constraints: clock, port delays and asynchronous inputs."""
     period_ns = 1e9 / config.clock_hz
     pins = {port["name"]: port["name"] + ("[*]" if port["width"] > 1 else "") for port in ports(config)}
     timed = {
@@ -237,7 +237,7 @@ def constraints(config: Config, gated: bool = False) -> str:
 
 
 def _inputs(config: Config) -> set[str]:
-    """Return the names of the inputs."""
+    """Return the names of the input ports."""
     return {port["name"] for port in ports(config) if port["direction"] == "input"}
 
 
@@ -284,7 +284,7 @@ filesets:
 
 
 def _simulation(top: str) -> tuple[str, str]:
-    """Return the file set and the target of the testbench."""
+    """Return the FuseSoC file set and target of the testbench."""
     files = f"  bench:\n    files: [{top}_tb.sv]\n    file_type: systemVerilogSource\n"
     target = f"  sim:\n    filesets: [rtl, bench]\n    toplevel: {top}_tb\n    default_tool: icarus\n"
     target += "    tools:\n      icarus:\n        iverilog_options: [-g2012]\n"
@@ -292,7 +292,7 @@ def _simulation(top: str) -> tuple[str, str]:
 
 
 def _summary(config: Config) -> str:
-    """Return a description of a design in one line."""
+    """Return a one-line description of a design."""
     if isinstance(config, ChipConfig):
         return f"{_summary(config.readout)}, with its classifier of {config.classifier.hidden} neurons"
     what = what_is(config)
@@ -308,7 +308,7 @@ def _summary(config: Config) -> str:
 
 
 def _of_registers(config: Config) -> dict[str, str]:
-    """Return the C header and the page of a design with registers, by the names of their files."""
+    """Return the C header and the documentation page of a design with registers, by file name."""
     readout = config.readout if isinstance(config, ChipConfig) else config
     if not isinstance(readout, ReadoutConfig) or readout.registers == "none":
         return {}
@@ -321,7 +321,7 @@ def _tiles(skin: TilesConfig) -> str:
 
 
 def write(config: Config, folder: Path, gated: bool = False) -> list[Path]:
-    """Write Verilog, constraints, description and core file into a folder, made if need be; return their paths.
+    """Write Verilog, constraints, description and core file into a folder; return their paths.
 
     Each file is written whole or not at all. With ``gated`` the Verilog has clock gates, whose module is a file of its
     own.

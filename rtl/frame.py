@@ -1,4 +1,4 @@
-"""The frame-based baseline: a column-scan sequencer around one ADC, and the packer of its codes."""
+"""The frame-based baseline: a column-scan sequencer for one ADC, and a packer for the ADC codes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eskin.rtl.logic import or_tree
 
 
 class FrameSequencer(Block[FrameConfig]):
-    """Connect one taxel after the other to the ADC and pass on its codes.
+    """Sequencer that connects one taxel after the other to the ADC and forwards the codes.
 
     One-hot rings, shifted once a conversion, drive the switches: flops, so they cannot glitch. A conversion starts only
     while no sample waits, so there is always room for its code and the ADC need not hold it. No upset of a flop stops
@@ -120,7 +120,7 @@ class FrameSequencer(Block[FrameConfig]):
 
 
 class FramePacker(Block[FrameConfig]):
-    """Pack N-bit codes into words without gaps; every frame starts a new word.
+    """Packer of N-bit codes into words without gaps; every frame starts a new word.
 
     N and the word have a greatest common divisor g, and codes begin at multiples of it only, so the number of places
     where one is put, and not the number of bits, makes the size of the shifter.
@@ -199,13 +199,13 @@ class FramePacker(Block[FrameConfig]):
         return m
 
     def _place(self, fill: Signal, position: int) -> Any:
-        """Return the code shifted to a position if ``fill`` is that, else 0."""
+        """Return the code shifted to a position if ``fill`` equals the position, else 0."""
         chosen = (fill == position).replicate(self.config.resolution)
         return Cat(Const(0, position * self.grain), self.sample_code & chosen)
 
 
 class FrameReadout(Block[FrameConfig]):
-    """The delivered top module of the frame-based baseline: sequencer and packer; the ADC is a macro outside.
+    """Top module of the frame-based baseline: sequencer and packer, without the ADC macro.
 
     Attributes
     ----------
@@ -240,7 +240,7 @@ class FrameReadout(Block[FrameConfig]):
 
 
 def sample_ports(config: FrameConfig, flow: Any) -> dict[str, Any]:
-    """Return the ports of a stream of codes whose source sees ``flow`` as out."""
+    """Return the ports of a stream of codes; ``flow`` is the direction at the source."""
     back = In if flow is Out else Out
     ports = {
         "sample_valid": flow(1),
@@ -254,5 +254,5 @@ def sample_ports(config: FrameConfig, flow: Any) -> dict[str, Any]:
 
 
 def word_ports(config: FrameConfig) -> dict[str, Any]:
-    """Return the ports of the stream of words."""
+    """Return the ports of the output word stream."""
     return {"word_valid": Out(1), "word_ready": In(1), "word_data": Out(config.word_bits), "word_sync": Out(1)}

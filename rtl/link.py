@@ -1,4 +1,4 @@
-"""The four-phase AER link: REQ/ACK handshake with bundled address, for an asynchronous receiver."""
+"""Four-phase AER link: REQ/ACK handshake with bundled address, for an asynchronous receiver."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from eskin.rtl.block import Block
 
 
 class FourPhaseLink(Block[ReadoutConfig]):
-    """Send the event stream over REQ/ACK, or over one REQ for ON, one for OFF and a common ACK.
+    """Sender of the event stream over REQ/ACK, with one request line, or with one for ON and one for OFF events.
 
     An event is taken at clock t, REQ rises at the edge of t + 1, falls at the edge that sees ACK through two flops,
     and the next event may be taken in the clock that sees ACK low again: 7 clocks per event with a receiver that
@@ -68,7 +68,7 @@ class FourPhaseLink(Block[ReadoutConfig]):
         return m
 
     def _request_by_polarity(self, m: Module, setup: Any, ack_sync: Any, request: Any) -> None:
-        """Add a flop for each request, since a gate behind flops may glitch, and the receiver has no clock."""
+        """Add a flip-flop for each request line, to keep glitches from the asynchronous receiver."""
         on = Signal()
         with m.If(self.event_valid & self.event_ready):
             m.d.sync += on.eq(self.event_polarity)
@@ -83,7 +83,7 @@ class FourPhaseLink(Block[ReadoutConfig]):
 
 
 def aer_ports(config: ReadoutConfig) -> dict[str, Any]:
-    """Return the ports of the four-phase link; without address bits there is no address."""
+    """Return the ports of the four-phase link, without a zero-width address."""
     address = {"aer_addr": Out(config.address_bits)} if config.address_bits else {}
     return {name: Out(1) for name in requests(config)} | {"aer_ack": In(1)} | address
 

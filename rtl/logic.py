@@ -1,4 +1,4 @@
-"""Small combinational networks of logarithmic depth and linear area."""
+"""Combinational networks of logarithmic depth and linear area."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from amaranth.hdl import Cat, Const, Module, Signal, Value, ValueLike
 
 
 def or_tree(values: Sequence[ValueLike]) -> Value:
-    """Return the bitwise OR of some values as a balanced tree, ceil(log2(len)) gates deep."""
+    """Return the bitwise OR of values as a balanced tree, ceil(log2(len)) gates deep."""
     level = [Value.cast(value) for value in values]
     while len(level) > 1:
         level = [level[i] | level[i + 1] if i + 1 < len(level) else level[i] for i in range(0, len(level), 2)]
@@ -16,7 +16,7 @@ def or_tree(values: Sequence[ValueLike]) -> Value:
 
 
 def exclusive_prefix_or(bits: Sequence[ValueLike], m: Module | None = None, name: str = "") -> list[Value]:
-    """Return, for every bit, the OR of all bits below it: a Brent-Kung network.
+    """Return for every bit the OR of all lower bits, computed by a Brent-Kung network.
 
     Depth 2 log2(len), 2 len gates. The single bits that are set where the result is not are the first set ones;
     behind the first set bit the result is a thermometer code.
@@ -47,6 +47,6 @@ def _prefix_or(values: list[Value], m: Module | None, name: str, size: int) -> l
 
 
 def encode(one_hot: Sequence[ValueLike]) -> Value:
-    """Return the index of the only set bit, (len - 1).bit_length() bits wide; 0 if none is set."""
+    """Return the index of the only set bit; 0 if no bit is set."""
     width = (len(one_hot) - 1).bit_length()
     return Cat(or_tree([bit for i, bit in enumerate(one_hot) if i >> b & 1]) for b in range(width))

@@ -1,4 +1,4 @@
-"""The readout: the taxel array, its arbiter and the link to the outside."""
+"""The readout: taxel array, arbiter and link."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from eskin.rtl.taxel import Row, settings
 
 
 class Readout(Block[ReadoutConfig]):
-    """The delivered top module; taxel (r, c) has index r * columns + c, index 0 in the least significant bits.
+    """Top module of the readout; taxel (r, c) has index r * columns + c.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ class Readout(Block[ReadoutConfig]):
         return m
 
     def _host(self, m: Module, arbiter: Arbiter, platform: Any) -> Host | None:
-        """Add the host's settings, if there are registers."""
+        """Add the SPI host interface if the readout has registers."""
         if self.config.registers == "none":
             return None
         host = Host(self.config)
@@ -147,7 +147,7 @@ class Readout(Block[ReadoutConfig]):
         return host
 
     def _row_decay(self, m: Module, tick: Signal, host: Host | None, platform: Any) -> list[Any]:
-        """Return the decay tick of every row: the sample tick itself if every tick is a decay tick."""
+        """Return the decay tick of every row."""
         config = self.config
         if host is not None:
             settable = SettableDecayTicks(config)
@@ -167,12 +167,12 @@ class Readout(Block[ReadoutConfig]):
 
 
 def _shows_step(config: ReadoutConfig) -> bool:
-    """Return whether outside comparators need D, because there is no half-width port."""
+    """Return True if external comparators need D because no half-width port exists."""
     return config.registers != "none" and config.frontend == "analog" and not config.closes
 
 
 def _request(m: Module, arbiter: Arbiter, row: Row, host: Host | None, index: int) -> None:
-    """Connect the arbiter to a row's requests, or to those of the test pattern, which mask the array's."""
+    """Connect the arbiter to the requests of a row, or of the test pattern generator."""
     config = arbiter.config
     request, columns = row.request, row.column_request
     if host is not None:

@@ -1,4 +1,4 @@
-"""The readout with streams of ``amaranth.lib`` in place of its flat ports, for designs written in Amaranth."""
+"""The readout with ``amaranth.lib.stream`` interfaces, for designs written in Amaranth."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ADDRESS = ("event_col", "event_row", "event_polarity")
 
 
 class StreamReadout(wiring.Component):
-    """``Readout`` whose samples and events are streams.
+    """``Readout`` with streams for samples and events.
 
     Attributes
     ----------

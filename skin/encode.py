@@ -1,4 +1,4 @@
-"""Encode an image, or a user's samples, into address events (docs/guide/files.md)."""
+"""Encode an image or a file of samples into address events (docs/guide/files.md)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Model = Literal["cycle", "functional"]
 
 @dataclass(frozen=True)
 class Encoded:
-    """The events of one input, and the encoded samples.
+    """Events encoded from one input, with the encoded samples.
 
     Parameters
     ----------
@@ -52,13 +52,13 @@ class Encoded:
     warnings: tuple[str, ...] = ()
 
     def quality(self) -> Quality:
-        """Return load, late and merged decisions, SNR and bound; only for events of the cycle model."""
+        """Return the quality of the events (link load, late decisions, SNR); only for the cycle-accurate model."""
         from eskin.skin.recordings.quality import measure_quality
 
         return measure_quality(self.recording.config, self.codes, self.recording.events)
 
     def all_warnings(self, quality: Quality) -> tuple[str, ...]:
-        """Return the warnings on the input and on the quality of its events."""
+        """Return the warnings about the input and about the quality of its events."""
         from eskin.skin.recordings.folder import quality_warnings
 
         return (*self.warnings, *quality_warnings(self.recording.config, [self.codes], quality))
@@ -101,7 +101,7 @@ def encode_samples(
     prepared: Mapping[str, Any] | None = None,
     model: str = "cycle",
 ) -> Encoded:
-    """Return the events of a file of samples, used directly, or prepared if time stamps or options require it.
+    """Return the events encoded from a file of samples, resampled and scaled if time stamps or options require it.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def encode_samples(
 def _encode_prepared(
     path: Path, config: ReadoutConfig, given: Collection[str], prepared: Mapping[str, Any], model: str
 ) -> Encoded:
-    """Return the events of a recording without time stamps and baseline, in full scale."""
+    """Return the events of a recording after resampling, baseline removal and scaling."""
     from eskin.skin.recordings.folder import read_set
     from eskin.skin.recordings.table import read_table
 
@@ -176,7 +176,7 @@ def _encode_prepared(
 def _encoded(
     path: Path, config: ReadoutConfig, codes: NDArray[np.int32], clipped: int, model: str, metadata: dict[str, Any]
 ) -> Encoded:
-    """Return the events that leave during the samples; later events are not recorded."""
+    """Return the events that leave the readout during the samples."""
     if model not in get_args(Model):
         raise InputError(f"model must be one of {', '.join(get_args(Model))}, not {model!r}")
     duration = len(codes) * config.clocks_per_sample
@@ -198,7 +198,7 @@ def _events(config: ReadoutConfig, codes: NDArray[np.int32], model: str, duratio
 
 
 def read_image(path: Path) -> NDArray[Any]:
-    """Return the gray values of an image in units of an 8-bit pixel, shape (height, width)."""
+    """Return the gray values of an image, 0 to 255, shape (height, width)."""
     from PIL import Image
 
     try:
@@ -225,7 +225,7 @@ def _gray(image: Image) -> NDArray[Any]:
 
 
 def _has_time(source: Path) -> bool:
-    """Return whether a .csv has a time column; leave errors of the file to its reader."""
+    """Return True if a .csv file has a time column."""
     from eskin.skin.recordings.table import read_table
 
     try:
@@ -248,7 +248,7 @@ def _checked_codes(source: Path, values: NDArray[Any], config: ReadoutConfig) ->
 
 
 def _scale_factor(scale: str | None, values: NDArray[Any], config: ReadoutConfig) -> float:
-    """Return the factor from the values to full scale; "max" scales the largest to full scale."""
+    """Return the factor that scales values to full scale."""
     if scale == "max":
         largest = float(np.abs(values.astype(np.float64)).max())
         # The positive end of the range is one code short of full scale.

@@ -1,4 +1,4 @@
-"""Read a user's samples from .npy, .npz or .csv, and write reconstructed ones (docs/guide/files.md)."""
+"""Read samples from .npy, .npz or .csv files, and write reconstructed signals (docs/guide/files.md)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _NOT_A_CODE = re.compile(rb"[.eEnN]")  # what only a floating-point number has: 
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples as in a file.
+    """Samples as stored in a file.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Samples:
 
 
 def read_samples(path: Path) -> Samples:
-    """Return the samples of a .npy, .npz or .csv file.
+    """Return the samples from a .npy, .npz or .csv file.
 
     A .npz contains one array, or several with one named ``samples``; a scalar ``sample_rate_hz`` gives the rate. A .csv
     has one line per sample tick with values separated by commas, and optionally a header line. It contains codes if no
@@ -153,7 +153,7 @@ def _check_values(path: Path, values: NDArray[Any]) -> None:
 
 
 def fit_array(values: NDArray[Any], rows: int, columns: int, size_given: bool) -> tuple[NDArray[Any], int, int]:
-    """Return values of shape (ticks, rows * columns), and the array size.
+    """Return samples reshaped to (ticks, rows * columns), and the array size.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def fit_array(values: NDArray[Any], rows: int, columns: int, size_given: bool) -
 
 
 def _suggest_size(taxels: int) -> str:
-    """Return a remedy: the array sizes with this number of taxels."""
+    """Return a hint that lists the array sizes for a number of taxels."""
     if taxels <= MAX_SIDE:
         return f"use --rows 1 --columns {taxels}"
     for rows in range(math.isqrt(taxels), 1, -1):
@@ -199,7 +199,7 @@ def _suggest_size(taxels: int) -> str:
 
 
 def check_samples_path(path: Path) -> None:
-    """Refuse an output of unknown format or in a missing folder, before any work."""
+    """Check the format and the folder of an output path before any work."""
     if path.suffix.lower() not in ARRAY_SUFFIXES:
         raise InputError(f"signals are written as {', '.join(ARRAY_SUFFIXES)}, not {path.name}; rename the output")
     check_file(path)
@@ -212,7 +212,7 @@ def write_samples(
     names: Sequence[str] = (),
     start_s: float | None = None,
 ) -> None:
-    """Write signals, shape (ticks, taxels), in full scale, in a format of :func:`read_samples`.
+    """Write signals, shape (ticks, taxels), in full scale, to a file that :func:`read_samples` can read.
 
     The .npz also holds the sampling rate. The .csv has a header and twelve decimals.
 

@@ -1,1 +1,1 @@
-"""The classifier: from address events to the class of a texture."""
+"""The spiking classifier: from address events to a class."""

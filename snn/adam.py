@@ -16,7 +16,7 @@ BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-8
 
 
 class Adam:
-    """The moments of the gradients of some parameters.
+    """Adam optimiser with its moment estimates.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Adam:
         self.state: dict[int, dict[str, Tensor]] = {}
 
     def zero_grad(self) -> None:
-        """Delete the gradients."""
+        """Clear the gradients of all parameters."""
         for parameter in self.parameters:
             parameter.grad = None
 
@@ -55,11 +55,11 @@ class Adam:
             parameter.addcdiv_(mean, spread, value=-(self.learning_rate / (1 - BETA_1**steps)))
 
     def state_dict(self) -> dict[str, Any]:
-        """Return the state for a checkpoint."""
+        """Return the optimiser state for a checkpoint."""
         return {"state": self.state}
 
     def load_state_dict(self, content: dict[str, Any]) -> None:
-        """Load the state of a checkpoint; raise ValueError if it is for other parameters."""
+        """Load the optimiser state from a checkpoint; raise ValueError if it belongs to other parameters."""
         found = {}
         for number, state in content["state"].items():
             parameter = self.parameters[number]

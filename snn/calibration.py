@@ -1,4 +1,4 @@
-"""Calibrate a network on its training scans before training: input scale and initial biases.
+"""Calibrate the input scale and the initial biases of a network on its training scans.
 
 Integrate-and-fire neurons without a leak whose input has a negative mean stay at the floor: they never fire and receive
 no gradient. With the biases set here each neuron starts at a given mean rate, similar to data-dependent initialisation
@@ -22,7 +22,7 @@ ROUNDS = 30
 
 @torch.no_grad()
 def calibrate(network: nn.Module, scans: Tensor) -> None:
-    """Set input scale and offset, and the biases of a spiking network, as configured; in place.
+    """Set the input scale, the input offset and the initial biases of a network in place.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Write and load checkpoints, from which a training continues with the same result."""
+"""Write and load checkpoints, so that a stopped training continues with an identical result."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CHECKPOINT_FORMAT = 1
 
 
 def digest(data: ScanData) -> str:
-    """Return a text that is equal only for equal scans of the same images."""
+    """Return a digest of scans and images."""
     found = hashlib.sha256(np.ascontiguousarray(data.values).tobytes())
     found.update(data.labels.tobytes() + data.images.tobytes())
     if not data.of_one_length:
@@ -36,14 +36,14 @@ def digest(data: ScanData) -> str:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A checkpoint file, loaded if present, and written every few epochs and at the end."""
+    """Checkpoint file of a training, written every few epochs and at the end."""
 
     path: Path
     every: int = 5
 
 
 def fingerprint(split: Split, network_config: NetworkConfig, train_config: TrainConfig, seed: int) -> str:
-    """Return a text that is equal only for trainings with the same result."""
+    """Return a digest of everything that determines the result of a training."""
     parts = {
         "network": network_config.to_dict(),
         "train": train_config.to_dict(),
@@ -57,7 +57,7 @@ def fingerprint(split: Split, network_config: NetworkConfig, train_config: Train
 
 
 def save_checkpoint(path: Path, training: Training, key: str) -> None:
-    """Write the complete state of a training, atomically."""
+    """Write the complete state of a training to a file."""
     content = {
         "format": CHECKPOINT_FORMAT,
         "key": key,
@@ -74,11 +74,11 @@ def save_checkpoint(path: Path, training: Training, key: str) -> None:
 
 
 class OtherTraining(InputError):  # the sentence a user reads
-    """Raised where a folder holds the checkpoint of a training with other parameters, data or seed."""
+    """Raised for a checkpoint of a training with other parameters, data or seed."""
 
 
 def load_checkpoint(path: Path, training: Training, key: str) -> None:
-    """Restore a training from a checkpoint.
+    """Restore the state of a training from a checkpoint.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def load_checkpoint(path: Path, training: Training, key: str) -> None:
 
 
 def _check_sound(training: Training) -> None:
-    """Raise ValueError unless all loaded values are finite and have the right types."""
+    """Raise ValueError if loaded values are not finite or have wrong types."""
     tensors = [*training.network.state_dict().values()]
     for state in training.optimizer.state_dict()["state"].values():
         tensors += [value for value in state.values() if isinstance(value, torch.Tensor)]
@@ -132,7 +132,7 @@ def _check_sound(training: Training) -> None:
 
 
 def _differences(there: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    """Return the fields that differ, with both values if they are short."""
+    """Return a text that names differing fields, with both values if they are short."""
     found = []
     for name, value in now.items():
         other = there.get(name)

@@ -1,4 +1,4 @@
-"""Convert nested configurations to one flat dictionary and back: the form of files and of ``--set NAME=VALUE``."""
+"""Convert nested configurations to one flat dictionary and back, for files and ``--set NAME=VALUE``."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _NOUNS = {bool: "true or false", int: "a whole number", float: "a number", str: 
 
 
 def flatten(config: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass by name, including those of nested dataclasses."""
+    """Return the fields of a dataclass and its nested dataclasses by name."""
     found: dict[str, Any] = {}
     for field in dataclasses.fields(config):
         value = getattr(config, field.name)
@@ -35,7 +35,7 @@ def hints_of(kind: type) -> dict[str, Any]:
 
 
 def unflatten(kind: type[Config], fields: dict[str, Any]) -> Config:
-    """Return a dataclass made of its flat fields; missing fields take their defaults.
+    """Return a dataclass for flat fields; missing fields take their defaults.
 
     A whole number is taken for a float, and so is the text of a float that JSON has not, as "-inf".
 
@@ -55,7 +55,7 @@ def unflatten(kind: type[Config], fields: dict[str, Any]) -> Config:
 
 
 def takes_flat_fields(cls: type[Config]) -> type[Config]:
-    """Let the constructor of a dataclass take the fields of the dataclasses in it too, as its ``from_dict`` does."""
+    """Class decorator: let the constructor of a dataclass accept the fields of its nested dataclasses."""
     made: Any = cls
     own, initialise = {field.name for field in dataclasses.fields(made)}, made.__init__
 
@@ -68,7 +68,7 @@ def takes_flat_fields(cls: type[Config]) -> type[Config]:
 
 
 def refuse_unknown(fields: Any, known: Any, what: str) -> None:
-    """Raise InputError unless ``fields`` is a dictionary with only known names."""
+    """Raise InputError if ``fields`` is no dictionary or contains unknown names."""
     if not isinstance(fields, dict):
         raise InputError(f"the fields of {what} must be a JSON object, not {type(fields).__name__}")
     if unknown := sorted(set(map(str, fields)) - set(known)):

@@ -1,4 +1,4 @@
-"""Define the networks: the paper's recurrent spiking network with variants, and baselines without spikes.
+"""The networks: the paper's recurrent spiking network with variants, and non-spiking baselines.
 
 Every network takes a tensor of shape (steps, scans, channels) and returns an ``Output``. A variant is a value in
 ``NetworkConfig``, whose defaults are the paper's network (docs/guide/classifier.md).
@@ -20,7 +20,7 @@ from eskin.snn.rounding import rounded_weights
 
 
 class Output(NamedTuple):
-    """A network's output for a batch.
+    """Output of a network for a batch.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Output(NamedTuple):
 
 
 def build(config: NetworkConfig, seed: int, backend: Backend = "auto") -> nn.Module:
-    """Return a network with weights drawn from a seed; leave the global generator unchanged.
+    """Return a network with weights initialised from a seed.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def build(config: NetworkConfig, seed: int, backend: Backend = "auto") -> nn.Mod
 
 
 class SpikingNetwork(nn.Module):
-    """Recurrent integrate-and-fire neurons, then one output neuron per class (paper, section II-D, Fig. 8).
+    """Recurrent integrate-and-fire neurons and one output neuron per class (paper, section II-D, Fig. 8).
 
     W_rec starts orthogonal, the other weights Xavier-uniform, biases zero.
 
@@ -96,7 +96,7 @@ class SpikingNetwork(nn.Module):
         return self.raw_decay, self.raw_output_decay
 
     def weights(self) -> tuple[Tensor, Tensor, Tensor]:
-        """Return the w_in, w_rec and w_out used in the computation: rounded if ``weight_bits`` is set."""
+        """Return w_in, w_rec and w_out, rounded if ``weight_bits`` is set."""
         bits, scale = self.config.neurons.weight_bits, self.config.input_scale
         if not bits:
             return self.w_in, self.w_rec, self.w_out
@@ -115,7 +115,7 @@ class SpikingNetwork(nn.Module):
         return layer(neurons.rule, x, w_in, self.b_hidden, decay, w_rec, self.backend, neurons.synapse_decay)
 
     def forward(self, x: Tensor) -> Output:
-        """Return logits, penalty and rate for scans of shape (steps, scans, inputs)."""
+        """Return logits, penalty and spike rate for scans of shape (steps, scans, inputs)."""
         config, neurons = self.config, self.config.neurons
         w_in, w_rec, w_out = self.weights()
         s = self._hidden(x, w_in, w_rec)
@@ -136,14 +136,14 @@ class SpikingNetwork(nn.Module):
 
     @staticmethod
     def _mean_membrane(current: Tensor, decay: Tensor) -> Tensor:
-        """Return the mean over time of v <- decay v + current: each current counts for all later steps."""
+        """Return the mean over time of a leaky membrane, v <- decay v + current."""
         left = torch.arange(len(current) - 1, -1, -1, device=current.device)  # steps behind each step
         powers = torch.cumsum(decay[None, :] ** torch.arange(len(current), device=current.device)[:, None], 0)
         return torch.einsum("tbo,to->bo", current, powers[left]) / len(current)
 
 
 def synaptic(currents: Tensor, decay: float) -> Tensor:
-    """Return the synaptic current of every step."""
+    """Return the synaptic currents of all steps."""
     if not decay:
         return currents
     found = [currents[0]]
@@ -153,7 +153,7 @@ def synaptic(currents: Tensor, decay: float) -> Tensor:
 
 
 class RecurrentBaseline(nn.Module):
-    """One layer of ReLU or gated units, with a linear read-out of every step, averaged over time."""
+    """Baseline: one layer of recurrent ReLU or gated units, with a linear read-out averaged over time."""
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
@@ -181,7 +181,7 @@ class RecurrentBaseline(nn.Module):
 
 
 class ConvolutionalNetwork(nn.Module):
-    """Three convolutions over time, then the mean over time and a linear read-out."""
+    """Baseline: three convolutions over time, then a mean over time and a linear read-out."""
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
@@ -201,7 +201,7 @@ class ConvolutionalNetwork(nn.Module):
 
 
 def _scaled(config: NetworkConfig, x: Tensor) -> Tensor:
-    """Return the scaled input, or raise InputError if it has another number of channels."""
+    """Return the scaled input; raise InputError for a wrong number of channels."""
     if x.ndim != 3 or x.shape[2] != config.inputs:
         raise InputError(
             f"the network has {config.inputs} input channels, but the scans have {x.shape[-1]}; "

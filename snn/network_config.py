@@ -1,4 +1,4 @@
-"""Configure a network: common fields, and one configuration for its kind.
+"""Configuration of a network: common fields, and fields of its kind.
 
 In files and on the command line their fields are one flat list (``NetworkConfig.to_dict``).
 """
@@ -21,7 +21,7 @@ KINDS = ("spiking", *get_args(BaselineKind))
 
 @dataclass(frozen=True, kw_only=True)
 class SpikingConfig:
-    """A layer of recurrent spiking neurons, and output neurons; the defaults are those of the paper.
+    """Parameters of recurrent spiking neurons and output neurons; the defaults are those of the paper.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class SpikingConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class BaselineConfig:
-    """A network without spikes.
+    """Parameters of a network without spikes.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ class BaselineConfig:
 @takes_flat_fields
 @dataclass(frozen=True, kw_only=True)
 class NetworkConfig:
-    """All parameters of a network. Immutable, validated on construction.
+    """All parameters of a network; immutable and validated.
 
     Fields of the units may stand beside the others: ``NetworkConfig(inputs=64, classes=6, decay=0.9)``.
 
@@ -150,24 +150,24 @@ class NetworkConfig:
 
     @property
     def kind(self) -> str:
-        """ "spiking", or the kind of a baseline."""
+        """Kind of the network: "spiking", or the kind of a baseline."""
         return self.units.kind if isinstance(self.units, BaselineConfig) else "spiking"
 
     @property
     def neurons(self) -> SpikingConfig:
-        """The neuron rule of a spiking network."""
+        """Neuron rule of a spiking network."""
         assert isinstance(self.units, SpikingConfig)
         return self.units
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as one flat dictionary, with defaults for fields of other kinds."""
+        """Return all fields as one flat dictionary."""
         other = SpikingConfig() if isinstance(self.units, BaselineConfig) else BaselineConfig()
         found = flatten(other) | flatten(self) | {"kind": self.kind}
         return {name: found[name] for name in FIELDS}
 
     @classmethod
     def from_dict(cls, fields: Any) -> NetworkConfig:
-        """Return the network for flat fields; fields of other kinds are ignored.
+        """Return the network configuration for flat fields; fields of other kinds are ignored.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Compute baselines for recordings: logistic regression on plain statistics, and the most frequent class."""
+"""Baseline classifiers for recordings: logistic regression on statistics, and the most frequent class."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LEAST_RATE = 1e-3
 
 
 def event_statistics(data: ScanData) -> NDArray[np.float64]:
-    """Return the statistics of the events of every image, from its first scan, shape (images, columns).
+    """Return statistics of the events of every image, from its first scan, shape (images, columns).
 
     These are the logarithm of the rate of each channel, and ``statistics`` of ON less OFF events of each taxel.
     """
@@ -38,7 +38,7 @@ def event_statistics(data: ScanData) -> NDArray[np.float64]:
 def logistic_classes(
     columns: NDArray[np.float64], labels: NDArray[np.int64], learned: NDArray[np.int64], test: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Return the class of each test row by a multinomial logistic regression on the learned rows.
+    """Return the class of each test row, predicted by a multinomial logistic regression.
 
     Columns have mean 0 and deviation 1 over the learned rows.
     """
@@ -65,7 +65,7 @@ def logistic_classes(
 
 
 def score(labels: NDArray[np.int64], predicted: NDArray[np.int64]) -> dict[str, Any]:
-    """Return accuracy, balanced accuracy (the mean over classes) and the number of correct recordings."""
+    """Return accuracy, balanced accuracy (the mean over classes), and the number of correct predictions."""
     right = labels == predicted
     of_classes = [right[labels == label].mean() for label in np.unique(labels)]
     return {
@@ -78,7 +78,7 @@ def score(labels: NDArray[np.int64], predicted: NDArray[np.int64]) -> dict[str, 
 def references(
     data: ScanData, learned: NDArray[np.int64], test: NDArray[np.int64], signals: NDArray[np.float64] | None = None
 ) -> dict[str, dict[str, Any]]:
-    """Return the ``score`` of plain statistics on the test images: of the events, of the signals, of the frequency.
+    """Return the ``score`` of each baseline classifier on the test images.
 
     Parameters
     ----------
@@ -98,14 +98,14 @@ def references(
 
 
 def is_unbalanced(labels: NDArray[np.int64]) -> bool:
-    """Return whether a class has more than one and a half times the recordings of another."""
+    """Return True if the largest class has over one and a half times the recordings of the smallest."""
     counts = np.bincount(labels)
     counts = counts[counts > 0]
     return bool(counts.max() > 1.5 * counts.min())
 
 
 def sentences(network: dict[str, Any], found: dict[str, dict[str, Any]], total: int, unbalanced: bool) -> Sequence[str]:
-    """Return notes for the user beside the accuracy of a network: the baselines, and suggestions."""
+    """Return sentences that compare the accuracy of a network with the baselines."""
     words = {
         "events": "logistic regression on statistics of the same events",
         "signals": "logistic regression on statistics of the signals",

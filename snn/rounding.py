@@ -1,4 +1,4 @@
-"""Round weights to few bits: the grid of each matrix, for training and for the integer network."""
+"""Round weights to few bits, for training and for the integer network."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _CANDIDATES = 2.0 ** -np.arange(0, 4, 0.125)
 
 
 class Grid(NamedTuple):
-    """The values to which a matrix is rounded: integer multiples of a step, up to a largest one.
+    """Quantisation grid of a matrix: integer multiples of a step up to a largest value.
 
     Attributes
     ----------
@@ -29,28 +29,28 @@ class Grid(NamedTuple):
     largest: int
 
     def whole(self, values: NDArray[np.floating]) -> NDArray[np.int64]:
-        """Return the multiples, rounded half to even and clipped."""
+        """Return values as multiples of the step, rounded half to even and clipped."""
         return np.clip(np.rint(values / self.step), -self.largest, self.largest).astype(np.int64)
 
     def error(self, values: NDArray[np.floating]) -> float:
-        """Return the root mean square error of rounding, relative to that of the values."""
+        """Return the rms rounding error relative to the rms of the values."""
         size = math.sqrt(float(np.square(values).mean()))
         return math.sqrt(float(np.square(self.whole(values) * self.step - values).mean())) / size if size else 0.0
 
     def rounded(self, weights: Tensor) -> Tensor:
-        """Return rounded weights whose gradients pass unchanged (straight-through)."""
+        """Return rounded weights with straight-through gradients."""
         near = (weights.detach() / self.step).round().clamp(-self.largest, self.largest) * self.step
         return weights + (near - weights.detach())
 
 
 def grid_of(values: NDArray[np.floating], bits: int) -> Grid:
-    """Return the grid of some bits with the smallest mean square error, including clipping."""
+    """Return the grid of a bit width with the smallest mean square error."""
     largest = (1 << bits - 1) - 1
     return min((Grid(step, largest) for step in _steps(values, largest)), key=lambda grid: grid.error(values))
 
 
 def related_grids(matrices: Sequence[NDArray[np.floating]], bits: Sequence[int]) -> list[Grid]:
-    """Return a grid for each matrix with steps that differ by powers of two, so that shifts replace products.
+    """Return a grid for each matrix; the steps differ by powers of two, so that shifts replace products.
 
     The sum of the squares of the relative errors is the smallest, over all steps of the first and the two nearest
     powers of two of each other one.
@@ -70,7 +70,7 @@ def related_grids(matrices: Sequence[NDArray[np.floating]], bits: Sequence[int])
 
 
 def rounded_weights(matrices: Sequence[Tensor], bits: int) -> list[Tensor]:
-    """Return the matrices of input, recurrence and outputs, rounded for training; the first two on related grids."""
+    """Return input, recurrent and output matrices rounded for training."""
     arrays = [matrix.detach().cpu().double().numpy() for matrix in matrices]
     grids = [*related_grids(arrays[:2], (bits, bits)), grid_of(arrays[2], bits)]
     return [grid.rounded(matrix) for grid, matrix in zip(grids, matrices, strict=True)]

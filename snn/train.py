@@ -1,4 +1,4 @@
-"""Train a network, with checkpoints from which a training continues with the same result.
+"""Train a network, with checkpoints from which a stopped training continues with an identical result.
 
 All random numbers of an epoch (order, augmentation, dropout) derive from the seed and the number of the epoch. A
 checkpoint therefore needs no generator state, and an interrupted training ends with the same bits as an uninterrupted
@@ -93,7 +93,7 @@ def train(
 
 
 def _note_held_out(training: Training, split: Split, epoch: Epoch, device: str) -> Epoch:
-    """Return an epoch with the accuracy of held-out images; the best epoch stores its test predictions."""
+    """Return an epoch with the accuracy on held-out images."""
     network, data, held_out = training.network, split.data, split.held_out
     assert held_out is not None
     accuracy = float((predicted_classes(network, data, held_out, device) == data.image_labels[held_out]).mean())
@@ -154,19 +154,19 @@ def _epoch(
 
 
 def _inputs(data: ScanData, scans: NDArray[np.int64], config: TrainConfig, generator: np.random.Generator) -> Tensor:
-    """Return the training input of some scans: all steps, or a window of each."""
+    """Return the training input of scans: all steps, or a window of each."""
     return data.windows(scans, config.window_steps, generator) if config.window_steps else data.batch(scans)
 
 
 def _class_weights(labels: NDArray[np.int64], classes: int) -> Tensor:
-    """Return a weight for each class, of mean 1 over the scans: those of a class weigh as much as those of another."""
+    """Return the loss weight of each class, inverse to its number of scans, with mean 1."""
     counts = np.bincount(labels, minlength=classes)
     weights = len(labels) / (np.count_nonzero(counts) * np.maximum(counts, 1))
     return torch.from_numpy(weights.astype(np.float32))
 
 
 def _loss(logits: Tensor, labels: Tensor, weights: Tensor | None) -> Tensor:
-    """Return the mean cross-entropy of a batch, each scan with the weight of its class."""
+    """Return the mean cross-entropy of a batch, weighted by class."""
     if weights is None:
         return functional.cross_entropy(logits, labels)
     weights = weights.to(logits)
@@ -176,7 +176,7 @@ def _loss(logits: Tensor, labels: Tensor, weights: Tensor | None) -> Tensor:
 def predicted_classes(
     network: nn.Module, data: ScanData, images: Sequence[int] | NDArray[np.int64], device: str = "cpu"
 ) -> NDArray[np.int64]:
-    """Return the class of every image, from the scan of its first start row, shape (len(images),)."""
+    """Return the predicted class of every image, from its first scan, shape (len(images),)."""
     return logits_of(network, data, data.first_scans(images), device).argmax(1)
 
 
@@ -186,7 +186,7 @@ def logits_of(
     scans: NDArray[np.int64] | None = None,
     device: str = "cpu",
 ) -> NDArray[np.float32]:
-    """Return the logits of some scans, by default of all, shape (scans, classes).
+    """Return the logits of scans, shape (scans, classes).
 
     A scan that was filled up goes in alone and with its own steps: its evidence is that of all its steps and no other.
     """
@@ -203,7 +203,7 @@ def logits_of(
 
 
 def check_fits(config: NetworkConfig, data: ScanData) -> None:
-    """Refuse a network whose inputs or classes differ from those of the data."""
+    """Check that inputs and classes of a network fit the data."""
     if config.inputs != data.channels:
         raise InputError(
             f"the network has {config.inputs} input channels, but the scans have {data.channels} "

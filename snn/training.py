@@ -1,4 +1,4 @@
-"""Define the settings and the progress of a training."""
+"""Settings and state of a training."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SILENT, SATURATED = 1e-4, 0.5
 @takes_flat_fields
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig:
-    """The settings of a training. Paper: Adam 1e-3, batch 32, up to 500 epochs.
+    """Settings of a training; the paper uses Adam 1e-3, batches of 32, and up to 500 epochs.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class TrainConfig:
             raise InputError(f"weight_decay must be from 0 to 1 / learning_rate, not {self.weight_decay!r}")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as one flat dictionary, as in files.
+        """Return all fields as one flat dictionary.
 
         Fields of windows are left out where they have their default, so files of trainings on whole scans stay equal.
         """
@@ -87,7 +87,7 @@ class TrainConfig:
 
     @classmethod
     def from_dict(cls, fields: Any) -> TrainConfig:
-        """Return the training for flat fields; refuse unknown fields and wrong types."""
+        """Return the training settings for flat fields; raise an error for unknown fields and wrong types."""
         refuse_unknown(fields, hints_of(cls), "training")
         return unflatten(cls, fields)
 
@@ -98,7 +98,7 @@ class TrainConfig:
 
 @dataclass(frozen=True)
 class Epoch:
-    """The results of one epoch.
+    """Results of one epoch.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ class Epoch:
     silent_outputs: int = 0
 
     def warnings(self, spiking: bool, classes: int) -> list[str]:
-        """Return the signs of divergence, as sentences."""
+        """Return warnings about signs of divergence."""
         found = []
         if self.loss > 3 * math.log(classes) and self.number > 1:
             found.append(f"the loss of {self.loss:.3g} is more than three times that of guessing")
@@ -161,4 +161,4 @@ class Training:
 
 
 class DivergedError(InputError):
-    """The loss is no longer a number."""
+    """Raised if the loss is not finite."""

@@ -1,1 +1,1 @@
-"""Figure style, and figure files."""
+"""Style and files of figures."""

@@ -20,7 +20,7 @@ def write_results(
     data_out: Path | None = None,
     command: str = "",
 ) -> str:
-    """Write the data to ``name``.json, and the picture drawn from the data to ``name``.png.
+    """Write the data to ``name``.json, and the picture of the data to ``name``.png.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Place marks side by side instead of over each other, and labels where they cover nothing.
+"""Arrange marks side by side, and place labels where they cover nothing.
 
 All coordinates are points of the page (1/72 inch), so that the data are drawn unchanged. Call it when the layout is
 final: the axes must not change their size afterwards.
@@ -29,23 +29,23 @@ class Box:
     top: float
 
     def meets(self, other: Box) -> bool:
-        """Return whether two boxes share an area."""
+        """Return True if two boxes overlap."""
         across = self.left < other.right and other.left < self.right
         return across and self.bottom < other.top and other.bottom < self.top
 
     def within(self, other: Box) -> bool:
-        """Return whether this box lies in another."""
+        """Return True if this box lies inside another box."""
         across = other.left <= self.left and self.right <= other.right
         return across and other.bottom <= self.bottom and self.top <= other.top
 
     def moved(self, right: float) -> Box:
-        """Return the box moved to the right."""
+        """Return the box shifted to the right."""
         return Box(self.left + right, self.bottom, self.right + right, self.top)
 
 
 @dataclass
 class Taken:
-    """Occupied areas of a panel: boxes of marks and bars, and thin lines, which a label may cross if necessary."""
+    """Occupied areas of a panel: marks, bars and thin lines."""
 
     boxes: list[Box] = field(default_factory=list)
     lines: list[Box] = field(default_factory=list)
@@ -60,14 +60,14 @@ class Taken:
 
 
 def on_page(panel: Axes, x: float, y: float) -> tuple[float, float]:
-    """Convert a point from data coordinates to points on the page."""
+    """Convert a point from data coordinates to page coordinates in points."""
     scale = 72 / panel.figure.dpi
     across, up = panel.transData.transform((x, y))
     return float(across * scale), float(up * scale)
 
 
 def in_data(panel: Axes, x: float, y: float) -> tuple[float, float]:
-    """Convert a point from points on the page to data coordinates."""
+    """Convert a point from page coordinates in points to data coordinates."""
     scale = panel.figure.dpi / 72
     across, up = panel.transData.inverted().transform((x * scale, y * scale))
     return float(across), float(up)
@@ -81,7 +81,7 @@ def frame_of(panel: Axes) -> Box:
 
 
 def side_by_side(boxes: Sequence[Box], taken: Iterable[Box], step: float = STEP_POINTS) -> float:
-    """Return the smallest horizontal move after which none of the boxes overlaps an occupied one."""
+    """Return the smallest shift to the right that separates boxes from all occupied areas."""
     taken = list(taken)
     moves = [0.0] + [sign * step * k for k in range(1, 31) for sign in (-1, 1)]
     for move in moves:
@@ -122,7 +122,7 @@ def place_label(panel: Axes, label: Annotation, own: Box, taken: Taken, sides: s
 
 
 def _places(own: Box, width: float, height: float, sides: Sequence[str]) -> Iterator[Box]:
-    """Yield the candidate places of a label around its mark, nearest first."""
+    """Yield the candidate positions of a label around its mark, nearest first."""
     middle_x, middle_y = (own.left + own.right) / 2, (own.bottom + own.top) / 2
     for gap in (3.0, 6.0, 10.0, 15.0, 20.0):
         for side in sides:

@@ -1,4 +1,4 @@
-"""One style and one palette for all figures."""
+"""Common style and palette of all figures."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ DPI = 160
 
 
 def check_picture_path(path: str | Path) -> None:
-    """Refuse a picture path with unknown format or missing folder, before any work."""
+    """Check the format and the folder of a picture path before any work."""
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
         raise InputError(f"pictures end in {', '.join(FORMATS)}, {path.name} does not; rename the output")
@@ -65,7 +65,7 @@ def dress(panel: Axes, title: str = "") -> None:
 
 
 def plain_numbers(panel: Axes) -> None:
-    """Write the numbers of a logarithmic x axis without powers of ten, also between two decades."""
+    """Write the tick labels of a logarithmic x axis as plain numbers, without powers of ten."""
     from matplotlib.ticker import LogFormatter
 
     panel.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
@@ -74,7 +74,7 @@ def plain_numbers(panel: Axes) -> None:
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
-    """Write a figure; equal data give equal bytes."""
+    """Write a figure to a file, reproducibly byte for byte."""
     import matplotlib
 
     path = Path(path)

@@ -1,1 +1,1 @@
-"""Do many pieces of work in parallel, on this machine or a cluster, with the same results."""
+"""Run tasks in parallel on this machine or on a cluster, with equal results."""

@@ -1,4 +1,4 @@
-"""Use the workers of a Dask cluster instead of processes of this machine."""
+"""Run tasks on the workers of a Dask cluster."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CONNECT_S, WORKERS_S = 5.0, 10.0
 
 @dataclass(frozen=True)
 class Needs:
-    """Versions that a worker must share with this process, because other versions may change results.
+    """Versions of sources and libraries that a worker must share with this process.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Needs:
 
 @functools.cache
 def version(needs: Needs) -> str:
-    """Return a text that changes with this project's sources and the libraries that compute results."""
+    """Return a text that identifies the versions of this project's sources and of numerical libraries."""
     found = hashlib.sha256()
     for package in needs.packages:
         folder = Path(str(importlib.import_module(f"eskin.{package}").__file__)).parent
@@ -53,7 +53,7 @@ def version(needs: Needs) -> str:
 
 
 class Cluster:
-    """The workers of a Dask scheduler, each of one thread.
+    """The workers of a Dask scheduler, each with one thread.
 
     What is shared is the result of a task of its own, so that Dask can make it again where a worker died.
 
@@ -93,7 +93,7 @@ class Cluster:
             raise
 
     def _check_workers(self) -> None:
-        """Refuse a cluster without workers, or with workers that would compute other results."""
+        """Check that the cluster has workers, and that all of them have the right versions."""
         try:
             self._client.wait_for_workers(1, timeout=WORKERS_S)
         except TimeoutError:
@@ -125,16 +125,16 @@ class Cluster:
 
     @property
     def workers(self) -> int:
-        """Number of workers now, at least one."""
+        """Current number of workers, at least one."""
         return max(1, len(self._client.scheduler_info()["workers"]))
 
     @property
     def window(self) -> int:
-        """Number of workers now, plus some pieces in the queue."""
+        """Number of tasks to keep submitted: the workers plus a short queue."""
         return len(self._client.scheduler_info()["workers"]) + SPARE
 
     def submit(self, work: Callable[..., Any], *arguments: Any, shared: Shared | None = None) -> Any:
-        """Start a piece of work on the cluster."""
+        """Submit a task to the cluster and return its future."""
         unique = uuid.uuid4().hex
         if shared is not None:
             if shared.name not in self._shared:
@@ -148,11 +148,11 @@ class Cluster:
         return future
 
     def forget(self, name: str) -> None:
-        """Let the workers delete a shared value."""
+        """Delete a shared value from the workers."""
         self._shared.pop(name, None)
 
     def check(self) -> None:
-        """Raise an error if the scheduler is gone."""
+        """Raise an error if the scheduler no longer answers."""
         if self._client.status != "running":
             raise InputError(
                 f"the scheduler {self.address} disappeared; the same command continues with the remaining work"
@@ -170,7 +170,7 @@ class Cluster:
 
 
 async def _find_scheduler(address: str) -> None:
-    """Contact the scheduler quickly; a Dask Client alone would wait half a minute for a missing one."""
+    """Check quickly that a scheduler answers at an address."""
     from distributed import Security
     from distributed.comm import connect
     from distributed.core import send_recv
@@ -194,7 +194,7 @@ def _check_version(found: str, wanted: str, where: str) -> None:
 
 
 def _work_checked(wanted: str, needs: Needs, work: Callable[..., Any], *arguments: Any) -> Any:
-    """Check the worker, which may have joined late, and do a piece of work on it."""
+    """Check the versions of the worker, and run a task on it."""
     from distributed import get_worker
 
     _check_version(version(needs), wanted, f"worker {get_worker().address}")

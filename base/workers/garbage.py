@@ -1,4 +1,4 @@
-"""Set how often a process collects garbage."""
+"""Configure garbage collection in worker processes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import gc
 
 
 def collect_seldom() -> None:
-    """Collect garbage rarely in this process, and not at its exit.
+    """Make garbage collection rare in this process, and skip it at exit.
 
     Each search goes through the million objects of torch or Numba, which stay: half the time of a start with torch.
     """

@@ -1,4 +1,4 @@
-"""Do work in this process, in local threads or processes, or on a Dask cluster (``cluster``).
+"""Run tasks in this process, in local threads or processes, or on a Dask cluster (``cluster``).
 
 A piece of work is one call of a function that a process can find by module and name. Results depend only on the
 arguments, so all pools give equal results. If a process dies, its work is repeated.
@@ -33,7 +33,7 @@ MOST_DEATHS = 3
 
 @dataclass(frozen=True)
 class Shared:
-    """A value that many pieces of work need, packed once.
+    """A pickled value that many tasks share.
 
     Attributes
     ----------
@@ -47,31 +47,31 @@ class Shared:
 
     @classmethod
     def of(cls, name: str, value: Any) -> Shared:
-        """Pack a value."""
+        """Return a value pickled under a name."""
         return cls(name, zlib.compress(pickle.dumps(value, protocol=5), 1))
 
 
 def unpack(packed: bytes) -> Any:
-    """Return the value packed by ``Shared.of``."""
+    """Return the value pickled by ``Shared.of``."""
     return pickle.loads(zlib.decompress(packed))
 
 
 class WorkerPool(Protocol):
-    """Start work and return futures with ``add_done_callback`` and ``result``; leaving the context stops the rest."""
+    """Interface of a worker pool: submit tasks and receive futures."""
 
     @property
     def workers(self) -> int:
-        """Number of pieces computed in parallel."""
+        """Number of tasks computed in parallel."""
 
     @property
     def window(self) -> int:
-        """Number of pieces worth having in progress or in the queue."""
+        """Number of tasks to keep submitted."""
 
     def submit(self, work: Callable[..., Any], *arguments: Any, shared: Shared | None = None) -> Any:
-        """Start a piece: ``work(shared value, *arguments)``, or without the first argument if nothing is shared."""
+        """Submit the task ``work(shared value, *arguments)`` and return its future."""
 
     def forget(self, name: str) -> None:
-        """Delete the shared value of a name: no further piece needs the value."""
+        """Delete a shared value that no further task needs."""
 
     def check(self) -> None:
         """Raise an error if no further result can arrive."""
@@ -90,7 +90,7 @@ def cores() -> int:
 
 @dataclass
 class _Piece:
-    """A piece of work, and the number of processes that died while computing the piece."""
+    """A task, and the number of processes that died while computing it."""
 
     call: tuple[Callable[..., Any], bytes | None, tuple[Any, ...]]
     future: Future[Any] = field(default_factory=Future)
@@ -98,7 +98,7 @@ class _Piece:
 
 
 class Local:
-    """Processes or threads of this machine; with one worker, this process itself.
+    """Worker pool of processes or threads on this machine.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ class Local:
         return ProcessPoolExecutor(self.workers, multiprocessing.get_context("spawn"), _start)
 
     def submit(self, work: Callable[..., Any], *arguments: Any, shared: Shared | None = None) -> Future[Any]:
-        """Start a piece of work in the pool, or compute the piece here."""
+        """Submit a task to the pool, or compute it in this process."""
         piece = _Piece((work, None if shared is None else shared.packed, arguments))
         if self._pool is not None:
             self._begin(piece)
@@ -138,7 +138,7 @@ class Local:
         return piece.future
 
     def _begin(self, piece: _Piece) -> None:
-        """Send a piece to the pool; if the pool is broken, store the piece for a new pool."""
+        """Send a task to the pool; if the pool is broken, queue the task for a new pool."""
         pool = self._pool
         assert pool is not None
         try:
@@ -150,7 +150,7 @@ class Local:
         running.add_done_callback(lambda done: self._end(piece, pool, done))
 
     def _end(self, piece: _Piece, pool: ProcessPoolExecutor | ThreadPoolExecutor, done: Future[Any]) -> None:
-        """Pass a result on, or restart a piece whose process died."""
+        """Deliver the result of a task, or restart a task whose process died."""
         if done.cancelled():
             piece.future.cancel()
             return
@@ -165,16 +165,16 @@ class Local:
             piece.future.set_result(done.result())
 
     def _renew(self, broken: ProcessPoolExecutor | ThreadPoolExecutor) -> None:
-        """Replace a broken pool by a new one, once."""
+        """Replace a broken pool by a new one."""
         with self._renewing:
             if self._pool is broken:
                 self._pool = self._new_pool()
 
     def forget(self, name: str) -> None:
-        """Do nothing: a process keeps only its two latest shared values."""
+        """Do nothing, because each process caches only two shared values."""
 
     def check(self) -> None:
-        """Do nothing: the death of a process ends its work immediately."""
+        """Do nothing, because the death of a process is noticed immediately."""
 
     def __enter__(self) -> Local:
         return self
@@ -192,7 +192,7 @@ class Local:
 
 
 def _start() -> None:
-    """Ignore Ctrl-C in this child process, and exit with the parent, even if the parent is killed."""
+    """Ignore Ctrl-C in this child process, and exit with the parent process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     collect_seldom()
     parent = multiprocessing.parent_process()
@@ -218,7 +218,7 @@ def _call(work: Callable[..., Any], packed: bytes | None, arguments: tuple[Any, 
 
 
 def next_landed(landed: queue.SimpleQueue[Any], pool: WorkerPool) -> Any:
-    """Wait for the next item in a queue filled by callbacks, as long as results can arrive."""
+    """Return the next item of a queue filled by callbacks; raise an error if no result can arrive."""
     while True:
         try:
             return landed.get(timeout=1.0)
@@ -229,7 +229,7 @@ def next_landed(landed: queue.SimpleQueue[Any], pool: WorkerPool) -> Any:
 def each(
     pool: WorkerPool, work: Callable[..., Any], jobs: Iterable[tuple[Any, ...]], shared: Shared | None = None
 ) -> Iterator[Any]:
-    """Yield the results of a function for all jobs, in their order.
+    """Yield the results of a function for all jobs, in order.
 
     Parameters
     ----------
@@ -278,7 +278,7 @@ def _result(future: Any) -> Any:
 
 
 def sentence(error: BaseException) -> str | None:
-    """Return the sentence that reports failed work to the user; None for a defect of the program."""
+    """Return the error message for the user for a failed task; None for a program error."""
     if isinstance(error, InputError):
         return str(error)
     if isinstance(error, BrokenProcessPool):

@@ -1,1 +1,1 @@
-"""The integer classifier: parameters, arithmetic, timing, and file."""
+"""The integer classifier: parameters, arithmetic, timing and files."""

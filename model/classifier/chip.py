@@ -1,4 +1,4 @@
-"""Simulate a chip with readout and classifier without RTL, exact in every clock, in bursts and stalls too."""
+"""Model of a chip with readout and classifier, cycle-accurate also under backpressure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from eskin.model.classifier.run import ClassifierRun, first_ready, simulate, wor
 
 @dataclass(frozen=True)
 class ChipRun:
-    """Results of a chip for some samples.
+    """Events, clocks and classes of one simulated run of a chip.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class ChipRun:
 
 
 def clocks_of(config: ChipConfig, ticks: int) -> tuple[int, int]:
-    """Return the number of complete bins of a scan, and the clocks until the class of the last bin.
+    """Return the number of complete bins in a scan, and the number of clocks until the last class is valid.
 
     The scan ends before the next bin, so the class belongs to the scan.
     """
@@ -42,13 +42,13 @@ def clocks_of(config: ChipConfig, ticks: int) -> tuple[int, int]:
 
 
 def channels_of(config: ChipConfig, events: Events) -> NDArray[np.int64]:
-    """Return the channel of every event: row * columns + column, plus the taxels for separate OFF events."""
+    """Return the network input channel of every event."""
     off = config.readout.taxels if config.polarity else 0
     return taxel_of(events, config.readout) + np.where(events["p"], 0, off)
 
 
 def events_of(config: ChipConfig, clock: NDArray[np.int64], channel: NDArray[np.int64]) -> Events:
-    """Return events with the addresses of their channels."""
+    """Return the events of the given clocks and input channels."""
     readout = config.readout
     found = np.empty(len(clock), EVENT_DTYPE)
     taxel = channel % readout.taxels
@@ -58,7 +58,7 @@ def events_of(config: ChipConfig, clock: NDArray[np.int64], channel: NDArray[np.
 
 
 def simulate_chip(config: ChipConfig, network: IntegerNetwork, samples: NDArray[np.integer], clocks: int) -> ChipRun:
-    """Simulate a chip from the end of reset on.
+    """Simulate a chip from the end of reset.
 
     The readout receives the clocks in which the classifier is ready, and the classifier those of offered events. A
     clock depends only on earlier clocks. Each round is therefore right for longer than the previous round, and both are
@@ -93,7 +93,7 @@ def simulate_chip(config: ChipConfig, network: IntegerNetwork, samples: NDArray[
 
 
 def ready_of(config: ClassifierConfig, run: ClassifierRun, clocks: int) -> NDArray[np.uint8]:
-    """Return for every clock of a run whether the classifier takes an event."""
+    """Return for every clock of a run whether the classifier is ready for an event."""
     change = np.zeros(clocks + 1, np.int64)
     taken = np.asarray(run.accepted, np.int64)
     # A clock after an event, for the rest of its row; from a bin's end to the last clock of its work; while it clears.

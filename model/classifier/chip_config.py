@@ -1,4 +1,4 @@
-"""Configure a chip: a spiking readout with a classifier behind its arbiter."""
+"""Configuration of a chip: a spiking readout whose arbiter feeds a classifier."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PREFIX = "classifier_"
 
 
 def with_room(readout: ReadoutConfig, classifier: ClassifierConfig) -> ReadoutConfig:
-    """Return a readout with enough clocks per sample for all work of the classifier in a bin.
+    """Return a readout configuration with enough clocks per sample for the classifier to finish its work in every bin.
 
     That is an event of every channel, and a spike of every hidden neuron in the bin and in the one before. The clocks
     are doubled until they suffice, so samples and events stay in their bins.
@@ -27,7 +27,7 @@ def with_room(readout: ReadoutConfig, classifier: ClassifierConfig) -> ReadoutCo
 
 @dataclass(frozen=True, kw_only=True)
 class ChipConfig:
-    """A matching pair of readout and classifier.
+    """The configurations of a readout and a classifier that fit together.
 
     Reset and clock are those of the readout: the clocks of a time bin follow from them and the bin's seconds.
 
@@ -72,12 +72,12 @@ class ChipConfig:
 
     @property
     def polarity(self) -> bool:
-        """Whether OFF events have separate channels, after those of all taxels."""
+        """True if OFF events have input channels of their own."""
         return self.classifier.inputs > self.readout.taxels
 
     @property
     def reset(self) -> str:
-        """Style of the flops' reset."""
+        """Reset style of the flip-flops."""
         return self.readout.reset
 
     @property
@@ -86,13 +86,13 @@ class ChipConfig:
         return self.readout.clock_hz
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as one flat dictionary, with a prefix for those of the classifier."""
+        """Return all fields as one flat dictionary; a prefix marks the fields of the classifier."""
         own = {f"{PREFIX}{name}": value for name, value in self.classifier.to_dict().items()}
         return self.readout.to_dict() | own
 
     @classmethod
     def from_dict(cls, fields: dict[str, Any]) -> ChipConfig:
-        """Return the chip of a dictionary made by ``to_dict``."""
+        """Return the chip configuration for a dictionary written by ``to_dict``."""
         own = {name.removeprefix(PREFIX): value for name, value in fields.items() if name.startswith(PREFIX)}
         readout = {name: value for name, value in fields.items() if not name.startswith(PREFIX)}
         return cls(readout=ReadoutConfig.from_dict(readout), classifier=ClassifierConfig.from_dict(own))

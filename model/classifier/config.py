@@ -1,4 +1,4 @@
-"""Configure the hardware classifier (docs/reference/classifier.md)."""
+"""Configuration of the hardware classifier (docs/reference/classifier.md)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CLASSIFIER = "docs/reference/classifier.md"
 
 @dataclass(frozen=True, kw_only=True)
 class ClassifierConfig:
-    """All parameters of one integer network except its weights. Immutable, validated on construction.
+    """All parameters of an integer network except its weights; immutable and validated.
 
     Hidden and output potentials have their own units; a weight counts ``2**shift`` of them. A potential saturates at
     the limits of its bits. If ``saturates`` is false, no potential can reach the limits.
@@ -156,62 +156,62 @@ class ClassifierConfig:
 
     @property
     def groups(self) -> int:
-        """Memory words per row of weights, which is also the number of clocks per event."""
+        """Memory words per row of weights, equal to the clocks per event."""
         return -(-self.hidden // self.lanes)
 
     @property
     def weight_bits(self) -> int:
-        """Bits of a weight in the row memory, which holds input and recurrent weights."""
+        """Bits of a weight in the row memory."""
         return max(self.in_bits, self.rec_bits)
 
     @property
     def row_bits(self) -> int:
-        """Bits of the address of a word within a row."""
+        """Bits of the word address within a row."""
         return (self.groups - 1).bit_length()
 
     @property
     def weight_words(self) -> int:
-        """Words of ``lanes`` weights: a row per hidden neuron, then one per input, rounded up to a power of two."""
+        """Words of the row memory, rounded up to a power of two."""
         return (self.hidden + self.inputs) << self.row_bits
 
     @property
     def neuron_row_bits(self) -> int:
-        """Bits of the address of a word within a neuron's row: outputs, its bias, the bias of an output."""
+        """Bits of the word address within the row of a neuron."""
         return (self.classes + 1).bit_length()
 
     @property
     def neuron_words(self) -> int:
-        """Words of the memory of output weights and biases."""
+        """Words of the memory that holds output weights and biases."""
         return max(self.hidden, self.classes) << self.neuron_row_bits
 
     @property
     def neuron_bits(self) -> int:
-        """Bits of a word in the memory of output weights and biases."""
+        """Bits per word of the memory that holds output weights and biases."""
         return max(self.out_bits, self.bias_bits)
 
     @property
     def memory_bits(self) -> int:
-        """Bits of both memories of weights."""
+        """Total bits of both weight memories."""
         return self.weight_words * self.lanes * self.weight_bits + self.neuron_words * self.neuron_bits
 
     def additions(self, events: float, spikes: float, bins: float) -> float:
-        """Return the number of additions: a row for each event and each hidden spike, a bias for each bin."""
+        """Return the number of row additions for a number of events, hidden spikes and bins."""
         neurons = self.hidden + self.classes
         return events * self.hidden + (spikes + bins) * neurons
 
     @property
     def channel_bits(self) -> int:
-        """Bits of the channel of an event; 0 for a single input."""
+        """Bits of the channel number of an event; 0 for one input."""
         return (self.inputs - 1).bit_length()
 
     @property
     def class_bits(self) -> int:
-        """Bits of a class; 1 for a single one."""
+        """Bits of the class number; 1 for one class."""
         return max((self.classes - 1).bit_length(), 1)
 
     @property
     def events_per_bin(self) -> int:
-        """Largest number of events in a bin: one in ``groups`` clocks."""
+        """Largest number of events that the classifier accepts in a bin."""
         return -(-self.clocks_per_bin // self.groups)
 
     @property
@@ -221,7 +221,7 @@ class ClassifierConfig:
 
     @property
     def hidden_range(self) -> tuple[int, int] | None:
-        """Limits of every hidden potential for any weights, or None if unlimited."""
+        """Range of the hidden potentials over all possible weights, or None if unlimited."""
         low = self.events_per_bin * lowest(self.in_bits, self.in_shift)
         low += self.hidden * lowest(self.rec_bits, self.rec_shift) + lowest(self.bias_bits, self.bias_shift)
         high = self.events_per_bin * highest(self.in_bits, self.in_shift)
@@ -230,19 +230,19 @@ class ClassifierConfig:
 
     @property
     def output_range(self) -> tuple[int, int] | None:
-        """Limits of every output potential for any weights, or None if unlimited."""
+        """Range of the output potentials over all possible weights, or None if unlimited."""
         low = self.hidden * lowest(self.out_bits, self.out_shift) + lowest(self.bias_bits, self.out_bias_shift)
         high = self.hidden * highest(self.out_bits, self.out_shift) + highest(self.bias_bits, self.out_bias_shift)
         return self.output_ends(low, high)
 
     def hidden_ends(self, low: int, high: int) -> tuple[int, int] | None:
-        """Return the limits of the hidden potentials and currents if a bin adds between ``low`` and ``high``."""
+        """Return the ranges of hidden potential and current if each bin adds between ``low`` and ``high``."""
         synapse = Leak(self.synapse_shift, self.synapse_factor)
         leak = Leak(self.leak_shift, self.leak_factor)
         return neuron_ends(low, high, synapse, self.threshold, self.floor, self.neuron_reset, leak)
 
     def output_ends(self, low: int, high: int) -> tuple[int, int] | None:
-        """Return the limits of the output potentials and currents if a bin adds between ``low`` and ``high``."""
+        """Return the ranges of output potential and current if each bin adds between ``low`` and ``high``."""
         synapse = Leak(self.out_synapse_shift, self.out_synapse_factor)
         leak = Leak(self.out_leak_shift, self.out_leak_factor)
         if self.readout == "membrane":
@@ -251,32 +251,32 @@ class ClassifierConfig:
 
     @property
     def saturates(self) -> bool:
-        """Whether a hidden potential can exceed its bits for some weights and therefore saturates."""
+        """True if a hidden potential can exceed its register width and must saturate."""
         return bits_of(self.hidden_range) > self.membrane_bits
 
     @property
     def output_saturates(self) -> bool:
-        """Whether an output potential can exceed its bits."""
+        """True if an output potential can exceed its register width."""
         return bits_of(self.output_range) > self.output_bits
 
     # -- construction and exchange ---------------------------------------------------------------
 
     def replace(self, **changes: Any) -> ClassifierConfig:
-        """Return a copy with some fields changed, validated again."""
+        """Return a validated copy with changed fields."""
         return self.from_dict(self.to_dict() | changes)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as a plain dictionary; those of synaptic currents and leak factors only if they differ."""
+        """Return all fields as a dictionary, without unused synaptic and leak fields."""
         fields = dataclasses.asdict(self)
         return {name: value for name, value in fields.items() if name not in OPTIONAL or value != OPTIONAL[name]}
 
     def to_json(self) -> str:
-        """Return the configuration as JSON text, keys in the order of the fields."""
+        """Return the configuration as JSON text."""
         return json.dumps(self.to_dict(), indent=2)
 
     @classmethod
     def from_dict(cls, fields: Any) -> ClassifierConfig:
-        """Return the configuration of a dictionary; absent fields take their defaults, unknown ones are refused."""
+        """Return the configuration for a dictionary; raise an error for unknown fields."""
         if not isinstance(fields, dict):
             raise InputError(f"a classifier's configuration must be a JSON object, not {type(fields).__name__}")
         known = {field.name for field in dataclasses.fields(cls)}
@@ -294,24 +294,24 @@ OPTIONAL = {f"{name}_factor": 1 for name in LEAKS} | {"synapse_shift": 0, "out_s
 
 
 class Leak(NamedTuple):
-    """The part of a potential or current that a bin loses: factor / 2**shift, rounded down; shift 0: none."""
+    """Leak of a potential or current per bin: factor / 2**shift, rounded down; shift 0 means no leak."""
 
     shift: int
     factor: int = 1
 
 
 def lowest(bits: int, shift: int = 0) -> int:
-    """Return the lowest signed number of a number of bits, shifted."""
+    """Return the smallest signed integer of a bit width, shifted left."""
     return -(1 << bits - 1 + shift)
 
 
 def highest(bits: int, shift: int = 0) -> int:
-    """Return the highest signed number of a number of bits, shifted."""
+    """Return the largest signed integer of a bit width, shifted left."""
     return (1 << bits - 1) - 1 << shift
 
 
 def bits_of(ends: tuple[int, int] | None) -> float:
-    """Return the bits of a signed number that covers a range; infinite for an unlimited range."""
+    """Return the bit width of a signed integer that covers a range; infinite for an unlimited range."""
     if ends is None:
         return math.inf
     low, high = ends
@@ -327,7 +327,7 @@ def neuron_ends(
     reset: NeuronReset,
     leak: Leak,
 ) -> tuple[int, int] | None:
-    """Return limits of potential and synaptic current, if the neuron has one; parameters as for ``ends``."""
+    """Return the ranges of the potential and the synaptic current of a neuron; see ``ends`` for the parameters."""
     if not synapse.shift:
         return ends(low, high, threshold, floor, reset, leak)
     current = ends(low, high, None, None, "zero", synapse)
@@ -339,7 +339,7 @@ def neuron_ends(
 def ends(
     low: int, high: int, threshold: int | None, floor: int | None, reset: NeuronReset, leak: Leak
 ) -> tuple[int, int] | None:
-    """Return limits that a potential never leaves for any order of additions; None if unlimited.
+    """Return the range of a potential over all orders of additions, or None if unlimited.
 
     ``x - (x * n >> k)`` rises with x, and with A = high its value at X = (((A + 1) << k) - 1) // n is at most X - A.
     So a potential of at most X remains at most X in the next bin. The lower limit follows in the same way with

@@ -1,4 +1,4 @@
-"""Read and write the file of an integer network, and the images of its weight memories."""
+"""Read and write files of integer networks, and images of their weight memories."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ARRAYS = {"w_in": np.int8, "w_rec": np.int8, "w_out": np.int8, "b_hidden": np.in
 
 @dataclass(frozen=True)
 class IntegerWeights:
-    """An integer network with its class names and notes.
+    """An integer network with the names of its classes and metadata.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class IntegerWeights:
     notes: dict[str, Any] = field(default_factory=dict)
 
     def save(self, path: Path) -> None:
-        """Write an ``.npz`` file, whole or not at all; equal networks give equal bytes."""
+        """Write the network to an ``.npz`` file."""
         if path.suffix != ".npz":
             raise InputError(f"integer networks end in .npz, {path.name} does not; rename the output")
         header = {
@@ -56,7 +56,7 @@ class IntegerWeights:
 
     @classmethod
     def load(cls, path: Path) -> IntegerWeights:
-        """Return the network of a file written by ``save``.
+        """Return the network from a file written by ``save``.
 
         Raises
         ------
@@ -93,7 +93,7 @@ class IntegerWeights:
 
 
 def weight_image(network: IntegerNetwork) -> list[int]:
-    """Return the words of the row memory: word g of row r is at ``r << row_bits | g``.
+    """Return the words of the row memory: word g of row r has the address ``r << row_bits | g``.
 
     Row n belongs to hidden neuron n, and row ``hidden`` + c to channel c. Word g contains the weights to the neurons
     from ``g * lanes`` on, the first in the least significant bits.
@@ -110,7 +110,7 @@ def weight_image(network: IntegerNetwork) -> list[int]:
 
 
 def neuron_image(network: IntegerNetwork) -> list[int]:
-    """Return the words of the neuron memory: word k of neuron n is at ``n << neuron_row_bits | k``.
+    """Return the words of the neuron memory: word k of neuron n has the address ``n << neuron_row_bits | k``.
 
     Words 0 to ``classes`` - 1 are its weights to the outputs, the next is its bias, and the one behind it the bias of
     output n.
@@ -129,7 +129,7 @@ def neuron_image(network: IntegerNetwork) -> list[int]:
 
 
 def network_of(config: ClassifierConfig, weights: Sequence[int], neurons: Sequence[int]) -> IntegerNetwork:
-    """Return the network whose memory images are ``weights`` and ``neurons``."""
+    """Return the network stored in two memory images."""
     rows = np.array([_unpacked(word, config.weight_bits, config.lanes) for word in weights])
     rows = rows.reshape(config.hidden + config.inputs, -1)[:, : config.hidden]
     table = np.array([_unpacked(word, config.neuron_bits, 1) for word in neurons]).reshape(
@@ -147,7 +147,7 @@ def network_of(config: ClassifierConfig, weights: Sequence[int], neurons: Sequen
 
 
 def write_images(network: IntegerNetwork, folder: Path, name: str) -> list[Path]:
-    """Write both memory images for ``$readmemh``, one word per line, and return their paths."""
+    """Write both memory images for ``$readmemh`` and return their paths."""
     config, paths = network.config, []
     images = {
         "weights": (weight_image(network), config.lanes * config.weight_bits),
@@ -163,12 +163,12 @@ def write_images(network: IntegerNetwork, folder: Path, name: str) -> list[Path]
 
 
 def _packed(values: list[int], bits: int) -> int:
-    """Pack signed numbers into one word, the first in the least significant bits."""
+    """Return one word that packs signed integers, the first in the least significant bits."""
     mask = (1 << bits) - 1
     return sum((value & mask) << number * bits for number, value in enumerate(values))
 
 
 def _unpacked(word: int, bits: int, count: int) -> list[int]:
-    """Return the signed numbers of a word, the first from the least significant bits."""
+    """Return the signed integers packed in a word, least significant first."""
     parts = [word >> number * bits & (1 << bits) - 1 for number in range(count)]
     return [part - (part >> bits - 1 << bits) for part in parts]

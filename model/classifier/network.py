@@ -1,4 +1,4 @@
-"""Compute the integer network, exact in every potential and spike of every bin (docs/reference/classifier.md).
+"""Model of the integer network, bit-exact in every bin (docs/reference/classifier.md).
 
 This is the golden model of ``rtl/classifier``, without lanes and words.
 """
@@ -19,7 +19,7 @@ Whole = NDArray[np.int64]
 
 
 class Bin(NamedTuple):
-    """Results at the end of a bin.
+    """Potentials, spikes and evidence at the end of a bin.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Bin(NamedTuple):
 
 
 def _arrays(config: ClassifierConfig) -> dict[str, tuple[tuple[int, ...], int]]:
-    """Return shape and bits of every array of a network."""
+    """Return the shape and the bit width of every weight array of a network."""
     return {
         "w_in": ((config.inputs, config.hidden), config.in_bits),
         "w_rec": ((config.hidden, config.hidden), config.rec_bits),
@@ -54,7 +54,7 @@ def _arrays(config: ClassifierConfig) -> dict[str, tuple[tuple[int, ...], int]]:
 
 @dataclass(frozen=True, eq=False)
 class IntegerNetwork:
-    """A network with integer weights.
+    """A spiking network with integer weights.
 
     Parameters
     ----------
@@ -92,12 +92,12 @@ class IntegerNetwork:
 
     @classmethod
     def filled(cls, config: ClassifierConfig, fill: Callable[..., Whole]) -> IntegerNetwork:
-        """Return a network with arrays made by a function of their bits and shape, one after the other."""
+        """Return a network whose arrays are made by a function of bit width and shape."""
         return cls(config, **{name: fill(bits, *shape) for name, (shape, bits) in _arrays(config).items()})
 
     @property
     def hidden_ends(self) -> tuple[int, int] | None:
-        """Limits of all hidden potentials for these weights in a bin of some clocks; None if unlimited."""
+        """Return the range of the hidden potentials for these weights, or None if unlimited."""
         config = self.config
         added = [
             config.events_per_bin * part(self.w_in.T << config.in_shift, 1)
@@ -109,7 +109,7 @@ class IntegerNetwork:
 
     @property
     def output_ends(self) -> tuple[int, int] | None:
-        """Limits of all output potentials for these weights; None if unlimited."""
+        """Return the range of the output potentials for these weights, or None if unlimited."""
         config = self.config
         added = [
             total(self.w_out.T << config.out_shift) + part((self.b_out << config.out_bias_shift)[:, None], 1)
@@ -118,7 +118,7 @@ class IntegerNetwork:
         return _widest(config.output_ends, *added)
 
     def sized(self) -> IntegerNetwork:
-        """Return the network with the fewest bits in which none of its potentials can saturate.
+        """Return the network with the narrowest potentials that cannot saturate.
 
         A slightly larger width is used if it covers any weights, because the adders then need no saturation. If there
         is no such width, or it exceeds 32 bits, the widths do not change and potentials saturate.
@@ -163,7 +163,7 @@ class IntegerNetwork:
 
 
 class State:
-    """Potentials, spikes and evidence of several scans, between two events.
+    """Potentials, spikes and evidence of several scans at one moment.
 
     The order of additions is part of the contract: leaked potential, bias, events as they are taken, recurrent spikes
     in rising order of their neuron. Each addition stops at the end of the bits. In neurons with a synaptic current all
@@ -204,12 +204,12 @@ class State:
         return np.clip(v + added, lowest(bits), highest(bits))
 
     def add_events(self, channels: Iterable[int]) -> None:
-        """Add events to a single scan, one after the other."""
+        """Add the events of one scan in order."""
         for channel in channels:
             self.v = self._sum(self.v, self._in[channel])
 
     def add_counts(self, counts: NDArray[Any]) -> None:
-        """Add the events of a bin, shape (scans, inputs), in rising order of channels."""
+        """Add the event counts of a bin, shape (scans, inputs), in rising order of channels."""
         if self._stays_within(self.v, counts.sum(1).max(initial=0) * np.abs(self._in).max(), self.config.membrane_bits):
             self.v = self.v + _product(counts, self._in)
             return
@@ -222,7 +222,7 @@ class State:
         return bool(np.abs(v).max(initial=0) + added <= highest(bits))
 
     def end_bin(self) -> tuple[Whole, Whole, Whole, Whole]:
-        """End the bin: recurrent spikes, floor, comparison, reset; outputs and evidence; leak and bias of the next bin.
+        """End a bin: update hidden neurons, outputs and evidence, then apply leak and bias.
 
         Returns
         -------
@@ -264,13 +264,13 @@ class State:
         return potential, self.spikes, output, fired
 
     def end_single_bin(self) -> Bin:
-        """End the bin of a single scan."""
+        """End a bin of one scan."""
         potential, spikes, output, fired = (values[0] for values in self.end_bin())
         return Bin(potential, spikes, output, fired, self.evidence[0], int(self.evidence[0].argmax()))
 
 
 def _fire(v: Whole, threshold: int, floor: int | None, reset: str) -> tuple[Whole, Whole, Whole]:
-    """Return the potentials limited by the floor, the spikes (0 or 1), and the potentials after reset."""
+    """Return the clipped potentials, the spikes (0 or 1), and the potentials after reset."""
     if floor is not None:
         v = np.maximum(v, floor)
     fired = (v > threshold).astype(np.int64)
@@ -278,12 +278,12 @@ def _fire(v: Whole, threshold: int, floor: int | None, reset: str) -> tuple[Whol
 
 
 def _leak(v: Whole, leak: Leak) -> Whole:
-    """Return a potential after the leak of one bin; the shift rounds down."""
+    """Return a potential after the leak of one bin, rounded down."""
     return v - (v * leak.factor >> leak.shift) if leak.shift else v
 
 
 def _product(counts: NDArray[Any], weights: Whole) -> Whole:
-    """Return an exact integer product: all sums stay far below 2**53."""
+    """Return an exact integer matrix product computed in float64; all sums are far below 2**53."""
     product: Whole = (counts.astype(np.float64) @ weights.astype(np.float64)).astype(np.int64)
     return product
 
@@ -305,7 +305,7 @@ def _positive(values: Whole) -> Whole:
 
 
 def _widest(of: Any, low: Whole, high: Whole) -> tuple[int, int] | None:
-    """Return the limits that cover all neurons, whose bins add between ``low`` and ``high``."""
+    """Return the range that covers all neurons if each bin adds between ``low`` and ``high``."""
     found = [of(int(a), int(b)) for a, b in zip(low, high, strict=True)]
     if None in found:
         return None

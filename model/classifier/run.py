@@ -1,4 +1,4 @@
-"""Compute the classifier's timing in closed form: clocks of events, ends of work, and outputs.
+"""Timing model of the classifier in closed form: clocks of events, of bin ends and of outputs.
 
 Clocks are counted from the end of reset or, after a ``scan_start``, from any clock the caller likes.
 """
@@ -14,7 +14,7 @@ from eskin.model.classifier.network import Bin, IntegerNetwork, State
 
 @dataclass
 class ClassifierRun:
-    """Results of the classifier from the start of a scan on.
+    """Clocks, classes and waiting times of one simulated run of the classifier.
 
     Attributes
     ----------
@@ -44,12 +44,12 @@ class ClassifierRun:
 
 
 def first_ready(config: ClassifierConfig, start: int) -> int:
-    """Return the first clock with ``event_ready`` after a ``scan_start`` at clock ``start`` (-1: the end of reset)."""
+    """Return the first clock with ``event_ready`` high after a ``scan_start`` (``start`` -1: after reset)."""
     return start + config.hidden + config.classes + 3
 
 
 def work_clocks(config: ClassifierConfig, before: int, now: int) -> int:
-    """Return the clocks of the work at the end of a bin.
+    """Return the number of clocks of work at the end of a bin.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def work_clocks(config: ClassifierConfig, before: int, now: int) -> int:
 def simulate(
     network: IntegerNetwork, offered: Sequence[tuple[int, int]], ends: Sequence[int], clocks: int, start: int = -1
 ) -> ClassifierRun:
-    """Simulate the classifier.
+    """Simulate the classifier clock by clock.
 
     Parameters
     ----------
@@ -112,14 +112,14 @@ def simulate(
 
 
 class _Offers:
-    """Incoming events, offered one after the other, with a count of the clocks in which they wait."""
+    """Queue of incoming events that counts the clocks in which an event waits."""
 
     def __init__(self, offered: Sequence[tuple[int, int]], run: ClassifierRun, begin: int) -> None:
         self.offered, self.run, self.begin = offered, run, begin
 
     @property
     def since(self) -> int | None:
-        """Clock from which the next event is offered, or None."""
+        """Clock from which the next event is offered, or None without an event."""
         number = len(self.run.accepted)
         if number == len(self.offered):
             return None
@@ -127,7 +127,7 @@ class _Offers:
         return max(self.offered[number][0], behind)
 
     def take(self, free: int, last: int) -> int | None:
-        """Return the clock in which the next event is taken, or None if it is after ``last``."""
+        """Return the clock in which the classifier takes the next event, or None if it is after ``last``."""
         since = self.since
         if since is None or max(since, free) > last:
             return None
@@ -137,7 +137,7 @@ class _Offers:
         return clock
 
     def finish(self, clocks: int) -> None:
-        """Count the waiting clocks of the event that is still offered at the end."""
+        """Add the waiting clocks of an event that is still offered at the end."""
         since = self.since
         if since is not None:
             self.run.stalled += max(clocks - since, 0)

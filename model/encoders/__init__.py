@@ -1,1 +1,1 @@
-"""The encoders of a taxel: one file for each, and their registry."""
+"""The encoders of a taxel, one per file, and their registry."""

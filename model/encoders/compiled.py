@@ -1,4 +1,4 @@
-"""Call encoders from compiled loops: Numba selects the encoder by the type of its rule.
+"""Calls of encoder functions from Numba loops, selected by the type of the rule.
 
 A loop that calls them is compiled anew for every encoder, without a branch between encoders, and can be cached.
 """
@@ -23,7 +23,7 @@ BY_RULE: dict[type[Any], Encoder] = {encoder.Rule: encoder for encoder in ENCODE
 
 
 def _of(rule: Any) -> Encoder:
-    """Return the encoder of a rule's type, as a Numba type."""
+    """Return the encoder for a rule type, as a Numba type."""
     return BY_RULE[rule.instance_class]
 
 
@@ -80,6 +80,6 @@ for _module in MODULES:
 
 
 def sources() -> Iterator[Path]:
-    """Yield the source files of a loop that calls an encoder, and their folder, whose time shows deleted files."""
+    """Yield the source files that determine a compiled loop, and their folders."""
     folder = Path(__file__).parent
     yield from (folder, Path(__file__), *(Path(str(module.__file__)) for module in MODULES))

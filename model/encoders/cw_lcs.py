@@ -1,4 +1,4 @@
-"""CW-LCS: LCS with a window that closes in steps while no event happens (docs/specification.md, section 2)."""
+"""CW-LCS: LCS with a window that closes in steps while no event occurs (docs/specification.md, section 2)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class CwLcsRule(NamedTuple):
-    """D and closing step in codes, as set by a host and as built; half-widths; ticks per closing step.
+    """Constants of CW-LCS: D and closing step in codes, half-widths, ticks per closing step.
 
     ``grid_log2`` is log2 of the closing step as built, ``levels_log2`` is log2 of the number of half-widths, and
     ``cap`` is the largest number of events of one tick.
@@ -42,11 +42,11 @@ class CwLcs(Encoder):
     state = window.STATE
 
     def grid(self, config: ReadoutConfig) -> int:
-        """Return the closing step: every half-width is a multiple of it."""
+        """Return the closing step; every half-width is a multiple of the closing step."""
         return config.closing_step
 
     def check(self, config: ReadoutConfig) -> None:
-        """Refuse registers if D has too few codes for all closing steps.
+        """Check that D has enough codes for all closing steps.
 
         Then a coarser D, which a host may set, would have more closing steps than the window was built for.
         """
@@ -59,33 +59,33 @@ class CwLcs(Encoder):
             )
 
     def rule(self, config: ReadoutConfig) -> CwLcsRule:
-        """Return the rule of a configuration."""
+        """Return the constants of the encoder for a configuration."""
         step, closing, levels = config.step, config.closing_step, config.closing_levels_log2
         now = (step, closing, 1 << levels, config.window_period)
         return CwLcsRule(*now, step, closing, log2(closing), levels, config.most_events_per_tick)
 
     def state_dtype(self, config: ReadoutConfig) -> type[np.signedinteger[Any]]:
-        """Return int16 if it holds differences of samples, in closing steps, and the ticks of a window."""
+        """Return int16 if int16 can hold all sample differences and tick counters, else int32."""
         fits = config.sample_bits - log2(config.closing_step) <= 15 and config.window_period <= np.iinfo(np.int16).max
         return np.int16 if fits else np.int32
 
     def half_width(self, config: ReadoutConfig, taxels: Any) -> Any:
-        """Return the half-widths of the windows."""
+        """Return the half-width of the window of every taxel."""
         return config.step - taxels["closed"] * config.closing_step
 
     def error_bound(self, config: ReadoutConfig) -> tuple[float, float]:
-        """Return -D <= x - u < D, or with several decisions per tick -h <= x - u < h, h being the half-width."""
+        """Return -D <= x - u < D, or with several decisions per tick -h <= x - u < h for half-width h."""
         return -config.step, config.step - 1
 
     def slope_limit(self, config: ReadoutConfig) -> float:
-        """Return D for each decision of a tick; for a single decision and a closing window one step less."""
+        """Return D times the decisions per tick, or one step less for one decision and a closing window."""
         decisions = config.decisions_per_tick
         closing = config.closing_step if decisions == 1 and config.closing_levels_log2 else 0
         return float(config.step * decisions - closing)
 
     @staticmethod
     def compare(rule: Any, taxel: Any) -> tuple[bool, bool]:
-        """Compare with the half-width; the upper threshold is inclusive."""
+        """Compare the sample with the window; the upper threshold is inclusive."""
         d, h = taxel.x - taxel.u, window.half_width(rule, taxel)
         return d >= h, d < -h
 
@@ -112,7 +112,7 @@ class CwLcs(Encoder):
 
     @staticmethod
     def told(rule: Any, now: Any) -> Any:
-        """Set a coarser D, a closing step that grows by the same factor, and a period."""
+        """Return the rule for a resolution and a window period set by the host."""
         return CwLcsRule(
             rule.built_step << now.coarser,
             rule.built_closing_step << now.coarser,
@@ -127,7 +127,7 @@ class CwLcs(Encoder):
 
     @staticmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
-        """Write the events; u and half-widths are in closing steps.
+        """Write the event counts of every tick; u and half-widths are in closing steps.
 
         An event in the first decision moves u by the half-width and opens the window; others follow as in LCS.
         If the first is quiet the window may close, which the second decision sees; a third finds nothing new.
@@ -172,7 +172,7 @@ class CwLcs(Encoder):
 
     @staticmethod
     def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
-        """Rebuild every window from the ticks without events, which gives the step of every event."""
+        """Reconstruct the references; ticks without events determine the half-width of each event."""
         bottom, top = ends
         half = np.full(counts.shape[1], rule.step)
         quiet = np.zeros(counts.shape[1], np.int64)

@@ -1,4 +1,4 @@
-"""Define the interface of an encoder: names and traits, rule, decoder, and bounds.
+"""Interface of an encoder: its properties, its rule, its decoder and its error bounds.
 
 The functions under "compiled" are plain Python that Numba understands; ``eskin.model.encoders.compiled`` compiles them.
 Numba selects the encoder by the type of ``rule``, so every encoder needs its own rule class with a unique name.
@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # a configuration knows its encoder, so no encoder imports th
 
 
 class Encoder(ABC):
-    """The rule by which a taxel converts samples into events; one stateless object per encoder.
+    """The rule by which a taxel converts samples into events.
 
     Attributes
     ----------
@@ -63,29 +63,30 @@ class Encoder(ABC):
 
     @property
     def late(self) -> bool:
-        """Whether the first event of a tick may come in the second decision, because a threshold moved in the first."""
+        """True if the first event of a tick can come from the second decision, because a threshold moved in the
+        first."""
         return self.leaks or self.windowed
 
     # -- of a configuration ----------------------------------------------------------------------
 
     @abstractmethod
     def grid(self, config: ReadoutConfig) -> int:
-        """Return the codes between neighbouring positions of the reference."""
+        """Return the spacing of the reference levels in codes."""
 
     def lowest(self, config: ReadoutConfig) -> int:
-        """Return the lowest code of the reference."""
+        """Return the lowest level of the reference in codes."""
         return -config.full_scale if self.polarity else 0
 
     def fraction_bits(self, config: ReadoutConfig) -> int:
-        """Return the bits of the reference below one code."""
+        """Return the number of fraction bits of the reference."""
         return config.fraction_bits if self.leaks else 0
 
     def closes(self, config: ReadoutConfig) -> bool:
-        """Return whether every taxel has a window of more than one half-width."""
+        """Return True if every taxel has a window with more than one half-width."""
         return self.windowed and config.closing_levels_log2 > 0
 
     def needs_tick(self, config: ReadoutConfig) -> bool:
-        """Return whether the rule needs the sample tick as a time base."""
+        """Return True if the encoder needs the sample tick as a time base."""
         return self.leaks or self.closes(config)
 
     def check(self, config: ReadoutConfig) -> None:  # noqa: B027 (most encoders take every configuration)
@@ -93,25 +94,25 @@ class Encoder(ABC):
 
     @abstractmethod
     def rule(self, config: ReadoutConfig) -> Any:
-        """Return the rule, of type ``Rule``."""
+        """Return the constants of the encoder for a configuration, as a ``Rule``."""
 
     def state_dtype(self, config: ReadoutConfig) -> type[np.signedinteger[Any]]:
-        """Return a type for every number of ``ticks``: differences of samples, and the state."""
+        """Return an integer type that can hold every number in ``ticks``."""
         return np.int32
 
     def half_width(self, config: ReadoutConfig, taxels: Any) -> Any:
-        """Return the distance of the thresholds from the references, in codes, for records of taxel state."""
+        """Return the distance of the thresholds from the reference of every taxel, in codes."""
         return np.full(taxels.shape, config.step)
 
     # -- what the decoder promises ---------------------------------------------------------------
 
     @abstractmethod
     def error_bound(self, config: ReadoutConfig) -> tuple[float, float]:
-        """Return (low, high): low <= x - u <= high at the end of every tick, in codes, within the slope limit."""
+        """Return the reconstruction error bounds (low, high): low <= x - u <= high in codes, within the slope limit."""
 
     @abstractmethod
     def slope_limit(self, config: ReadoutConfig) -> float:
-        """Return the largest step between two samples, in codes, for which the bound holds."""
+        """Return the largest step between two samples, in codes, for which the error bound holds."""
 
     # -- compiled: one taxel in one clock --------------------------------------------------------
     # ``taxel`` is a record of x, u and the state. u and what ``reach`` returns are in 2**-fraction_bits codes.
@@ -119,37 +120,37 @@ class Encoder(ABC):
     @staticmethod
     @abstractmethod
     def compare(rule: Any, taxel: Any) -> tuple[bool, bool]:
-        """Return whether the sample is above the upper threshold, and whether it is below the lower threshold."""
+        """Return whether the sample is above the upper threshold, and whether it is below the lower one."""
 
     @staticmethod
     @abstractmethod
     def reach(rule: Any, taxel: Any) -> Any:
-        """Return the distance by which an event moves the reference now."""
+        """Return the distance by which an event moves the reference."""
 
     @staticmethod
     @abstractmethod
     def move(rule: Any, taxel: Any, on: bool, off: bool, tick: bool, leaks: bool) -> bool:
-        """Move the reference and the state; return whether a threshold moved without an event.
+        """Move the reference and update the encoder state; return True if a threshold moved without an event.
 
         ``tick`` and ``leaks`` are true in the clock of a sample tick, and of a leak of this taxel.
         """
 
     @staticmethod
     def clear(rule: Any, taxel: Any) -> None:
-        """Reset the encoder's state; the reference is reset already."""
+        """Reset the encoder state of a taxel, except the reference."""
         return  # most encoders have no state
 
     @staticmethod
     @abstractmethod
     def told(rule: Any, now: Any) -> Any:
-        """Return the rule with a host's settings, a record of ``eskin.model.registers.settings``."""
+        """Return the rule changed by the settings of a host."""
 
     # -- compiled: all taxels, tick by tick ------------------------------------------------------
 
     @staticmethod
     @abstractmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
-        """Write the events of all decisions of every tick, in closed form.
+        """Write the event counts of every tick, computed in closed form.
 
         Parameters
         ----------
@@ -168,7 +169,7 @@ class Encoder(ABC):
     @staticmethod
     @abstractmethod
     def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
-        """Write the reference in codes at the end of every tick, equal to that of ``ticks``.
+        """Write the reference in codes at the end of every tick, equal to the reference in ``ticks``.
 
         ``u``, shape (taxels,), starts as the reference after reset; it and ``ends``, the bottom and the top of the
         scale, are in 2**-fraction_bits codes.
@@ -181,5 +182,5 @@ def steps_up_to(n: Any, room: Any, step: Any) -> Any:
 
 
 def log2(power_of_two: int) -> int:
-    """Return the logarithm of a power of two."""
+    """Return the binary logarithm of a power of two."""
     return power_of_two.bit_length() - 1

@@ -1,4 +1,4 @@
-"""Receptive fields: the encoder of a taxel sees a sum of samples (docs/reference/fields.md)."""
+"""Receptive fields: the encoder of a taxel compares a sum of samples (docs/reference/fields.md)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ANALOG_RANGE = 4
 
 
 class Field(NamedTuple):
-    """The taxels whose samples are added, and the shift of their sum.
+    """A receptive field: the taxels whose samples are added, and the right shift of the sum.
 
     A taxel that is listed several times counts several times. A field without taxels is off.
     """
@@ -41,7 +41,7 @@ class Field(NamedTuple):
     shift: int = 0
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the field as JSON writes it."""
+        """Return the field as a dictionary for JSON."""
         return {"taxels": list(self.taxels), "shift": self.shift}
 
 
@@ -50,7 +50,7 @@ Fields = str | tuple[Field, ...]
 
 
 def parse(given: Any, taxels: int) -> Fields:
-    """Return the fields of a configuration; lists of own samples are ``own``.
+    """Return the checked receptive fields of a configuration.
 
     Parameters
     ----------
@@ -105,12 +105,12 @@ def _parse_one(number: int, given: Any, taxels: int) -> Field:
 
 
 def most_shift(taxels: int) -> int:
-    """Return the largest shift of a field: it divides the sum by the number of taxels, rounded up to a power of two."""
+    """Return the largest allowed right shift of a field."""
     return (max(taxels, 1) - 1).bit_length()
 
 
 def kind(name: str, rows: int, columns: int, taxel: int) -> Field:
-    """Return the field of a name for one taxel.
+    """Return a taxel's field of a named kind.
 
     ``neighbours`` is the mean of the taxels above, left, right and below; ``both`` is the mean of the own sample and of
     ``neighbours``. At an edge the own sample replaces a missing neighbour, so that every field has gain 1.
@@ -126,7 +126,7 @@ def kind(name: str, rows: int, columns: int, taxel: int) -> Field:
 
 
 def fields_of(config: ReadoutConfig) -> tuple[Field, ...]:
-    """Return the field of every taxel; after reset, where a host chooses."""
+    """Return the field of every taxel after reset."""
     if isinstance(config.fields, str):
         name = "own" if config.fields == SETTABLE else config.fields
         return tuple(kind(name, config.rows, config.columns, taxel) for taxel in range(config.taxels))
@@ -134,19 +134,19 @@ def fields_of(config: ReadoutConfig) -> tuple[Field, ...]:
 
 
 def is_off(config: ReadoutConfig) -> NDArray[np.bool_]:
-    """Return which taxels are off, shape (taxels,)."""
+    """Return for every taxel whether the taxel is off, shape (taxels,)."""
     if isinstance(config.fields, str):
         return np.zeros(config.taxels, np.bool_)
     return np.array([not field.taxels for field in config.fields])
 
 
 def unused(config: ReadoutConfig) -> set[int]:
-    """Return the taxels that are in no field."""
+    """Return the taxels that belong to no field."""
     return set(range(config.taxels)) - {taxel for field in fields_of(config) for taxel in field.taxels}
 
 
 def signals(config: ReadoutConfig, samples: NDArray[Any], scale: int | None = None) -> NDArray[Any]:
-    """Return the signals that the encoders see: the sum of each field, shifted, rounded half even, and saturated.
+    """Return the inputs of the encoders: the saturated, rounded sum of each field.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def signals(config: ReadoutConfig, samples: NDArray[Any], scale: int | None = No
 
 
 def chosen(config: ReadoutConfig, samples: NDArray[Any], choice: NDArray[np.integer]) -> NDArray[Any]:
-    """Return the signals where a host chooses the fields, by their numbers in ``CHOICES``; off is 0.
+    """Return the inputs of the encoders for fields chosen by a host.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def chosen(config: ReadoutConfig, samples: NDArray[Any], choice: NDArray[np.inte
 
 
 def seen(config: ReadoutConfig, samples: NDArray[Any]) -> NDArray[Any]:
-    """Return what the comparators of a readout see of samples: an analog signal may leave full scale."""
+    """Return the inputs of the comparators; analog ones may exceed full scale."""
     return signals(config, samples, config.full_scale * (ANALOG_RANGE if config.frontend == "analog" else 1))
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class LcsRule(NamedTuple):
-    """D in codes, as set by a host and as built; log2 of D as built; the most events of one tick."""
+    """Constants of LCS: D in codes, current and built, and the most events per tick."""
 
     step: int
     built_step: int
@@ -28,15 +28,15 @@ class Lcs(Encoder):
     Rule = LcsRule
 
     def grid(self, config: ReadoutConfig) -> int:
-        """Return D: every event moves the reference by D."""
+        """Return D; every event moves the reference by D."""
         return config.step
 
     def rule(self, config: ReadoutConfig) -> LcsRule:
-        """Return the rule of a configuration."""
+        """Return the constants of the encoder for a configuration."""
         return LcsRule(config.step, config.step, log2(config.step), config.most_events_per_tick)
 
     def state_dtype(self, config: ReadoutConfig) -> type[np.signedinteger[Any]]:
-        """Return int16 if it holds the most events of a tick: 2**(N + 2) steps need N + 4 bits."""
+        """Return int16 if int16 can hold the most events of a tick, else int32."""
         return np.int16 if config.resolution <= 12 else np.int32
 
     def error_bound(self, config: ReadoutConfig) -> tuple[float, float]:
@@ -44,12 +44,12 @@ class Lcs(Encoder):
         return -config.step, config.step - 1
 
     def slope_limit(self, config: ReadoutConfig) -> float:
-        """Return D for each decision of a tick."""
+        """Return D times the decisions per tick."""
         return float(config.step * config.decisions_per_tick)
 
     @staticmethod
     def compare(rule: Any, taxel: Any) -> tuple[bool, bool]:
-        """Compare with D; the upper threshold is inclusive."""
+        """Compare the sample with the thresholds u + D and u - D; only the upper one is inclusive."""
         d = taxel.x - taxel.u
         return d >= rule.step, d < -rule.step
 
@@ -60,7 +60,7 @@ class Lcs(Encoder):
 
     @staticmethod
     def move(rule: Any, taxel: Any, on: bool, off: bool, tick: bool, leaks: bool) -> bool:
-        """Move the reference by D with every event."""
+        """Move the reference by D at every event."""
         if on:
             taxel.u += rule.step
         elif off:
@@ -69,12 +69,12 @@ class Lcs(Encoder):
 
     @staticmethod
     def told(rule: Any, now: Any) -> Any:
-        """Set a coarser D."""
+        """Return the rule for a coarser resolution set by the host."""
         return LcsRule(rule.built_step << now.coarser, rule.built_step, rule.step_log2, rule.cap)
 
     @staticmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
-        """Write the events; u is in steps of D.
+        """Write the event counts of every tick; u is in units of D.
 
         With y = floor(x / D): ON while y - u >= 1 ends at u = y; OFF while y - u < -1 ends at u = y + 1.
         """
@@ -91,7 +91,7 @@ class Lcs(Encoder):
 
     @staticmethod
     def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
-        """Sum the events."""
+        """Reconstruct the reference by adding D for every event."""
         bottom, top = ends
         for i in range(counts.shape[0]):
             for j in range(counts.shape[1]):

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class NlcsRule(NamedTuple):
-    """D in 2**-F codes, as set by a host and as built; k, P and F; log2 of D as built; the most events of a tick."""
+    """Constants of N-LCS: D in units of 2**-F codes, the leak k and P, F, and the most events per tick."""
 
     step: int
     built_step: int
@@ -35,11 +35,11 @@ class Nlcs(Encoder):
     Rule: ClassVar[type[Any]] = NlcsRule
 
     def grid(self, config: ReadoutConfig) -> int:
-        """Return one code: a leak may move the reference to any code."""
+        """Return one code; a leak may move the reference to any code."""
         return 1
 
     def check(self, config: ReadoutConfig) -> None:
-        """Refuse fraction bits that exceed a word of 32 bits, and a host's period shorter than the number of rows."""
+        """Check that the reference fits 32 bits, and that a period set by a host covers all rows."""
         most = 31 - config.sample_bits
         if not 0 <= config.fraction_bits <= most:
             raise InputError(f"fraction_bits must be in 0..31 - sample_bits = {most}, not {config.fraction_bits}")
@@ -50,13 +50,13 @@ class Nlcs(Encoder):
             )
 
     def rule(self, config: ReadoutConfig) -> Any:
-        """Return the rule of a configuration."""
+        """Return the constants of the encoder for a configuration."""
         step = config.step << config.fraction_bits
         leak = (config.leak_shift, config.leak_period, config.fraction_bits)
         return self.Rule(step, step, *leak, log2(step), config.most_events_per_tick)
 
     def error_bound(self, config: ReadoutConfig) -> tuple[float, float]:
-        """Return x - u <= D, plus a leak with one decision per tick, and a lower bound for slow falls.
+        """Return the bounds: x - u <= D plus a leak at one decision per tick, and a lower bound for slow falls.
 
         No event follows a fall: u stays below the leaky peak hold of x, which leaks like u and is never below x. If x
         falls less between two decay ticks than its own level leaks, the peak hold is within one leak of x. This lower
@@ -66,7 +66,7 @@ class Nlcs(Encoder):
         return -leak, config.step + (leak if config.decisions_per_tick == 1 else 0)
 
     def slope_limit(self, config: ReadoutConfig) -> float:
-        """Return D for each decision of a tick, minus the leak.
+        """Return D times the decisions per tick, minus the leak.
 
         With several decisions, one of them waits for the leak, and the others must make up for it. A negative limit
         means that the leak of a full-scale reference alone is too large.
@@ -80,7 +80,7 @@ class Nlcs(Encoder):
 
     @staticmethod
     def compare(rule: Any, taxel: Any) -> tuple[bool, bool]:
-        """Compare with D, exclusive; N-LCS has no lower threshold."""
+        """Compare the sample with the upper threshold, exclusive."""
         return (taxel.x << rule.fraction_bits) - taxel.u > rule.step, False
 
     @staticmethod
@@ -90,14 +90,14 @@ class Nlcs(Encoder):
 
     @staticmethod
     def move(rule: Any, taxel: Any, on: bool, off: bool, tick: bool, leaks: bool) -> bool:
-        """Move the reference by D, and by the leak of the old reference."""
+        """Move the reference by D at an event, and subtract the leak of the old reference."""
         leak = leak_of(taxel.u, rule.leak_shift) if leaks else 0
         taxel.u += (rule.step if on else -rule.step if off else 0) - leak
         return leaks
 
     @staticmethod
     def told(rule: Any, now: Any) -> Any:
-        """Set a coarser D, and a leak."""
+        """Return the rule for a coarser resolution and a leak set by the host."""
         return NlcsRule(
             rule.built_step << now.coarser,
             rule.built_step,
@@ -110,7 +110,7 @@ class Nlcs(Encoder):
 
     @staticmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
-        """Write the events; u and D are in units of 2**-F code.
+        """Write the event counts of every tick; u and D are in units of 2**-F codes.
 
         The order is: the first decision; the leak of the old u, if due; then events while x - u > D, which are ceil((x
         - u) / D) - 1.
@@ -135,7 +135,7 @@ class Nlcs(Encoder):
 
     @staticmethod
     def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
-        """Leak a copy of the reference as the encoder does."""
+        """Reconstruct the reference with the leak of the encoder."""
         unit, top, shift = 2.0**-rule.fraction_bits, ends[1], rule.step_log2
         for i in range(counts.shape[0]):
             now = i % rule.leak_period

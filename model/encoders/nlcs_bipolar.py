@@ -1,4 +1,4 @@
-"""Bipolar N-LCS: a leaky neuron with a sign, ON and OFF events (docs/specification.md, section 2)."""
+"""Bipolar N-LCS: a leaky neuron with a signed reference and ON and OFF events (docs/specification.md, section 2)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class NlcsBipolarRule(NamedTuple):
-    """Same fields as ``NlcsRule``."""
+    """Constants of bipolar N-LCS; same fields as ``NlcsRule``."""
 
     step: int
     built_step: int
@@ -27,7 +27,7 @@ class NlcsBipolarRule(NamedTuple):
 
 
 class NlcsBipolar(Nlcs):
-    """Leaky-neuron level crossing with a signed reference that leaks to zero from both sides.
+    """Leaky-neuron level crossing with a signed reference that leaks towards zero.
 
     A step towards zero replaces the leak of its clock. Therefore all events of a tick have the same sign, however large
     the leak is. After a step towards zero the sample is still beyond the reference. Any other step moves the reference
@@ -39,7 +39,7 @@ class NlcsBipolar(Nlcs):
     Rule = NlcsBipolarRule
 
     def error_bound(self, config: ReadoutConfig) -> tuple[float, float]:
-        """Return -D - 1 < x - u <= D, extended by a leak at both ends with one decision per tick.
+        """Return -D - 1 < x - u <= D, widened by a leak at both ends for one decision per tick.
 
         OFF compares with the reference rounded down to a code, hence the 1.
         """
@@ -48,13 +48,13 @@ class NlcsBipolar(Nlcs):
 
     @staticmethod
     def compare(rule: Any, taxel: Any) -> tuple[bool, bool]:
-        """Compare x minus the reference, rounded down to a code, with D; both thresholds are exclusive."""
+        """Compare the sample with both thresholds, exclusive; the reference is rounded down to a code."""
         d = (taxel.x - (taxel.u >> rule.fraction_bits)) << rule.fraction_bits
         return d > rule.step, d < -rule.step
 
     @staticmethod
     def move(rule: Any, taxel: Any, on: bool, off: bool, tick: bool, leaks: bool) -> bool:
-        """Move the reference by D; add the leak of the old reference unless D leads towards zero."""
+        """Move the reference by D at an event, and apply the leak unless D moves it towards zero."""
         inward = (on and taxel.u < 0) or (off and taxel.u >= 0)
         leak = leak_of(taxel.u, rule.leak_shift) if leaks and not inward else 0
         taxel.u += (rule.step if on else -rule.step if off else 0) - leak
@@ -62,7 +62,7 @@ class NlcsBipolar(Nlcs):
 
     @staticmethod
     def told(rule: Any, now: Any) -> Any:
-        """Set a coarser D, and a leak."""
+        """Return the rule for a coarser resolution and a leak set by the host."""
         return NlcsBipolarRule(
             rule.built_step << now.coarser,
             rule.built_step,
@@ -75,7 +75,7 @@ class NlcsBipolar(Nlcs):
 
     @staticmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
-        """Write the events; u and D are in units of 2**-F code.
+        """Write the event counts of every tick; u and D are in units of 2**-F codes.
 
         The order is: the first decision; the leak of the old u, if due and if the step did not lead towards zero; then
         ON while x - u > D, or OFF while x - u <= -D - 1 code.
@@ -104,7 +104,7 @@ class NlcsBipolar(Nlcs):
 
     @staticmethod
     def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
-        """Leak and step a copy of the reference as the encoder does; a late event does not replace a leak."""
+        """Reconstruct the reference with the leak of the encoder."""
         bottom, top = ends
         unit = 2.0**-rule.fraction_bits
         for i in range(counts.shape[0]):

@@ -1,4 +1,4 @@
-"""List all encoders, for everything that needs one or all of them."""
+"""Registry of all encoders."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NAMES = tuple(encoder.name for encoder in ENCODERS)
 
 
 def named(name: str) -> Encoder:
-    """Return the encoder with a name.
+    """Return the encoder of a given name.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def named(name: str) -> Encoder:
 
 
 def check(encoders: tuple[Encoder, ...]) -> None:
-    """Refuse two encoders with equal name, title, code, colour, marker or rule.
+    """Check that names, titles, codes, colours, markers and rule types of encoders are unique.
 
     Two rule classes of one name would even share the compiled loops that Numba caches.
     """

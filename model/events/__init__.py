@@ -1,1 +1,1 @@
-"""Address events in memory and on disk, and the differences of two recordings."""
+"""Address events in memory and in files, and comparison of recordings."""

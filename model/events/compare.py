@@ -1,4 +1,4 @@
-"""Find the first difference of two event recordings."""
+"""Find the first difference between two event recordings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CONTEXT = 3
 
 
 class AddressEvent(NamedTuple):
-    """One event as plain numbers.
+    """One address event as Python integers.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class AddressEvent(NamedTuple):
 
 @dataclass(frozen=True)
 class Difference:
-    """The first index at which two recordings differ.
+    """The first difference between two recordings.
 
     Attributes
     ----------
@@ -63,14 +63,14 @@ class Difference:
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """Names of the fields that differ: clock, row, column, polarity; empty if a recording has ended."""
+        """Names of the fields that differ; empty if one recording has ended."""
         if self.a is None or self.b is None:
             return ()
         names = ("clock", "row", "column", "polarity")
         return tuple(n for n, a, b in zip(names, self.a, self.b, strict=True) if a != b)
 
     def describe(self, labels: tuple[str, str] = ("expected", "got")) -> str:
-        """Return the difference as text: one sentence, then the surrounding events side by side.
+        """Return the difference as text: a sentence, then the surrounding events side by side.
 
         Parameters
         ----------
@@ -111,7 +111,7 @@ def _address_events(events: Events) -> tuple[AddressEvent, ...]:
 
 
 def first_difference(a: Events, b: Events) -> Difference | None:
-    """Return the first difference of two recordings, or None if they are equal.
+    """Return the first difference between two recordings, or None if they are equal.
 
     Recordings are equal if clock, row, column and polarity of all events agree, in the same order.
 
@@ -148,7 +148,7 @@ def count_per_taxel(events: Events, config: ReadoutConfig) -> NDArray[np.int64]:
 
 
 def covering_config(a: ReadoutConfig, b: ReadoutConfig) -> ReadoutConfig:
-    """Return a configuration whose array covers the addresses of both; other fields as in the first."""
+    """Return the first recording's configuration, enlarged to the addresses of both recordings."""
     polar = next((c for c in (a, b) if c.has_polarity), a)
     return polar.replace(
         rows=max(a.rows, b.rows),
@@ -159,7 +159,7 @@ def covering_config(a: ReadoutConfig, b: ReadoutConfig) -> ReadoutConfig:
 
 
 def unmatched(a: Events, b: Events) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return the events of each recording without an equal in the other, whatever their order.
+    """Return the events of each recording that the other lacks, ignoring order.
 
     An event that stands n times in one and m times in the other is unmatched in the last n - m places.
 

@@ -1,4 +1,4 @@
-"""Address events in memory and on disk (docs/specification.md, section 5; docs/guide/files.md)."""
+"""Event recordings in memory and in files (docs/specification.md, section 5; docs/guide/files.md)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _HEADER_TYPES: dict[str, type] = {
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Address events with everything needed to read them. Immutable, validated on construction.
+    """Address events with their configuration, duration and metadata; immutable and validated.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class Recording:
 
     @property
     def clock_hz(self) -> float:
-        """Clock frequency in hertz; t / clock_hz is the time in seconds. The file contains it for other readers."""
+        """Clock frequency in hertz; t / clock_hz is the time of an event in seconds."""
         return self.config.clock_hz
 
     @property
@@ -99,7 +99,7 @@ class Recording:
 
     @property
     def rate_hz(self) -> float:
-        """Events per second of the whole array; 0 for an empty recording."""
+        """Events per second of the whole array."""
         return len(self.events) / self.duration_s if self.duration_clocks else 0.0
 
     def _header(self) -> dict[str, Any]:
@@ -114,7 +114,7 @@ class Recording:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write an ``.npz`` file, whole or not at all; equal recordings give equal bytes.
+        """Write the recording to an ``.npz`` file.
 
         Raises
         ------
@@ -131,7 +131,7 @@ class Recording:
 
     @classmethod
     def load(cls, path: str | Path) -> Recording:
-        """Read an ``.npz`` file written by :meth:`save`.
+        """Return the recording from an ``.npz`` file written by :meth:`save`.
 
         Raises
         ------
@@ -165,7 +165,7 @@ class Recording:
 
 
 def check_event_path(path: Path) -> None:
-    """Refuse an output name whose suffix does not determine the format."""
+    """Check that the suffix of an output file names a known event format."""
     if path.suffix != ".npz":
         raise InputError(f"event files end in .npz, {path.name} does not; rename the output")
 
@@ -174,7 +174,7 @@ def check_event_path(path: Path) -> None:
 
 
 def _read_members(path: Path) -> tuple[NDArray[Any], str]:
-    """Return the events and the metadata text of an event file."""
+    """Return the events and the metadata text from an event file."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -195,6 +195,6 @@ def _read_members(path: Path) -> tuple[NDArray[Any], str]:
 
 
 def _read_array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
-    """Return one member; read it completely, to verify its checksum before using its header."""
+    """Return one array of an archive, with its checksum verified."""
     array: NDArray[Any] = np.lib.format.read_array(io.BytesIO(archive.read(name)), allow_pickle=False)
     return array

@@ -1,1 +1,1 @@
-"""The registers for settings at run time: description, model and driver."""
+"""Run-time registers: their description, model and driver."""

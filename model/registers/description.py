@@ -1,4 +1,4 @@
-"""Read the registers of a configuration from their only description, ``eskin_registers.rdl`` (SystemRDL)."""
+"""Registers of a configuration, read from the SystemRDL description ``eskin_registers.rdl``."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Kind = Literal["constant", "setting", "pulse", "counter"]
 
 @dataclass(frozen=True)
 class Field:
-    """A field of a register.
+    """A bit field of a register.
 
     Parameters
     ----------
@@ -52,21 +52,21 @@ class Field:
 
     @property
     def bits(self) -> int:
-        """Bits that can differ from 0; bits above the largest writable value need no flop."""
+        """Number of bits that can be non-zero."""
         return min(self.width, self.most.bit_length())
 
     def of(self, word: int) -> int:
-        """Return the value of the field in a word."""
+        """Return the value of the field in a register word."""
         return word >> self.low & (1 << self.width) - 1
 
     def allows(self, word: int) -> bool:
-        """Return whether this field allows a word to be written."""
+        """Return True if a register word has an allowed value in this field."""
         return self.kind != "setting" or self.least <= self.of(word) <= self.most
 
 
 @dataclass(frozen=True)
 class Register:
-    """A word of 32 bits at a byte address.
+    """A 32-bit register at a byte address.
 
     Parameters
     ----------
@@ -87,30 +87,30 @@ class Register:
 
     @property
     def key(self) -> str:
-        """Name, with the index for a register of an array."""
+        """Name of the register, with the index for an element of a register array."""
         return self.name if self.index is None else f"{self.name}[{self.index}]"
 
     @property
     def writable(self) -> bool:
-        """Whether a write has an effect."""
+        """True if writing the register has an effect."""
         return any(field.kind in ("setting", "pulse") for field in self.fields)
 
     @property
     def reset(self) -> int:
-        """The word after reset."""
+        """Value of the register after reset."""
         return sum(field.reset << field.low for field in self.fields)
 
     def allows(self, word: int) -> bool:
-        """Return whether a word may be written: all its fields must be in range."""
+        """Return True if a word may be written, which means that all its fields are in range."""
         return self.writable and all(field.allows(word) for field in self.fields)
 
     def signal(self, field: Field) -> str:
-        """Return the signal name of a field; the fields of a register array share one signal."""
+        """Return the signal name of a field, shared by all elements of a register array."""
         return f"{self.name}_{field.name}"
 
 
 def parameters(config: ReadoutConfig) -> dict[str, Any]:
-    """Return the parameters of the description for a configuration."""
+    """Return the SystemRDL parameters for a configuration."""
     major, minor, patch = (int(part) for part in __version__.split("+")[0].split("."))
     return {
         "MAJOR": major,
@@ -132,7 +132,7 @@ def parameters(config: ReadoutConfig) -> dict[str, Any]:
 
 
 def compiled(given: dict[str, Any]) -> Any:
-    """Return the address map of the description for some parameters, elaborated by systemrdl-compiler.
+    """Return the address map for SystemRDL parameters, elaborated by systemrdl-compiler.
 
     Raises
     ------
@@ -153,7 +153,7 @@ def compiled(given: dict[str, Any]) -> Any:
 
 @cache
 def registers(config: ReadoutConfig) -> tuple[Register, ...]:
-    """Return all registers of a configuration, in the order of their addresses."""
+    """Return all registers of a configuration in rising order of addresses."""
     return walk(compiled(parameters(config)))
 
 
@@ -168,7 +168,7 @@ def walk(top: Any) -> tuple[Register, ...]:
 
 
 def _field(node: Any) -> Field:
-    """Return a field of the elaborated description."""
+    """Return the field for a node of the elaborated description."""
     kind: Kind = "constant"
     if node.get_property("counter"):
         kind = "counter"

@@ -1,4 +1,4 @@
-"""Access the registers of a chip from Python, through any SPI adapter."""
+"""Register access from Python to a chip through any SPI adapter."""
 
 from __future__ import annotations
 
@@ -37,23 +37,23 @@ class Registers:
         self.named = {register.key: register for register in registers(config)}
 
     def register(self, name: str) -> Register:
-        """Return a register by name, with an index for an array: ``mask[3]``."""
+        """Return the register of a name; an array name has an index: ``mask[3]``."""
         if name not in self.named:
             raise InputError(f"there is no register {name!r}; the registers are {', '.join(self.named)}")
         return self.named[name]
 
     def read_word(self, name: str) -> int:
-        """Return the word of a register."""
+        """Read a register and return its word."""
         sent = command(self.register(name).address, False).to_bytes(COMMAND_BITS // 8, "big") + bytes(WORD_BYTES)
         return int.from_bytes(self.exchange(sent)[-WORD_BYTES:], "big")
 
     def read(self, name: str) -> dict[str, int]:
-        """Return the fields of a register."""
+        """Read a register and return its fields."""
         word = self.read_word(name)
         return {field.name: field.of(word) for field in self.register(name).fields}
 
     def write_word(self, name: str, word: int) -> None:
-        """Write the word of a register.
+        """Write a word to a register.
 
         Raises
         ------
@@ -70,7 +70,7 @@ class Registers:
         self.exchange(sent)
 
     def write(self, name: str, **values: int) -> None:
-        """Write some fields of a register; the other fields keep their values."""
+        """Write given fields of a register and leave its other fields unchanged."""
         register = self.register(name)
         known = {field.name: field for field in register.fields}
         word = self.read_word(name) if set(known) - set(values) else 0
@@ -84,7 +84,7 @@ class Registers:
         self.write_word(name, word)
 
     def choose(self, field: str, taxels: Collection[int]) -> None:
-        """Let some taxels, by index, see a receptive field: own, neighbours, both or off; the others keep theirs."""
+        """Choose the receptive field of the given taxels: own, neighbours, both or off."""
         if field not in CHOICES:
             raise InputError(f"a field must be one of {', '.join(CHOICES)}, not {field!r}")
         if self.config.fields != SETTABLE:
@@ -100,7 +100,7 @@ class Registers:
                 self.write(name, taxels=value)
 
     def silence(self, taxels: Collection[int]) -> None:
-        """Mask exactly the given taxels, by index row * columns + column."""
+        """Mask the given taxels and enable all others."""
         mask = ~sum(1 << taxel for taxel in set(taxels))
         for name, register in self.named.items():
             if register.name.startswith("mask"):

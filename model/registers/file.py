@@ -1,4 +1,4 @@
-"""Simulate the register file: writes, reads and counters."""
+"""Cycle-accurate model of the register file: writes, reads and counters."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from eskin.model.registers.description import WORD_BITS, Register, registers
 
 
 class Write(NamedTuple):
-    """A written word."""
+    """A register write: address and word."""
 
     address: int
     word: int
 
 
 class RegisterFile:
-    """All registers of a readout, clock by clock.
+    """State of all registers of a readout, updated clock by clock.
 
     A word with a field out of its range is refused as a whole, and so is a write to a register that cannot be written
     or to a hole. A hole reads 0. A counter stops at its end.
@@ -35,12 +35,12 @@ class RegisterFile:
         self.reset()
 
     def reset(self) -> None:
-        """Take the reset state."""
+        """Set all registers to their reset values."""
         self.words = {address: register.reset for address, register in self.at.items()}
         self.told: frozenset[str] = frozenset()
 
     def read(self, address: int) -> int:
-        """Return the word read at an address; 0 for an address without a register, and for a pulse."""
+        """Return the word read at an address; 0 for pulses and unused addresses."""
         if address not in self.at:
             return 0
         word = self.words[address]
@@ -50,7 +50,7 @@ class RegisterFile:
         return word
 
     def signals(self) -> dict[str, int]:
-        """Return the value of every setting and pulse by its signal name."""
+        """Return the value of every setting and pulse by signal name."""
         found: dict[str, int] = {}
         for address, register in self.at.items():
             for field in register.fields:
@@ -60,7 +60,7 @@ class RegisterFile:
         return found
 
     def clock(self, write: Write | None, counted: Collection[str] = (), clear: bool = False) -> None:
-        """Apply a rising edge.
+        """Apply a rising edge with a write, counter inputs and a clear pulse.
 
         Parameters
         ----------
@@ -92,7 +92,7 @@ class RegisterFile:
 
 
 class Settings(NamedTuple):
-    """The settings that the registers give to the readout.
+    """The register settings that control the readout.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class Settings(NamedTuple):
 
     @classmethod
     def of(cls, config: ReadoutConfig, signals: Mapping[str, int]) -> Settings:
-        """Return the settings for signals of the register file; missing signals have their built values."""
+        """Return the settings for signals of the register file; missing signals take their default values."""
         whole, whole_fields = (bits // WORD_BITS * WORD_BITS for bits in (config.taxels, 2 * config.taxels))
         return cls(
             resolution=signals["resolution_bits"],

@@ -1,4 +1,4 @@
-"""Simulate the test pattern, clock by clock: its requests replace those of the array, one after the other.
+"""Cycle-accurate model of the test pattern generator, which replaces the requests of the array.
 
 Plain functions, which the loop of the readout's model compiles.
 """
@@ -16,7 +16,7 @@ REQUEST, ROW, COLUMN, SIGN, COUNT = range(5)
 
 
 class Pattern(NamedTuple):
-    """The register ``test``, field by field."""
+    """The fields of the register ``test``."""
 
     mode: int = OFF
     on: int = 1
@@ -27,17 +27,17 @@ class Pattern(NamedTuple):
 
 
 def new_state() -> list[int]:
-    """Return the state after reset, 5 words."""
+    """Return the state after reset, shape (5,)."""
     return [0, 0, 0, 1, 0]
 
 
 def requests(state: Sequence[int], restart: bool) -> bool:
-    """Return whether the pattern requests in this clock; never in the clock of a restart."""
+    """Return True if the test pattern generator requests in this clock."""
     return state[REQUEST] == 1 and not restart
 
 
 def advance(state: Any, p: Any, shape: Any, restart: bool, taken: bool) -> None:
-    """Apply a rising edge.
+    """Advance the test pattern generator by a clock edge.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Apply settings of the registers to the array from a clock on, inside the loop of the readout's model."""
+"""Register settings that change during a simulation of the readout."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _next = njit(cache=True)(pattern.advance)
 
 
 def check(config: ReadoutConfig, given: NDArray[np.void]) -> None:
-    """Refuse settings that do not fit a configuration, in one sentence."""
+    """Check that settings fit a configuration."""
     if not len(given):
         return
     if config.registers == "none":
@@ -49,19 +49,19 @@ NUMBER, TESTING, PATTERN_ANEW, DECAY_ANEW, FIRST_TICK, PATTERN = range(6)
 
 @njit(cache=True)
 def new_host() -> NDArray[np.int64]:
-    """Return the state after reset."""
+    """Return the state of the settings after reset."""
     return np.array([0, 0, 0, 0, 0, 0, 0, 0, 1, 0])
 
 
 @njit(inline="always")
 def next_change(host: Any, given: Any, clocks: int) -> Any:
-    """Return the clock of the next settings, or the end of the run."""
+    """Return the clock of the next change of settings, or the last clock of the run."""
     return min(given[host[NUMBER]].t, clocks) if host[NUMBER] < len(given) else clocks
 
 
 @njit(inline="always")
 def hear(host: Any, given: Any, t: int, ticks: int, rows: Any, latch: Any) -> tuple[bool, bool]:
-    """Apply the settings of a clock; return whether there are any, and whether a test pattern runs.
+    """Apply the settings of a clock; return whether settings changed, and whether a test pattern runs.
 
     A restarted pattern withdraws its request.
     """
@@ -87,20 +87,20 @@ def _take(host: Any, now: Any, ticks: int, rows: Any, latch: Any) -> None:
 
 @njit(cache=True)
 def set_phases(phases: NDArray[np.int64], leak_period: int) -> None:
-    """Set the phase of every row's leak for a new period."""
+    """Set the leak phase of every row for a new leak period."""
     for row in range(len(phases)):
         phases[row] = row * leak_period // len(phases)
 
 
 @njit(inline="always")
 def leaks(host: Any, p: Any, phase: Any, ticks: int) -> bool:
-    """Return whether a row of a phase leaks at the latest of several sample ticks."""
+    """Return True if a row with the given phase leaks at the latest sample tick."""
     return host[DECAY_ANEW] == 0 and decay.is_due(p.leak_period, phase, ticks - 1 - host[FIRST_TICK])
 
 
 @njit(inline="always")
 def advance(host: Any, given: Any, columns: int, granted: int, rows: Any, latch: Any) -> None:
-    """Advance a running test pattern by a clock edge; -1 means that no row is granted."""
+    """Advance a running test pattern by a clock edge."""
     if host[TESTING] or host[PATTERN_ANEW]:
         _advance(host, given[host[NUMBER] - 1], columns, granted, rows, latch)
 

@@ -1,4 +1,4 @@
-"""Simulate the SPI slave, clock by clock: mode 0, sampled by the clock of the readout.
+"""Cycle-accurate model of the SPI slave: mode 0, sampled by the clock of the readout.
 
 A transfer is a command of 16 bits, the most significant first, {write, address of 15 bits}, and then any number of
 words of 32 bits, which go to rising addresses or come from them.
@@ -23,7 +23,7 @@ LEAD_CLOCKS, LAG_CLOCKS, GAP_CLOCKS = 2, 2, 3
 
 
 class Pins(NamedTuple):
-    """Levels driven by the host."""
+    """Logic levels that the host drives on the SPI pins."""
 
     sck: int = 0
     cs_n: int = 1
@@ -31,7 +31,7 @@ class Pins(NamedTuple):
 
 
 class SpiSlave:
-    """The slave, clock by clock; properties give its outputs before a rising edge, and ``clock`` applies the edge.
+    """The SPI slave; properties give its outputs before a rising edge, and ``clock`` applies the edge.
 
     Attributes
     ----------
@@ -54,44 +54,44 @@ class SpiSlave:
         self.reset()
 
     def reset(self) -> None:
-        """Take the reset state: ignore everything until CS has been high."""
+        """Reset the slave, which then ignores the bus until CS has been high."""
         self.sck, self.cs_n, self.mosi = [0, 0, 0], [0, 0, 0, 0], [0, 0]
         self.active = self.in_data = self.writes = False
         self.count = self.address = self.shift = self.bit = 0
 
     @property
     def rises(self) -> bool:
-        """Whether the slave takes a bit in this clock."""
+        """True if the slave samples a bit in this clock."""
         return self.active and not self.cs_n[1] and self.sck[1] == 1 and self.sck[2] == 0
 
     @property
     def falls(self) -> bool:
-        """Whether the slave shows the next bit from the next clock on."""
+        """True if the slave shifts out the next bit after this clock."""
         return self.active and not self.cs_n[1] and self.sck[1] == 0 and self.sck[2] == 1
 
     @property
     def last(self) -> bool:
-        """Whether the next bit is the last of its word or command."""
+        """True if the next bit completes a word or a command."""
         return self.count == (WORD_BITS if self.in_data else COMMAND_BITS) - 1
 
     @property
     def received(self) -> int:
-        """The last 32 bits, including the bit taken in this clock."""
+        """The last 32 bits received, including the bit of this clock."""
         return (self.shift << 1 | self.mosi[1]) & (1 << WORD_BITS) - 1
 
     @property
     def write(self) -> Write | None:
-        """The word written in this clock."""
+        """The register write completed in this clock, or None."""
         complete = self.rises and self.last and self.in_data and self.writes
         return Write(self.address, self.received) if complete else None
 
     @property
     def miso(self) -> int:
-        """The bit for the host; 0 except during the words of a read transfer."""
+        """Level of MISO; 0 except during the words of a read."""
         return self.shift >> WORD_BITS - 1 if self.in_data and not self.writes else 0
 
     def clock(self, pins: Pins, read_data: int = 0) -> None:
-        """Apply a rising edge with the levels of the pins and the word at ``address``."""
+        """Apply a rising edge with the levels of the pins and the register word at ``address``."""
         if self.rises:
             if self.last:
                 if self.in_data:
@@ -115,17 +115,17 @@ class SpiSlave:
 
 
 def command(address: int, write: bool) -> int:
-    """Return the command of a transfer."""
+    """Return the command word of a transfer."""
     return int(write) << ADDRESS_BITS | address
 
 
 def bits(value: int, count: int) -> Iterator[int]:
-    """Yield bits, most significant first."""
+    """Yield the bits of a number, most significant first."""
     return (value >> place & 1 for place in reversed(range(count)))
 
 
 def transfer(address: int, words: Iterable[int], write: bool) -> list[int]:
-    """Return the bits that a host sends: command and words; for a read, the words are arbitrary."""
+    """Return the bits that a host sends in a transfer: a command, then words."""
     sent = list(bits(command(address, write), COMMAND_BITS))
     for word in words:
         sent += bits(word, WORD_BITS)

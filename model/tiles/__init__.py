@@ -1,1 +1,1 @@
-"""Skins of several readouts: their addresses, the merge of their events, and their simulation."""
+"""Skins of several tiles: addresses, merge of the event streams, and simulation."""

@@ -1,4 +1,4 @@
-"""Configure a skin of tiles, each with its own readout (docs/reference/tiles.md)."""
+"""Configuration of a skin of tiles, each with its own readout (docs/reference/tiles.md)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TILES = "docs/reference/tiles.md"
 
 @dataclass(frozen=True, kw_only=True)
 class TilesConfig(ReadoutConfig):
-    """A skin: identical tiles in rows and columns, and a merge that joins their events into one stream.
+    """A skin of identical tiles in rows and columns, whose events are merged into one stream.
 
     ``rows`` and ``columns`` are those of the whole skin, so its event files are read like any other; ``tile`` is the
     readout of one tile. Tile (r, c) of the skin has index ``r * tile_columns + c``.
@@ -55,7 +55,7 @@ class TilesConfig(ReadoutConfig):
 
     @classmethod
     def of(cls, tile: ReadoutConfig, tile_rows: int, tile_columns: int, relays: int = 0) -> TilesConfig:
-        """Return the skin with some rows and columns of a tile."""
+        """Return the skin with the given number of tile rows and columns."""
         own = {"tile_rows": tile_rows, "tile_columns": tile_columns}
         for name, value in own.items():
             if not 1 <= value <= MAX_TILES:
@@ -64,7 +64,7 @@ class TilesConfig(ReadoutConfig):
         return cls(**tile.to_dict() | sides | own | {"relays": relays})
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as a plain dictionary; registers and relays only where there are any."""
+        """Return all fields as a dictionary, without unused registers and relay stations."""
         fields = super().to_dict()
         if not self.relays:
             del fields["relays"]
@@ -93,7 +93,7 @@ class TilesConfig(ReadoutConfig):
 
     @property
     def tile(self) -> ReadoutConfig:
-        """The readout of one tile."""
+        """Configuration of the readout of one tile."""
         own = ("tile_rows", "tile_columns", "relays")
         fields = {name: value for name, value in self.to_dict().items() if name not in own}
         sides = {"rows": self.rows // self.tile_rows, "columns": self.columns // self.tile_columns}
@@ -106,7 +106,7 @@ class TilesConfig(ReadoutConfig):
 
     @property
     def tile_bits(self) -> int:
-        """Bits of a tile's address; 0 for one tile."""
+        """Bits of a tile address; 0 for one tile."""
         return (self.tiles - 1).bit_length()
 
     @property
@@ -115,7 +115,7 @@ class TilesConfig(ReadoutConfig):
         return self.tile_bits + self.tile.event_bits
 
     def on_skin(self, tile: Any, events: Events) -> Events:
-        """Convert the addresses of a tile's events to those of the skin.
+        """Convert the addresses of a tile's events to addresses on the skin.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class TilesConfig(ReadoutConfig):
         return moved
 
     def in_tiles(self, events: Events) -> tuple[NDArray[np.int64], Events]:
-        """Return each event's tile, shape (events,), and the events with addresses within their tiles."""
+        """Return the tile of each event, and the events with addresses within their tiles."""
         tile_row, y = np.divmod(events["y"], self.rows // self.tile_rows)
         tile_column, x = np.divmod(events["x"], self.columns // self.tile_columns)
         moved = events.copy()
@@ -138,7 +138,7 @@ class TilesConfig(ReadoutConfig):
         return tile_row.astype(np.int64) * self.tile_columns + tile_column, moved
 
     def taxels_of(self, tile: int) -> NDArray[np.int64]:
-        """Return a tile's taxels by their index on the skin, in the tile's order, shape (taxels of a tile,)."""
+        """Return the skin indices of the taxels of a tile, shape (taxels of a tile,)."""
         rows, columns = self.rows // self.tile_rows, self.columns // self.tile_columns
         tile_row, tile_column = divmod(tile, self.tile_columns)
         row, column = np.arange(rows) + tile_row * rows, np.arange(columns) + tile_column * columns
@@ -147,7 +147,7 @@ class TilesConfig(ReadoutConfig):
 
 @dataclass(frozen=True)
 class MergeConfig:
-    """The merge of a skin alone, for tiles that are separate chips.
+    """Configuration of the merge alone, for tiles that are separate chips.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ class MergeConfig:
 
     @property
     def reset(self) -> str:
-        """Style of the flops' reset."""
+        """Reset style of the flip-flops."""
         return self.skin.reset
 
     @property
@@ -167,12 +167,12 @@ class MergeConfig:
         return self.skin.clock_hz
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as a plain dictionary."""
+        """Return all fields as a dictionary."""
         return self.skin.to_dict()
 
 
 def tiles_of(text: str) -> tuple[int, int]:
-    """Return rows and columns of tiles for a text such as ``4x4``.
+    """Return the tile rows and tile columns for a text such as ``4x4``.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def tiles_of(text: str) -> tuple[int, int]:
 
 
 def skin_of(tile: ReadoutConfig, tiles: str, relays: int = 0) -> TilesConfig:
-    """Return the skin of a tile and a text such as ``4x4`` (rows and columns of tiles), with relay stations.
+    """Return the skin for a tile, a text such as ``4x4``, and a number of relay stations.
 
     Raises
     ------
@@ -197,6 +197,6 @@ def skin_of(tile: ReadoutConfig, tiles: str, relays: int = 0) -> TilesConfig:
 
 
 def config_of(fields: Any) -> ReadoutConfig:
-    """Return the configuration of a dictionary: of a skin if it has tiles, else of one readout."""
+    """Return the configuration for a dictionary: a skin if it has tiles, else one readout."""
     has_tiles = isinstance(fields, dict) and "tile_rows" in fields
     return TilesConfig.from_dict(fields) if has_tiles else ReadoutConfig.from_dict(fields)

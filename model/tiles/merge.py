@@ -1,4 +1,4 @@
-"""Simulate the merge of several event streams, clock by clock: round robin over the tiles, two events deep.
+"""Cycle-accurate model of the merge of event streams: round robin over the tiles.
 
 The merge takes an offered event while it holds fewer than two. Whether it takes an event therefore depends only on
 flops, never on the sink in the same clock.
@@ -34,7 +34,7 @@ def new_state() -> NDArray[np.uint64]:
 
 @njit(cache=True)
 def chosen(state: NDArray[np.uint64], asking: np.uint64) -> int:
-    """Return the tile whose event is taken in this clock, or -1; ``asking`` has a bit for each offering tile."""
+    """Return the tile whose event is taken in this clock, or -1."""
     if state[HELD] > ONE or asking == np.uint64(0):
         return -1
     return next_row(asking, state[BEHIND])
@@ -67,7 +67,7 @@ def advance(state: NDArray[np.uint64], tile: int, event: Any, ready: bool) -> No
 
 
 class Merged(NamedTuple):
-    """The events that left a merge.
+    """The output events of a merge.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class Merged(NamedTuple):
 
 
 def merge(offered: list[NDArray[np.int64]], ready: NDArray[np.uint8], clocks: int) -> Merged:
-    """Return the events of a merge; each tile holds its event until the merge takes it.
+    """Return the output events of a merge.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def merge(offered: list[NDArray[np.int64]], ready: NDArray[np.uint8], clocks: in
 
 @njit(cache=True, nogil=True)
 def _merge(offered: List, ready: NDArray[np.uint8], clocks: int) -> NDArray[np.int64]:
-    """Return clock, tile and number of all events, shape (events, 3)."""
+    """Return the clock, tile and index of all output events, shape (events, 3)."""
     tiles = len(offered)
     total = 0
     for tile in range(tiles):

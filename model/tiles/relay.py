@@ -1,4 +1,4 @@
-"""Simulate the relay stations on the lines from tiles to merge, clock by clock.
+"""Cycle-accurate model of the relay stations on the lines from tiles to merge.
 
 A station holds two events and takes an offered event while a place is free, like a merge of a single stream. State and
 clock are therefore those of ``eskin.model.tiles.merge``.
@@ -23,13 +23,13 @@ ZERO = np.uint64(0)
 
 @njit(cache=True)
 def room(line: NDArray[np.uint64]) -> bool:
-    """Return whether the first station of a line, shape (stations, 4), takes the tile's event in this clock."""
+    """Return True if the first station of a line takes an event in this clock."""
     return bool(line[0, merge.HELD] <= merge.ONE)
 
 
 @njit(cache=True)
 def offers(line: NDArray[np.uint64]) -> bool:
-    """Return whether the last station of a line, shape (stations, 4), offers an event."""
+    """Return True if the last station of a line offers an event."""
     return bool(line[-1, merge.HELD] != ZERO)
 
 
@@ -57,7 +57,7 @@ def advance(line: NDArray[np.uint64], comes: bool, event: Any, ready: bool) -> N
 
 
 class Relayed(NamedTuple):
-    """The events that left a line.
+    """The output events of a line.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Relayed(NamedTuple):
 
 
 def relay(offered: NDArray[np.int64], ready: NDArray[np.uint8], clocks: int, stations: int = 1) -> Relayed:
-    """Return the events of a line; the tile holds its event until the station takes it.
+    """Return the output events of a line of relay stations.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def relay(offered: NDArray[np.int64], ready: NDArray[np.uint8], clocks: int, sta
 
 @njit(cache=True, nogil=True)
 def _relay(offered: NDArray[np.int64], ready: NDArray[np.uint8], clocks: int, stations: int) -> Any:
-    """Return the clocks in which events were taken, and the clocks in which they left."""
+    """Return the clocks in which events enter a line, and the clocks in which they leave it."""
     line = np.zeros((stations, 4), np.uint64)
     taken, left = np.zeros(len(offered), np.int64), np.zeros(len(offered), np.int64)
     came = gone = 0

@@ -1,4 +1,4 @@
-"""Simulate a whole skin, clock by clock: all tiles, and the merge of their events.
+"""Cycle-accurate simulation of a skin: all tiles, and the merge of their events.
 
 A tile's clock is that of ``eskin.model.readout``, whose loop for a single readout is kept apart for its speed.
 """
@@ -30,7 +30,7 @@ TICKS, CHANGES, TICK, AGAIN = range(4)
 
 
 def simulate_skin(config: TilesConfig, stimuli: Sequence[Stimulus]) -> Events:
-    """Return the address events of a skin, exactly those of the RTL.
+    """Return the address events of a skin, equal to those of the RTL.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def simulate_skin(config: TilesConfig, stimuli: Sequence[Stimulus]) -> Events:
 
 
 def scan_skin(config: TilesConfig, scan: Any, image: ArrayLike, ticks: int | None = None) -> list[Stimulus]:
-    """Return the stimulus of every tile while a skin slides over an image.
+    """Return the stimulus of every tile for a skin that slides over an image.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def scan_skin(config: TilesConfig, scan: Any, image: ArrayLike, ticks: int | Non
 
 @njit(cache=True, nogil=True)
 def _loop(p: Parameters, s: Inputs, r: Registers, taxels: int, relays: int) -> NDArray[np.int64]:
-    """Return the events, shape (events, 2): their clocks, and 2 * (tile * taxels + taxel) + polarity."""
+    """Return the clock and address of every event, shape (events, 2)."""
     tiles = len(s.samples)
     at = np.zeros((tiles, 4), np.int64)
     state = np.zeros(4, np.uint64)
@@ -143,13 +143,13 @@ def _loop(p: Parameters, s: Inputs, r: Registers, taxels: int, relays: int) -> N
 
 @njit(cache=True)
 def _take(p: Any, r: Any, tile: int, taxels: int) -> np.int64:
-    """Take the event offered by a tile; return 2 * (tile * taxels + taxel) + polarity."""
+    """Remove the offered event from a tile and return its address: 2 * (tile * taxels + taxel) + polarity."""
     return np.int64(2 * tile * taxels + arbiter.take(r.latch[tile], p.columns))
 
 
 @njit(cache=True, nogil=True)
 def _clock(p: Any, s: Any, t: int, tile: int, taxels: Any, rows: Any, latch: Any, at: NDArray[np.int64]) -> None:
-    """Advance a tile by clock ``t``, whether its event was taken or not; see ``eskin.model.readout._loop``."""
+    """Advance a tile by one clock; see ``eskin.model.readout._loop``."""
     masked = at[CHANGES] < len(s.enable_clock) and s.enable_clock[at[CHANGES]] == t
     if masked:
         mask_rows(p, s.enable[tile, at[CHANGES]], taxels, rows, latch)

@@ -1,4 +1,4 @@
-"""Pictures of the power model, each made from its data (``eskin.power.study``, ``eskin.power.explore``)."""
+"""Plots of the power model from stored data."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PART_NAMES = {"afe": "AFE", "converter": "converter", "io": "I/O"}
 
 
 def plot_fig6(data: Data, path: Path) -> None:
-    """Draw AFE, converter and I/O side by side, and their sum, at the noise targets, one panel for each mode.
+    """Plot the power of AFE, converter and I/O, and their sum, at each noise target, one panel per mode.
 
     Not stacked: on a logarithmic axis the parts of a stack have heights that say nothing.
     """
@@ -62,7 +62,7 @@ def plot_fig6(data: Data, path: Path) -> None:
 
 
 def plot_fig7(data: Data, path: Path) -> None:
-    """Draw the crossover noise against the resolution, and the power ratio of the last mode.
+    """Plot the crossover noise and the power ratio against the resolution.
 
     Lines end where there is no crossover. A mode in which there is none at all gets no panel, but a sentence.
     """
@@ -101,12 +101,12 @@ def plot_fig7(data: Data, path: Path) -> None:
 
 
 def _found(data: Data, values: list[Any]) -> list[tuple[int, float]]:
-    """Return resolution and noise of the crossovers of a line."""
+    """Return resolutions and noise values of the crossovers of a line."""
     return [(n, value) for n, value in zip(data["resolution"], values, strict=True) if value is not None]
 
 
 def _without_crossover(data: Data, mode: str, entry: Data) -> str:
-    """Return in words who costs less in a mode without any crossover."""
+    """Return a text that names the cheaper readout in a mode without a crossover."""
     lines = zip(_lines(entry["crossover"]), _values(entry["spikes_win"]), strict=True)
     sides: dict[str, list[str]] = {}
     for (label, _), line in lines:
@@ -134,12 +134,12 @@ def _lines(entry: Data) -> list[tuple[str, dict[str, Any]]]:
 
 
 def _values(entry: Data) -> list[list[Any]]:
-    """Return the values of the lines, in the same order."""
+    """Return the values of the lines of Fig. 7, in the order of their labels."""
     return [*entry["nlcs"].values(), entry["lcs"]]
 
 
 def _ranges(resolutions: list[int], sides: list[str]) -> str:
-    """Return who costs less at which resolutions: ``spikes N = 1..4, frames N = 5..10``."""
+    """Return the cheaper readout at each resolution as text: ``spikes N = 1..4, frames N = 5..10``."""
     texts = []
     for side, name in (("always", "spikes"), ("never", "frames")):
         found = [n for n, s in zip(resolutions, sides, strict=True) if s == side]
@@ -149,7 +149,7 @@ def _ranges(resolutions: list[int], sides: list[str]) -> str:
 
 
 def plot_sensitivity(data: Data, path: Path) -> None:
-    """Draw spiking / frame power of every case, one panel for each noise target."""
+    """Plot the power of spikes relative to frames in every case, one panel per noise target."""
     rows = data["rows"]
     figure = new_figure(11, 0.235 * len(rows) + 1.3, f"Spiking power / frame power, N = {data['resolution']}")
     panels = figure.subplots(1, len(data["noise_v_rms"]), sharey=True, sharex=True, squeeze=False)[0]
@@ -204,7 +204,7 @@ def in_words(case: str) -> str:
 
 
 def plot_explore(data: Data, path: Path) -> None:
-    """Draw the total power of the readouts against the resolution."""
+    """Plot the total power of the readouts against the resolution."""
     table = data["table"]
     resolutions = [row["resolution"] for row in table]
     sensor = data["sensor"]

@@ -1,1 +1,1 @@
-"""The classifier behind the arbiter: memories, lanes, the core, and the chip that joins it to a readout."""
+"""The hardware classifier: memories, lanes, core, and the chip with readout and classifier."""

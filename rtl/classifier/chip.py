@@ -1,4 +1,4 @@
-"""A chip from samples to class: the readout, the classifier behind its arbiter, and the clock of the bins."""
+"""A chip from samples to class: readout, classifier, and bin timer."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eskin.rtl.readout import Readout
 
 
 class BinTimer(Block[ClassifierConfig]):
-    """Ends a bin every ``clocks_per_bin`` clocks.
+    """Timer that ends a bin every ``clocks_per_bin`` clocks.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class BinTimer(Block[ClassifierConfig]):
 
 
 class Chip(Block[ChipConfig]):
-    """The delivered top module of readout and classifier; an event that must wait stays in the arbiter.
+    """Top module with readout and classifier; waiting events stay in the arbiter.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class Chip(Block[ChipConfig]):
         return m
 
     def _channel(self, readout: Readout) -> Value:
-        """Return the channel row * columns + column; separate OFF channels follow those of all taxels."""
+        """Return the network input channel of the current event."""
         config = self.config.readout
         column: Value = readout.event_col if config.column_bits else Cat()
         taxel = column

@@ -1,4 +1,4 @@
-"""The classifier: address events in, a class at the end of every bin (docs/reference/classifier.md)."""
+"""Classifier core: address events in, a class at the end of every bin (docs/reference/classifier.md)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STALL_BITS = 24
 
 
 class State(Enum):
-    """The memory words of a clock; their arithmetic follows one clock later."""
+    """States of the memory address sequencer; the arithmetic follows one clock later."""
 
     IDLE = 0
     EVENT = 1
@@ -30,7 +30,7 @@ class State(Enum):
 
 
 class Classifier(Block[ClassifierConfig]):
-    """The integer network: a memory address in one clock, and arithmetic on the word in the next.
+    """The integer network as a two-stage pipeline: memory address, then arithmetic.
 
     A neuron that is compared takes a further clock, so that no path has both the choice of its potential and the
     comparison in it.
@@ -206,20 +206,20 @@ class Classifier(Block[ClassifierConfig]):
             m.d.sync += [self.pending.eq(0), self.overrun.eq(0), self.stall_count.eq(0)]
 
     def _next(self, m: Module, last: Value, state: State) -> None:
-        """Go to the next number, or from the last one to the next state."""
+        """Advance to the next number, or from the last number to the next state."""
         m.d.sync += [self.index.eq((self.index + 1)[: len(self.index)]), self.step.eq(0)]
         with m.If(last):
             m.d.sync += [self.index.eq(0), self.state.eq(state)]
 
     def _ring(self, m: Module, advance: Value) -> None:
-        """Rotate the ring of spikes; new spikes enter while the neurons are processed."""
+        """Rotate the ring of spikes, and insert new spikes while the neurons are processed."""
         with m.If(advance):
             m.d.sync += self.spikes.eq(Cat(self.spikes[1:], self.spikes[0]))
         with m.Elif(self.held_neuron):
             m.d.sync += self.spikes.eq(Cat(self.spikes[1:], self.hidden_spike & ~self.held_clears))
 
     def _execute(self, m: Module, fired: Value) -> None:
-        """Pass the operation for the words read in this clock to the next clock."""
+        """Register the operation for the memory words that arrive in the next clock."""
         config, goes_on = self.config, ~self.scan_start
         recurrent = (self.state == State.RECURRENT) & fired
         m.d.sync += [
@@ -237,7 +237,7 @@ class Classifier(Block[ClassifierConfig]):
     # -- what is done with the words ---------------------------------------------------------------
 
     def _lanes(self, m: Module, words: Value, platform: Any) -> Value:
-        """Add the weights of a word to the potentials of a group; return the potential of the neuron in turn."""
+        """Add the weights of a word to the potentials of a group; return the potential of the current neuron."""
         config = self.config
         place = config.lanes.bit_length() - 1
         group = Mux(self.now_neuron, self.now_index >> place, self.now_step)
@@ -290,7 +290,7 @@ class Classifier(Block[ClassifierConfig]):
         ]
 
     def _potentials(self, m: Module, rest: Value, platform: Any) -> None:
-        """Write a potential after its reset; read and leak the potential of the neuron two numbers later."""
+        """Write back a potential after reset; read and leak the potential two neurons ahead."""
         config = self.config
         potentials = PotentialMemory(config)
         potentials.place(m, "potentials", platform)
@@ -337,7 +337,7 @@ class Classifier(Block[ClassifierConfig]):
         self._evidence(m, gained)
 
     def _evidence(self, m: Module, gained: Value) -> None:
-        """Add to the evidence, and store the first class with the most evidence."""
+        """Accumulate the evidence, and store the first class with the most evidence."""
         config = self.config
         bits = config.evidence_bits
         more = Signal(signed(bits))

@@ -1,4 +1,4 @@
-"""One lane: the potentials of every lanes-th hidden neuron, and the adder that brings a weight to one of them."""
+"""One lane: the potentials of every lanes-th hidden neuron, and their adder."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eskin.rtl.classifier.numbers import add
 
 
 class Lane(Block[ClassifierConfig]):
-    """Read and write a potential in one clock, so that additions never wait for each other.
+    """Lane that reads and writes a potential in every clock, so that additions never stall.
 
     A value that is set goes past the adder; ``set_group`` is then another group than that which is read.
 

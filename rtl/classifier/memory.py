@@ -1,4 +1,4 @@
-"""The weight memories, each a separate module: block RAM, or a placeholder for a macro."""
+"""Weight memories as separate modules: block RAM, or a placeholder for a memory macro."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from eskin.rtl.block import Block
 
 
 class WordMemory(Block[ClassifierConfig]):
-    """A memory with one port to read and one to write; no reset, no initial content.
+    """Memory with one read port and one write port, without reset or initial content.
 
     Latency: address at clock t, word at t + 1. A word that is written in clock t is read from an address of t + 1 on;
     in the clock of a write nothing is read.
@@ -43,7 +43,7 @@ class WordMemory(Block[ClassifierConfig]):
 
 
 class WeightMemory(WordMemory):
-    """Rows of weights, ``lanes`` in a word: one row per hidden neuron, then one per channel."""
+    """Memory of the input and recurrent weights, with ``lanes`` weights per word."""
 
     module_name = "eskin_weights"
 
@@ -52,7 +52,7 @@ class WeightMemory(WordMemory):
 
 
 class NeuronMemory(WordMemory):
-    """One row for each neuron: weights to the outputs, bias, and the bias of the output with the same number."""
+    """Memory of the output weights and biases, with one row per neuron."""
 
     module_name = "eskin_neuron_weights"
 
@@ -61,7 +61,7 @@ class NeuronMemory(WordMemory):
 
 
 class PotentialMemory(Block[ClassifierConfig]):
-    """The hidden potentials of neurons with a synaptic current, which is in the lanes.
+    """Memory of the potentials of hidden neurons that have a synaptic current.
 
     Latency: address at clock t, potential at t + 1. No reset: clearing a scan writes all potentials.
 
@@ -116,5 +116,5 @@ def _memory(block: WordMemory | PotentialMemory, words: int, bits: int, reads: V
 
 
 def address_bits(words: int) -> int:
-    """Return the bits of the address of a memory."""
+    """Return the address width of a memory with the given number of words."""
     return max((words - 1).bit_length(), 1)

@@ -1,4 +1,4 @@
-"""Compute potentials as in ``model/classifier/network.py``."""
+"""Arithmetic of potentials, as in ``model/classifier/network.py``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from eskin.model.classifier.config import Leak, NeuronReset
 
 
 def add(m: Module, left: Value, right: Value, bits: int, saturates: bool) -> Value:
-    """Return a signed sum that saturates at some number of bits."""
+    """Return a signed sum that saturates at a bit width."""
     exact = Signal(signed(max(len(left), len(right)) + 1), name="exact")
     m.d.comb += exact.eq(left + right)
     if not saturates or len(exact) <= bits:
@@ -22,7 +22,7 @@ def add(m: Module, left: Value, right: Value, bits: int, saturates: bool) -> Val
 def fire(
     m: Module, v: Value, threshold: int, floor: int | None, reset: NeuronReset, leaks: Leak
 ) -> tuple[Value, Value, Value]:
-    """Return a potential limited by the floor, whether it fires, and its value after reset and leak."""
+    """Return the clipped potential, its spike, and its value after reset and leak."""
     held = Signal(signed(len(v)), name="held")
     spike = Signal(name="spike")
     rest = Signal(signed(len(v)), name="rest")
@@ -35,7 +35,7 @@ def fire(
 
 
 def leak(m: Module, v: Value, leaks: Leak) -> Value:
-    """Return v after a leak, in no more bits than v; a shift of 0 means no leak."""
+    """Return v after a leak, with the bit width of v; a shift of 0 means no leak."""
     if not leaks.shift:
         return v
     lost = v

@@ -1,4 +1,4 @@
-"""Describe the ports of the classifier."""
+"""Descriptions of the ports of the classifier."""
 
 from __future__ import annotations
 

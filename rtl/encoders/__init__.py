@@ -1,1 +1,1 @@
-"""The encoders of a taxel in hardware: the same files as in ``model/encoders``, and the registry of them all."""
+"""The encoders of a taxel in hardware, one per file as in ``model/encoders``, and their registry."""

@@ -1,4 +1,4 @@
-"""CW-LCS: as LCS on the grid of the closing step, with a window of its own for every taxel."""
+"""CW-LCS: level-crossing sampling with a closing window for every taxel."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class CwLcs(Lcs):
     name = "cw-lcs"
 
     def half_width(self, m: Module, taxel: Taxel, own: Own, platform: Any) -> Any:
-        """Add the window; return its half-width in closing steps."""
+        """Add the window counter; return the half-width in closing steps."""
         config = taxel.config
         if not config.closes:
             return super().half_width(m, taxel, own, platform)

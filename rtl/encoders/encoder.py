@@ -1,4 +1,4 @@
-"""Define the encoder's part of a taxel: the reference, and comparators or ports for analog ones."""
+"""Interface of an encoder in hardware: reference, and digital comparators or ports for analog ones."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # a taxel has its encoder in it
 
 @dataclass(frozen=True)
 class Own:
-    """Signals that a taxel and its encoder share.
+    """Signals shared by a taxel and its encoder.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Own:
 
 
 class Encoder(ABC):
-    """The hardware of an encoder of ``eskin.model.encoders``, of the same name.
+    """Hardware of the encoder of the same name in ``eskin.model.encoders``.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Encoder(ABC):
 
     @abstractmethod
     def build(self, m: Module, taxel: Taxel, own: Own, platform: Any) -> tuple[Any, Any]:
-        """Add reference, state and comparators to a taxel; return whether a step up and a step down are due.
+        """Add reference, state and comparators to a taxel; return the step-up and step-down signals.
 
         The reference moves where ``own.moves`` is high: up where ``own.on`` is, else down where ``own.off`` is, and to
         its reset value where the taxel is masked. A step that would leave the scale is not due.
@@ -62,7 +62,7 @@ class Encoder(ABC):
 
 
 def compare(m: Module, taxel: Taxel, own: Own, reference: Any, half_width: Any) -> tuple[Any, Any]:
-    """Add the sample and its comparators, or ports for analog ones; return whether x is above and below the window.
+    """Add digital comparators, or ports for analog ones; return whether x is above and below the window.
 
     Parameters
     ----------

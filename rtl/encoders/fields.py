@@ -1,4 +1,4 @@
-"""Receptive fields: the sums of samples that the encoders see, in front of the taxels."""
+"""Receptive fields: sums of samples at the inputs of the encoders."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eskin.rtl.block import Block
 
 
 class Fields(Block[ReadoutConfig]):
-    """Adds the samples of every field, without a register: samples are as late as without fields.
+    """Combinational adders of the samples of every receptive field.
 
     Sums of the same taxels are one adder. A sorted list is halved, so that the sum of left and upper neighbour is also
     that of the right and lower neighbour of the taxel between them: four neighbours take two adders a taxel.
@@ -47,7 +47,7 @@ class Fields(Block[ReadoutConfig]):
         return m
 
     def _of(self, m: Module, field: Field, name: str) -> Value:
-        """Return the signal of a field."""
+        """Return the signal of a receptive field."""
         if not field.taxels:
             return Const(0, self.config.sample_bits)
         bits = self.config.sample_bits
@@ -59,7 +59,7 @@ class Fields(Block[ReadoutConfig]):
         return signal
 
     def _chosen(self, m: Module, taxel: int, name: str) -> Value:
-        """Return the signal of the field that a host chooses: one rounding serves all fields."""
+        """Return the signal of the receptive field that a host chooses."""
         bits, (rows, columns) = self.config.sample_bits, (self.config.rows, self.config.columns)
         choice = self.choice[2 * taxel : 2 * taxel + 2]
         own, around = self._sum(m, (taxel,)), Signal(signed(bits + 2), name=f"{name}_around")
@@ -72,7 +72,7 @@ class Fields(Block[ReadoutConfig]):
         return signal
 
     def _weighted(self, m: Module, field: Field) -> Value:
-        """Return the sum of a field: taxels that count an odd number of times, those whose half does, and so on."""
+        """Return the sum of a field, whose taxels may count more than once."""
         weights = Counter(field.taxels)
         total: Any = 0
         for place in range(max(weights.values()).bit_length()):
@@ -81,7 +81,7 @@ class Fields(Block[ReadoutConfig]):
         return Value.cast(total)
 
     def _sum(self, m: Module, taxels: tuple[int, ...]) -> Value:
-        """Return the sum of some samples, each once."""
+        """Return the sum of the samples of the given taxels."""
         bits = self.config.sample_bits
         if len(taxels) == 1:
             return self.sample[taxels[0] * bits : (taxels[0] + 1) * bits].as_signed()
@@ -94,7 +94,7 @@ class Fields(Block[ReadoutConfig]):
 
 
 def rounded(value: Value, shift: int) -> Value:
-    """Return a signed value / 2**shift, rounded half even."""
+    """Return a signed value divided by 2**shift, rounded half to even."""
     if not shift:
         return value
     up = value[shift - 1] & (value[: shift - 1].any() | value[shift])
@@ -102,7 +102,7 @@ def rounded(value: Value, shift: int) -> Value:
 
 
 def saturated(m: Module, value: Value, bits: int) -> Value:
-    """Return a signed value in a number of bits, or the nearer end of their range."""
+    """Return a signed value saturated to a bit width."""
     exact = Signal(signed(max(len(value), bits + 1)))
     m.d.comb += exact.eq(value)
     fits = ~exact[bits - 1 :].any() | exact[bits - 1 :].all()
@@ -110,5 +110,5 @@ def saturated(m: Module, value: Value, bits: int) -> Value:
 
 
 def _listed(taxels: Collection[int]) -> str:
-    """Return a name for some taxels."""
+    """Return a signal name for a list of taxels."""
     return "_".join(map(str, taxels)) if len(taxels) <= 8 else f"of_{len(taxels)}_from_{min(taxels)}"

@@ -1,4 +1,4 @@
-"""LCS: a reference on a grid of D, and two comparators."""
+"""LCS: a reference on a grid of D, with two comparators."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Lcs(Encoder):
-    """Level-crossing sampling. No digital sample asks for a step beyond the full scale (``eskin.model.taxel``)."""
+    """Level-crossing sampling."""
 
     name = "lcs"
 

@@ -1,4 +1,4 @@
-"""N-LCS: a reference with fraction bits that leaks, and one comparator."""
+"""N-LCS: a leaking reference with fraction bits, and one comparator."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Nlcs(Encoder):
-    """Leaky-neuron level crossing; the reference is never below zero and has no sign."""
+    """Leaky-neuron level crossing with an unsigned reference."""
 
     name = "nlcs"
 

@@ -1,4 +1,4 @@
-"""Bipolar N-LCS: a signed reference with fraction bits that leaks to zero, and two comparators."""
+"""Bipolar N-LCS: a signed reference that leaks to zero, and two comparators."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 
 class NlcsBipolar(Encoder):
-    """Leaky-neuron level crossing with a sign. A digital sample never asks for a step that would leave the scale."""
+    """Leaky-neuron level crossing with a signed reference."""
 
     name = "nlcs-bipolar"
 
     def build(self, m: Module, taxel: Taxel, own: Own, platform: Any) -> tuple[Any, Any]:
-        """Add the reference and the comparators, which compare with the reference rounded down to a code."""
+        """Add the reference, and comparators with the reference rounded down to a code."""
         config = taxel.config
         fraction, shift, low = config.fraction_bits, config.leak_shift, (config.step - 1).bit_length()
         charge = Signal(signed(config.sample_bits + fraction), init=config.reference_reset << fraction)

@@ -1,4 +1,4 @@
-"""The hardware of all encoders."""
+"""Registry of all hardware encoders."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ENCODERS: tuple[Encoder, ...] = (Lcs(), CwLcs(), Nlcs(), NlcsBipolar())
 
 
 def named(name: str) -> Encoder:
-    """Return the hardware of the encoder of a name.
+    """Return the hardware of the encoder of a given name.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""Clock gates in the delivered Verilog."""
+"""Clock gating of the generated Verilog."""

@@ -1,4 +1,4 @@
-"""Add cells to a module of a Yosys design in the form of ``write_json``."""
+"""Add cells to a module in the JSON netlist format of Yosys."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ Bit = int | str
 
 
 def highest_net(module: dict[str, Any]) -> int:
-    """Return the highest number of a net in a module."""
+    """Return the highest net number in a module."""
     return max(bit for net in module["netnames"].values() for bit in net["bits"] if isinstance(bit, int))
 
 
 def cell_of(kind: str, pins: Mapping[str, Bit], output: str = "Y") -> dict[str, Any]:
-    """Return a cell with a net at each pin, one of them its output."""
+    """Return a netlist cell with the given nets at its pins."""
     return {
         "hide_name": 1,
         "type": kind,

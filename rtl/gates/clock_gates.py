@@ -1,4 +1,4 @@
-"""Insert clock gates into the delivered Verilog: instances of one module, to map to a library cell."""
+"""Insert clock gates into the generated Verilog, as instances of one module that maps to a library cell."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ TO_VERILOG = (
 
 
 def gated(rtlil: str, top: str, synchronous_reset: bool) -> str:
-    """Return RTLIL as Verilog with a clock gate for every block with ``awake`` and every large enable.
+    """Return Verilog with a clock gate for every block with a signal ``awake`` and for every large register enable.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def gated(rtlil: str, top: str, synchronous_reset: bool) -> str:
 
 
 def _keep_apart(module: dict[str, Any], registers: Collection[str]) -> None:
-    """Put a wire between registers and their outputs, so that each register keeps its name."""
+    """Insert wires at the outputs of registers, so that each register keeps its name."""
     held = {bit for name in registers for bit in module["netnames"][name]["bits"]}
     for name, port in module["ports"].items():
         if port["direction"] != "output":
@@ -101,7 +101,7 @@ def _keep_apart(module: dict[str, Any], registers: Collection[str]) -> None:
 
 
 def stop_enables(design: dict[str, Any]) -> int:
-    """Put a clock gate in the place of every enable of ``FEWEST_FLOPS`` flops or more; return how many there are.
+    """Replace every enable of ``FEWEST_FLOPS`` or more flip-flops by a clock gate; return the number of gates.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def stop_enables(design: dict[str, Any]) -> int:
 
 
 def stop_blocks(design: dict[str, Any], top: str, synchronous_reset: bool, root: bool = True) -> int:
-    """Put a clock gate at the clock root of every block that has a signal ``awake``.
+    """Add a clock gate at the clock input of every block with a signal ``awake``.
 
     Parameters
     ----------

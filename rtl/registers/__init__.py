@@ -1,1 +1,1 @@
-"""The registers that a host sets at run time, behind SPI."""
+"""The run-time registers behind an SPI slave."""

@@ -1,4 +1,4 @@
-"""The counter that times the leak of the N-LCS array, with a period that a host sets."""
+"""Decay tick counter of the N-LCS array with a period set by a host."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eskin.rtl.block import Block
 
 
 class SettableDecayTicks(Block[ReadoutConfig]):
-    """Times the leak of every row: row r at the sample ticks j with j mod period = floor(r * period / rows).
+    """Counter that times the leak of row r: sample ticks j with j mod period = floor(r * period / rows).
 
     Row r leaks at tick j where r * period lies in j * rows .. (j + 1) * rows - 1. The counter holds how far the next
     row is away, r * period - j * rows: no row is divided, and the period need not be known. A period is never below the

@@ -1,4 +1,4 @@
-"""Generate the register file from the description of the registers; no address is written here."""
+"""Register file generated from the SystemRDL description."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WRITTEN, COUNTS = "_written", "_counts"
 
 
 def signals(config: ReadoutConfig) -> dict[str, Any]:
-    """Return the settings and counter inputs of the register file as ports, one for each array of fields."""
+    """Return the ports of the register file: settings and counter inputs."""
     ports: dict[str, Any] = {}
     for register in registers(config):
         for field in register.fields:
@@ -35,7 +35,7 @@ def signals(config: ReadoutConfig) -> dict[str, Any]:
 
 
 class RegisterFile(Block[ReadoutConfig]):
-    """Store the host's settings, pass them to the readout, and count.
+    """Register file that stores the settings of the host and counts events.
 
     A word with a field out of its range is refused as a whole. A hole reads 0. A counter stops at its end. A flop is
     clocked only where its register is written, or its counter counts.
@@ -85,7 +85,7 @@ class RegisterFile(Block[ReadoutConfig]):
         return m
 
     def _ranges(self, field: Field) -> list[Value]:
-        """Return the condition on the data under which a field may be written."""
+        """Return the condition on the write data under which a field may be written."""
         value = self.write_data[field.low : field.low + field.width]
         limits = []
         if field.kind == "setting" and field.least:
@@ -95,7 +95,7 @@ class RegisterFile(Block[ReadoutConfig]):
         return limits
 
     def _field(self, m: Module, register: Register, field: Field, write: Signal) -> Value:
-        """Add a field; return its value, without bits that are always 0."""
+        """Add a field of a register; return its value without bits that are always 0."""
         name = f"{_plain(register)}_{field.name}_bits"
         if field.kind == "constant":
             return Const(field.reset, field.width)

@@ -1,4 +1,4 @@
-"""The host's side of a readout: SPI slave, register file, test pattern, and their signals to the array."""
+"""Host interface of a readout: SPI slave, register file and test pattern generator."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SETTINGS = ("decay_shift", "decay_period", "window_period")
 
 
 class Host(Block[ReadoutConfig]):
-    """Takes settings over SPI and shows them to the array; counts; sends a test pattern in place of the array.
+    """Host interface that receives settings over SPI, counts events and sends test patterns.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Host(Block[ReadoutConfig]):
         )
 
     def setting(self, name: str) -> Any:
-        """Return the host's settings, by the name of a taxel's port."""
+        """Return the settings of the host by port name of a taxel."""
         return self.decay_shift if name == "leak_shift" else getattr(self, name)
 
     def elaborate(self, platform: Any) -> Module:
@@ -117,7 +117,7 @@ class Host(Block[ReadoutConfig]):
         return m
 
     def _choose(self, m: Module, file: RegisterFile, spi: SpiSlave) -> Any:
-        """Show the chosen fields; return which taxels are not off."""
+        """Connect the fields chosen by the host; return the enable of every taxel."""
         words = [getattr(file, name) for name in ("fields_taxels", "fields_rest_taxels") if hasattr(file, name)]
         numbers = Signal(2 * self.config.taxels)
         m.d.comb += numbers.eq(Cat(words))
@@ -136,10 +136,10 @@ class Host(Block[ReadoutConfig]):
 
 
 def adds(config: ReadoutConfig) -> bool:
-    """Return whether adders need the choice of a host."""
+    """Return True if the adders of the receptive fields depend on the choice of a host."""
     return config.fields == SETTABLE and config.frontend == "digital"
 
 
 def selects(config: ReadoutConfig) -> bool:
-    """Return whether a multiplexer outside needs select lines."""
+    """Return True if an external multiplexer needs select lines."""
     return config.fields == SETTABLE and config.frontend == "analog"

@@ -1,4 +1,4 @@
-"""The serial loader: samples of all taxels over SPI, for a chip with few pins."""
+"""Serial loader: samples of all taxels over SPI, for a chip with few pins."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eskin.rtl.block import Block
 
 
 class SampleLoader(Block[ReadoutConfig]):
-    """Takes a frame of samples, one for every taxel, and offers it in one clock.
+    """Loader that receives a frame of samples and presents all of them in one clock.
 
     SPI mode 0, sampled by the clock: SCK must stay high for two clocks and low for two. A frame is one transfer of
     ``taxels * W`` bits: taxel 0 first, the most significant bit first. The end of a transfer of any other length

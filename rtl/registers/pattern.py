@@ -1,4 +1,4 @@
-"""The test pattern: requests in place of those of the array, one after the other."""
+"""Test pattern generator, whose requests replace those of the array."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ REGISTER = "test"
 
 
 def fields(config: ReadoutConfig) -> dict[str, int]:
-    """Return the used fields of the test pattern register, and their bits."""
+    """Return the used fields of the test pattern register with their bits."""
     (register,) = (register for register in registers(config) if register.name == REGISTER)
     return {field.name: field.bits for field in register.fields if field.bits}
 
 
 class TestPattern(Block[ReadoutConfig]):
-    """Raise requests for one taxel repeatedly, or for all in turn; the arbiter sees them in place of the array's.
+    """Generator of requests for one taxel repeatedly, or for all taxels in turn.
 
     A request rises ``2**interval`` clocks after the one before, or when that has been taken. A restart withdraws one
     that waits, as a mask does.
@@ -100,7 +100,7 @@ class TestPattern(Block[ReadoutConfig]):
         return m
 
     def _one_hot(self, place: Signal, count: int) -> Any:
-        """Return a position as a one-hot line; a single line is always high.
+        """Return a position as a one-hot signal.
 
         A place behind the last is the last: a bit that is turned over must not leave a request without a line.
         """

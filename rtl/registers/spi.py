@@ -1,4 +1,4 @@
-"""The SPI slave: mode 0, sampled by the clock of the readout."""
+"""SPI slave: mode 0, sampled by the clock of the readout."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PINS = {"spi_sck": In(1), "spi_cs_n": In(1), "spi_mosi": In(1), "spi_miso": Out(
 
 
 class SpiSlave(Block[ReadoutConfig]):
-    """Takes commands and words over SPI: {write, address of 15 bits}, then words of 32 bits to rising addresses.
+    """SPI slave with the protocol {write, 15-bit address}, then 32-bit words at rising addresses.
 
     There is one clock, that of the readout: SCK, CS and MOSI pass two flops each, and edges of SCK are found behind
     them. So SCK must stay high for two clocks and low for two, four where the host reads: MISO follows the fall of SCK
@@ -103,6 +103,6 @@ class SpiSlave(Block[ReadoutConfig]):
 
 
 class NarrowSlave(SpiSlave):
-    """The SPI slave with short addresses and words, so that proofs reach the end of a transfer soon."""
+    """SPI slave with short addresses and words, so that bounded proofs reach the end of a transfer."""
 
     address_bits, word_bits = 3, 3

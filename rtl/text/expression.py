@@ -1,4 +1,4 @@
-"""Expressions of Verilog as Yosys writes them: read into a tree, measured by the language's rules, written again."""
+"""Verilog expressions written by Yosys: parser, width rules and printer."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ TOKEN = re.compile(
 
 
 class UnknownTextError(ValueError):
-    """A text is none of the expressions that are understood."""
+    """Raised for text that is not a supported expression."""
 
 
 @dataclass(frozen=True)
 class Wire:
-    """The width and signedness of a declaration."""
+    """Width and signedness of a declared wire."""
 
     width: int
     signed: bool = False
@@ -49,7 +49,7 @@ class Wire:
 
 @dataclass(frozen=True)
 class Node:
-    """An expression.
+    """Node of an expression tree.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Node:
 
 
 def read(text: str) -> Node:
-    """Return the tree of an expression.
+    """Return the expression tree for a text.
 
     Raises
     ------
@@ -163,7 +163,7 @@ class _Reader:
 
 
 def names(node: Node) -> list[str]:
-    """Return the names in an expression, with repetitions."""
+    """Return the names in an expression, including repetitions."""
     own = [node.text] if node.kind in ("name", "slice") else []
     return own + [name for part in node.parts for name in names(part)]
 
@@ -189,7 +189,7 @@ def width(node: Node, wires: Mapping[str, Wire]) -> int:
 
 
 def signed(node: Node, wires: Mapping[str, Wire]) -> bool:
-    """Return whether an expression is a signed number (section 5.5.1)."""
+    """Return True if an expression is signed (IEEE 1364-2005, section 5.5.1)."""
     if node.kind == "name":
         return wires[node.text].signed
     if node.kind == "number":
@@ -209,7 +209,7 @@ def signed(node: Node, wires: Mapping[str, Wire]) -> bool:
 
 
 def contexts(node: Node, outer: int, wires: Mapping[str, Wire]) -> list[int]:
-    """Return the context width of each part of an expression; 0 for none.
+    """Return the context width of each operand of an expression; 0 for self-determined operands.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ def contexts(node: Node, outer: int, wires: Mapping[str, Wire]) -> list[int]:
 
 
 def extends_by_zeros(node: Node) -> bool:
-    """Return whether zero-extension of an unsigned expression to a wider context keeps its value."""
+    """Return True if zero-extension of an unsigned expression to a wider context keeps its value."""
     if node.kind == "choice" or (node.kind == "binary" and node.text in ("&", "|", "^")):
         return all(map(extends_by_zeros, node.parts[-2:]))
     if node.kind == "binary":
@@ -248,7 +248,7 @@ def extends_by_zeros(node: Node) -> bool:
 
 
 def plain(node: Node, wires: Mapping[str, Wire]) -> Node:
-    """Return an expression in the words of a person: no joined single bits, no sign that is there already."""
+    """Return an expression simplified for readers, without concatenations of single bits and redundant signs."""
     if node.kind == "binary" and node.text in COMPARISONS and node.parts[1].kind == "signed":
         (number,) = node.parts[1].parts
         if number.kind == "number":
@@ -266,7 +266,7 @@ def plain(node: Node, wires: Mapping[str, Wire]) -> Node:
 
 
 def _signed_numbers(node: Node) -> Node | None:
-    """Return a number, or a choice between numbers, with signs; None for anything else."""
+    """Return a constant, or a choice between constants, as signed numbers; None for other expressions."""
     if node.kind == "number":
         return _decimal(node, 0)
     if node.kind != "choice":
@@ -290,7 +290,7 @@ def _plain_reduction(node: Node, wires: Mapping[str, Wire]) -> Node:
 
 
 def _decimal(number: Node, bits: int) -> Node:
-    """Return a number as a signed decimal with at least the bits of its comparison partner.
+    """Return a number as a signed decimal constant with at least the given bits.
 
     The least number of its width stays as it is: its sign, put before it, would be taken of the number extended.
     """
@@ -334,7 +334,7 @@ def write(node: Node) -> str:
 
 
 def _chain(node: Node, operator: str) -> list[Node]:
-    """Return the operands of one operator; longer chains keep their parentheses, a tree of low depth."""
+    """Return the operands of a chain of one operator; long chains keep their parentheses."""
     if node.kind != "binary" or node.text != operator:
         return [node]
     return [end for part in node.parts for end in _chain(part, operator)]

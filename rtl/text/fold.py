@@ -1,4 +1,4 @@
-"""Make Verilog readable: fold Yosys' intermediate wires into the expressions that use them."""
+"""Make Verilog readable: substitute Yosys' intermediate wires into the expressions that use them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MOST_NAMES = 4
 
 @dataclass
 class Line:
-    """A line of a module and the expressions in it.
+    """A line of Verilog and its expressions.
 
     Attributes
     ----------
@@ -55,19 +55,19 @@ class Line:
 
     @property
     def whole_target(self) -> str:
-        """The wire that the line assigns as a whole, else empty."""
+        """Wire assigned as a whole by the line, or an empty text."""
         return "" if self.bits else self.target
 
     @property
     def words(self) -> list[str]:
-        """The names used in the line, with repetitions."""
+        """Names used in the line, including repetitions."""
         if self.trees:
             return [name for tree, _ in self.trees for name in expression.names(tree)]
         return [] if DECLARATION.match(self.text) else WORD.findall(self.text)
 
 
 def fold(module: str) -> str:
-    """Return the text of a module without the wires that only name a step of an expression.
+    """Return the text of a module without wires that only hold intermediate results.
 
     A wire that Yosys made up is replaced by its expression where the rules of Verilog on widths and signs give the
     same value there, and where it is used once, or is one operator on names.
@@ -84,7 +84,7 @@ def fold(module: str) -> str:
 
 
 def _declared(lines: list[str]) -> list[str]:
-    """Return lines with declarations before use, because parts of a wire may name a later wire.
+    """Return lines reordered so that every declaration precedes its uses.
 
     Verilator and Yosys take both orders; the language, and slang, do not.
     """
@@ -99,7 +99,7 @@ def _declared(lines: list[str]) -> list[str]:
 
 
 def broken(line: str) -> str:
-    """Return a line, wrapped after operators and commas if too long."""
+    """Return a line, wrapped after operators and commas if it is too long."""
     indent = " " * (len(line) - len(line.lstrip()))
     rows = [indent]
     for word in line.split():
@@ -111,7 +111,7 @@ def broken(line: str) -> str:
 
 
 def _narrowed(module: str) -> str:
-    """Return a module in which wires that Yosys made up have no more bits than are used."""
+    """Return a module in which wires created by Yosys have only the bits that are used."""
     for name in dict.fromkeys(MADE_UP.findall(module)):
         driven = re.compile(rf"^  assign {name}\[(?:\d+:)?(\d+)\] = .*;\n", re.MULTILINE)
         used = driven.sub("", re.sub(rf"^  assign {name}\b", "  assign", module, flags=re.MULTILINE))
@@ -134,7 +134,7 @@ def _narrowed(module: str) -> str:
 
 
 def _parse(text: str, wires: dict[str, Wire]) -> Line:
-    """Return a line with its expressions; none if the line is not understood."""
+    """Return a line with its parsed expressions; without expressions if parsing fails."""
     try:
         if found := ASSIGNMENT.match(text):
             tree = _read(found[5], wires)
@@ -165,7 +165,7 @@ def _size(name: str, bits: str, wires: dict[str, Wire]) -> int:
 
 
 def _in_order(lines: list[Line]) -> list[Line]:
-    """Return the lines with the assignments to parts of a wire together, lowest bits first."""
+    """Return lines with the assignments to parts of a wire grouped, lowest bits first."""
     parts: dict[str, list[Line]] = defaultdict(list)
     for line in lines:
         if line.bits and line.text.startswith("  assign"):
@@ -186,7 +186,7 @@ def _compares_with_number(tree: Node) -> bool:
 
 
 class _Folder:
-    """The lines of a module, and its foldable steps.
+    """The lines of a module, and the intermediate wires that can be substituted.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ class _Folder:
         self.joined = _Joined([line for line in lines if line.bits and line.trees], wires)
 
     def lines(self) -> Iterator[str]:
-        """Yield the lines that are left, in the plainest words."""
+        """Yield the remaining lines, simplified for readers."""
         made = {id(line): self._folded_line(line) for line in self.given}
         needed = {name for line in self.given if line.whole_target not in self.steps for name in made[id(line)].words}
         definitions = {line.target: made[id(line)] for line in self.given if line.whole_target in self.steps}
@@ -231,7 +231,7 @@ class _Folder:
             yield head + "".join(word + tail for word, tail in zip(words, tails, strict=True))
 
     def _names(self, tree: Node) -> float:
-        """Return the names in a logic expression with all steps inserted; infinite for arithmetic, which stays."""
+        """Return the names in a logic expression after substitution; infinite for arithmetic expressions."""
         if tree.kind == "name" and tree.text in self.steps:
             return self._names(self.steps[tree.text])
         if tree.kind in ("name", "slice"):
@@ -245,7 +245,7 @@ class _Folder:
         return replace(line, trees=[(self._folded(tree, size, whole=size > 0), size) for tree, size in line.trees])
 
     def _folded(self, node: Node, size: int, *, whole: bool) -> Node:
-        """Return an expression with steps in place of their names.
+        """Return an expression with intermediate wires substituted.
 
         Parameters
         ----------
@@ -262,7 +262,7 @@ class _Folder:
         return replace(node, parts=tuple(parts))
 
     def _fits(self, name: str, size: int, *, whole: bool) -> bool:
-        """Return whether a step can replace its name without changing the value."""
+        """Return True if a wire can be substituted without changing the value of the expression."""
         tree, bits = self.steps[name], self.wires[name].width
         if whole:
             return size == bits
@@ -274,7 +274,7 @@ class _Folder:
 
 
 class _Joined:
-    """Wires with bits that are parts of other wires: such a row of bits is named by its wire.
+    """Wires whose bits are parts of other wires, used to name a concatenation of bits.
 
     Parameters
     ----------
@@ -296,7 +296,7 @@ class _Joined:
             own[low : low + len(bits)] = bits
 
     def named(self, node: Node, target: str) -> Node:
-        """Return an expression in which a row of bits is replaced by its wire, except in the wire's own assignment."""
+        """Return an expression in which a concatenation of bits is replaced by the name of its wire."""
         node = replace(node, parts=tuple(self.named(part, target) for part in node.parts))
         bits = _bits_of(node, self.wires) if node.kind == "join" else None
         if bits is None:
@@ -335,7 +335,7 @@ def _bits_of(node: Node, wires: dict[str, Wire]) -> list[Bit] | None:
 
 
 def _renamed(module: str) -> str:
-    """Return a module whose remaining Yosys names are named after the signal that they are part of."""
+    """Return a module in which remaining Yosys names are replaced by names of the signals that they are part of."""
     user: dict[str, str] = {}
     for line in module.splitlines():
         target = re.match(r"\s+(?:assign |(?:else )?(?:if \(.*\) )?)(\w+)(?:\[[\d:]+\])? <?= ", line)

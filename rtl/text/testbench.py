@@ -1,4 +1,4 @@
-"""Write a testbench beside the Verilog: a few sample ticks and the model's events."""
+"""Generate a testbench beside the Verilog: samples, and expected events from the model."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ TICKS = 8
 
 
 def has_testbench(config: object) -> bool:
-    """Return whether a design has a testbench: a readout with digital front end and stream link."""
+    """Return True if a design has a testbench, which needs a digital front end and a stream link."""
     if type(config) is not ReadoutConfig:  # a skin of tiles is one too, with other ports
         return False
     return config.frontend == "digital" and config.link == "stream" and config.registers == "none"
 
 
 def _played(config: ReadoutConfig) -> tuple[list[int], Events]:
-    """Return the samples of every tick as one word, and the model's events."""
+    """Return the samples of every tick as one word, and the expected events."""
     full = 1 << (config.sample_bits - 1)
     taxel = np.arange(config.taxels)
     levels = np.arange(1, TICKS + 1)[:, None] * (taxel % 5 + 2) * config.step // 8
@@ -32,7 +32,7 @@ def _played(config: ReadoutConfig) -> tuple[list[int], Events]:
 
 
 def testbench(config: ReadoutConfig) -> str:
-    """Return the SystemVerilog of a testbench that plays samples and compares every event with the model's.
+    """Return a SystemVerilog testbench that plays samples and compares every event with the model.
 
     It prints one line with PASSED or FAILED, and ends with ``$fatal`` where an event is missing, wrong or too much:
     the simulator then returns an error.

@@ -1,1 +1,1 @@
-"""The merge of several readouts, the relay stations on the way to it, and the skin of them."""
+"""Skins of several readouts: merge, relay stations and top module."""

@@ -1,4 +1,4 @@
-"""The merge of several readouts: round robin over the tiles, the tile's address added, one event per clock."""
+"""Merge of several event streams: round robin over the tiles, one event per clock."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eskin.rtl.tiles.relay import payload_fields, two_places
 
 
 class Merge(Block[TilesConfig]):
-    """Merge the event streams of all tiles into one, with a depth of two events.
+    """Merge of the event streams of all tiles, two events deep.
 
     A tile's event is taken while fewer than two events are held. So neither ``tile_ready`` nor ``event_valid`` looks at
     ``event_ready`` in the same clock: no path leads through the merge from the sink to a tile.
@@ -67,7 +67,7 @@ class Merge(Block[TilesConfig]):
         return m
 
     def _fields_of(self, chosen: Signal) -> dict[str, Value]:
-        """Return the payload of the chosen tile, field by field."""
+        """Return the payload fields of the chosen tile."""
         fields = {}
         for name in payload_fields(self.config):
             words = getattr(self, f"tile_{name}")
@@ -80,7 +80,7 @@ class Merge(Block[TilesConfig]):
 
 
 def merged_ports(config: TilesConfig) -> dict[str, Any]:
-    """Return the ports of the stream of all tiles' events; zero-width fields are absent."""
+    """Return the ports of the merged event stream, without zero-width fields."""
     ports = event_ports(config.tile, Out)
     handshake = {name: ports.pop(name) for name in ("event_valid", "event_ready")}
     return handshake | ({"event_tile": Out(config.tile_bits)} if config.tile_bits else {}) | ports

@@ -1,4 +1,4 @@
-"""A relay station on a long line: registers for events on their way, and for the ready on its way back."""
+"""Relay station: registers for events and ready on a long line from a tile to the merge."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from eskin.rtl.block import Block
 
 
 class Relay(Block[TilesConfig]):
-    """Register the line from a tile to the merge: outputs depend only on flops.
+    """Relay station whose outputs depend only on flip-flops.
 
     The relay station of L. P. Carloni, K. L. McMillan and A. L. Sangiovanni-Vincentelli, Theory of
     latency-insensitive design, IEEE TCAD 20(9), 2001: two places, since a stall reaches the tile a clock late.
@@ -45,13 +45,13 @@ class Relay(Block[TilesConfig]):
 
 
 def payload_fields(config: TilesConfig) -> list[str]:
-    """Return the fields of a tile's event, the least significant first; zero-width ones are absent."""
+    """Return the fields of a tile's event, least significant first, without zero-width fields."""
     ports = event_ports(config.tile, In)
     return [name for name in ("col", "row", "polarity") if f"event_{name}" in ports]
 
 
 def two_places(m: Module, block: Block[Any], full: Signal, comes: Signal, new: dict[str, Value]) -> None:
-    """Store the output event, and one more for the clock in which the sink stalls.
+    """Add a two-entry output buffer to a block.
 
     Parameters
     ----------

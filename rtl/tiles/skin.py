@@ -1,4 +1,4 @@
-"""A whole skin: tiles of readouts, the lines from them, and their merge."""
+"""A skin: tiles with readouts, relay stations and the merge."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_INPUT_BITS = 65_000
 
 
 class Skin(Block[TilesConfig]):
-    """All tiles; tile i has the i-th part of every port that is not common, tile 0 the lowest.
+    """Top module of a skin; tile i drives slice i of every port that is not common to all tiles.
 
     Attributes
     ----------
@@ -77,10 +77,10 @@ class Skin(Block[TilesConfig]):
 
 
 def common_ports(config: TilesConfig) -> tuple[str, ...]:
-    """Return the inputs that all tiles of a skin share, beside clock and reset."""
+    """Return the inputs common to all tiles of a skin, except clock and reset."""
     return () if config.relays else ("sample_valid",)
 
 
 def _part(words: Value, index: int, port: Value) -> Value:
-    """Return one tile's part of the ports of all tiles."""
+    """Return the slice of a port that belongs to one tile."""
     return words[index * len(port) : (index + 1) * len(port)]

@@ -1,4 +1,4 @@
-"""Raster pictures of address events: time across, taxels down, ON and OFF in colour-blind-safe colours."""
+"""Raster plots of address events: time on the x axis, taxels on the y axis, ON and OFF in colour-blind-safe colours."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def plot_comparison(
     texture: NDArray[Any] | None = None,
     duration_clocks: int | None = None,
 ) -> None:
-    """Draw two recordings of one readout above each other, with black rings around unmatched events.
+    """Plot two recordings of one readout above each other, with black rings around events that differ.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def plot_signals(
     label: str = "signal",
     duration_clocks: int | None = None,
 ) -> None:
-    """Draw signals above their events.
+    """Plot signals above their events and write the picture.
 
         Parameters
         ----------
@@ -114,7 +114,7 @@ def draw_signals(
     title: str = "",
     duration_clocks: int | None = None,
 ) -> Figure:
-    """Return a picture of signals, one panel each, above the events they belong to.
+    """Return a figure with one panel per signal above a raster of the events.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def _end_ms(
     signal: NDArray[Any] | None,
     duration_clocks: int | None,
 ) -> float:
-    """Return the end of the time axis in ms."""
+    """Return the right end of the time axis in ms."""
     if duration_clocks is None:
         ends = [int(events["t"][-1]) + 1 for events in recordings if len(events)]
         ends += [len(signal) * config.clocks_per_sample] if signal is not None else []
@@ -155,7 +155,7 @@ def _end_ms(
 def _panels(
     title: str, above: Mapping[str, float], rasters: int, config: ReadoutConfig
 ) -> tuple[Figure, dict[str, Axes]]:
-    """Return a figure with one panel below the other on a common time axis; ``above`` has heights in inches by name."""
+    """Return a figure of stacked panels with a common time axis; ``above`` gives panel heights in inches by name."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -179,7 +179,7 @@ def _caption(panel: Axes, label: str, remark: str = "") -> None:
 
 
 def _draw_texture(panel: Axes, texture: NDArray[Any], end_ms: float) -> None:
-    """Draw the image over the time in which it is scanned."""
+    """Draw the scanned image above the time axis."""
     panel.imshow(texture, cmap="gray", aspect="auto", extent=(0, end_ms, 0, 1), interpolation="antialiased")
     panel.set_yticks([])
     panel.spines[:].set_visible(False)
@@ -205,7 +205,7 @@ def _draw_signals(panel: Axes, signal: NDArray[Any], config: ReadoutConfig, labe
 
 
 def _draw_events(panel: Axes, events: Events, config: ReadoutConfig, end_ms: float, mark: NDArray[np.bool_]) -> None:
-    """Draw events as short vertical ticks, one row per taxel, taxel 0 at the top."""
+    """Draw events as short vertical ticks, one row per taxel, with taxel 0 at the top."""
     time_ms = events["t"] * (1e3 / config.clock_hz)
     taxel = taxel_of(events, config)
     if len(events) <= _TICK_LIMIT:
@@ -231,7 +231,7 @@ def _draw_events(panel: Axes, events: Events, config: ReadoutConfig, end_ms: flo
 def _draw_ticks(
     panel: Axes, time_ms: NDArray[np.floating[Any]], taxel: NDArray[np.int64], on: NDArray[np.bool_]
 ) -> None:
-    """Draw each event separately."""
+    """Draw every event as a separate tick."""
     for which, colour in ((on, ON_COLOUR), (~on, OFF_COLOUR)):
         at, line = time_ms[which], taxel[which]
         panel.vlines(at, line - 0.4, line + 0.4, colors=colour, lw=0.9, rasterized=True)
@@ -245,7 +245,7 @@ def _draw_density(
     config: ReadoutConfig,
     end_ms: float,
 ) -> None:
-    """Draw events as an image: hue is the share of ON, opacity the number of events in a cell."""
+    """Draw event density as an image: hue shows the share of ON events, opacity the event count."""
     from matplotlib.colors import to_rgb
 
     column = np.minimum((time_ms * (_BINS / end_ms)).astype(np.int64), _BINS - 1)

@@ -1,4 +1,4 @@
-"""Title, colour and marker of every readout in all figures."""
+"""Titles, colours and markers of the readouts in all figures."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ FRAME = "frame"
 
 
 class Look(NamedTuple):
-    """Title of a readout, with the colour and marker of its line."""
+    """Title, colour and marker of a readout in figures."""
 
     title: str
     colour: str
@@ -26,7 +26,7 @@ LOOKS = {encoder.name: Look(encoder.title, encoder.colour, encoder.marker) for e
 
 
 def look(readout: str) -> Look:
-    """Return the look of a readout.
+    """Return title, colour and marker of a readout.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Fig. 8: one scan from the texture through the network to the evidence for each class."""
+"""Fig. 8: one scan from the texture through the network to the evidence of each class."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _NOTE = 0.15  # this part of a panel's width has room for words
 
 @dataclass(frozen=True, eq=False)
 class ScanToClass:
-    """One scan, and the network's spikes and evidence.
+    """Data of the figure: one scan, with the network's spikes and evidence.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class ScanToClass:
 
     @property
     def predicted(self) -> str:
-        """Class of the largest evidence at the end."""
+        """Class with the largest final evidence."""
         return self.class_names[int(self.evidence[-1].argmax())]
 
     @property
@@ -95,7 +95,7 @@ class ScanToClass:
         return 1e3 * (self.start_s + self.step_s * np.arange(1, len(self.spikes) + 1))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the network's output for a file: hidden spikes as pairs (step, neuron)."""
+        """Return the network output as a dictionary, with hidden spikes as pairs (step, neuron)."""
         return {
             "image": self.name,
             "of_the_test_fold": self.tested,
@@ -114,12 +114,12 @@ class ScanToClass:
 
 
 def plot_scan(played: ScanToClass, path: Path) -> None:
-    """Draw a scan on its way through the network; see :func:`draw_scan`."""
+    """Plot a scan and the response of the network; see :func:`draw_scan`."""
     save_figure(draw_scan(played), path)
 
 
 def draw_scan(played: ScanToClass) -> Figure:
-    """Return a figure of texture, taxel signals with events, all events, hidden spikes and evidence."""
+    """Return a figure of texture, taxel signals, events, hidden spikes and evidence."""
     true, predicted = played.true, played.predicted
     verdict = "right" if true == predicted else "wrong"
     noun = "recording" if played.pixels is None else "image"
@@ -146,7 +146,7 @@ def draw_scan(played: ScanToClass) -> Figure:
 
 
 def _draw_texture(panel: Axes, played: ScanToClass) -> None:
-    """Draw the image, the array at its start, and the path of the scan."""
+    """Draw the image, the start position of the array, and the path of the scan."""
     from matplotlib.patches import Rectangle
 
     config, scan = played.recording.config, played.scan
@@ -181,7 +181,7 @@ def _draw_texture(panel: Axes, played: ScanToClass) -> None:
 
 
 def _draw_array(panel: Axes, played: ScanToClass) -> None:
-    """Draw the signal range of each taxel of a user's recording."""
+    """Draw the signal range of each taxel of a recording."""
     config = played.recording.config
     moved = np.ptp(played.signals, axis=0).reshape(config.rows, config.columns)
     dress(panel, "movement of each taxel")
@@ -195,7 +195,7 @@ def _draw_array(panel: Axes, played: ScanToClass) -> None:
 
 
 def _draw_signals(panel: Axes, played: ScanToClass) -> None:
-    """Draw the samples of some taxels, one above the other, with their events on the line."""
+    """Draw the samples of three taxels above each other, with their events."""
     shown = _shown(played)
     gap = 1.15 * max(float(np.ptp(played.signals[:, shown], axis=0).max()), 1e-6)
     for lane, taxel in enumerate(shown):
@@ -211,7 +211,7 @@ def _draw_signals(panel: Axes, played: ScanToClass) -> None:
 
 
 def _draw_zoom(panel: Axes, played: ScanToClass) -> None:
-    """Draw a few milliseconds of one taxel, event by event."""
+    """Draw a few milliseconds of one taxel with its events."""
     config = played.recording.config
     first, last = (round(s * config.sample_rate_hz) for s in _zoom(played))
     shown = _shown(played)
@@ -224,12 +224,12 @@ def _draw_zoom(panel: Axes, played: ScanToClass) -> None:
 
 
 def _shown(played: ScanToClass) -> NDArray[np.int64]:
-    """Return the taxels whose signals are drawn: first, middle and last."""
+    """Return the drawn taxels: first, middle and last."""
     return np.unique(np.linspace(0, played.recording.config.taxels - 1, _SHOWN).astype(np.int64))
 
 
 def _zoom(played: ScanToClass) -> tuple[float, float]:
-    """Return the time window of the detail: 20 ms of a scan, or for a user's recording where its taxel changes most."""
+    """Return the start and end of the detail: 20 ms of a scan, or the largest change of a recording."""
     duration_s, rate_hz = played.recording.duration_s, played.recording.config.sample_rate_hz
     start_s, length_s = duration_s / 4, 0.02
     if played.scan is None:
@@ -241,7 +241,7 @@ def _zoom(played: ScanToClass) -> tuple[float, float]:
 
 
 def _draw_taxel(panel: Axes, played: ScanToClass, taxel: int, offset: float, size: float, ticks: slice) -> None:
-    """Draw the signal of a taxel, shifted by an offset, with its events on the line."""
+    """Draw the signal of a taxel with its events, shifted vertically by an offset."""
     config, events = played.recording.config, played.recording.events
     signal = played.signals[:, taxel] + offset
     number = np.arange(len(signal))[ticks]
@@ -288,7 +288,7 @@ def _draw_hidden(panel: Axes, played: ScanToClass) -> None:
 
 
 def _draw_evidence(panel: Axes, played: ScanToClass) -> None:
-    """Draw the evidence for each class, the winner as a thick line, and name the winner and the true class."""
+    """Draw the evidence of each class, and name the winner and the true class."""
     winner = int(played.evidence[-1].argmax())
     for label, name in enumerate(played.class_names):
         won = label == winner
@@ -327,7 +327,7 @@ def _draw_final(panel: Axes, played: ScanToClass) -> None:
 
 
 def _above(panel: Axes, played: ScanToClass, name: str, text: str, before_legend: bool = False) -> None:
-    """Write the title of a panel, and its numbers if any, above its right end."""
+    """Write the title of a panel, and its numbers at the right end of the title line."""
     text = "; ".join([text, *([played.numbers[name]] if name in played.numbers else [])])
     title = panel.set_title(text, fontsize=8, color=GREY, pad=4, loc="right")
     if before_legend:

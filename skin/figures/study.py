@@ -1,4 +1,4 @@
-"""Draw the study of slow signals."""
+"""Plot the study of slow signals."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eskin.skin.recordings.fitting import TAU_S
 
 
 def plot_study(data: dict[str, Any], path: Path) -> None:
-    """Draw SNR against data rate: a line for each encoder, and uniform sampling at the rates of LCS."""
+    """Plot SNR against data rate: one line for each encoder and one for uniform sampling."""
     figure = new_figure(7.2, 4.4, f"Slow signals: {data['source']}, {data['rate_hz']:g} samples/s")
     panel = figure.subplots()
     dress(panel)

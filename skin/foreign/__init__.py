@@ -1,1 +1,1 @@
-"""Event files of other sensors and programs."""
+"""Read and write event files of other sensors and programs."""

@@ -1,4 +1,4 @@
-"""Map the addresses of a foreign chip to taxels: other orders, holes, counting from one, swapped axes."""
+"""Map the event addresses of another chip to taxels."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class AddressMap:
 
     @classmethod
     def read(cls, path: Path) -> AddressMap:
-        """Read a .csv with the header ``address,x,y`` or ``from_x,from_y,x,y``.
+        """Return the map from a .csv file with the header ``address,x,y`` or ``from_x,from_y,x,y``.
 
         Raises
         ------
@@ -83,12 +83,12 @@ class AddressMap:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Rows and columns that hold all taxels of the map."""
+        """Rows and columns of the smallest array that holds all mapped taxels."""
         columns, rows = np.array(list(self.taxels.values())).max(axis=0) + 1
         return int(rows), int(columns)
 
     def apply(self, addresses: Addresses, drop: bool = False) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Return the taxels of addresses.
+        """Return the taxels of foreign addresses.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""AEDAT 4, the event files of iniVation's cameras, read and written by their library dv-processing."""
+"""Read and write AEDAT 4, the event files of iniVation cameras, with the library dv-processing."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _library() -> Any:
 
 
 def read_aedat4(path: Path) -> ForeignEvents:
-    """Return the events of an AEDAT 4 file; time stamps are microseconds.
+    """Return the events from an AEDAT 4 file, with time stamps in microseconds.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def read_aedat4(path: Path) -> ForeignEvents:
 
 
 def write_aedat4(path: Path, recording: Recording) -> str:
-    """Write a recording as AEDAT 4, whole or not at all; return a sentence about lost clocks, or an empty text.
+    """Write a recording as an AEDAT 4 file; return a warning about lost time resolution, or an empty text.
 
     Time stamps are microseconds since the end of reset, rounded half to even.
     """

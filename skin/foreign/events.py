@@ -31,7 +31,7 @@ LATE_S = 86_400
 
 @dataclass(frozen=True, eq=False)
 class ForeignEvents:
-    """Events in the form in which a file stores them.
+    """Events with the columns and the time unit of their file.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class ForeignEvents:
 
 
 def unwrapped(events: ForeignEvents, bits: int) -> ForeignEvents:
-    """Return events whose time stamps, counters of ``bits`` bits, no longer start again at 0."""
+    """Return events with overflows of a time counter of ``bits`` bits removed."""
     if not 1 <= bits <= 62:
         raise InputError(f"--wrap takes 1 to 62 bits, not {bits}")
     if events.time.dtype.kind != "i":
@@ -72,7 +72,7 @@ def unwrapped(events: ForeignEvents, bits: int) -> ForeignEvents:
 
 
 def in_order(events: ForeignEvents) -> ForeignEvents:
-    """Return events sorted by time; events of one time keep their order."""
+    """Return events sorted by time (stable)."""
     order = np.argsort(events.time, kind="stable")
     return dataclasses.replace(
         events, time=events.time[order], addresses=events.addresses[order], polarity=events.polarity[order]
@@ -82,7 +82,7 @@ def in_order(events: ForeignEvents) -> ForeignEvents:
 def configuration(
     events: ForeignEvents, config: ReadoutConfig, given: frozenset[str], mapping: AddressMap | None
 ) -> ReadoutConfig:
-    """Return the configuration with the size of the events where the user gave none.
+    """Return the configuration enlarged to the addresses of the events, unless the user gave a size.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def configuration(
 
 @dataclass(frozen=True)
 class Taken:
-    """A recording made of foreign events, and the losses on the way.
+    """A recording converted from foreign events, with counts of dropped or changed events.
 
     Attributes
     ----------
@@ -142,7 +142,7 @@ class Taken:
     start: float
 
     def said(self) -> list[str]:
-        """Return a sentence for every loss."""
+        """Return a sentence for every kind of loss in the conversion."""
         found = [f"clock 0 is time {self.start} of the file"] if self.start else []
         if self.dropped:
             found.append(f"{self.dropped} events without a taxel were left out")
@@ -160,7 +160,7 @@ def take(
     start: float | None = None,
     metadata: dict[str, Any] | None = None,
 ) -> Taken:
-    """Return the recording that holds foreign events.
+    """Return the recording converted from foreign events.
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ def _seconds(unit: str, config: ReadoutConfig) -> Fraction:
 
 
 def _clocks(time: NDArray[Any], start: float, unit: str, config: ReadoutConfig) -> tuple[NDArray[np.int64], int]:
-    """Return the clocks of times, rounded half to even, and the number of times between two clocks."""
+    """Return times as clocks, rounded half to even, and the number of times that were not whole clocks."""
     per_unit = _seconds(unit, config) * Fraction(config.clock_hz)
     passed = time - start
     if len(time) and float(passed[-1]) * float(per_unit) > MOST_CLOCKS:
@@ -247,7 +247,7 @@ def _clocks(time: NDArray[Any], start: float, unit: str, config: ReadoutConfig) 
 
 
 def in_unit(recording: Recording, unit: str = "us") -> Events:
-    """Return events with the fields t, x, y, p that event tools such as tonic take.
+    """Return events with the fields t, x, y, p of event libraries such as tonic.
 
     Parameters
     ----------
@@ -271,6 +271,6 @@ def in_unit(recording: Recording, unit: str = "us") -> Events:
 
 
 def lost_clocks(before: NDArray[Any], after: NDArray[Any]) -> str:
-    """Return a sentence about clocks that share a time stamp now, or an empty text."""
+    """Return a warning about clocks that map to one time stamp, or an empty text."""
     lost = len(np.unique(before)) - len(np.unique(after))
     return f"{lost} clocks share their time stamp with another and cannot be told apart again" if lost else ""

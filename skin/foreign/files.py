@@ -1,4 +1,4 @@
-"""Foreign event files by their kinds."""
+"""Read event files of all supported foreign formats."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SUFFIXES = (aedat4.SUFFIX, *tables.TEXT_SUFFIXES, ".npy")
 
 
 def is_foreign(path: Path) -> bool:
-    """Return whether a file holds events of another program, by its ending or, of an archive, by its members."""
+    """Return True if a file holds events of another program, judged by suffix or archive members."""
     if path.suffix.lower() != ".npz":
         return path.suffix.lower() in SUFFIXES
     try:
@@ -29,7 +29,7 @@ def is_foreign(path: Path) -> bool:
 
 
 def read_foreign(path: Path, fields: Sequence[str] = (), unit: str | None = None) -> ForeignEvents:
-    """Return the events of a foreign file; ``fields`` and ``unit`` are only for tables and arrays."""
+    """Return the events from a foreign file; ``fields`` and ``unit`` apply to tables and arrays."""
     tables.check_unit(unit)
     if path.suffix.lower() != aedat4.SUFFIX:
         return tables.read_events_table(path, fields, unit)
@@ -40,7 +40,7 @@ def read_foreign(path: Path, fields: Sequence[str] = (), unit: str | None = None
 
 
 def load_foreign(path: Path, mapping: AddressMap | None = None) -> Recording:
-    """Return the recording of a foreign file with a clock of 1 MHz, in the size that the file or the map states."""
+    """Return the recording from a foreign file, with a clock of 1 MHz."""
     events = read_foreign(path)
     config = configuration(events, ReadoutConfig(), frozenset(), mapping)
     return take(events, config, mapping, metadata={"name": path.stem, "source": path.name}).recording

@@ -1,4 +1,4 @@
-"""Tables and arrays of events: columns t, x, y, p in any order and unit, in .csv, .txt, .npy or .npz files."""
+"""Read and write events as tables or arrays with columns t, x, y, p (.csv, .txt, .npy, .npz)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _UNIT = re.compile(r"^(.*?)[\s_\[(]+(s|ms|us|µs|ns|clocks)[\])]?$")
 
 
 def read_events_table(path: Path, fields: Sequence[str] = (), unit: str | None = None) -> ForeignEvents:
-    """Return the events of a table or an array file.
+    """Return the events from a table or an array file.
 
     Parameters
     ----------
@@ -68,13 +68,13 @@ def read_events_table(path: Path, fields: Sequence[str] = (), unit: str | None =
 
 
 def check_unit(unit: str | None) -> None:
-    """Refuse units of time that do not exist."""
+    """Check that a unit of time is known."""
     if unit not in (None, *UNITS_S, CLOCKS):
         raise InputError(f"--time-unit must be {', '.join(UNITS_S)} or {CLOCKS}, not {unit!r}")
 
 
 def _columns(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the columns of a file by their names, or by their numbers where it has none."""
+    """Return the columns of a file by name, or by number for a file without names."""
     try:
         content = read_bytes(path, "the table")
     except OSError as error:
@@ -105,7 +105,7 @@ def _text_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
 
 
 def _parsed(path: Path, name: str, cells: Sequence[str]) -> NDArray[Any]:
-    """Return a column as int64 where all its cells are whole, as float64 otherwise; texts only where none is needed."""
+    """Return a column as int64 if all its cells are integers, else as float64."""
     truths = {"true": 1, "false": 0, "on": 1, "off": 0}
     numbers = [truths[cell.lower()] if cell.lower() in truths else _number(cell) for cell in cells]
     if None in numbers:
@@ -156,7 +156,7 @@ def _array_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
 def _named(
     path: Path, columns: Mapping[str, NDArray[Any]], fields: Sequence[str]
 ) -> tuple[dict[str, NDArray[Any]], str | None]:
-    """Return the columns by our names, and the unit that the name of the time has."""
+    """Return the columns t, x, y, p, and the time unit that the name of the time column contains."""
     if fields:
         if unknown := [field for field in fields if field not in (*NAMES, "-")]:
             raise InputError(f"--fields names {unknown[0]!r}; columns are {', '.join(NAMES)}, or - for others")
@@ -214,7 +214,7 @@ def _polarity(path: Path, column: NDArray[Any] | None, events: int) -> NDArray[n
 
 
 def write_events_table(path: Path, recording: Recording, unit: str) -> str:
-    """Write t, x, y, p as .csv or as structured .npy, whole or not at all; return a sentence about lost clocks.
+    """Write events as .csv or structured .npy; return a warning about lost time resolution, or an empty text.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Read a user's recordings, and convert them to codes with a suitable configuration."""
+"""Read sensor recordings of a user, and convert them to codes with a suitable configuration."""

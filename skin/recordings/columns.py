@@ -1,4 +1,4 @@
-"""Match the columns of recordings by name, if the files have names."""
+"""Match the columns of recordings by name."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from eskin.skin.recordings.table import Table
 
 
 def match_columns(tables: Iterable[Table], options: Preparation) -> tuple[list[Table], Preparation]:
-    """Return recordings with the same order of columns, and the options for this order.
+    """Return recordings with equal column order, and the options adapted to this order.
 
     Files without names are taken as they are.
 
@@ -41,7 +41,7 @@ def match_columns(tables: Iterable[Table], options: Preparation) -> tuple[list[T
 
 
 def _ordered(table: Table, names: tuple[str, ...]) -> Table:
-    """Return a recording with its columns in the order of given names."""
+    """Return a recording with its columns in the given order of names."""
     if other := [name for name in table.names if name not in names]:
         raise InputError(
             f"{table.path} has the column {other[0]!r}, the other files {', '.join(names[:8])}; rename it, or choose "

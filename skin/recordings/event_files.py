@@ -1,4 +1,4 @@
-"""Cache the event files of a user's recordings, named by a digest of everything that determines them."""
+"""Cache of event files encoded from recordings, keyed by a digest of all inputs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def kept_events(
     pool: WorkerPool | None = None,
     flat: bool = False,
 ) -> tuple[Path, tuple[str, ...], tuple[str, ...]]:
-    """Return the folder of event files for class folders, made if missing, notes and warnings.
+    """Return the folder of event files for class folders, with notes and warnings; encode the recordings if needed.
 
     With ``flat``, recordings may be beside the class folders, or a single file; they have no class.
 

@@ -1,4 +1,4 @@
-"""Choose a configuration for recordings: array, clock, and time constants in seconds."""
+"""Choose a configuration for recordings: array size, clock, and time constants in seconds."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SLOW_HZ = 1000.0
 
 
 def with_seconds(config: ReadoutConfig, given: Collection[str]) -> ReadoutConfig:
-    """Return a configuration whose time constants, unless given, have the same duration at any sample rate."""
+    """Return a configuration whose default time constants keep their duration at any sample rate."""
     if config.encoder.leaks and not {"leak_shift", "leak_period"} & set(given):
         leak = ReadoutConfig.from_tau(TAU_S, 1 / config.sample_rate_hz)
         return config.replace(leak_shift=leak.leak_shift, leak_period=leak.leak_period)
@@ -45,7 +45,7 @@ def with_seconds(config: ReadoutConfig, given: Collection[str]) -> ReadoutConfig
 
 
 def with_resolution(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -> ReadoutConfig:
-    """Return a configuration with the coarsest resolution at which the events render half of the taxels well.
+    """Return a configuration with the coarsest resolution that represents half of the taxels well.
 
     That is at least ``ENOUGH_DB`` on some recordings, evenly spread. Where no resolution does, as with a leak, the
     configuration stays as it is.
@@ -65,7 +65,7 @@ def with_resolution(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32
 
 
 def array_of(taxels: int) -> tuple[int, int] | None:
-    """Return rows and columns of the most square array with a number of taxels; None above 64 x 64."""
+    """Return rows and columns of the most square array for a number of taxels; None above 64 x 64."""
     for rows in range(math.isqrt(taxels), 0, -1):
         if taxels % rows == 0 and taxels // rows <= 64:
             return rows, taxels // rows
@@ -73,7 +73,7 @@ def array_of(taxels: int) -> tuple[int, int] | None:
 
 
 def with_clock(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -> ReadoutConfig:
-    """Return a configuration with enough clocks per sample for every decision to leave within its tick.
+    """Return a configuration with enough clocks per sample to send all events of a tick within the tick.
 
     The number is a power of two from 64 on. It is estimated from the largest number of events of one tick, and then
     doubled until the readout neither delays nor merges one in the recording that has it, as far as 2**20.
@@ -95,7 +95,7 @@ def with_clock(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -
 
 
 def steepest_step(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -> tuple[int, float]:
-    """Return the largest step between two samples in codes (the first step from the reference), and its limit."""
+    """Return the largest step between two samples in codes, and the slope limit."""
     largest = 0
     for codes in recordings:
         codes = signals(config, codes)

@@ -1,4 +1,4 @@
-"""Read a folder of recordings with a sub-folder for each class, choose one configuration, and encode them."""
+"""Read a folder of recordings with a sub-folder for each class, and encode them with one configuration."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ LOW_SNR_DB = 10.0
 
 @dataclass(frozen=True)
 class Source:
-    """One file of a set.
+    """One recording file of a set, with its class.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Source:
 
 @dataclass(frozen=True, eq=False)
 class RecordingSet:
-    """Recordings as codes, with one common configuration.
+    """Recordings as codes, with their common configuration.
 
     Attributes
     ----------
@@ -88,11 +88,11 @@ class RecordingSet:
     starts_s: Mapping[str, float] = field(default_factory=dict)
 
     def recording(self, number: int) -> tuple[Recording, Quality]:
-        """Return the events of a recording from the cycle-exact model, and their quality."""
+        """Return the events of a recording from the cycle-accurate model, and their quality."""
         return self._named(number, *encoded(self.config, self.codes[number]))
 
     def each_recording(self, pool: WorkerPool | None = None) -> Iterator[tuple[Source, Recording, Quality]]:
-        """Yield every recording's events and quality, in order; a pool computes them."""
+        """Yield events and quality of every recording in order, computed by a worker pool."""
         found = each(pool or Local(1), encoded, ((self.config, codes) for codes in self.codes))
         for number, (events, quality) in enumerate(found):
             yield self.sources[number], *self._named(number, events, quality)
@@ -105,7 +105,7 @@ class RecordingSet:
         return Recording(events, self.config, clocks, metadata=metadata), quality
 
     def said_of(self, source: Source) -> dict[str, Any]:
-        """Return the metadata of an event file, from which other recordings can be prepared equally."""
+        """Return the metadata for an event file, sufficient to prepare other recordings equally."""
         said: dict[str, Any] = {"scale": self.scale, "prepared": self.options.chosen()}
         said |= {"columns": list(self.columns)} if self.columns else {}
         said |= {"start_s": self.starts_s[source.name]} if source.name in self.starts_s else {}
@@ -113,13 +113,13 @@ class RecordingSet:
 
 
 def encoded(config: ReadoutConfig, codes: NDArray[np.int32]) -> tuple[Events, Quality]:
-    """Return the events of codes from the cycle-exact model, and their quality."""
+    """Return the events of codes from the cycle-accurate model, and their quality."""
     events = simulate(config, Stimulus.from_samples(config, codes))
     return events, measure_quality(config, codes, events)
 
 
 def sources_of(folder: Path, flat: bool = False, strict: bool = False) -> tuple[tuple[Source, ...], tuple[str, ...]]:
-    """Return the recordings of class folders, ordered by name, or a single file.
+    """Return the recording files of class folders ordered by name, or a single file.
 
     With ``flat``, files may be beside the class folders, and have no class. The second value is a warning on unreadable
     entries with the name of a recording; with ``strict`` they are refused.
@@ -167,7 +167,7 @@ def read_set(
     flat: bool = False,
     fit: bool = False,
 ) -> RecordingSet:
-    """Return the recordings of a folder, or of one file, with a suitable configuration.
+    """Return the recordings of a folder or file, with a suitable configuration.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def read_set(
 
 
 def _with_array(config: ReadoutConfig, taxels: int, given: Collection[str], path: Path) -> ReadoutConfig:
-    """Return the configuration with an array for a number of taxels; the user's array if it fits."""
+    """Return the configuration with an array for a number of taxels, or the user's array if large enough."""
     if {"rows", "columns"} & set(given) or config.taxels == taxels:
         if config.taxels != taxels:
             raise InputError(
@@ -240,7 +240,7 @@ def _with_array(config: ReadoutConfig, taxels: int, given: Collection[str], path
 
 
 def _unseen(config: ReadoutConfig, recordings: list[NDArray[np.int32]]) -> list[str]:
-    """Return a sentence on signals that an encoder without OFF events cannot represent."""
+    """Return a warning about negative signals that an encoder without OFF events cannot represent."""
     if config.has_polarity:
         return []
     seen = sum(int((codes > 0).sum()) for codes in recordings)
@@ -259,7 +259,7 @@ def write_folder(
     pool: WorkerPool | None = None,
     progress: Callable[[], object] | None = None,
 ) -> tuple[Quality, tuple[str, ...]]:
-    """Write an event file for every recording, ``OUT/class/name.npz``, and report their quality.
+    """Write the event file ``OUT/class/name.npz`` for every recording, and return the quality of the events.
 
     Parameters
     ----------
@@ -293,7 +293,7 @@ def write_folder(
 
 
 def quality_warnings(config: ReadoutConfig, recordings: list[NDArray[np.int32]], quality: Quality) -> tuple[str, ...]:
-    """Return a warning for each loss of a readout, with the option that fixes it."""
+    """Return a warning for each kind of loss in a readout, with the option that avoids the loss."""
     warnings = []
     more = f"raise --clocks-per-sample above {config.clocks_per_sample}, or leave it out"
     if not quality.events:

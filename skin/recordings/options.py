@@ -1,4 +1,4 @@
-"""Define how a user's recordings are read and scaled; commands turn these fields into options."""
+"""Options for reading and scaling recordings."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FINGER = Path(__file__).parent / "finger"
 
 @dataclass(frozen=True, kw_only=True)
 class Preparation:
-    """All steps from the files of a sensor to the codes of the readout.
+    """Options for all steps from sensor files to codes.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class Preparation:
         }
 
     def percentile(self) -> float | None:
-        """Return the percentile of the magnitudes that is scaled to full scale, 100 for ``max``; None for a factor."""
+        """Return the percentile of the magnitudes that maps to full scale; None for a fixed factor."""
         if self.scale == "max":
             return 100.0
         text = self.scale.removeprefix("p")

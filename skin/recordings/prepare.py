@@ -1,4 +1,4 @@
-"""Convert tables of a sensor to codes: one rate, no baseline, one scale for all recordings of a set."""
+"""Convert sensor recordings to codes: resample, remove the baseline, and scale all recordings equally."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Prepared:
 
 
 def prepare(tables: Sequence[Table], options: Preparation, sample_bits: int, rate_hz: float | None = None) -> Prepared:
-    """Return recordings at one rate and scale, as codes.
+    """Return recordings as codes, with one sampling rate and one scale.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def prepare(tables: Sequence[Table], options: Preparation, sample_bits: int, rat
 
 
 def _common_rate(tables: Sequence[Table]) -> float:
-    """Return the common sampling rate of recordings, with four digits; refuse a missing or different rate."""
+    """Return the common sampling rate of recordings; raise an error if rates are missing or differ."""
     rates = []
     for table in tables:
         if table.time_s is not None:
@@ -120,7 +120,7 @@ def _common_rate(tables: Sequence[Table]) -> float:
 
 
 def on_grid(table: Table, rate_hz: float) -> tuple[Values, bool]:
-    """Return the signals of a recording at an even rate, and whether they were resampled.
+    """Return the signals of a recording at a constant rate, and whether they were resampled.
 
     Samples are even where their time stamps miss an even grid by no more than ``JITTER``, or by no more than the
     rounding of the stamps, as milliseconds of a sensor at 36 Hz do. The grid may run with the recording's own clock.
@@ -140,12 +140,12 @@ def on_grid(table: Table, rate_hz: float) -> tuple[Values, bool]:
 
 
 def _finest_step(steps: Values) -> float:
-    """Return the smallest difference between two time steps, the resolution of the stamps; 0 of equal steps."""
+    """Return the resolution of time stamps: the smallest difference between two time steps."""
     return float(np.diff(np.unique(np.round(steps, 9))).min(initial=math.inf)) if np.ptp(steps) > 1e-9 else 0.0
 
 
 def _filled(tables: Sequence[Table]) -> list[str]:
-    """Return a sentence on missing samples: rows that are not there, and cells without a number."""
+    """Return a sentence about missing rows and missing cells."""
     rows, holed, cells = 0, 0, sum(table.filled for table in tables)
     for table in tables:
         if table.time_s is not None:
@@ -163,7 +163,7 @@ def _filled(tables: Sequence[Table]) -> list[str]:
 
 
 def without_baseline(signal: Values, rate_hz: float, options: Preparation) -> Values:
-    """Return a recording without the baseline of its taxels, shape (ticks, taxels)."""
+    """Return a recording with the baseline of each taxel removed, shape (ticks, taxels)."""
     if options.baseline == "first":
         return np.asarray(signal - signal[0])
     if options.baseline == "median":
@@ -179,7 +179,7 @@ def without_baseline(signal: Values, rate_hz: float, options: Preparation) -> Va
 
 
 def scale_of(signals: Sequence[Values], options: Preparation, sample_bits: int) -> float:
-    """Return one factor that scales all recordings to full scale."""
+    """Return the factor that scales all recordings to full scale."""
     percentile = options.percentile()
     if percentile is None:
         return float(options.scale)
@@ -193,7 +193,7 @@ def scale_of(signals: Sequence[Values], options: Preparation, sample_bits: int) 
 
 
 def _columns_that_are_no_signal(tables: Sequence[Table]) -> list[str]:
-    """Return a warning on columns that never change, or that rise in every recording."""
+    """Return a warning about columns that never change, or that rise in every recording."""
     still = [all(np.ptp(table.values[:, k]) == 0 for table in tables) for k in range(tables[0].values.shape[1])]
     rising = [
         all(len(table.values) > 2 and (np.diff(table.values[:, k]) > 0).all() for table in tables)
@@ -212,7 +212,7 @@ def _columns_that_are_no_signal(tables: Sequence[Table]) -> list[str]:
 
 
 def _baseline_left(found: Sequence[tuple[NDArray[np.int32], int]], options: Preparation, sample_bits: int) -> list[str]:
-    """Return a warning if signals move little on a large baseline, which wastes full scale."""
+    """Return a warning if small signals on a large baseline use little of the full scale."""
     moved = max(int(np.ptp(codes, axis=0).max()) for codes, _ in found)
     largest = max(int(np.abs(codes).max()) for codes, _ in found)
     if options.baseline == "none" and largest > 4 * moved and largest > 2 ** (sample_bits - 4):

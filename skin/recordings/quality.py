@@ -1,4 +1,4 @@
-"""Measure the quality of a readout's events: link load, late and merged decisions, reconstruction."""
+"""Measure the quality of encoded events: link load, late and merged decisions, reconstruction error."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ CLOCKS_PER_EVENT = {"stream": 1, "four_phase": 7, "four_phase_dual": 7}
 
 @dataclass(frozen=True)
 class Quality:
-    """The quality of a readout for some samples; :func:`pooled` combines several recordings.
+    """The quality of the events of a readout; :func:`pooled` combines several recordings.
 
     Attributes
     ----------
@@ -64,14 +64,14 @@ class Quality:
 
     @property
     def snr_db(self) -> float:
-        """Return the SNR of the reconstruction in dB; infinite without error."""
+        """SNR of the reconstruction in dB; infinite without error."""
         if not self.noise or not self.signal:
             return math.inf if not self.noise else -math.inf
         return 10 * math.log10(self.signal / self.noise)
 
 
 def measure_quality(config: ReadoutConfig, codes: NDArray[np.int32], events: Events) -> Quality:
-    """Return the quality of a readout's events for its codes; the reconstruction is that of the receptive fields.
+    """Return the quality of the events encoded from given codes.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def measure_quality(config: ReadoutConfig, codes: NDArray[np.int32], events: Eve
 
 
 def link_warning(config: ReadoutConfig, codes: NDArray[np.int32]) -> str:
-    """Return the losses of the link for some codes, shape (ticks, taxels), and the option that helps.
+    """Return a warning about events that the link delays, with the option that helps; empty if none.
 
     Empty if at most ``MUCH_LATE`` of the decisions merge.
     """
@@ -123,7 +123,7 @@ def link_warning(config: ReadoutConfig, codes: NDArray[np.int32]) -> str:
 
 
 def clocks_needed(config: ReadoutConfig, codes: NDArray[np.int32]) -> int:
-    """Return an estimate of the clocks per sample in which the events of every tick can leave.
+    """Return an estimate of the clocks per sample needed to send all events of every tick.
 
     From the largest number of events of one tick, without contention.
     """
@@ -132,12 +132,12 @@ def clocks_needed(config: ReadoutConfig, codes: NDArray[np.int32]) -> int:
 
 
 def power_of_two(clocks: int) -> int:
-    """Return the next power of two from ``LEAST_CLOCKS`` to ``MOST_CLOCKS``."""
+    """Return the next power of two, limited to ``LEAST_CLOCKS`` to ``MOST_CLOCKS``."""
     return min(max(LEAST_CLOCKS, 1 << (clocks - 1).bit_length()), MOST_CLOCKS)
 
 
 def pooled(parts: list[Quality]) -> Quality:
-    """Return the quality of several recordings together: means weighted by samples or time, and the worst peaks."""
+    """Return the quality of several recordings together: weighted means and worst peaks."""
     samples, seconds = sum(p.samples for p in parts), math.fsum(p.seconds for p in parts)
     return Quality(
         samples=samples,
@@ -155,7 +155,7 @@ def pooled(parts: list[Quality]) -> Quality:
 
 
 def names_and_start(recording: Recording) -> tuple[list[str], float | None]:
-    """Return the names of the taxels and the time of the first sample in seconds, where the recording has them."""
+    """Return the taxel names of a recording, and the time of its first sample in seconds."""
     names, start_s = recording.metadata.get("columns"), recording.metadata.get("start_s")
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         names = []
@@ -164,7 +164,7 @@ def names_and_start(recording: Recording) -> tuple[list[str], float | None]:
 
 
 def decode_recording(recording: Recording) -> NDArray[np.float64]:
-    """Return the reconstruction of a recording, shape (ticks, taxels), in full scale.
+    """Return the reconstructed signals of a recording, shape (ticks, taxels), in full scale.
 
     An event counts for the sample tick in which it left, (t - 3) // clocks_per_sample. An event that waited for the
     link may count for a later tick than its cause, or for none after the last tick.

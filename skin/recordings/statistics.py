@@ -1,4 +1,4 @@
-"""Compute plain statistics of a recording for every taxel, as a baseline for a network on its events."""
+"""Compute statistics of every taxel's signal, the input of a baseline classifier."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LEAST = 1e-6
 
 
 def statistics(signal: NDArray[Any]) -> NDArray[np.float64]:
-    """Return mean, logarithm of the deviation, and logarithms of the power in bands of every column.
+    """Return mean, log deviation and log band powers of every column.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def statistics(signal: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def write_signals(recordings: RecordingSet, folder: Path) -> None:
-    """Write length and statistics of the signals of every recording into the folder of their event files."""
+    """Write length and statistics of the signals of every recording beside their event files."""
     full_scale = recordings.config.full_scale
     found = {
         source.name: {"ticks": len(codes), "statistics": statistics(codes / full_scale).tolist()}
@@ -53,7 +53,7 @@ def write_signals(recordings: RecordingSet, folder: Path) -> None:
 
 
 def seconds_of(folder: Path) -> NDArray[np.float64] | None:
-    """Return the length of each recording in a folder of event files, shape (recordings,); None if unknown."""
+    """Return the length in seconds of each recording in a folder of event files; None if unknown."""
     content = _read(folder)
     if content is None:
         return None
@@ -61,7 +61,7 @@ def seconds_of(folder: Path) -> NDArray[np.float64] | None:
 
 
 def signal_statistics(folder: Path, names: tuple[str, ...]) -> NDArray[np.float64] | None:
-    """Return the statistics of the signals of recordings, shape (recordings, columns); None where no file has them."""
+    """Return the signal statistics of recordings, shape (recordings, columns); None without stored statistics."""
     content = _read(folder)
     if content is None or not set(names) <= set(content["recordings"]):
         return None

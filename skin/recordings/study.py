@@ -1,4 +1,4 @@
-"""Compare SNR and data rate of all encoders and resolutions with uniform sampling at the same rate."""
+"""Compare SNR and data rate of all encoders and resolutions with those of uniform sampling."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Codes = NDArray[np.int32]
 
 
 def slow_signals(seed: int = 0) -> list[Codes]:
-    """Return generated pressures of a slow skin as codes, shape (ticks, taxels): presses, strokes and taps.
+    """Return generated pressure signals of a slow skin as codes: presses, strokes and taps.
 
     Each taxel has its own gain, and white noise of 1/2000 of full scale rms.
     """
@@ -62,7 +62,7 @@ def slow_signals(seed: int = 0) -> list[Codes]:
 def study_data(
     place: Path | None = None, pool: WorkerPool | None = None, progress: Callable[[], object] | None = None
 ) -> dict[str, Any]:
-    """Return SNR and data rate of every encoder and resolution, and of uniform sampling at the same data rate.
+    """Return SNR and data rate of every encoder and resolution, and of uniform sampling at equal data rate.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def study_data(
 
 
 def _point(recordings: Sequence[Codes], config: ReadoutConfig) -> dict[str, Any]:
-    """Return the results of one configuration for the recordings, with a clock that suits their slopes."""
+    """Return the results of one configuration, with a clock that suits the slopes of the recordings."""
     config, parts = with_clock(config, recordings), []
     for codes in recordings:
         events = simulate(config, Stimulus.from_samples(config, codes))
@@ -134,7 +134,7 @@ def _point(recordings: Sequence[Codes], config: ReadoutConfig) -> dict[str, Any]
 
 
 def uniform(recordings: Sequence[Codes], bps: float, rate_hz: float, sample_bits: int) -> dict[str, Any] | None:
-    """Return the best uniform sampling up to a data rate: all taxels at one rate, held until the next sample.
+    """Return SNR and data rate of the best uniform sampling up to a data rate.
 
     For every number of bits, the function uses the highest sampling rate within the data rate, up to that of the
     recordings; the best SNR counts. The result is None if less than one bit per second remains for a taxel.

@@ -1,4 +1,4 @@
-"""Read one recording of a sensor: a table with a line per sample, with or without time stamps."""
+"""Read a sensor recording from a table with one row per sample."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _UNIT_NAMES = {"sec": "s", "secs": "s", "seconds": "s", "millis": "ms", "µs": "
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """One recording as in its file.
+    """One recording as read from its file.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Table:
 
 
 def read_table(path: Path, options: Preparation) -> Table:
-    """Return the recording of a .csv, .npy or .npz file.
+    """Return the recording from a .csv, .npy or .npz file.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def read_table(path: Path, options: Preparation) -> Table:
 
 
 def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...], bool, int]:
-    """Return a table's numbers, names of columns, whether all numbers are whole, and how many cells were filled."""
+    """Return values and column names of a table, whether all values are integers, and the number of filled cells."""
     try:
         text = read_bytes(path, "the table").decode("utf-8-sig")
     except OSError as error:
@@ -160,7 +160,7 @@ def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...]
 
 
 def _numbers(text: str, delimiter: str | None) -> Values:
-    """Return the numbers of a text, shape (lines, columns), and NaN for cells that hold none."""
+    """Return the numbers in a text, shape (rows, columns), with NaN for cells without a number."""
     try:
         return np.loadtxt(io.StringIO(text), np.float64, delimiter=delimiter, comments=None, ndmin=2)
     except ValueError:
@@ -176,7 +176,7 @@ def _numbers(text: str, delimiter: str | None) -> Values:
 
 
 def _filled(path: Path, values: Values) -> tuple[Values, int]:
-    """Return values without NaN, from the samples before and after it, and how many there were.
+    """Return values with NaN filled by interpolation, and the number of filled cells.
 
     Raises
     ------
@@ -200,7 +200,7 @@ def _filled(path: Path, values: Values) -> tuple[Values, int]:
 
 
 def _delimiter(lines: list[str]) -> str | None:
-    """Return the delimiter of the cells: tab, semicolon or comma if present, else white space (None)."""
+    """Return the delimiter of cells: tab, semicolon or comma, or None for white space."""
     return next((mark for mark in ("\t", ";", ",") if all(mark in line for line in lines[-2:])), None)
 
 
@@ -220,7 +220,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _chosen_columns(path: Path, names: tuple[str, ...], text: str) -> list[int]:
-    """Return the columns of a list such as ``2-17,20`` or ``s1,s2``; all columns for an empty list."""
+    """Return the columns selected by a list such as ``2-17,20`` or ``s1,s2``; an empty list selects all."""
     if not text:
         return list(range(len(names)))
     chosen: list[int] = []
@@ -236,12 +236,12 @@ def _chosen_columns(path: Path, names: tuple[str, ...], text: str) -> list[int]:
 
 
 def _are_names(names: tuple[str, ...]) -> bool:
-    """Return whether the columns have real names, not only consecutive numbers."""
+    """Return True if the column names are not only consecutive numbers."""
     return names != tuple(str(number) for number in range(1, len(names) + 1))
 
 
 def _column(path: Path, names: tuple[str, ...], text: str) -> int:
-    """Return the index of a column for its name, or for its number counted from 1."""
+    """Return the index of a column given by name or by number, counted from 1."""
     if text in names:
         return names.index(text)
     if text.isdigit() and 1 <= int(text) <= len(names):
@@ -252,7 +252,7 @@ def _column(path: Path, names: tuple[str, ...], text: str) -> int:
 def _time_column(
     path: Path, values: Values, names: tuple[str, ...], options: Preparation
 ) -> tuple[int | None, tuple[str, ...]]:
-    """Return the column with time or a sample counter, and a note about it."""
+    """Return the index of the time or sample counter column, and a note about the column."""
     if options.time_column == "none":
         return None, ()
     if options.time_column:
@@ -269,7 +269,7 @@ def _time_column(
 
 
 def _seconds(path: Path, stamps: Values, name: str, options: Preparation) -> tuple[Values, float, str]:
-    """Return time stamps in seconds from the first, the first in seconds, and a note on their unit and rate."""
+    """Return time stamps in seconds from the first, the first in seconds, and a note on unit and rate."""
     steps = np.diff(stamps)
     if len(stamps) < 2:
         raise InputError(f"{path} has only one sample; a recording needs at least two")

@@ -25,7 +25,7 @@ SATURATED = 0.5
 
 
 def only_taxels(tables: Sequence[Table]) -> tuple[list[Table], tuple[str, ...]]:
-    """Return the recordings of a folder without columns that are not taxels, and a note on each such column.
+    """Return recordings without columns that are not taxels, and a note on each removed column.
 
     Nothing is left out of a single recording, where recordings have different columns, or where most columns would go.
     """
@@ -45,7 +45,7 @@ def only_taxels(tables: Sequence[Table]) -> tuple[list[Table], tuple[str, ...]]:
 
 
 def _reasons(tables: Sequence[Table]) -> dict[int, str]:
-    """Return by column number why columns are not taxels."""
+    """Return the reason why each column is not a taxel, by column number."""
     names, found = tables[0].names, {}
     together = np.concatenate([table.values for table in tables])
     low, high = np.percentile(np.abs(together), [10, 90], axis=0)
@@ -68,5 +68,5 @@ def _reasons(tables: Sequence[Table]) -> dict[int, str]:
 
 
 def _is_full_scale(value: float) -> bool:
-    """Return whether a number is the largest of 8 bits or more."""
+    """Return True if a number is the largest unsigned or signed number of at least 8 bits."""
     return value >= 255 and float(value + 1).is_integer() and np.log2(value + 1).is_integer()

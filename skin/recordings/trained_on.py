@@ -1,4 +1,4 @@
-"""Store how the recordings of a training were read, scaled and encoded, to treat others equally."""
+"""Store the preparation of training recordings, so that other recordings are prepared equally."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EVERY_FIELD = frozenset(field.name for field in dataclasses.fields(ReadoutConfig
 
 @dataclass(frozen=True)
 class OwnReadout:
-    """The readout of a user's recordings.
+    """Preparation, scale and configuration used for the recordings of a training.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class OwnReadout:
 
     @classmethod
     def of(cls, recording: Recording) -> OwnReadout | None:
-        """Return the readout of an event file of a user's recordings, or None for other files."""
+        """Return the preparation stored in an event file, or None for other files."""
         prepared, scale = recording.metadata.get("prepared"), recording.metadata.get("scale")
         if not isinstance(prepared, dict) or not isinstance(scale, float):
             return None
@@ -45,17 +45,17 @@ class OwnReadout:
         return dataclasses.asdict(self.options)
 
     def read(self, place: Path) -> RecordingSet:
-        """Read other recordings in the same way."""
+        """Return other recordings, read and prepared as the training recordings were."""
         return read_set(place, self.options, self.config, EVERY_FIELD)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values."""
+        """Return all fields as a dictionary for JSON."""
         prepared = self.options.chosen()
         return {"readout": self.config.to_dict(), "prepared": prepared, "scale": float(self.options.scale)}
 
     @classmethod
     def from_dict(cls, fields: dict[str, Any]) -> OwnReadout:
-        """Return the object for a dictionary of ``to_dict``, also from a JSON file.
+        """Return the object for a dictionary written by ``to_dict``.
 
         Raises
         ------

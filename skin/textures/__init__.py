@@ -1,1 +1,1 @@
-"""Texture images, the presets that scan them, and their event rates."""
+"""Texture images, scan presets, and event rates of scanned textures."""

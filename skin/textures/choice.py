@@ -1,4 +1,4 @@
-"""Choose taxels of an array: lines, corners, checkerboard, random ones, or a list (docs/guide/classifier.md)."""
+"""Select taxels of an array: lines, corners, checkerboard, random ones, or a list (docs/guide/classifier.md)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ CHOICES = "across:K|along:K|corners|checkerboard|random:K:SEED|NUMBER+NUMBER..."
 
 
 def choose(text: str, rows: int, columns: int) -> tuple[int, ...]:
-    """Return the chosen taxels of an array, row * columns + column, in rising order.
+    """Return the indices of the selected taxels of an array, in rising order.
 
     ``across:K`` are K taxels of the first column, evenly spread over the rows; the skin slides along its rows, so they
     read K lines of the surface. ``along:K`` are K taxels of the middle row, which read one line after each other.
@@ -44,7 +44,7 @@ def choose(text: str, rows: int, columns: int) -> tuple[int, ...]:
 
 
 def _spread(length: int, count: int) -> list[int]:
-    """Return places evenly spread over a line, both ends among them; a single one is the first."""
+    """Return evenly spread positions on a line, including both ends."""
     if not 1 <= count <= length:
         raise ValueError
     return [round(place) for place in np.linspace(0, length - 1, count)]

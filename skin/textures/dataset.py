@@ -1,4 +1,4 @@
-"""Texture images with their classes: a directory of class folders, or the embedded default.
+"""Texture images with their classes, from class folders or embedded in scikit-image.
 
 ``open_dataset`` finds the images. A directory has one folder of 8-bit gray PNG files per class, as the Kylberg textures
 do, and is checked if it has a SHA256SUMS file. Without a directory, the CC0 photographs of brick, grass and gravel in
@@ -46,7 +46,7 @@ PATCH_WIDTH_PX, PATCH_HEIGHT_PX = 256, 64
 
 @dataclass(frozen=True)
 class Texture:
-    """One texture image with its class; its pixels are read on demand.
+    """One texture image with its class; pixels are loaded on demand.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Texture:
 
 @dataclass(frozen=True)
 class Dataset(Sequence[Texture]):
-    """Textures in a stable order, class by class.
+    """Textures in a fixed order, sorted by class.
 
     Attributes
     ----------
@@ -104,11 +104,11 @@ class Dataset(Sequence[Texture]):
 
     @property
     def labels(self) -> NDArray[np.int64]:
-        """Label of every texture, shape (len(self),)."""
+        """Class index of every texture, shape (len(self),)."""
         return np.array([texture.label for texture in self.textures], np.int64)
 
     def limit(self, count: int) -> Dataset:
-        """Return a dataset of at most ``count`` textures, evenly spread."""
+        """Return a dataset of at most ``count`` evenly spread textures."""
         if count < 1:
             raise InputError(f"the number of images must be at least 1, not {count}")
         if count >= len(self):
@@ -118,7 +118,7 @@ class Dataset(Sequence[Texture]):
 
 
 def open_dataset(where: str | Path | None = None) -> Dataset:
-    """Return the dataset at a path, or the first one found.
+    """Return the dataset at a path, or the first dataset found in the default places.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def _named_dataset(where: str, what: str) -> Dataset:
 
 
 def directory_dataset(root: Path) -> Dataset:
-    """Return the dataset of a directory of class folders, verified if it has a SHA256SUMS file.
+    """Return the dataset of a directory with a folder per class.
 
     With that file every listed image must be there with the right sum, and no class folder or image may be
     there that it does not list. Names that start with a dot are ignored.
@@ -194,7 +194,7 @@ def directory_dataset(root: Path) -> Dataset:
 
 
 def _verify(root: Path, found: dict[str, list[str]]) -> None:
-    """Check the images of a directory, by class, against its SHA256SUMS file."""
+    """Check the images of a directory against its SHA256SUMS file."""
     listed = _read_sums(root / SUMS_FILE)
     classes = {name.split("/")[0] for name in listed}
     if unknown := [name for name in found if name not in classes]:
@@ -213,7 +213,7 @@ def _verify(root: Path, found: dict[str, list[str]]) -> None:
 
 
 def _read_sums(path: Path) -> dict[str, str]:
-    """Return the checksums of a SHA256SUMS file by ``class/name.png``."""
+    """Return the checksums in a SHA256SUMS file, keyed by ``class/name.png``."""
     listed = {}
     for number, line in enumerate(_read(path).decode("utf-8", "replace").splitlines(), 1):
         if not line.strip():
@@ -263,7 +263,7 @@ def read_gray_png(path: Path) -> NDArray[np.uint8]:
 
 
 def embedded_dataset() -> Dataset:
-    """Return the patches of the photographs inside scikit-image: 16 of each of 3 classes.
+    """Return the embedded dataset: 16 patches of scikit-image photographs for each of 3 classes.
 
     A patch is 256 pixels wide and 64 high; they do not overlap and are numbered row by row.
     """
@@ -284,7 +284,7 @@ def embedded_dataset() -> Dataset:
 
 
 def _skimage_file(name: str, digest: str) -> Path:
-    """Return the path of a data file of the installed scikit-image, without importing it."""
+    """Return the path of a data file of the installed scikit-image."""
     spec = find_spec("skimage")
     if spec is None or not spec.submodule_search_locations:
         raise InputError(

@@ -1,4 +1,4 @@
-"""The scan of the original model, which produced the published event rates (docs/guide/textures.md)."""
+"""The scan of the paper's original model, which produced the published event rates (docs/guide/textures.md)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from eskin.skin.textures.scan import Scan, Signals, gray
 
 @dataclass(frozen=True, kw_only=True)
 class PaperScan(Scan):
-    """The original model: one-pixel taxel offsets, every 4th pixel, a slowed-down sensor.
+    """The original scan: one-pixel taxel offsets, every fourth pixel, and a slowed-down sensor.
 
     Taxel (i, j) reads the pixels of image column j from row i downwards, all ``height - rows + 1`` of them.
     An image that is wider than high is turned first, so the scan runs along its longer side.
@@ -66,7 +66,7 @@ class PaperScan(Scan):
                 raise InputError(f"{name} must be a whole number from {least}, not {value!r}")
 
     def loop_samples(self, config: ReadoutConfig, tau_s: float | None = None) -> int:
-        """Return the loop time in samples of the played line, at least 1.
+        """Return the loop time in samples of the image line.
 
         LSB / maxSR; with a leak LSB tau / (LSB + tau maxSR) / 3 (docs/specification.md, section 6).
         """
@@ -79,7 +79,7 @@ class PaperScan(Scan):
         return max(1, round(loop_s * self.playback_hz))
 
     def configure(self, config: ReadoutConfig, tau_s: float | None = None) -> ReadoutConfig:
-        """Return the configuration that samples and decides once per loop time; see ``Scan.configure``.
+        """Return the configuration with one sample and one decision per loop time; see ``Scan.configure``.
 
         The reference starts at D, with a leak at 0.
         """
@@ -93,11 +93,11 @@ class PaperScan(Scan):
         return config.replace(sample_rate_hz=rate_hz, decide_every="sample", reference_reset=reset, **leak)
 
     def duration_s(self, config: ReadoutConfig, shape: tuple[int, int]) -> float:
-        """Return the length in seconds of the played line."""
+        """Return the duration of the image line in seconds."""
         return self._kept_pixels(config, shape) * self.upsampling / self.playback_hz
 
     def skipped_ticks(self, config: ReadoutConfig) -> int:
-        """Return the number of sample ticks before ``lcs_skip_s`` or ``nlcs_skip_s``."""
+        """Return the number of initial sample ticks whose events are not counted."""
         skip_s = self.nlcs_skip_s if config.encoder.leaks else self.lcs_skip_s
         # Tick n is sample (n + 1) * every - 1 of the line; the first that counts is at or behind the skip.
         every = self._every(config)
@@ -122,7 +122,7 @@ class PaperScan(Scan):
         return _paper_response(dataclasses.replace(self, skin=None, taxels=()), kept, every) @ lines
 
     def _kept_pixels(self, config: ReadoutConfig, shape: tuple[int, int]) -> int:
-        """Return the number of pixels used of a line."""
+        """Return the number of pixels used from an image line."""
         long, wide = max(shape), min(shape)
         rows, columns, _, _ = self._places(config)
         if long - rows < self.pixel_step or wide < columns:
@@ -134,7 +134,7 @@ class PaperScan(Scan):
         return -(-(long - rows + 1) // self.pixel_step)
 
     def _every(self, config: ReadoutConfig) -> int:
-        """Return the samples of the played line per sample tick."""
+        """Return the number of image line samples per sample tick."""
         every = self.playback_hz / config.sample_rate_hz
         whole = round(every)
         if whole < 1 or abs(every - whole) > 1e-6 * every:
@@ -147,7 +147,7 @@ class PaperScan(Scan):
 
 @functools.lru_cache(maxsize=2)
 def _paper_response(scan: PaperScan, kept: int, every: int) -> Signals:
-    """Return the sampled sensor response to each used pixel alone, shape (ticks, pixels).
+    """Return the sampled sensor response to each used pixel, shape (ticks, pixels).
 
     Tick n is sample (n + 1) * every - 1 of the played line: the loop time ends with it, as in the original.
     Takes up to 92 MB, for a whole Kylberg line with every = 1.

@@ -1,4 +1,4 @@
-"""The scan as described in the paper (docs/guide/textures.md)."""
+"""The scan described in the text of the paper (docs/guide/textures.md)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eskin.skin.textures.scan import Scan, Signals, gray
 
 @dataclass(frozen=True, kw_only=True)
 class PhysicalScan(Scan):
-    """The scan of the paper's text: an array of 200 um pitch slides left to right over the image at 65 mm/s.
+    """The physical scan: an array of 200 um pitch slides from left to right over the image at 65 mm/s.
 
     Taxel (r, c) starts r pitches below ``start_row`` and c pitches right of the left edge; the scan ends when
     the last column reaches the right edge. Pixel centres are points, in between the image is bilinear. The
@@ -47,21 +47,21 @@ class PhysicalScan(Scan):
         return self.taxel_pitch_m / self.pixel_pitch_m
 
     def configure(self, config: ReadoutConfig, tau_s: float | None = None) -> ReadoutConfig:
-        """Return the configuration, with the leak of ``tau_s`` for a leaking encoder; see ``Scan.configure``."""
+        """Return the configuration with the leak of a leaky encoder set to ``tau_s``; see ``Scan.configure``."""
         if not config.encoder.leaks or tau_s is None:
             return config
         return config.replace(**self._leak(config, tau_s, config.sample_rate_hz))
 
     def duration_s(self, config: ReadoutConfig, shape: tuple[int, int]) -> float:
-        """Return the length in seconds of the slide: a whole number of sample periods."""
+        """Return the duration of the slide in seconds, a whole number of sample periods."""
         return self._ticks(config, shape) / config.sample_rate_hz
 
     def skipped_ticks(self, config: ReadoutConfig) -> int:
-        """Return 0: all events count."""
+        """Return 0, because all events are counted."""
         return 0
 
     def start_rows(self, config: ReadoutConfig, shape: tuple[int, int], count: int) -> list[float]:
-        """Return evenly spaced start rows, from the top of an image to the lowest that fits.
+        """Return evenly spaced start rows from the top of an image to the lowest possible row.
 
         Parameters
         ----------
@@ -99,11 +99,11 @@ class PhysicalScan(Scan):
         return np.ascontiguousarray(response[::finer])
 
     def _step_px(self, config: ReadoutConfig) -> float:
-        """Return the distance in pixels between two sample ticks."""
+        """Return the distance in pixels that the array moves per sample tick."""
         return self.speed_m_per_s / self.pixel_pitch_m / config.sample_rate_hz
 
     def _finer(self, config: ReadoutConfig) -> int:
-        """Return how many times per sample tick the sensor is computed."""
+        """Return the oversampling factor of the sensor model per sample tick."""
         return max(1, math.ceil(self.lowest_time_base_hz / config.sample_rate_hz - 1e-9))
 
     def _lowest_start_row(self, config: ReadoutConfig, shape: tuple[int, int]) -> float:
@@ -125,7 +125,7 @@ class PhysicalScan(Scan):
 
 
 def _interpolate(values: NDArray[np.float64], positions: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
-    """Return values, linear along axis 0, at positions in 0..len(values) - 1."""
+    """Return values interpolated linearly along axis 0 at the given positions."""
     below = np.clip(positions.astype(np.intp), 0, max(len(values) - 2, 0))
     above = np.minimum(below + 1, len(values) - 1)
     part = np.clip(positions - below, 0.0, 1.0)[:, None]
@@ -134,7 +134,7 @@ def _interpolate(values: NDArray[np.float64], positions: NDArray[np.floating[Any
 
 
 def large_enough(image: NDArray[np.uint8], config: ReadoutConfig) -> NDArray[np.uint8]:
-    """Return an embedded texture, repeated if the array is larger, so that half its width remains for the scan."""
+    """Return an embedded texture, tiled for a larger array so that half its width remains for the scan."""
     pitch = PhysicalScan().taxel_pitch_px
     height = math.ceil(config.rows * pitch) + 1
     width = math.ceil(config.columns * pitch) + image.shape[1] // 2

@@ -1,4 +1,4 @@
-"""Convert a texture image to taxel samples, with one of two presets (docs/specification.md, section 6).
+"""Convert a texture image to taxel samples with a scan preset (docs/specification.md, section 6).
 
 ``PaperScan`` has the constants of the original model, which produced the published event rates. ``PhysicalScan``
 follows the description in the paper. All constants are fields. A scan never repeats fields of ``ReadoutConfig`` (array,
@@ -25,7 +25,7 @@ PRESETS: dict[Preset, Scan] = {"paper": PaperScan(), "physical": PhysicalScan()}
 
 
 def preset(name: str, wiring: Mapping[str, Any] | None = None) -> Scan:
-    """Return the scan of a preset by name.
+    """Return the scan preset of a given name.
 
     ``wiring`` holds ``skin`` and ``taxels`` of the scan (``Scan.wired_to``), as notes on a training store them.
     """

@@ -1,4 +1,4 @@
-"""Measure the mean event rate of the whole array over a dataset."""
+"""Measure the mean event rate of the array over a dataset."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def measure_rates(
     pool: WorkerPool | None = None,
     progress: Callable[[], object] | None = None,
 ) -> Rates:
-    """Return the event rates of a readout over a dataset, with every request taken immediately.
+    """Return the event rates of a readout over a dataset, measured without contention.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def measure_rates(
 
 
 class Image(NamedTuple):
-    """A texture in the form that is sent to a worker.
+    """A texture image in the form sent to a worker process.
 
     Attributes
     ----------
@@ -132,14 +132,14 @@ class Image(NamedTuple):
 def _rates_of(
     image: Image, scan: Scan, config: ReadoutConfig, start_rows: Sequence[float]
 ) -> list[tuple[int, int, float]]:
-    """Return events, clipped samples and length of the scans of an image."""
+    """Return event count, clipped samples and duration of the scans of an image."""
     scans = (scan_image(image, scan, [config], start_row) for start_row in start_rows)
     return [(int(found.counts.sum()), found.clipped, found.seconds) for found in scans]
 
 
 @dataclass(frozen=True, eq=False)
 class Scanned:
-    """One scan of one image, encoded with every request taken immediately.
+    """Events of one scan of one image, encoded without contention.
 
     Attributes
     ----------
@@ -192,7 +192,7 @@ Watch = Callable[[str, int], AbstractContextManager[Callable[[], object]]]
 
 @contextmanager
 def unwatched(text: str, total: int) -> Iterator[Callable[[], object]]:
-    """Ignore progress."""
+    """Ignore progress reports."""
     yield lambda: None
 
 
@@ -203,7 +203,7 @@ def each_image(
     pool: WorkerPool | None = None,
     progress: Callable[[], object] | None = None,
 ) -> Iterator[Any]:
-    """Yield the results of a function for every image, in their order.
+    """Yield the result of a function for every image of a dataset, in order.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def each_image(
 
 
 def published_rate_hz(dataset: Dataset, scan: Scan, config: ReadoutConfig) -> float | None:
-    """Return the published rate for a measurement, or None if there is none."""
+    """Return the published event rate that corresponds to a measurement, or None."""
     whole = dataset.name == "kylberg" and len(dataset) == 240
     array = (config.rows, config.columns) == (8, 8)
     tau = not config.encoder.leaks or abs(config.tau_s / PAPER_TAU_S - 1) < 0.01

@@ -1,4 +1,4 @@
-"""Common parts of both scan presets: sensor, quantiser, and checks of an image."""
+"""Sensor model, quantiser and image checks of both scan presets."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Signals = NDArray[np.float64]
 
 
 def quantise(signals: ArrayLike, sample_bits: int) -> tuple[NDArray[np.int32], int]:
-    """Return the codes of signals, and the number of clipped ones (docs/specification.md, section 6).
+    """Return signals quantised to codes, and the number of clipped samples (docs/specification.md, section 6).
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def quantise(signals: ArrayLike, sample_bits: int) -> tuple[NDArray[np.int32], i
 
 @dataclass(frozen=True, kw_only=True)
 class Scan(ABC):
-    """Common base of both presets: the sensor and the scale of a pixel.
+    """Base class of the scan presets: sensor model and pixel scale.
 
     Parameters
     ----------
@@ -109,15 +109,15 @@ class Scan(ABC):
 
     @abstractmethod
     def duration_s(self, config: ReadoutConfig, shape: tuple[int, int]) -> float:
-        """Return the length in seconds of the scan of an image with a shape (height, width)."""
+        """Return the duration in seconds of the scan of an image."""
 
     @abstractmethod
     def skipped_ticks(self, config: ReadoutConfig) -> int:
-        """Return the number of sample ticks at the start of a scan whose events do not count."""
+        """Return the number of initial sample ticks whose events are not counted."""
 
     @abstractmethod
     def signals(self, config: ReadoutConfig, image: ArrayLike, start_row: float = 0.0) -> Signals:
-        """Return the sensor outputs at the sample ticks of the configuration.
+        """Return the sensor outputs at the sample ticks.
 
         Parameters
         ----------
@@ -142,7 +142,7 @@ class Scan(ABC):
     # -- common ----------------------------------------------------------------------------------
 
     def wired_to(self, skin: ReadoutConfig, taxels: Sequence[int]) -> tuple[Self, ReadoutConfig]:
-        """Return the scan of a skin, and the readout whose inputs are wired to some of its taxels.
+        """Return the scan of a larger skin, and the readout connected to a selection of its taxels.
 
         The readout is an array of one column with as many rows as taxels. The other taxels of the skin have no
         converter.
@@ -158,7 +158,7 @@ class Scan(ABC):
         return scan, skin.replace(rows=len(taxels), columns=1)
 
     def _check_wiring(self) -> None:
-        """Refuse taxels that the skin does not have, or has twice."""
+        """Check that all selected taxels exist and are distinct."""
         if self.skin is None:
             if self.taxels:
                 raise InputError("chosen taxels need the rows and columns of the skin; give skin")
@@ -170,7 +170,7 @@ class Scan(ABC):
             raise InputError("chosen taxels must be at least one, each once")
 
     def _places(self, config: ReadoutConfig) -> tuple[int, int, NDArray[np.int64], NDArray[np.int64]]:
-        """Return rows and columns of the skin, and row and column of the taxel of every input of a readout."""
+        """Return the size of the skin, and row and column of the taxel at every input of the readout."""
         rows, columns = self.skin or (config.rows, config.columns)
         taxels = np.array(self.taxels or range(config.taxels), np.int64)
         if len(taxels) != config.taxels:
@@ -178,11 +178,11 @@ class Scan(ABC):
         return rows, columns, taxels // columns, taxels % columns
 
     def samples(self, config: ReadoutConfig, image: ArrayLike, start_row: float = 0.0) -> tuple[NDArray[np.int32], int]:
-        """Return the codes of all taxels, int32 of shape (ticks, taxels), and the number of clipped ones."""
+        """Return the codes of all taxels, int32 of shape (ticks, taxels), and the number of clipped samples."""
         return quantise(self.signals(config, image, start_row), config.sample_bits)
 
     def sensor(self, line: Signals, rate_hz: float) -> Signals:
-        """Return the sensor's response to lines sampled at a rate, starting from rest.
+        """Return the sensor response to sampled lines, starting from rest.
 
         The solution is exact for a line that is straight between its samples (first-order hold).
 
@@ -207,7 +207,7 @@ class Scan(ABC):
         return response
 
     def _leak(self, config: ReadoutConfig, tau_s: float, sample_rate_hz: float) -> dict[str, Any]:
-        """Return the fields of a leak for a time constant."""
+        """Return the leak settings for a time constant."""
         leak = ReadoutConfig.from_tau(tau_s, 1.0 / sample_rate_hz)
         return {"leak_shift": leak.leak_shift, "leak_period": leak.leak_period}
 

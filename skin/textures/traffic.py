@@ -1,4 +1,4 @@
-"""Compare the data rates of spiking readouts and of a frame readout on the same scans (docs/reference/frame.md)."""
+"""Compare the data rates of spiking and frame readouts on equal scans (docs/reference/frame.md)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def compare_traffic(
     pool: WorkerPool | None = None,
     progress: Callable[[], object] | None = None,
 ) -> dict[str, Any]:
-    """Return the data rates of every spiking readout and of the frame readout for sliding textures.
+    """Return the data rates of every spiking readout and of the frame readout for scanned textures.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def spiking_traffic(config: ReadoutConfig, rates: Rates, frame: FrameConfig) -> 
 
 
 def frame_traffic(frame: FrameConfig) -> dict[str, Any]:
-    """Return the data rate of the frame readout: N bits per taxel and frame for any signal.
+    """Return the data rate of the frame readout, which does not depend on the signal.
 
     Returns
     -------

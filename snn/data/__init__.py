@@ -1,1 +1,1 @@
-"""Convert recordings to tensors for the networks: scans, time bins, augmentation."""
+"""Convert recordings to tensors for the networks: time bins, scans, augmentation."""

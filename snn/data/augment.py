@@ -1,4 +1,4 @@
-"""Augmentation of training scans: shifts in time, other scan speeds."""
+"""Augmentation of training scans: time shifts and speed changes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class AugmentConfig:
-    """Random changes of every training scan, drawn anew in each epoch.
+    """Ranges of the random changes applied to every training scan in each epoch.
 
     Start rows are not drawn here: they are scans of their own (``record_dataset``).
 
@@ -47,7 +47,7 @@ class AugmentConfig:
 def augment(
     batch: Tensor, taxels: int, config: AugmentConfig, generator: np.random.Generator, frames: bool = False
 ) -> Tensor:
-    """Return a changed copy of a batch, shape (steps, scans, channels); equal generators give equal results."""
+    """Return an augmented copy of a batch, shape (steps, scans, channels)."""
     import torch
 
     steps, scans, channels = batch.shape
@@ -68,7 +68,7 @@ def augment(
 
 
 def at_speed(batch: Tensor, speed: Tensor) -> Tensor:
-    """Return the counts of scans at other speeds, shape (steps, scans, channels).
+    """Return the counts of scans resampled to other speeds, shape (steps, scans, channels).
 
     Event k of n in a bin has the position (k - 1/2) / n within the bin. Bin t of a scan at speed v contains the events
     between v t and v (t + 1) bins of the original. Events after the last bin are lost, and a faster scan ends early.

@@ -1,4 +1,4 @@
-"""Convert event files to event counts per time bin, as tensors for the networks (docs/guide/classifier.md).
+"""Convert event files to event counts per time bin (docs/guide/classifier.md).
 
 Recordings of the RTL and of the model (``eskin.snn.data.record``) pass through the same ``collect``, so equal events
 give equal tensors.
@@ -25,7 +25,7 @@ MOST_COUNTS = 2**28
 
 @dataclass(frozen=True, kw_only=True)
 class BinConfig:
-    """The conversion of events to counts per time step.
+    """Parameters of the conversion from events to counts per time bin.
 
     Parameters
     ----------
@@ -54,16 +54,16 @@ class BinConfig:
             raise InputError(f"stop_s must be later than start_s, not {self.stop_s:g} after {self.start_s:g}")
 
     def channels(self, config: ReadoutConfig) -> int:
-        """Return the number of channels of a readout: taxels, or twice as many with separate ON and OFF."""
+        """Return the number of input channels for a readout: taxels, or twice as many with separate ON and OFF."""
         return config.taxels * (2 if self.polarity and config.has_polarity else 1)
 
     def channel_of(self, events: Events, config: ReadoutConfig) -> NDArray[np.int64]:
-        """Return the channel of every event: row * columns + column, plus the taxels for separate OFF events."""
+        """Return the input channel of every event."""
         return taxel_of(events, config) + np.where(events["p"], 0, self.channels(config) - config.taxels)
 
 
 class SparseCounts(NamedTuple):
-    """Event counts of one recording, without zeros.
+    """Event counts of one recording in sparse form.
 
     Attributes
     ----------
@@ -81,14 +81,14 @@ class SparseCounts(NamedTuple):
     shape: tuple[int, int]
 
     def dense(self) -> NDArray[np.int64]:
-        """Return the counts with zeros, shape (steps, channels)."""
+        """Return the counts as a dense array, shape (steps, channels)."""
         full = np.zeros(self.shape, np.int64)
         full[self.step, self.channel] = self.number
         return full
 
 
 def bin_recording(recording: Recording, bins: BinConfig) -> SparseCounts:
-    """Return the event counts of a recording; an event belongs to the bin in which it left the readout.
+    """Return the event counts of a recording; the link transfer time of an event determines its bin.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def bin_recording(recording: Recording, bins: BinConfig) -> SparseCounts:
 
 
 def counted_from(recording: Recording, start_s: float | None = None) -> int:
-    """Return the clock from which events count: a given time, or the preset's start."""
+    """Return the clock from which events are counted."""
     if start_s is not None:
         return round(start_s * recording.config.clock_hz)
     name = recording.metadata.get("preset")

@@ -1,4 +1,4 @@
-"""Cache recorded scans between runs (docs/guide/classifier.md).
+"""Cache of recorded scans between runs (docs/guide/classifier.md).
 
 The name of an entry is a checksum of everything that determines it: image bytes, scan, readout, start rows, time steps,
 and the sources and libraries that compute it. An entry is therefore never outdated. If the cache is full, the least
@@ -40,7 +40,7 @@ _ABANDONED_S = 3600.0
 
 
 def kept(key: str, make: Callable[[], ScanData]) -> ScanData:
-    """Return the scans of a key from the cache, or from ``make``, whose result is then cached.
+    """Return the scans of a key from the cache, or compute them with ``make`` and cache them.
 
     Without a trusted folder, or on a full disk, nothing is cached.
     """
@@ -66,7 +66,7 @@ def key_of(
     steps: Any,
     start_rows: Sequence[float],
 ) -> str:
-    """Return the name of a cache entry.
+    """Return the cache key for scans of a dataset.
 
     Parameters
     ----------
@@ -89,13 +89,13 @@ def key_of(
 
 
 def size() -> tuple[int, int]:
-    """Return the number of cache entries, and their bytes."""
+    """Return the number of cache entries, and their size in bytes."""
     sizes = [path.stat().st_size for path in _entries(cache.folder() / "scans")]
     return len(sizes), sum(sizes)
 
 
 def clear() -> int:
-    """Remove all entries; return their number."""
+    """Remove all cache entries; return their number."""
     entries = _entries(cache.folder() / "scans")
     for path in entries:
         path.unlink(missing_ok=True)
@@ -107,7 +107,7 @@ def _entries(folder: Path) -> list[Path]:
 
 
 def _read(path: Path) -> ScanData | None:
-    """Return an entry, or None if it is missing or damaged."""
+    """Return a cache entry, or None for a missing or damaged entry."""
     if not cache.is_private(path):
         return None
     try:
@@ -134,7 +134,7 @@ def _write(path: Path, data: ScanData) -> None:
 
 
 def _shrink(folder: Path, newest: Path) -> None:
-    """Remove the least recently used entries until the cache is small enough, and files of killed writers."""
+    """Remove the least recently used entries beyond the size limit, and temporary files of killed processes."""
     for path in folder.glob(".*.part"):
         if time.time() - path.stat().st_mtime > _ABANDONED_S:
             path.unlink(missing_ok=True)
@@ -149,13 +149,13 @@ def _shrink(folder: Path, newest: Path) -> None:
 
 @functools.lru_cache(maxsize=4096)
 def _sum(path: Path, modified: int) -> str:
-    """Return the SHA-256 sum of a file; ``modified`` separates its versions within a run."""
+    """Return the SHA-256 sum of a file, cached within the process by modification time."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 @functools.cache
 def _computed_by() -> list[str]:
-    """Return a checksum of the sources, and the libraries, that compute the scans."""
+    """Return a checksum of the sources and library versions that determine the scans."""
     import numba
     import scipy
 

@@ -1,4 +1,4 @@
-"""Measure the size of events or frames after lossless coding with the standard library.
+"""Measure the size of events or frames after lossless compression with the standard library.
 
 The streams of several scans are concatenated, as if an array scanned without pause. The smallest result of zlib, bz2
 and LZMA counts. It is what standard coders reach, not a bound: a coder designed for the signal does better.
@@ -23,7 +23,7 @@ Parts = dict[str, int]
 
 
 def coded_bits(words: NDArray[np.unsignedinteger]) -> int:
-    """Return the bits of a stream of words after coding, with bytes of equal weight grouped."""
+    """Return the compressed size of a stream of words in bits, with bytes of equal weight grouped."""
     planes = words.astype(f"<u{words.dtype.itemsize}").view(np.uint8).reshape(len(words), words.dtype.itemsize).T
     stream = planes.tobytes()
     filters = [{"id": lzma.FILTER_LZMA2, "preset": 9}]
@@ -36,7 +36,7 @@ def coded_bits(words: NDArray[np.unsignedinteger]) -> int:
 
 
 def coded_events(recordings: Sequence[Recording], start_s: float | None = None) -> Parts:
-    """Return the coded bits of the counted events of some recordings.
+    """Return the compressed size in bits of the counted events of recordings.
 
     ``addresses``: polarity and address of every event in the order sent; like the words on an AER link they have no
     time stamps. ``events``: these, and the sample ticks since the event before.
@@ -53,7 +53,7 @@ def coded_events(recordings: Sequence[Recording], start_s: float | None = None) 
 
 
 def coded_frames(frames: Sequence[NDArray[np.int32]], bits: int) -> Parts:
-    """Return the coded bits of the frames of some scans, taxel by taxel and frame by frame.
+    """Return the compressed size in bits of the frames of scans.
 
     ``samples``: the words as sent. ``differences``: to the previous frame, modulo 2**bits, with small values of either
     sign as small words.

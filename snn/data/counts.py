@@ -1,4 +1,4 @@
-"""Compare the event counts of several readouts on the same scans: empty bins and agreement."""
+"""Compare the event counts of several readouts on the same scans."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from eskin.snn.data.scans import ScanData
 
 @dataclass(frozen=True)
 class Likeness:
-    """The agreement of two readouts, taxel by taxel and bin by bin of all scans.
+    """Agreement of the event counts of two readouts, by taxel and bin.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ def empty_bins(data: ScanData) -> float:
 
 
 def likeness(first: ScanData, second: ScanData) -> Likeness:
-    """Return the agreement of the counts of two readouts on the same scans, with ON and OFF added.
+    """Return the agreement of two readouts on the same scans, with ON and OFF counts added.
 
     The bins that only one of the two has, at the end, are left out. Encoders whose events count from other times on
     have other bins and cannot be compared.

@@ -1,4 +1,4 @@
-"""Disturb scans, signals, comparators and events; one registry serves tests and training.
+"""Disturbances of scans, signals, comparators and events, for robustness tests and training.
 
 Each disturbance changes the scene (the movement of the array over the texture), the signals at the outputs of the
 analog front ends, the comparators, or the events, always before events are counted. Random disturbances draw from a
@@ -40,7 +40,7 @@ HOT_HZ = 1000.0
 
 @dataclass(frozen=True, kw_only=True)
 class Disturbance:
-    """A disturbance, and the strengths of its test.
+    """A disturbance with its test strengths.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Disturbance:
 
 @dataclass
 class Draft:
-    """A recording in progress; each level changes the result of the previous levels.
+    """A scan under construction, from the scene to the events; disturbances change each stage.
 
     Attributes
     ----------
@@ -128,7 +128,7 @@ def _rotation(draft: Draft, strength: float, _: Generator) -> None:
 
 
 def _scene_signals(draft: Draft) -> Signals:
-    """Return the signals of the scene, with image and array rotated until the movement runs left to right."""
+    """Return the signals of the scene for a movement in any direction."""
     config, turns = draft.config, draft.quarter_turns
     image = np.rot90(draft.image, -turns)  # a movement upwards becomes one to the right
     rows, columns = (config.columns, config.rows) if turns % 2 else (config.rows, config.columns)
@@ -151,7 +151,7 @@ def _slow_noise(draft: Draft, strength: float, generator: Generator) -> None:
 
 
 def noisy(signals: Signals, noise_v: float, generator: Generator, pole: float | None = None) -> Signals:
-    """Return signals with noise of a given rms in full scales: white, or filtered by one pole, in steady state.
+    """Return signals with additive noise of a given rms in full scales, white or low-pass filtered.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ def _comparator_offset(draft: Draft, strength: float, generator: Generator) -> N
 
 
 def compare(config: ReadoutConfig, signals: Signals, noise_v: float, offset_v: float, generator: Generator) -> Events:
-    """Return the events of LCS taxels with non-ideal comparators; without noise and offset, those of the encoder.
+    """Return the events of LCS taxels with non-ideal comparators.
 
     Every sample and comparator (above, below) has independent noise, and every comparator an offset. A taxel sends at
     most one event a clock; the arbiter is left out, which delays events by microseconds.
@@ -220,7 +220,7 @@ def compare(config: ReadoutConfig, signals: Signals, noise_v: float, offset_v: f
 
 @njit(cache=True)
 def _cross(codes: Any, above: Any, below: Any, step: float, cap: int) -> Any:
-    """Return the steps of every taxel at every sample, up positive: references follow by whole steps, at most cap."""
+    """Return the signed number of steps of every taxel at every sample, at most ``cap``."""
     counts = np.zeros(codes.shape, np.int64)
     for j in range(codes.shape[1]):
         u = 0.0
@@ -340,7 +340,7 @@ DISTURBANCES: dict[str, Disturbance] = {
 
 
 def check_strength(name: str, strength: float) -> None:
-    """Refuse an unknown disturbance, or a strength that is negative or not a number."""
+    """Check that a disturbance exists and its strength is valid."""
     if name not in DISTURBANCES:
         raise InputError(f"disturbances are {', '.join(DISTURBANCES)}, not {name!r}")
     if not (math.isfinite(strength) and strength >= 0):
@@ -361,7 +361,7 @@ TRAINING: dict[str, tuple[float, float, float]] = {
 
 
 def draw_strengths(generator: Generator) -> dict[str, float]:
-    """Draw the strengths of a training scan."""
+    """Return random strengths of all disturbances for a training scan."""
     found = {}
     for name, (probability, low, high) in TRAINING.items():
         drawn, strength = generator.random() < probability, float(generator.uniform(low, high))
@@ -380,7 +380,7 @@ def disturbed_dataset(
     count: int,
     progress: Tick | None = None,
 ) -> ScanData:
-    """Return the event counts of all textures: the clean scan, then ``count`` disturbed ones at random heights."""
+    """Return the event counts of all textures: one clean scan, then ``count`` disturbed scans at random heights."""
     recordings = []
     for number, texture in enumerate(dataset):
         recordings.append(record(texture, dataset.name, scan, config))
@@ -405,7 +405,7 @@ def record_disturbed(
     *,
     height: float = 0.0,
 ) -> Recording:
-    """Return the events of a scan of a texture under some disturbances.
+    """Return the events of a scan of a texture under disturbances.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ INNER_FOLDS = 5
 
 
 def stratified_folds(labels: NDArray[np.int64], folds: int, seed: int = 0) -> list[NDArray[np.int64]]:
-    """Return the test images of each fold: every image once, with evenly spread classes.
+    """Return the test images of each fold, stratified by class.
 
     Remaining images of a class go to the folds with the fewest images.
 
@@ -38,7 +38,7 @@ def stratified_folds(labels: NDArray[np.int64], folds: int, seed: int = 0) -> li
 
 
 def check_folds(data: ScanData, folds: int, fold_seed: int) -> None:
-    """Refuse folds if a class has too few images, also for the inner validation of every fold."""
+    """Check that every class has enough images for all folds and their inner validation."""
     labels = data.image_labels
     for fold, test in enumerate(stratified_folds(labels, folds, fold_seed)):
         left = np.bincount(labels) - np.bincount(labels[test], minlength=int(labels.max()) + 1)

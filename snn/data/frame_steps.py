@@ -1,6 +1,4 @@
-"""Define frames as an encoder beside the event encoders: rate, bits, and the receiver's preprocessing
-(docs/guide/classifier.md).
-"""
+"""Frames as network input: rate, bits and preprocessing in the receiver (docs/guide/classifier.md)."""
 
 from __future__ import annotations
 
@@ -20,7 +18,7 @@ DEFAULT_LEVEL_BITS = 4
 
 @dataclass(frozen=True, kw_only=True)
 class FrameSteps:
-    """Frames of all taxels from one shared converter, and the receiver's preprocessing.
+    """Frames of all taxels from one shared ADC, with their preprocessing in the receiver.
 
     All kinds send the same frames: rate_hz * taxels * bits bits per second.
 
@@ -62,7 +60,7 @@ class FrameSteps:
 
     @classmethod
     def parse(cls, text: str, bin_s: float) -> FrameSteps:
-        """Return the frames of a text such as ``frame-diff:250:8``, with the number of frames that fill a time bin.
+        """Return the frames for a text such as ``frame-diff:250:8``.
 
         Frames that are slower than the bins are a step each.
         """
@@ -84,7 +82,7 @@ class FrameSteps:
 
     @property
     def name(self) -> str:
-        """The text accepted by ``parse``."""
+        """Text accepted by ``parse``."""
         levels = f":{self.level_bits}" if self.kind == "frame-onoff" and self.level_bits != DEFAULT_LEVEL_BITS else ""
         return f"{self.kind}:{self.rate_hz:g}:{self.bits}{levels}"
 
@@ -95,7 +93,7 @@ class FrameSteps:
 
 
 def _digits(text: str) -> int:
-    """Return an integer written in digits alone."""
+    """Return the integer for a text of digits."""
     if not (text.isascii() and text.isdigit()):
         raise ValueError
     return int(text)

@@ -1,4 +1,4 @@
-"""Return frames of texture scans as ``ScanData``: samples, differences, or level crossings."""
+"""Convert texture scans to frames: samples, differences or level crossings."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def frame_dataset(
     start_rows: Sequence[float] = (0.0,),
     progress: Callable[[], object] | None = None,
 ) -> ScanData:
-    """Return the frames of the scans; of ``config`` only the array is used."""
+    """Return the frames of the scans of a dataset; only the array size of ``config`` is used."""
     scans, images = [], []
     for number, texture in enumerate(dataset):
         image = texture.load()
@@ -54,13 +54,13 @@ def frame_dataset(
 def codes_of(
     frames: FrameSteps, image: NDArray[np.uint8], scan: Scan, config: ReadoutConfig, start_row: float = 0.0
 ) -> NDArray[np.int32]:
-    """Return the sent frames of one scan, shape (frames, taxels); of ``config`` only the array is used."""
+    """Return the frames of one scan as codes, shape (frames, taxels); only the array size of ``config`` is used."""
     codes, _ = scan.samples(sampled_config(frames, config), image, start_row)
     return codes
 
 
 def sampled_config(frames: FrameSteps, config: ReadoutConfig) -> ReadoutConfig:
-    """Return the configuration that samples a scan at the frames; of ``config`` only the array is used."""
+    """Return a configuration with one sample per frame; only the array size of ``config`` is used."""
     return ReadoutConfig(
         rows=config.rows,
         columns=config.columns,
@@ -71,7 +71,7 @@ def sampled_config(frames: FrameSteps, config: ReadoutConfig) -> ReadoutConfig:
 
 
 def values_of(frames: FrameSteps, codes: NDArray[np.int32]) -> NDArray[Any]:
-    """Return the network's input for the frames of one scan.
+    """Return the network input for the frames of one scan.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def values_of(frames: FrameSteps, codes: NDArray[np.int32]) -> NDArray[Any]:
 
 
 def level_crossings(codes: NDArray[np.int32], lsb: int) -> NDArray[np.int32]:
-    """Return the levels crossed up and down by each taxel in every frame, shape (frames, 2 * taxels), as in LCS.
+    """Return the levels crossed up and down by each taxel per frame, shape (frames, 2 * taxels).
 
     A reference starts at the first code and moves one level per count, so a remainder below one level is preserved.
     """

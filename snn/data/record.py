@@ -1,4 +1,4 @@
-"""Record texture scans as ``ScanData``, with the clock-by-clock model or with variants of an encoder."""
+"""Record texture scans with the cycle-accurate model or with a variant of an encoder."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Variant = Literal["", "on"]
 
 
 def said_of(texture: Texture, dataset_name: str, scan: Scan) -> dict[str, Any]:
-    """Return the metadata of a recording: the texture and its scan."""
+    """Return the metadata of a recording: texture, dataset and scan parameters."""
     return {
         "name": texture.name,
         "class": texture.class_name,
@@ -43,7 +43,7 @@ def record(
     variant: Variant = "",
     image: NDArray[np.uint8] | None = None,
 ) -> Recording:
-    """Return the recording of a texture by the clock-by-clock model of the readout.
+    """Return the recording of one texture scan by the cycle-accurate model.
 
     ``image`` holds the pixels of the texture, if they are loaded already.
 
@@ -74,7 +74,7 @@ def record_dataset(
     progress: Tick | None = None,
     variant: Variant = "",
 ) -> ScanData:
-    """Return the event counts of all textures, one scan per start row, from the clock-by-clock model.
+    """Return the event counts of all textures of a dataset, with one scan per start row.
 
     Parameters
     ----------

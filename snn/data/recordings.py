@@ -1,4 +1,4 @@
-"""Find event files of a user or a replay, with their names and classes."""
+"""Find event files in folders, and read them with names and classes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from eskin.skin.recordings.trained_on import OwnReadout
 
 
 class EventFile(NamedTuple):
-    """An event file, and the folder in which it was found.
+    """An event file, and the folder given by the user.
 
     Attributes
     ----------
@@ -30,18 +30,18 @@ class EventFile(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The path below the root, without suffix: sand/03."""
+        """Path of the file relative to the folder, without suffix: sand/03."""
         return self.path.relative_to(self.root).with_suffix("").as_posix()
 
     @property
     def class_folder(self) -> str | None:
-        """The folder below the root that contains the file, if any."""
+        """First folder on the relative path of the file, or None."""
         parts = self.path.relative_to(self.root).parts
         return parts[0] if len(parts) > 1 else None
 
 
 def event_files(paths: Iterable[Path]) -> list[EventFile]:
-    """Return event files, and those in folders at any depth, each once and ordered by name.
+    """Return the given event files and those below the given folders, without duplicates, ordered by name.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def event_files(paths: Iterable[Path]) -> list[EventFile]:
 
 
 def class_of(recording: Recording) -> str | None:
-    """Return the class in the metadata of a recording; older event files have the key label."""
+    """Return the class in the metadata of a recording."""
     for key in ("class", "label"):
         if isinstance(found := recording.metadata.get(key), str) and found:
             return found
@@ -79,7 +79,7 @@ def class_of(recording: Recording) -> str | None:
 
 
 def own_readout(folder: Path) -> OwnReadout | None:
-    """Return the readout of a user's recordings in a folder of event files, or None for other files."""
+    """Return the readout configuration of a user's recordings, or None for other event files."""
     return OwnReadout.of(Recording.load(event_files([folder])[0].path))
 
 
@@ -89,7 +89,7 @@ def read_recordings(
     progress: Callable[[], object] | None = None,
     mapping: AddressMap | None = None,
 ) -> list[Recording]:
-    """Return the recordings of files, each with its name and, if known, its class in the metadata.
+    """Return the recordings of event files with name and, if known, class in the metadata.
 
     A recording is identified by the name in its metadata if that name contains a folder (class/file of ``eskin
     encode``) or belongs to a scan of an image; else by its path below the root. The class is that of the metadata, else
@@ -124,13 +124,13 @@ def read_recordings(
 
 
 def image_of(recording: Recording) -> tuple[str, str, str]:
-    """Return dataset, class and name; recordings with equal values are scans of one image."""
+    """Return dataset, class and name of a recording, equal for all scans of one image."""
     metadata = recording.metadata
     return str(metadata.get("dataset")), str(metadata.get("class")), str(metadata.get("name"))
 
 
 def _scan_of(recording: Recording) -> tuple[object, ...]:
-    """Return the values that identify one scan of an image."""
+    """Return the metadata that identify one scan of an image."""
     return *image_of(recording), recording.metadata["start_row"] if _is_scan(recording) else None
 
 
@@ -140,5 +140,5 @@ def _name(recording: Recording, file: EventFile) -> str:
 
 
 def _is_scan(recording: Recording) -> bool:
-    """Return whether the metadata give the start row, so that equal names may be scans of one image."""
+    """Return True if the metadata contain a start row, as for scans of an image."""
     return isinstance(recording.metadata.get("start_row"), (int, float))

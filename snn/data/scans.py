@@ -1,4 +1,4 @@
-"""Store a set of scans as tensors, from event files or recordings."""
+"""Sets of scans as tensors, made from event files or recordings."""
 
 from __future__ import annotations
 
@@ -60,56 +60,56 @@ class ScanData:
 
     @property
     def steps(self) -> int:
-        """Time steps of a scan."""
+        """Time steps per scan."""
         return int(self.values.shape[1])
 
     @property
     def channels(self) -> int:
-        """Inputs of the network."""
+        """Input channels of the network."""
         return int(self.values.shape[2])
 
     @property
     def frames(self) -> bool:
-        """Whether the values are frames instead of counts."""
+        """True if the values are frames instead of event counts."""
         return self.values.dtype.kind == "f"
 
     @property
     def image_labels(self) -> NDArray[np.int64]:
-        """Label of every image, shape (len(names),)."""
+        """Class index of every image, shape (len(names),)."""
         labels = np.zeros(len(self.names), np.int64)
         labels[self.images] = self.labels
         return labels
 
     @property
     def of_one_length(self) -> bool:
-        """Whether all scans have all steps."""
+        """True if all scans have the full length."""
         return self.lengths is None or bool((self.lengths >= self.steps).all())
 
     def steps_of(self, scan: int) -> int:
-        """Return the steps of a scan before it was filled up."""
+        """Return the length of a scan in steps, without padding."""
         return self.steps if self.lengths is None else min(int(self.lengths[scan]), self.steps)
 
     def scans_of(self, images: Sequence[int] | NDArray[np.int64], first_row_only: bool = False) -> NDArray[np.int64]:
-        """Return the scans of some images, by default for all start rows, in rising order."""
+        """Return the indices of the scans of given images, in rising order."""
         chosen = np.flatnonzero(np.isin(self.images, images))
         if not first_row_only:
             return chosen
         return chosen[np.unique(self.images[chosen], return_index=True)[1]]
 
     def first_scans(self, images: Sequence[int] | NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the scan of the first start row of every image, in the order of the images."""
+        """Return the first scan of every given image."""
         scans = self.scans_of(images, first_row_only=True)
         of_image = dict(zip(self.images[scans].tolist(), scans.tolist(), strict=True))
         return np.array([of_image[int(image)] for image in images], np.int64)
 
     def batch(self, scans: Sequence[int] | NDArray[np.int64]) -> Tensor:
-        """Return some scans as a dense float32 tensor, time first: shape (steps, scans, channels)."""
+        """Return scans as a dense float32 tensor of shape (steps, scans, channels)."""
         import torch
 
         return torch.from_numpy(np.ascontiguousarray(self.values[scans].transpose(1, 0, 2), np.float32))
 
     def windows(self, scans: Sequence[int] | NDArray[np.int64], steps: int, generator: np.random.Generator) -> Tensor:
-        """Return a window of each of some scans, drawn at random, as ``batch`` does: shape (steps, scans, channels).
+        """Return a random time window of each scan, shape (steps, scans, channels).
 
         A scan with fewer steps is filled up with zeros.
         """
@@ -125,7 +125,7 @@ class ScanData:
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """The training images and the held-out images of a set of scans.
+    """Training images and held-out images of a set of scans.
 
     Attributes
     ----------
@@ -147,7 +147,7 @@ class Split:
 def load_recordings(
     paths: Path | Iterable[Path], bins: BinConfig, class_names: Sequence[str] | None = None
 ) -> ScanData:
-    """Return the event counts of event files, such as those of a replay.
+    """Return the event counts of event files.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def load_recordings(
 
 
 def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Sequence[str] | None = None) -> ScanData:
-    """Return the event counts of recordings with name, class and start row in their metadata.
+    """Return the event counts of recordings that have name, class and start row in their metadata.
 
     Recordings with equal dataset, class and name are scans of one image. Shorter ones are extended by steps without
     events.
@@ -223,7 +223,7 @@ def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Seque
 
 
 def _names_of(images: list[tuple[str, str, str]]) -> tuple[str, ...]:
-    """Return the names of images, with class and dataset in front if names alone are ambiguous."""
+    """Return distinct names of images, prefixed with class and dataset if necessary."""
     for parts in (slice(2, 3), slice(1, 3), slice(0, 3)):
         names = ["/".join(image[parts]) for image in images]
         if len(set(names)) == len(names):
@@ -232,6 +232,6 @@ def _names_of(images: list[tuple[str, str, str]]) -> tuple[str, ...]:
 
 
 def counted_rate_hz(recording: Recording, start_s: float | None = None) -> float:
-    """Return the event rate of the array in the published sense: counted events over the whole recording."""
+    """Return the event rate as in the paper: counted events divided by the duration of the whole recording."""
     counted = int(np.count_nonzero(recording.events["t"] >= counted_from(recording, start_s)))
     return counted / recording.duration_s

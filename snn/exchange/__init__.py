@@ -1,1 +1,1 @@
-"""Exchange trained networks and events with other libraries: NumPy archives, NIR, torch transforms."""
+"""Exchange of trained networks and events with other libraries: NumPy archives, NIR, torch transforms."""

@@ -1,4 +1,4 @@
-"""Check the content of an HDF5 file before reading it, because NIR files may come from anywhere.
+"""Safe reading of HDF5 files from unknown sources.
 
 An HDF5 file can name other files of this machine, by links, external storage and virtual datasets, whose content would
 then be taken for its own, and a few kilobytes of it can claim gigabytes.
@@ -18,7 +18,7 @@ MOST_OBJECTS = 100_000
 
 
 def read_hdf5(path: Path, what: str) -> bytes:
-    """Return the content of a file, or refuse it; ``what`` names the expected content and the remedy.
+    """Return the checked content of an HDF5 file; ``what`` describes the expected content for error messages.
 
     Raises
     ------

@@ -37,7 +37,7 @@ CLOCKS_HZ = (1e3, 1e10)
 
 @dataclass(frozen=True, kw_only=True)
 class Precision:
-    """The bits of an integer network, and the clock of its hardware.
+    """Bit widths of an integer network, and the clock of its hardware.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class Precision:
 
 @dataclass
 class _Units:
-    """The grids of some matrices, and the unit of the potential to which they are added."""
+    """Grids of several weight matrices, and the unit of the potential to which their products are added."""
 
     unit: float
     shifts: list[int]
@@ -91,7 +91,7 @@ class _Units:
 
 
 def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
-    """Return a trained network as integers, with the effects of rounding in its notes.
+    """Return a trained network quantised to integers, with the rounding errors in its notes.
 
     The input scale is folded into the input weights. Every matrix uses the step with the smallest error, including
     clipping; the steps of input and recurrence differ by a power of two.
@@ -157,7 +157,7 @@ def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
 
 
 def _with_widths(made: IntegerNetwork, precision: Precision) -> IntegerNetwork:
-    """Return a network with the requested widths, and enough bits for the evidence of a thousand bins."""
+    """Return a network with the requested bit widths, and evidence wide enough for a thousand bins."""
     changes: dict[str, Any] = {
         name: getattr(precision, name)
         for name in ("membrane_bits", "output_bits")
@@ -169,7 +169,7 @@ def _with_widths(made: IntegerNetwork, precision: Precision) -> IntegerNetwork:
 
 
 def _check(network: SpikingNetwork, arrays: dict[str, NDArray[np.float64]]) -> None:
-    """Refuse networks that the hardware does not support."""
+    """Check that the hardware supports a network."""
     for name, values in arrays.items():
         if not np.isfinite(values).all():
             raise InputError(f"{name} has values that are not finite; train again")
@@ -179,7 +179,7 @@ def _check(network: SpikingNetwork, arrays: dict[str, NDArray[np.float64]]) -> N
 
 
 def _leak(decays: NDArray[np.float64], name: str, bits: int | None) -> tuple[Leak, dict[str, float]]:
-    """Return the leak closest to a decay, of some bits or as a shift, and both decays.
+    """Return the realisable leak closest to a decay, with both decays.
 
     Raises
     ------
@@ -202,7 +202,7 @@ def _leak(decays: NDArray[np.float64], name: str, bits: int | None) -> tuple[Lea
 
 
 def _units(grids: list[Grid], bias: NDArray[np.float64], precision: Precision) -> _Units:
-    """Return the unit of a potential: the smallest step, halved until the threshold has enough bits."""
+    """Return the unit of a potential, fine enough to give the threshold its requested bits."""
     smallest = min(grid.step for grid in grids)
     wanted = 2.0 ** (precision.threshold_bits - 1)
     finer = max(math.ceil(math.log2(wanted * smallest)), 0)
@@ -227,7 +227,7 @@ def _floor(floor: float, unit: float) -> int | None:
 
 
 def summary(made: IntegerWeights) -> list[str]:
-    """Return the quantiser's changes as sentences."""
+    """Return the changes made by quantisation as sentences."""
     config, notes = made.network.config, made.notes
     lines = [
         f"{config.inputs} inputs, {config.hidden} hidden neurons, {config.classes} classes: "

@@ -1,4 +1,4 @@
-"""Convert recordings to NIRData, the event data of NIR, and to arrays of event tools (docs/guide/exchange.md)."""
+"""Convert recordings to NIRData, the event format of NIR (docs/guide/exchange.md)."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ HEADER = "recording"
 
 
 def to_nir_data(recording: Recording) -> nir.NIRGraphData:
-    """Return the events of a recording as observable ``spikes`` of node ``input``.
+    """Return the events of a recording as NIRData.
 
     Indices are channels, row * columns + column, plus the number of taxels for OFF; times are in seconds, in the
     order of the recording.
@@ -60,13 +60,13 @@ def to_nir_data(recording: Recording) -> nir.NIRGraphData:
 
 
 def to_nir_grid(recording: Recording, bins: BinConfig) -> nir.NIRGraphData:
-    """Return the event counts per time bin (float32) for the network; errors as in ``bin_recording``."""
+    """Return the event counts per time bin of a recording as NIRData (float32)."""
     counts = bin_recording(recording, bins).dense().astype(np.float32)
     return nir.NIRGraphData({INPUT: nir.NIRNodeData({OBSERVABLE: nir.TimeGriddedData(counts[None], bins.bin_s)})})
 
 
 def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[str, Any] | None = None) -> Recording:
-    """Return the recording with the events of node ``input``; the inverse of ``to_nir_data``.
+    """Return the recording for NIRData, the inverse of ``to_nir_data``.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[
 
 
 def load_recording(path: Path) -> Recording:
-    """Return the recording of an event file (.npz) or of NIRData (.nir)."""
+    """Return the recording from an event file (.npz) or a NIRData file (.nir)."""
     if path.suffix == ".npz":
         return Recording.load(path)
     if path.suffix == ".nir":
@@ -130,7 +130,7 @@ def load_recording(path: Path) -> Recording:
 
 
 def save_nir_data(path: Path, recording: Recording, bins: BinConfig | None = None) -> None:
-    """Write a recording as a NIRData file (HDF5), atomically: its events, or with ``bins`` their counts.
+    """Write a recording as a NIRData file (HDF5): events, or counts if ``bins`` is given.
 
     The configuration and the metadata stand beside the data, where ``nir.read_data`` does not look.
     """
@@ -154,7 +154,7 @@ def save_nir_data(path: Path, recording: Recording, bins: BinConfig | None = Non
 
 
 def load_nir_data(path: Path) -> Recording:
-    """Return the recording of a file written by ``save_nir_data`` without bins.
+    """Return the recording from a NIRData file that contains events.
 
     Raises
     ------

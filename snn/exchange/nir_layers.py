@@ -1,4 +1,4 @@
-"""Read a NIR graph as layers of our network: neurons in discrete time with a threshold of 1.
+"""Read a NIR graph as layers of neurons in discrete time with threshold 1.
 
 ``eskin.snn.exchange.nir_network`` describes the discretisation.
 """
@@ -22,7 +22,7 @@ _NEURONS = (*_FIRING, nir.I, nir.LI)
 
 @dataclass(frozen=True)
 class Chain:
-    """Names of the nodes, from the input to the output."""
+    """Names of the nodes of a graph, from input to output."""
 
     scale: str | None
     hidden_in: str
@@ -33,7 +33,7 @@ class Chain:
 
 
 def follow(graph: nir.NIRGraph) -> Chain:
-    """Return the nodes of a graph in signal order, or raise InputError for another form."""
+    """Return the nodes of a graph in signal order; raise InputError for an unsupported structure."""
     if len(graph.inputs) != 1:
         raise InputError(f"the graph has {len(graph.inputs)} nodes of type Input; it needs one")
     after: dict[str, list[str]] = {name: [] for name in graph.nodes}
@@ -94,7 +94,7 @@ def affine(graph: nir.NIRGraph, name: str) -> tuple[NDArray[np.float64], NDArray
 
 
 def broadcast(name: str, values: Any, size: int) -> NDArray[np.float64]:
-    """Return a parameter of a node with one value per channel; some programs write a single number."""
+    """Return a node parameter as an array with one value per channel."""
     try:
         return np.broadcast_to(np.asarray(values, np.float64), size)
     except ValueError:
@@ -103,7 +103,7 @@ def broadcast(name: str, values: Any, size: int) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Layer:
-    """Neurons of a node in discrete time, scaled to a threshold of 1.
+    """Neurons of a NIR node in discrete time, scaled to threshold 1.
 
     Attributes
     ----------
@@ -131,7 +131,7 @@ class Layer:
 
     @classmethod
     def of(cls, name: str, node: nir.NIRNode, dt: float, size: int, reset: str | None = None) -> Layer:
-        """Return the neurons of a node, or raise InputError if the network has none of this type.
+        """Return the neurons of a NIR node; raise InputError for an unsupported neuron type.
 
         ``reset`` is the reset of neurons whose metadata have none, zero by default.
         """
@@ -182,5 +182,5 @@ class Layer:
         )
 
     def logits(self) -> NDArray[np.float64]:
-        """Return the inverse of the logistic function for decays."""
+        """Return decays before the logistic function (logits)."""
         return np.log(self.decay / (1.0 - self.decay)) if self.raw is None else self.raw

@@ -1,4 +1,4 @@
-"""Convert trained networks to graphs of the Neuromorphic Intermediate Representation, NIR (docs/guide/exchange.md).
+"""Convert trained networks to and from NIR, the Neuromorphic Intermediate Representation (docs/guide/exchange.md).
 
 NIR states neurons by differential equations (Pedersen et al., Nature Communications 15, 8122, 2024). Here and in
 snnTorch they are solved by the forward Euler method, the input current I being held during a step dt::
@@ -57,7 +57,7 @@ RECURRENT, READOUT_IN, READOUT, OUTPUT = "recurrent", "readout_in", "readout", "
 
 
 def to_nir(weights: Weights) -> nir.NIRGraph:
-    """Return the graph of a trained spiking network.
+    """Return the NIR graph of a trained spiking network.
 
     Metadata contain everything that NIR cannot express: ``floor`` and ``reset`` of every neuron, ``raw_decay`` for
     learned decays, and in the graph ``dt``, ``output_scale`` and, as JSON, all of ``NetworkConfig``.
@@ -119,7 +119,7 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
 
 
 def save_nir(path: Path, weights: Weights) -> None:
-    """Write a network as a NIR file (HDF5), atomically; equal networks give equal bytes.
+    """Write a network as a NIR file (HDF5).
 
     Raises
     ------
@@ -135,7 +135,7 @@ def save_nir(path: Path, weights: Weights) -> None:
 
 
 def _neurons(decay: NDArray[Any], synapse: float, step_s: float, fires: bool, metadata: dict[str, Any]) -> nir.NIRNode:
-    """Return the node of neurons with a threshold of 1, or of membranes without spikes."""
+    """Return a NIR node of neurons with threshold 1, or of non-spiking membranes."""
     one, zero = np.ones(len(decay)), np.zeros(len(decay))
     if (decay == 1).all():
         if not fires:
@@ -152,14 +152,14 @@ def _neurons(decay: NDArray[Any], synapse: float, step_s: float, fires: bool, me
 
 
 def _gain(decay: NDArray[Any], synapse: float = 0.0) -> NDArray[np.float64]:
-    """Return the factor of the currents of neurons, because a leak multiplies them by (1 - decay)."""
+    """Return the current gain that compensates the factor (1 - decay) of NIR neurons."""
     if (decay == 1).all() or synapse:
         return np.ones(len(decay))
     return 1.0 / np.maximum(1.0 - decay.astype(np.float64), SMALLEST_LOSS)
 
 
 def _raw(arrays: dict[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
-    """Return the learned decays before the logistic function, if any."""
+    """Return learned decays before the logistic function, or None without learned decays."""
     return {"raw_decay": arrays[name]} if name in arrays else {}
 
 
@@ -169,7 +169,7 @@ def _raw(arrays: dict[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
 def load_nir(
     path: Path, step_s: float | None = None, class_names: Sequence[str] | None = None, reset: str | None = None
 ) -> Weights:
-    """Return the network of a NIR file from ``save_nir``, or from another program with the same form.
+    """Return the network from a NIR file.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def load_nir(
 def from_nir(
     graph: nir.NIRGraph, step_s: float | None = None, class_names: Sequence[str] | None = None, reset: str | None = None
 ) -> Weights:
-    """Return the network of a NIR graph; parameters and errors as for ``load_nir``."""
+    """Return the network for a NIR graph; parameters and errors as for ``load_nir``."""
     try:
         graph.validate_structure()
     except ValueError as error:
@@ -237,7 +237,7 @@ def from_nir(
 
 
 def _time_step(graph: nir.NIRGraph, step_s: float | None) -> float:
-    """Return the time step of a graph in seconds, or the caller's if the graph has none."""
+    """Return the time step of a graph in seconds, or the given time step if the graph has none."""
     stated = graph.metadata.get("dt")
     if step_s is None and stated is None:
         raise InputError("the graph has no time step; give it in seconds (--step)")
@@ -251,7 +251,7 @@ def _time_step(graph: nir.NIRGraph, step_s: float | None) -> float:
 
 @dataclass(frozen=True)
 class _Parts:
-    """The layers of a graph, their weights and biases, and the input scale."""
+    """Layers of a NIR graph with their weights, biases and input scale."""
 
     hidden: Layer
     readout: Layer
@@ -265,7 +265,7 @@ class _Parts:
 
     @classmethod
     def of(cls, graph: nir.NIRGraph, dt: float, reset: str | None) -> _Parts:
-        """Return the parts of a graph, or raise InputError for parts that the network does not support."""
+        """Return the layers of a NIR graph; raise InputError for unsupported nodes."""
         chain = follow(graph)
         w_in, b_hidden = affine(graph, chain.hidden_in)
         w_out, b_out = affine(graph, chain.readout_in)
@@ -292,7 +292,7 @@ class _Parts:
         return cls(hidden, readout, w_in, b_hidden, w_rec, b_rec, w_out, b_out, input_scale)
 
     def state(self, learned: bool) -> dict[str, NDArray[np.float64]]:
-        """Return the arrays of the network by name, with the gains of the neurons included."""
+        """Return the network parameters by name, including the gains of the neurons."""
         hidden, readout = self.hidden, self.readout
         state = {
             "w_in": self.w_in * hidden.gain[:, None],
@@ -307,7 +307,7 @@ class _Parts:
 
 
 def _folded(node: nir.NIRNode) -> float:
-    """Return the input scale that the weights of the first node include, 1 unless metadata give another."""
+    """Return the input scale contained in the weights of the first node, 1 by default."""
     value = node.metadata.get(FOLDED, 1.0)
     if isinstance(value, np.generic):
         value = value.item()
@@ -317,7 +317,7 @@ def _folded(node: nir.NIRNode) -> float:
 
 
 def _config_of(parts: _Parts, header: dict[str, Any] | None) -> tuple[NetworkConfig, Sequence[str]]:
-    """Return configuration and class names from the metadata, after comparing them with the nodes."""
+    """Return configuration and class names from the metadata, after checking them against the nodes."""
     hidden, readout = parts.hidden, parts.readout
     found = {
         "inputs": parts.w_in.shape[1],
@@ -353,7 +353,7 @@ def _config_of(parts: _Parts, header: dict[str, Any] | None) -> tuple[NetworkCon
 
 
 def _decay_fields(hidden: Layer, readout: Layer) -> dict[str, Any]:
-    """Return the fields of NetworkConfig for decays; different decays within a layer become learned ones."""
+    """Return the decay fields of NetworkConfig; decays that vary within a layer become learned ones."""
     differ = [layer for layer in (hidden, readout) if (layer.decay != layer.decay[0]).any()]
     if differ:
         for layer in (hidden, readout):
@@ -369,7 +369,7 @@ def _decay_fields(hidden: Layer, readout: Layer) -> dict[str, Any]:
 
 
 def _header(graph: nir.NIRGraph) -> dict[str, Any] | None:
-    """Return the metadata of a graph from ``to_nir``, or None for other graphs."""
+    """Return the metadata of a graph made by ``to_nir``, or None for other graphs."""
     if graph.metadata.get("format") != formats.NETWORK.name:
         return None
     if (version := graph.metadata.get("format_version")) != formats.NETWORK.version:

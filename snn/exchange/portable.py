@@ -1,4 +1,4 @@
-"""Find the features of a network that other libraries lack, and the network that they run instead."""
+"""Find features of a network that other libraries lack, and the closest network that they can run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eskin.snn.network_config import NetworkConfig
 
 @dataclasses.dataclass(frozen=True)
 class Lack:
-    """A feature of a network that NIR, snnTorch and Norse lack.
+    """A network feature that NIR, snnTorch and Norse lack.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Lack:
 
 
 def lacks(network: nn.Module) -> list[Lack]:
-    """Return the features of a spiking network that libraries lack, in the order of their removal."""
+    """Return the features of a spiking network that other libraries lack, in order of removal."""
     config, found = config_of(network), []
     neurons = config.neurons
     rule = neurons.rule
@@ -55,7 +55,7 @@ def lacks(network: nn.Module) -> list[Lack]:
 
 
 def _with(network: nn.Module, config: NetworkConfig) -> nn.Module:
-    """Return a network with the same weights and another configuration."""
+    """Return a network with equal weights and another configuration."""
     assert isinstance(network, SpikingNetwork)
     made = build(config, seed=0)
     made.load_state_dict(network.state_dict())

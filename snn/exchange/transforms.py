@@ -1,4 +1,4 @@
-"""Use the encoders as a transform in a torch data pipeline, instead of ``snntorch.spikegen.delta``."""
+"""The encoders as torch data transforms, an alternative to ``snntorch.spikegen.delta``."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from eskin.skin.textures.scan import quantise
 
 @dataclass(frozen=True)
 class LevelCrossing:
-    """Convert signals to events with the functional model: every taxel alone, bit-exact.
+    """Transform from signals to events, bit-exact but without contention.
 
     A callable without state, so that it can be pickled, shared by the workers of a ``DataLoader`` and put into a
     ``torchvision`` ``Compose``. No gradient flows through it.
@@ -62,7 +62,7 @@ class LevelCrossing:
             raise InputError("polarity needs OFF events; leave off_spike at True")
 
     def __call__(self, data: Tensor | NDArray[Any]) -> Tensor:
-        """Return the events that follow each sample.
+        """Return the event counts of each sample.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ class LevelCrossing:
         return events if self.off_spike else events.clamp_min(0)
 
     def _encode(self, codes: NDArray[np.int32]) -> NDArray[Any]:
-        """Return the signed events of codes of shape (time, ...), in that shape."""
+        """Return the signed event counts of codes, in the shape of the codes (time, ...)."""
         if not codes.size:
             return np.zeros(codes.shape, np.int16)
         flat = codes.reshape(len(codes), -1)

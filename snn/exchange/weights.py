@@ -1,4 +1,4 @@
-"""Store trained networks as plain NumPy archives, in float32 or 8 bits (docs/guide/exchange.md)."""
+"""Files of trained networks: NumPy archives in float32 or 8 bits (docs/guide/exchange.md)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LARGEST = 127
 
 @dataclass(frozen=True)
 class Weights:
-    """A trained network with its class names and time step.
+    """A trained network with class names and time step.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Weights:
 
 
 def save_weights(path: str | Path, weights: Weights, eight_bits: bool = False) -> None:
-    """Write a network atomically; equal networks give equal bytes.
+    """Write a network to a weight file.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def save_weights(path: str | Path, weights: Weights, eight_bits: bool = False) -
 
 
 def load_weights(path: str | Path) -> Weights:
-    """Return the network of a file written by ``save_weights``.
+    """Return the network from a weight file.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def load_weights(path: str | Path) -> Weights:
 
 
 def _from_arrays(arrays: dict[str, NDArray[Any]]) -> Weights:
-    """Return the network of a file's arrays, after checking its metadata against them."""
+    """Return the network for the arrays of a file, after checking metadata against arrays."""
     header = json.loads(str(arrays.pop("metadata")))
     formats.WEIGHTS.check(header)
     config = NetworkConfig.from_dict(header["network"])
@@ -130,7 +130,7 @@ def _from_arrays(arrays: dict[str, NDArray[Any]]) -> Weights:
 
 
 def check_class_names(names: Any, classes: int) -> tuple[str, ...]:
-    """Return the class names, or raise InputError unless they are different texts, one for each class."""
+    """Return checked class names: one distinct name per class."""
     if not isinstance(names, (list, tuple)) or not all(isinstance(name, str) and name for name in names):
         raise InputError(f"class names must be a list of texts, not {names!r}")
     if twice := [name for name in names if names.count(name) > 1]:
@@ -141,14 +141,14 @@ def check_class_names(names: Any, classes: int) -> tuple[str, ...]:
 
 
 def check_step(step_s: Any) -> float:
-    """Return a time step, or raise InputError unless it is a positive number of seconds."""
+    """Return a checked time step: a positive number of seconds."""
     if type(step_s) not in (int, float) or not (0 < step_s < float("inf")):
         raise InputError(f"the time step must be a positive number of seconds, not {step_s!r}")
     return float(step_s)
 
 
 def quantise(matrix: NDArray[Any]) -> tuple[NDArray[np.int8], NDArray[np.float32]]:
-    """Return 8-bit weights and a factor for every row (first axis): weights * factor is the matrix.
+    """Return 8-bit weights and a scale for every row (first axis): weights * scale approximates the matrix.
 
     Rounded half to even, symmetric: the largest magnitude of a row becomes 127.
     """
@@ -167,7 +167,7 @@ def config_of(network: nn.Module) -> NetworkConfig:
 
 
 def _plain(arrays: dict[str, NDArray[Any]], name: str) -> NDArray[Any]:
-    """Return an array in float, expanded from 8 bits if necessary."""
+    """Return an array as floats, expanded from 8 bits if necessary."""
     values = arrays[name]
     if values.dtype != np.int8:
         return values

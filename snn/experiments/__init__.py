@@ -1,1 +1,1 @@
-"""Run experiments: folds, cross-validation, sweeps and their workers, and trained networks."""
+"""Experiments: folds, cross-validation, sweeps, and trained networks."""

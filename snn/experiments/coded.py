@@ -1,4 +1,4 @@
-"""Bits per second of an experiment's readout after lossless coding (``eskin.snn.data.coding``)."""
+"""Data rate of an experiment's readout after lossless compression (``eskin.snn.data.coding``)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SCANS = 24
 
 
 def coded_bps(experiment: Experiment) -> dict[str, float]:
-    """Return bits per second by content: ``addresses`` and ``events``, or ``samples`` and ``differences`` of frames."""
+    """Return compressed bits per second: of ``addresses`` and ``events``, or of ``samples`` and ``differences``."""
     if experiment.events is not None:
         files = event_files([Path(experiment.events)])
         return _of_events(read_recordings(files[:: -(-len(files) // SCANS)]))

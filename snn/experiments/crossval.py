@@ -1,4 +1,4 @@
-"""Run one cell (fold and seed) of a cross-validation, write its file, and summarise all cells.
+"""Run single trainings (fold and seed) of a cross-validation, and summarise their results.
 
 ``eskin.snn.experiments.sweep`` runs the cells.
 
@@ -28,7 +28,7 @@ from eskin.snn.experiments.points import as_word
 def run_cell(
     experiment: Experiment, data: ScanData, fold: int, seed: int, folds: int, fold_seed: int
 ) -> dict[str, Any]:
-    """Return the result of one fold and seed: predictions of the test images in both epochs."""
+    """Return the result of one fold and seed: predictions for the test images."""
     from eskin.snn.train import predicted_classes, train
 
     labels = data.image_labels
@@ -66,7 +66,7 @@ _one_at_a_time = threading.Lock()
 def run_alone(
     data: ScanData, experiment: Experiment, fold: int, seed: int, folds: int, fold_seed: int
 ) -> dict[str, Any]:
-    """Return the result of a cell, with one thread, and never two cells at once in a process.
+    """Return the result of one fold and seed, computed by one thread under a lock.
 
     Two threads on a shared machine can be far slower than one, and dropout draws from a generator that all cells of
     a process share.
@@ -79,7 +79,7 @@ def run_alone(
 
 
 def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[str, Any]:
-    """Return means, deviations, intervals and confusion for both epochs over the cells of complete seeds.
+    """Return means, deviations, intervals and confusion matrices over all completed seeds.
 
     ``wilson_95`` uses every image once, with its mean over these seeds; ``bootstrap_95`` is over images and seeds. The
     patches of a class come from one surface, so both intervals are too narrow for another surface
@@ -124,7 +124,7 @@ def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[st
 
 
 def read_cell(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the key and the result of a cell; refuse other files."""
+    """Return key and result from a result file of one fold and seed; raise an error for other files."""
     try:
         content = read_json(path, "the cell", dict)
         experiment, result = content["experiment"], content["result"]
@@ -136,7 +136,7 @@ def read_cell(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _is_result(result: dict[str, Any]) -> bool:
-    """Return whether a cell has the fields for ``summarise``: images, classes and predictions."""
+    """Return True if a result has the fields that ``summarise`` needs: images, classes and predictions."""
     lists = [result.get(name) for name in ("test_images", "labels", "last", "selected")]
     if not all(isinstance(found, list) and all(type(n) is int and n >= 0 for n in found) for found in lists):
         return False
@@ -146,7 +146,7 @@ def _is_result(result: dict[str, Any]) -> bool:
 
 
 def check_same(path: Path, found: dict[str, Any], key: dict[str, Any]) -> None:
-    """Refuse a cell whose key differs from ``key``."""
+    """Raise an error if the key of a stored result differs from ``key``."""
     found, wanted = plain(found), plain(key)
     if names := [name for name in wanted if found.get(name) != wanted[name]]:
         raise InputError(

@@ -38,7 +38,7 @@ LEVELS = ("events", "tensors", "logits", "predictions")
 
 
 def bin_recordings(recordings: Sequence[Recording], trained: Trained) -> ScanData:
-    """Return the counts of recordings for the network, one scan each in the same order.
+    """Return the event counts of recordings for a network, one scan per recording.
 
     A recording needs no class for that; the label of one without is meaningless.
 
@@ -60,7 +60,7 @@ def bin_recordings(recordings: Sequence[Recording], trained: Trained) -> ScanDat
 
 
 def without_unknown_class(recording: Recording, trained: Trained) -> Recording:
-    """Return a recording without its class if the network does not know the class."""
+    """Return a recording without its class if the network does not know that class."""
     if class_of(recording) in (None, *trained.weights.class_names):
         return recording
     kept = {name: value for name, value in recording.metadata.items() if name not in ("class", "label")}
@@ -72,7 +72,7 @@ def without_unknown_class(recording: Recording, trained: Trained) -> Recording:
 
 @dataclass
 class Check:
-    """The result of comparing RTL recordings with the model.
+    """Result of comparing RTL recordings with the model.
 
     Attributes
     ----------
@@ -99,11 +99,11 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """Whether at least one recording was compared, and all are equal."""
+        """True if at least one recording was compared and all recordings are equal."""
         return bool(self.compared) and not any(self.different.values())
 
     def note(self, level: str, number: int, text: str) -> None:
-        """Add a recording that differs."""
+        """Record a difference between an RTL recording and the model."""
         self.different[level].append(number)
         if not self.first:
             self.first, self.where = text, number
@@ -117,7 +117,7 @@ def check_model(
     places: Places | None = None,
     progress: Tick | None = None,
 ) -> Check:
-    """Compare every recording of source "rtl" with the model: events, counts, logits and prediction.
+    """Compare every RTL recording with the model: events, counts, logits and prediction.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def check_model(
 
 
 def model_recording(rtl: Recording, texture: Texture) -> Recording:
-    """Return the model's recording of an RTL recording's scan, with the same length or to its end.
+    """Return the model's recording of the scan in an RTL recording.
 
     A replay continues after the last sample until the array is silent, so it is longer than a recording of
     ``eskin.snn.data.record.record``.
@@ -198,7 +198,7 @@ def model_recording(rtl: Recording, texture: Texture) -> Recording:
 
 
 def _as_long(rtl: Recording, samples: NDArray[np.int32]) -> Recording:
-    """Return the model's recording of some samples, with the length of an RTL recording, or to their end."""
+    """Return the model's recording of samples, at least as long as an RTL recording."""
     config = rtl.config
     clocks = max(rtl.duration_clocks, len(samples) * config.clocks_per_sample)
     events = simulate(config, Stimulus.from_samples(config, samples, clocks=clocks))
@@ -207,7 +207,7 @@ def _as_long(rtl: Recording, samples: NDArray[np.int32]) -> Recording:
 
 @dataclass(frozen=True)
 class Places:
-    """The locations of played textures and recordings.
+    """Folders of the textures and recordings that were the inputs of the RTL.
 
     Attributes
     ----------
@@ -223,14 +223,14 @@ class Places:
 
 @dataclass(frozen=True)
 class _Sources:
-    """The played textures and recordings that have been opened."""
+    """Cache of opened input textures and recordings."""
 
     places: Places
     textures: dict[str, dict[str, Texture]] = field(default_factory=dict)
     sets: dict[str, RecordingSet] = field(default_factory=dict)
 
     def expected(self, rtl: Recording) -> tuple[Recording, str | None]:
-        """Return the model's recording for the source of an RTL recording, and its class."""
+        """Return the model's recording for the input of an RTL recording, and its class."""
         own = OwnReadout.of(rtl)
         if own is None:
             texture = _texture(rtl, self.textures, self.places.dataset)
@@ -249,7 +249,7 @@ class _Sources:
 
 
 def _texture(rtl: Recording, textures: dict[str, dict[str, Texture]], where: str | None) -> Texture:
-    """Return the texture of a recording; ``textures`` stores opened ones."""
+    """Return the texture that was the input of a recording."""
     name, dataset_name = rtl.metadata["name"], rtl.metadata.get("dataset")
     if not isinstance(dataset_name, str):
         raise InputError(f"{name} has no dataset name; play it again")
@@ -282,7 +282,7 @@ def _counts(expected: Recording, bins: BinConfig, data: ScanData) -> NDArray[Any
 
 @dataclass(frozen=True)
 class Score:
-    """Correct predictions among some recordings.
+    """Number of correct predictions in a group of recordings.
 
     Attributes
     ----------
@@ -297,14 +297,14 @@ class Score:
 
     @property
     def accuracy(self) -> float:
-        """Share of correct predictions."""
+        """Fraction of correct predictions."""
         return self.correct / self.total
 
 
 def scores(
     recordings: Sequence[Recording], data: ScanData, logits: NDArray[np.float32], trained: Trained
 ) -> dict[str, Score]:
-    """Return the Score of TEST, TRAINING and OTHER, as far as they have recordings with known class."""
+    """Return the scores of the groups TEST, TRAINING and OTHER, for recordings with known class."""
     found: dict[str, Score] = {}
     parts = np.array([trained.part_of(recording) for recording in recordings])
     known = np.array([class_of(recording) is not None for recording in recordings])
@@ -324,7 +324,7 @@ def scores(
 def integer_classes(
     network: IntegerNetwork, data: ScanData, images: Sequence[int] | NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Return the class of every image from the integer network, for the scan of its first start row."""
+    """Return the class predicted by the integer network for every image, from its first scan."""
     scans = data.first_scans(images)
     if data.of_one_length:
         return network.run_counts(data.values[scans])[0].argmax(1)
@@ -333,7 +333,7 @@ def integer_classes(
 
 
 def compare_integer(weights_file: Path, made: IntegerWeights) -> str:
-    """Return the accuracy of both networks on the test images of the training, as a sentence.
+    """Return a sentence with the accuracies of float and integer network on the test images.
 
     Raises
     ------
@@ -360,7 +360,7 @@ def predictions(
     scores: dict[str, Score],
     check: Check | None = None,
 ) -> dict[str, Any]:
-    """Return class, prediction and logits of every recording, and the accuracy of each group, for JSON.
+    """Return predictions and logits of every recording, and the accuracy of each group, as a dictionary for JSON.
 
     Parameters
     ----------

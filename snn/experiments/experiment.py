@@ -1,4 +1,4 @@
-"""Define a training run in one JSON-able object: textures, readout, time steps, network and training."""
+"""Complete definition of a training run: textures, readout, time steps, network and training."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from eskin.snn.training import TrainConfig
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """Everything that determines a result, except fold and seed.
+    """All parameters that determine a result, except fold and seed.
 
     Parameters
     ----------
@@ -102,21 +102,21 @@ class Experiment:
             self.settings()
 
     def _check_taxels(self) -> None:
-        """Refuse chosen taxels of recorded events, or that the array does not have."""
+        """Check that chosen taxels exist and that the scans are not recorded events."""
         object.__setattr__(self, "taxels", tuple(self.taxels))
         if self.events is not None or self.disturbed:
             raise InputError("chosen taxels need undisturbed scans of textures; leave taxels out")
         self.scan_and_config()
 
     def _check_disturbed(self) -> None:
-        """Refuse disturbed scans for readouts that the clock-by-clock model does not scan."""
+        """Check that the readout supports disturbed scans."""
         if self.frames is not None or self.events is not None or self.preset != "physical":
             raise InputError("disturbed scans need events and the physical preset; leave disturbed out")
         if self.disturbed < 0 or self.start_rows != 1:
             raise InputError("disturbed must be at least 1 with start-rows 1, because it draws the heights itself")
 
     def _check_variant(self) -> None:
-        """Refuse a variant of readouts without polarity or not recorded from textures."""
+        """Check that the readout supports a variant of its encoder."""
         if self.variant not in get_args(Variant):
             raise InputError(f"variant must be on, not {self.variant!r}")
         if self.frames is not None or self.events is not None or self.disturbed:
@@ -126,7 +126,7 @@ class Experiment:
         object.__setattr__(self, "bins", dataclasses.replace(self.bins, polarity=False))
 
     def _settle_leak(self) -> None:
-        """Store the readout's own leak as a time constant; refuse such a leak without ``given_leak``."""
+        """Store the leak of the readout as a time constant; raise an error unless ``given_leak`` is set."""
         if self.tau_s is None and _has_own_leak(self.readout):
             if not self.given_leak:
                 raise InputError("the readout has its own leak; set given_leak to use it, or give tau_s")
@@ -135,7 +135,7 @@ class Experiment:
             object.__setattr__(self, "given_leak", False)
 
     def settings(self) -> list[tuple[dict[str, Any], Experiment]]:
-        """Return every setting of the grid with its experiment; without a grid, this experiment alone.
+        """Return every parameter combination of the grid with its experiment.
 
         Raises
         ------
@@ -154,7 +154,7 @@ class Experiment:
         return found
 
     def data(self, progress: Tick | None = None) -> ScanData:
-        """Return the scans; the model records them in a few hundredths of a second each, and they are cached."""
+        """Return the scans, recorded by the model or read from the cache."""
         if self.events is not None:
             recordings = load_recordings(Path(self.events), self.bins)
             return dataclasses.replace(recordings, source=f"recordings in {self.events}")
@@ -184,7 +184,7 @@ class Experiment:
         return dataclasses.replace(data, source=f"{kind} from {textures.name} textures, {scan.name} scan")
 
     def with_readout_of_events(self) -> Experiment:
-        """Return the experiment with readout and preset from its event files, which name the sweep point.
+        """Return the experiment with readout and preset read from its event files.
 
         Raises
         ------
@@ -199,7 +199,7 @@ class Experiment:
         )
 
     def scan_and_config(self) -> tuple[Scan, ReadoutConfig]:
-        """Return the scan of the preset, and the readout with the fields set by preset, ``tau_s`` and ``taxels``."""
+        """Return the scan preset and the readout configured for it."""
         scan, tau_s = preset(str(self.preset)), None
         if self.readout.encoder.leaks:
             tau_s = PAPER_TAU_S if self.tau_s is None and not self.given_leak else self.tau_s
@@ -207,7 +207,7 @@ class Experiment:
         return scan.wired_to(config, self.taxels) if self.taxels else (scan, config)
 
     def network_config(self, data: ScanData) -> NetworkConfig:
-        """Return the network for these scans; scans of one class are refused, of which any network is right."""
+        """Return the network configuration for given scans; raise an error for scans of one class only."""
         if len(data.class_names) < 2:
             raise InputError(f"{data.source} has one class, {data.class_names[0]}; a classifier needs two at least")
         return self._network(data.channels, len(data.class_names))
@@ -216,7 +216,7 @@ class Experiment:
         return NetworkConfig.from_dict({"inputs": inputs, "classes": classes} | self.network)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain values; for event files, preset and readout are None."""
+        """Return all fields as a dictionary."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "given_leak"}
         if not self.disturbed:  # files and cells of experiments without are those of before
             del fields["disturbed"]
@@ -232,7 +232,7 @@ class Experiment:
 
     @classmethod
     def from_dict(cls, fields: dict[str, Any]) -> Experiment:
-        """Return the experiment for a dictionary of ``to_dict``, also from a JSON file.
+        """Return the experiment for a dictionary written by ``to_dict``.
 
         Raises
         ------
@@ -256,12 +256,12 @@ class Experiment:
 
 
 def _number(name: str, value: Any) -> Any:
-    """Convert a value from JSON to float for float fields: integers, and texts of infinities."""
+    """Convert a JSON value to float for float fields, including texts of infinities."""
     return float(value) if HINTS.get(name) is float and isinstance(value, (int, str)) else value
 
 
 def _has_own_leak(readout: ReadoutConfig) -> bool:
-    """Return whether a readout's leak differs from its default."""
+    """Return True if the leak of a readout differs from the default."""
     default = ReadoutConfig()
     own = (readout.leak_shift, readout.leak_period) != (default.leak_shift, default.leak_period)
     return readout.encoder.leaks and own

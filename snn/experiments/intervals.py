@@ -1,4 +1,4 @@
-"""Compute intervals of an accuracy: Wilson, and bootstrap over images and seeds."""
+"""Confidence intervals of an accuracy: Wilson, and bootstrap over images and seeds."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ BOOTSTRAPS = 10_000
 
 
 def wilson(successes: float, trials: int, z: float = 1.959964) -> tuple[float, float]:
-    """Return the Wilson score interval of a proportion; by default 95 %.
+    """Return the Wilson score interval of a proportion, 95 % by default.
 
     Of an accuracy it says what new images would give with these same seeds: the variance over seeds is not in it.
     """
@@ -23,7 +23,7 @@ def wilson(successes: float, trials: int, z: float = 1.959964) -> tuple[float, f
 
 
 def bootstrap(correct: NDArray[np.float64], seed: int = 0) -> tuple[float, float]:
-    """Return the 95 % bootstrap interval of the mean, resampling images and seeds (crossed).
+    """Return the 95 % bootstrap interval of the mean, resampled over images and seeds.
 
     The interval covers new images and new seeds; with one seed, only new images. With two or three seeds the variation
     between seeds is underestimated. If all images are right, the interval is empty.

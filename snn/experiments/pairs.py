@@ -1,4 +1,4 @@
-"""Compare two sweep points image by image."""
+"""Compare the predictions of two sweep points image by image."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eskin.snn.experiments.points import PointSummary, load_sweep
 
 @dataclass(frozen=True)
 class Pair:
-    """The predictions of two points for the same images.
+    """Predictions of two sweep points for the same images.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Pair:
 
 
 def find_point(text: str, kept: Path) -> PointSummary:
-    """Return the point of ``SWEEP:POINT``, where SWEEP is a file, a folder or a name in ``kept``.
+    """Return the sweep point for a text ``SWEEP:POINT``, with SWEEP a file, a folder or a name in ``kept``.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def find_point(text: str, kept: Path) -> PointSummary:
 
 
 def pair(first: PointSummary, second: PointSummary, reading: str) -> Pair:
-    """Return the comparison over the common seeds of both points.
+    """Return the comparison of two sweep points over their common seeds.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def pair(first: PointSummary, second: PointSummary, reading: str) -> Pair:
 
 
 def compare(labels: str, first: Sequence[str], second: Sequence[str]) -> Pair:
-    """Return the comparison over the common seeds of two lists of predictions, one word per seed."""
+    """Return the comparison of two lists of predictions, with one text per seed."""
     seeds = min(len(first), len(second))
     of_first, of_second = right_of(labels, first[:seeds]), right_of(labels, second[:seeds])
     only_first = (of_first & ~of_second).sum(1).tolist()
@@ -101,7 +101,7 @@ def compare(labels: str, first: Sequence[str], second: Sequence[str]) -> Pair:
 
 
 def mcnemar(only_first: int, only_second: int) -> float:
-    """Return the two-sided p of McNemar's exact test; 1 without differences."""
+    """Return the two-sided p-value of McNemar's exact test."""
     from scipy.stats import binomtest
 
     parted = only_first + only_second
@@ -109,5 +109,5 @@ def mcnemar(only_first: int, only_second: int) -> float:
 
 
 def right_of(labels: str, words: Sequence[str]) -> NDArray[np.bool_]:
-    """Return whether every seed classifies every image correctly, shape (seeds, images)."""
+    """Return whether each prediction is correct, shape (seeds, images)."""
     return np.array([[a == b for a, b in zip(word, labels, strict=True)] for word in words], bool)

@@ -28,7 +28,7 @@ READINGS = {"last": "last epoch", "selected": "epoch selected by inner validatio
 
 @dataclass(frozen=True)
 class Result:
-    """The results of the cells of complete seeds for one epoch (``eskin.snn.experiments.crossval.summarise``).
+    """Accuracy results of a sweep point over its completed seeds.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Cells:
-    """The number of finished cells, of all cells, and of complete seeds."""
+    """Numbers of finished trainings, of all trainings, and of completed seeds."""
 
     done: int
     of: int
@@ -68,7 +68,7 @@ class Cells:
 
 @dataclass(frozen=True)
 class PointSummary:
-    """A point of a sweep.
+    """Summary of one sweep point: readout, rates and accuracies.
 
     Attributes
     ----------
@@ -110,23 +110,23 @@ class PointSummary:
 
     @property
     def measured(self) -> bool:
-        """Whether the point has results: from the first complete seed on."""
+        """True if the point has results for at least one completed seed."""
         return self.last is not None
 
     @property
     def partial(self) -> bool:
-        """Whether some cells have not been run yet."""
+        """True if trainings of the point are missing."""
         return self.cells.done < self.cells.of
 
     def result(self, reading: str) -> Result:
-        """Return the results for one of READINGS; the point must be measured."""
+        """Return the results for one of READINGS."""
         found = self.last if reading == "last" else self.selected
         assert found is not None
         return found
 
     @classmethod
     def from_dict(cls, fields: Any, where: str) -> PointSummary:
-        """Return the point of a file; refuse a point that cannot be drawn, in a sentence starting with ``where``."""
+        """Return the sweep point for a dictionary; raise an error that starts with ``where`` for invalid fields."""
         _need(isinstance(fields, dict), where, "the fields of a point", fields)
         get = fields.get
         _need(isinstance(get("name"), str), where, "a name", get("name"))
@@ -154,13 +154,13 @@ class PointSummary:
 
 
 def as_word(classes: Iterable[int]) -> str:
-    """Return the classes of images as one word, with ``.`` for none; empty if there are more classes than digits."""
+    """Return the classes of images as a text of one digit per image, with ``.`` for none."""
     found = [int(number) for number in classes]
     return "".join(DIGITS[n] if n >= 0 else "." for n in found) if max(found) < len(DIGITS) else ""
 
 
 def _word(value: Any, images: int) -> bool:
-    """Return whether a value gives a class for every image, or is empty because there are too many classes."""
+    """Return True if a value is a text of one class digit per image, or empty."""
     return isinstance(value, str) and len(value) in (0, images) and set(value) <= {*DIGITS, "."}
 
 
@@ -207,7 +207,7 @@ def _result(found: Any, reading: str, where: str) -> Result:
 
 @dataclass(frozen=True)
 class Sweep:
-    """The content of a file written by ``eskin sweep``.
+    """Content of a file written by ``eskin sweep``.
 
     Attributes
     ----------
@@ -224,7 +224,7 @@ class Sweep:
 
 
 def write_sweep(path: Path, command: str | None, points: Sequence[PointSummary]) -> None:
-    """Write ``sweep.json`` atomically; omit unknown fields, which older files lack."""
+    """Write ``sweep.json``, without fields of unknown value."""
     said: dict[str, Any] = {"command": command, **(origin(command) if command else {})}
     write_json(path, said | {"points": [_without_unknown(dataclasses.asdict(point)) for point in points]})
 
@@ -235,7 +235,7 @@ def _without_unknown(fields: dict[str, Any]) -> dict[str, Any]:
 
 
 def load_sweep(path: Path) -> Sweep:
-    """Return the sweep of a file, or of a folder that contains ``sweep.json``.
+    """Return the sweep from a file, or from ``sweep.json`` in a folder.
 
     Raises
     ------

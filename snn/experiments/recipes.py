@@ -1,4 +1,4 @@
-"""Named sets of fields of NetworkConfig and TrainConfig, for ``--recipe`` (docs/guide/classifier.md)."""
+"""Named parameter sets for networks and training, chosen by ``--recipe`` (docs/guide/classifier.md)."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ _LEAK, _OUTPUT_LEAK = 1 / 10, 4 / 10
 
 
 def for_recordings(recipe: str, seconds: NDArray[np.float64], bin_s: float) -> dict[str, Any]:
-    """Return the fields of NetworkConfig and TrainConfig that follow from the lengths of own recordings.
+    """Return the network and training parameters that depend on the lengths of a user's recordings.
 
     Long recordings, or those of unequal length, are learned in windows, as many of each; nine in ten recordings last
     as long as a window. The leaks of the recipe ``skin`` are the shifts that are nearest to parts of a window.

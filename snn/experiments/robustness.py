@@ -1,4 +1,4 @@
-"""Test trained networks on disturbed scans: one cell for each fold, seed, disturbance and strength.
+"""Test trained networks on disturbed scans, for all folds, seeds, disturbances and strengths.
 
 A scan of an image is disturbed equally for all networks, so that their answers are paired. Each cell is a file, so a
 stopped run continues with the missing cells.
@@ -60,7 +60,7 @@ class Subject:
 
     @classmethod
     def load(cls, file: Path, scenes: bool = True) -> Subject:
-        """Return the network of a weight file, trained on scans of the model, with ``result.json`` beside it.
+        """Return the network from a weight file, with ``result.json`` beside it.
 
         With ``scenes`` others than of events of physical scans are refused.
         """
@@ -83,13 +83,13 @@ class Subject:
 
     @property
     def recorded_as(self) -> str:
-        """A text that is equal for networks with equal counts of the same images."""
+        """Text that is equal for networks whose test scans are equal."""
         _, config = self.experiment.scan_and_config()
         return repr((self.experiment.dataset, config, self.experiment.bins, self.images.tolist()))
 
 
 def kept_cell(subject: Subject, out: Path, asked: dict[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Return the results of a study for a network, from its file in ``out`` if present.
+    """Return the test results of a network, read from ``out`` or computed.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def kept_cell(subject: Subject, out: Path, asked: dict[str, Any], make: Callable
 
 
 def cases(names: Sequence[str]) -> list[Case]:
-    """Return the clean case and all strengths of some disturbances.
+    """Return the clean case, and all strengths of the named disturbances.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def cases(names: Sequence[str]) -> list[Case]:
 
 
 def disturbed_scans(experiment: Experiment, images: NDArray[np.int64], case: Case) -> ScanData:
-    """Return the counts of some images under a disturbance, in the order of ``images``."""
+    """Return the event counts of images under a disturbance, in the order of ``images``."""
     scan, config = experiment.scan_and_config()
     assert isinstance(scan, PhysicalScan)
     dataset = open_dataset(experiment.dataset)
@@ -164,7 +164,7 @@ def run_cells(
     out: Path,
     progress: Callable[[], object] = lambda: None,
 ) -> list[dict[str, Any]]:
-    """Return the results of all networks in all cases; read existing files.
+    """Return the test results of all networks in all cases; results stored in ``out`` are reused.
 
     Raises
     ------
@@ -220,7 +220,7 @@ def _read(path: Path, subject: Subject, case: Case) -> dict[str, Any]:
 
 
 def summarise(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return a point for every network, disturbance and strength: accuracy, intervals, and the answers by image."""
+    """Return accuracy, intervals and predictions for every network, disturbance and strength."""
     points: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
     for cell in cells:
         points.setdefault((cell["network"], cell["disturbance"], cell["strength"]), []).append(cell)

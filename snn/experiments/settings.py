@@ -1,4 +1,4 @@
-"""Parse the settings of an experiment and the points of a sweep from command-line texts."""
+"""Parse experiment settings and sweep points from command-line texts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ VARIANTS = {encoder.name: ("", "on") if encoder.polarity else ("",) for encoder 
 
 
 def parse_settings(texts: list[str], option: str = "--set") -> dict[str, Any]:
-    """Return fields of NetworkConfig and TrainConfig for ``name=value`` texts."""
+    """Return the network and training parameters for ``name=value`` texts."""
     hints = hints_of(TrainConfig) | HINTS
     for name in ("inputs", "classes", "epochs"):
         del hints[name]
@@ -44,7 +44,7 @@ def parse_settings(texts: list[str], option: str = "--set") -> dict[str, Any]:
 
 
 def parse_grid(texts: list[str]) -> dict[str, list[Any]]:
-    """Return the values to try for ``name=value,value`` texts."""
+    """Return the parameter grid for ``name=value,value`` texts."""
     found: dict[str, list[Any]] = {}
     for text in texts:
         name, _, values = text.partition("=")
@@ -55,7 +55,7 @@ def parse_grid(texts: list[str]) -> dict[str, list[Any]]:
 
 
 def idle_settings(made: Experiment, settings: list[str] | None) -> tuple[str, list[str]]:
-    """Return the kind of network, and the settings of ``--set`` and ``--grid`` without effect on this kind."""
+    """Return the kind of network, and the given settings that have no effect on this kind."""
     config = NetworkConfig.from_dict({"inputs": 1, "classes": 1} | made.network)
     known = {*hints_of(NetworkConfig), *hints_of(type(config.units)), *hints_of(TrainConfig), "kind"}
     given = [("--set", name) for name in parse_settings(settings or [])]
@@ -64,7 +64,7 @@ def idle_settings(made: Experiment, settings: list[str] | None) -> tuple[str, li
 
 
 def parse_points(text: str) -> list[tuple[str, str]]:
-    """Return readout and numbers of every point: resolution; rate and bits of frames; frames per step of a baseline.
+    """Return readout and numbers of every sweep point in a text.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def parse_points(text: str) -> list[tuple[str, str]]:
 def experiment_of(
     recipe: str, settings: Mapping[str, Any], epochs: int, bins: BinConfig, frames: str | None = None, **fields: Any
 ) -> Experiment:
-    """Return the experiment of a recipe.
+    """Return the experiment for a recipe.
 
     Parameters
     ----------

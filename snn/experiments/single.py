@@ -28,7 +28,7 @@ from eskin.snn.training import Epoch, Training
 
 @dataclass(frozen=True)
 class Fold:
-    """Images of one fold of a cross-validation.
+    """Training and test images of one fold of a cross-validation.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Fold:
 
     @classmethod
     def named(cls, data: ScanData, pattern: str) -> Fold:
-        """Return the fold that tests the images whose name fits a pattern with ``*`` and ``?``, and learns the others.
+        """Return the fold whose test images have names that match a pattern with ``*`` and ``?``.
 
         Raises
         ------
@@ -83,7 +83,7 @@ def train_fold(
     watch_test: bool = False,
     progress: Callable[[Epoch], None] | None = None,
 ) -> tuple[Training, dict[str, Any]]:
-    """Train a network on a fold, and write ``result.json`` and ``weights.npz``; continue a stopped training.
+    """Train a network on a fold, and write ``result.json`` and ``weights.npz``.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Cross-validate many points at once, resumable per cell, on this machine or a cluster (docs/guide/classifier.md).
+"""Cross-validate many sweep points, resumably, on this machine or a cluster (docs/guide/classifier.md).
 
 The cells of all points run in parallel: all folds of seed 0 of every point, then those of seed 1, and so on. A sweep
 that is stopped early therefore has complete seeds of every point.
@@ -57,13 +57,13 @@ class SweepPoint:
 
     @property
     def resolution(self) -> int:
-        """Bits: N of the encoder, or the bits of a frame's sample."""
+        """Resolution N of the encoder, or bits of a frame sample."""
         frames = self.experiment.frames
         return self.experiment.readout.resolution if frames is None else frames.bits
 
     @property
     def bits_per_event(self) -> int:
-        """Address and polarity bits of an event, or the bits of a frame's sample."""
+        """Address and polarity bits of an event, or bits of a frame sample."""
         frames, variant = self.experiment.frames, self.experiment.variant
         one = {"": 0, "on": -1}[variant]  # ON events alone need no bit for the polarity
         if frames is not None:
@@ -74,7 +74,7 @@ class SweepPoint:
 
 
 class PointRun:
-    """The cells of one point: finished ones, missing ones, and the report.
+    """The trainings of one sweep point: finished, missing, and their report.
 
     Parameters
     ----------
@@ -122,17 +122,17 @@ class PointRun:
 
     @property
     def ready(self) -> bool:
-        """Whether ``prepare`` was called."""
+        """True after ``prepare`` was called."""
         return self.rate_hz is not None
 
     @property
     def accuracy(self) -> float:
-        """Mean accuracy of the last epoch over the finished cells."""
+        """Mean accuracy of the last epoch over the finished trainings."""
         cells = self.done.values()
         return float(np.mean([np.mean(np.array(c["labels"]) == np.array(c["last"])) for c in cells])) if cells else 0.0
 
     def prepare(self, tick: Callable[[], object]) -> None:
-        """Record the scans, and read the existing cells; ``tick`` is called after each scan."""
+        """Record the scans and read the stored results; ``tick`` is called after each scan."""
         data = self.point.experiment.data(tick) if self.point.data is None else self.point.data
         check_folds(data, self.folds, self.fold_seed)
         self._key["data"] = digest(data)
@@ -149,14 +149,14 @@ class PointRun:
         self._conclude()
 
     def finish(self, result: dict[str, Any]) -> None:
-        """Store a result; the last result makes the report."""
+        """Store the result of a training; the last result triggers the report."""
         cell = (result["fold"], result["seed"])
         write_json(self.paths[cell], {"experiment": self._key, "result": result})
         self.done[cell] = result
         self._conclude()
 
     def _conclude(self) -> None:
-        """Write the report and delete the scans if all cells are done."""
+        """Write the report and delete the scans if all trainings are finished."""
         if len(self.done) < len(self.paths):
             return
         cells = [self.done[cell] for cell in self.paths]
@@ -172,7 +172,7 @@ class PointRun:
         write_json(self.folder / "result.json", self.report)
 
     def summary(self) -> PointSummary:
-        """Return the point's summary: rates, finished cells, and accuracies over complete seeds."""
+        """Return the summary: rates, finished trainings, and accuracies over completed seeds."""
         bits = self.point.bits_per_event
         data_rate = None if self.rate_hz is None else self.rate_hz * bits
         whole = [s for s in range(self.seeds) if all((fold, s) in self.done for fold in range(self.folds))]
@@ -201,7 +201,7 @@ class PointRun:
 
 
 def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell | None = None) -> None:
-    """Run all missing cells; each result is written immediately.
+    """Run all missing trainings of sweep points; each result is stored immediately.
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell | No
 
 
 class _Flight:
-    """The running cells, and their errors."""
+    """The trainings in progress, and their errors."""
 
     def __init__(self, pool: WorkerPool, progress: OnCell) -> None:
         self.cells = 0
@@ -247,7 +247,7 @@ class _Flight:
         self._landed: queue.SimpleQueue[tuple[PointRun, int, int, Any]] = queue.SimpleQueue()
 
     def prepare(self, run: PointRun) -> None:
-        """Record the scans of a point, and receive finished cells meanwhile."""
+        """Record the scans of a sweep point while running trainings finish."""
         self._progress(run, None)
         try:
             run.prepare(self._land_those_there)
@@ -257,7 +257,7 @@ class _Flight:
             self._progress(run, None)
 
     def submit(self, run: PointRun, fold: int, seed: int) -> None:
-        """Start a cell."""
+        """Submit a training to the worker pool."""
         assert run.shared is not None
         cell = (run.point.experiment, fold, seed, run.folds, run.fold_seed)
         future = self._pool.submit(run_alone, *cell, shared=run.shared)
@@ -265,7 +265,7 @@ class _Flight:
         future.add_done_callback(lambda done: self._landed.put((run, fold, seed, done)))
 
     def land(self) -> None:
-        """Wait for a cell and store its result."""
+        """Wait for the end of a training and store its result."""
         self._take(*next_landed(self._landed, self._pool))
 
     def _land_those_there(self) -> None:
@@ -300,7 +300,7 @@ def cross_validate(
     data: ScanData | None = None,
     progress: Callable[[dict[str, Any]], object] | None = None,
 ) -> dict[str, Any]:
-    """Run the missing cells of one point; return the report, which is also written to ``result.json``.
+    """Run the missing trainings of one sweep point, and write ``result.json``; return its content.
 
     Parameters
     ----------
@@ -345,7 +345,7 @@ def sweep(
     command: str | None = None,
     progress: OnCell | None = None,
 ) -> list[PointSummary]:
-    """Cross-validate every point in its own folder; return the summaries, which are also written to ``sweep.json``.
+    """Cross-validate every sweep point in a folder of its own, and write ``sweep.json``; return the summaries.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Load a trained network with the result of its training: readout, time bins, training images."""
+"""Load a trained network with the result of its training."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TEST, TRAINING, OTHER = "test", "training", "other"
 
 @dataclass(frozen=True)
 class TrainingResult:
-    """The content of ``result.json`` of ``eskin train``.
+    """Content of ``result.json`` written by ``eskin train``.
 
     Attributes
     ----------
@@ -59,15 +59,15 @@ class TrainingResult:
 
     @property
     def right(self) -> list[bool]:
-        """Whether the network classified each test image correctly, if known."""
+        """Correctness of the prediction for each test image; empty if unknown."""
         return [a == b for a, b in zip(self.labels, self.predicted, strict=True)] if self.predicted else []
 
     def default_image(self, test: NDArray[np.int64]) -> int:
-        """Return the first correctly classified test image, if known, else the first test image."""
+        """Return the first correctly classified test image, or the first test image if unknown."""
         return int(test[self.right.index(True)] if True in self.right else test[0])
 
     def test_images(self, labels: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the test images of the fold; refuse images with other labels than in the training."""
+        """Return the test images of the fold; raise an error for labels other than in the training."""
         if self.tested is None:
             test = stratified_folds(labels, self.folds)[self.fold]
         else:
@@ -78,7 +78,7 @@ class TrainingResult:
 
 
 def read_result(path: Path, weights_file: Path, weights: Weights) -> TrainingResult:
-    """Return the result of the training that gave these weights.
+    """Return the result of the training that produced given weights.
 
     Raises
     ------
@@ -145,7 +145,7 @@ class Trained:
     of_recordings: bool = False
 
     def other_fields(self, config: ReadoutConfig) -> list[str]:
-        """Return the fields, in words, in which a readout differs from that of the training."""
+        """Return the names of fields in which a readout differs from the readout of the training."""
         if self.readout is None:
             return []
         learned = self.readout.to_dict()
@@ -156,7 +156,7 @@ class Trained:
         ]
 
     def part_of(self, recording: Recording) -> str:
-        """Return TEST, TRAINING or OTHER."""
+        """Return the group of a recording: TEST, TRAINING or OTHER."""
         metadata = recording.metadata
         if self.dataset is not None and metadata.get("dataset") != self.dataset:
             return OTHER
@@ -164,7 +164,7 @@ class Trained:
 
 
 def load_trained(path: Path) -> Trained:
-    """Return the network of a weight file, with bins and folds from ``result.json`` beside it.
+    """Return the network from a weight file, with bins and folds from ``result.json`` beside it.
 
     Raises
     ------
@@ -214,7 +214,7 @@ def load_trained(path: Path) -> Trained:
 def load_test_scans(
     path: Path, weights: Weights, progress: Tick | None = None
 ) -> tuple[TrainingResult, ScanData, NDArray[np.int64]]:
-    """Return the ``result.json`` of a weight file, the scans of its training, and their test images.
+    """Return ``result.json`` of a weight file, the scans of the training, and the test images.
 
     Raises
     ------
@@ -234,7 +234,7 @@ def load_test_scans(
 def accuracies_on_test(
     path: Path, weights: Weights, networks: Mapping[str, nn.Module], progress: Tick | None = None
 ) -> tuple[int, dict[str, float]]:
-    """Return the number of test images of a training, and the accuracy of each network on them by name.
+    """Return the number of test images of a training, and the accuracy of each network by name.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def accuracies_on_test(
 
 
 def said_of_training(path: Path, weights: Weights) -> dict[str, Any]:
-    """Return the note on the training for a file made from weights; empty without a result beside them.
+    """Return a text about the training for files made from its weights; empty without ``result.json``.
 
     Returns
     -------
@@ -291,7 +291,7 @@ def said_of_training(path: Path, weights: Weights) -> dict[str, Any]:
 def _images_of(
     experiment: Experiment, classes: Sequence[str], own: bool
 ) -> tuple[Sequence[str], NDArray[np.int64], str | None]:
-    """Return names, labels and dataset of the images of a training, in its order."""
+    """Return names, labels and dataset of the images of a training."""
     if experiment.events is not None:
         folder = Path(experiment.events)
         data = load_recordings(folder, experiment.bins, classes)

@@ -1,1 +1,1 @@
-"""Fig. 8, Fig. 9 and confusion matrices: data first, then pictures drawn from the data."""
+"""Data and plots of Fig. 8, Fig. 9, confusion matrices and studies."""

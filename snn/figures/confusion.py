@@ -1,4 +1,4 @@
-"""Draw confusion matrices of sweep points from their data."""
+"""Plot confusion matrices of sweep points."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TITLE_LETTERS = 46
 
 
 def confusion_data(sweeps: Sequence[Sweep], reading: str, name: str | None = None) -> Data:
-    """Return the confusion matrices of points with a name, or of the best finished spiking point of each preset."""
+    """Return the confusion matrices of the named points, or of the best spiking point of each preset."""
     candidates = [(sweep, point) for sweep in sweeps for point in sweep.points if point.measured]
     if name is not None:
         chosen = [(sweep, point) for sweep, point in candidates if point.name == name]
@@ -46,12 +46,12 @@ def confusion_data(sweeps: Sequence[Sweep], reading: str, name: str | None = Non
 
 
 def plot_confusion(data: Data, path: Path) -> None:
-    """Draw confusion matrices; see :func:`draw_confusion`."""
+    """Plot confusion matrices to a file; see :func:`draw_confusion`."""
     save_figure(draw_confusion(data), path)
 
 
 def draw_confusion(data: Data) -> Figure:
-    """Return one matrix for each point: rows are true classes, columns predicted ones, percent of the row."""
+    """Return a figure with a confusion matrix per point, in percent of each true class."""
     points = data["points"]
     figure = new_figure(4.3 * len(points) + 0.4, 4.3, f"Confusion, {READINGS[data['reading']]}")
     panels = figure.subplots(1, len(points), squeeze=False)[0]

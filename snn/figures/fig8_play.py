@@ -1,4 +1,4 @@
-"""Play one scan through a trained network: events, hidden spikes and evidence for each class (for Fig. 8)."""
+"""Run one scan through a trained network to get the data of Fig. 8."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MEANINGS = {"spikes": "output spikes so far", "membrane": "output membranes so f
 
 @torch.no_grad()
 def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
-    """Return hidden spikes and the growing evidence for each class; the last step equals the network's logits.
+    """Return the hidden spikes, and the evidence of each class after each step.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
 
 @dataclass(frozen=True)
 class Places:
-    """The locations of a training's textures or recordings.
+    """Folders of the textures or recordings of a training.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Places:
 
 
 def play(weights_file: Path, result_file: Path, places: Places | None = None, image: str | None = None) -> ScanToClass:
-    """Play a scan of a network's dataset, or a user's recording, through the network.
+    """Return the response of a network to a scan of its dataset or to a user's recording.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def play(weights_file: Path, result_file: Path, places: Places | None = None, im
 
 
 def _play_own(weights: Weights, result: TrainingResult, place: Path, image: str | None) -> ScanToClass:
-    """Play a user's recording through the network, prepared as for the training."""
+    """Return the response of a network to a user's recording, prepared as in the training."""
     if result.own is None:
         raise InputError("the network was not trained on your own recordings; leave --data out, or train with it")
     found = result.own.read(place)
@@ -167,7 +167,7 @@ def _index(image: str, names: list[str]) -> int:
 def _played(
     weights: Weights, bins: BinConfig, recording: Recording, codes: NDArray[np.int32], **said: Any
 ) -> ScanToClass:
-    """Return the network's result for a recording; ``said`` contains the descriptive fields of ScanToClass."""
+    """Return the response of a network to a recording; ``said`` holds the descriptive fields of ScanToClass."""
     network, config = weights.network, recording.config
     assert isinstance(network, SpikingNetwork)
     spikes, grown = evidence(network, collect([recording], bins, weights.class_names).batch([0]))

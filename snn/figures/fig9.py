@@ -1,4 +1,4 @@
-"""Compute the data of Fig. 9 from sweeps (``eskin.snn.figures.fig9_plot`` draws the picture)."""
+"""Compute the data of Fig. 9 from sweeps; ``eskin.snn.figures.fig9_plot`` draws it."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ PUBLISHED_NAME = "published"
 
 
 def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
-    """Return the sweeps of some files or folders; by default those of the project and the latest."""
+    """Return the sweeps from files or folders; by default those of the project and the latest one."""
     files = list(paths) or kept_sweeps() + ([LATEST] if LATEST.is_file() else [])
     if not files:
         raise InputError(f"there is no sweep in {KEPT}, nor {LATEST}; make one with eskin sweep")
@@ -63,7 +63,7 @@ def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
 
 
 def kept_sweeps() -> list[Path]:
-    """Return the files of the project's sweeps, without those of the frontier (``eskin.snn.figures.frontier``)."""
+    """Return the paths of the project's sweeps, without those of the frontier."""
     return [path for path in sorted(KEPT.glob("*.json")) if not path.name.startswith(RATES)]
 
 
@@ -71,7 +71,7 @@ def kept_sweeps() -> list[Path]:
 
 
 def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
-    """Return published and own points in the format of the report (docs/guide/report.md).
+    """Return the published points and the points of sweeps (docs/guide/report.md).
 
     Points without results are left out, and named in ``left_out``.
     """
@@ -113,7 +113,7 @@ def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
 
 
 def own_point(sweep: Sweep, point: PointSummary, reading: str) -> Data:
-    """Return a point of a sweep for the figures, with the interval over images and seeds."""
+    """Return a sweep point for figures, with its interval over images and seeds."""
     found, cells = point.result(reading), point.cells
     fields = {"readout": point.readout, "name": point.name, "resolution": point.resolution}
     label = _label(point.readout, detail(fields), title(sweep.name))
@@ -142,17 +142,17 @@ def own_point(sweep: Sweep, point: PointSummary, reading: str) -> Data:
 
 
 def partial(point: Data) -> bool:
-    """Return whether some cells of a drawn point have not been run yet."""
+    """Return True if trainings of a drawn point are missing."""
     return "cells" in point and bool(point["cells"]["done"] < point["cells"]["of"])
 
 
 def title(sweep: str) -> str:
-    """Return the title of a sweep in pictures."""
+    """Return the title of a sweep in figures."""
     return TITLES.get(sweep, sweep)
 
 
 def detail(point: Data) -> str:
-    """Return the text that separates a readout's points: resolution, or for frames the network, or rate and bits."""
+    """Return the text that distinguishes points of one readout, such as resolution or frame rate."""
     words = str(point.get("name", "")).removeprefix("frame").strip("-").split("-")
     if not point["readout"].startswith("frame") or words == [""]:
         return f"{point['resolution']} b"
@@ -170,7 +170,7 @@ def _label(readout: str, point_detail: str, sweep: str) -> str:
 
 
 def _protocol(sweep: Sweep, reading: str) -> str:
-    """Return images, folds, seeds and epoch of the finished points, in words."""
+    """Return a text with images, folds, seeds and epoch of the finished points."""
     found = []
     for point in sweep.points:
         if point.measured and not point.partial:

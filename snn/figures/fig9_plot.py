@@ -1,4 +1,4 @@
-"""Draw Fig. 9 from its data (``eskin.snn.figures.fig9``)."""
+"""Plot Fig. 9 from its data (``eskin.snn.figures.fig9``)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ BARS = (
 
 @dataclass(frozen=True)
 class Series:
-    """Points of a sweep and readout by rising data rate; of frames, the points of one network."""
+    """Points of one sweep and readout by rising data rate."""
 
     sweep: str
     readout: str
@@ -44,12 +44,12 @@ class Series:
 
 
 def plot_fig9(data: Data, path: Path) -> None:
-    """Draw accuracy against data rate; see :func:`draw_fig9`."""
+    """Plot accuracy against data rate to a file; see :func:`draw_fig9`."""
     save_figure(draw_fig9(data), path)
 
 
 def draw_fig9(data: Data) -> Figure:
-    """Return accuracy against normalised data rate, one panel for each preset.
+    """Return a figure of accuracy against normalised data rate, one panel per preset.
 
     Published points are hollow, with their standard deviation over folds if known. Own points are filled, with the
     interval over images and seeds. Points of unfinished cross-validations have a ring.
@@ -90,7 +90,7 @@ def draw_fig9(data: Data) -> Figure:
 
 
 def _draw_axes(panel: Axes, data: Data, classes: set[int]) -> None:
-    """Draw the logarithmic axis of rates and the line of chance."""
+    """Draw the logarithmic rate axis and the chance level."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
     for count in sorted(classes):
@@ -106,7 +106,7 @@ def _draw_axes(panel: Axes, data: Data, classes: set[int]) -> None:
 
 
 def _series(points: list[Data], sweeps: list[str]) -> Iterator[Series]:
-    """Yield the series of a panel."""
+    """Yield the data series of a panel."""
     for sweep in sweeps:
         for readout in NAMES:
             chosen = [p for p in points if p["sweep"] == sweep and p["readout"].split(",")[0] == readout]
@@ -118,7 +118,7 @@ def _series(points: list[Data], sweeps: list[str]) -> Iterator[Series]:
 
 
 def _style(sweep: str, sweeps: list[str]) -> Data:
-    """Return line and fill of a sweep; published points are hollow and thin."""
+    """Return line and fill style of a sweep; published points are hollow and thin."""
     if sweep == PUBLISHED_NAME:
         return {"ls": "-", "lw": 0.7, "fillstyle": "none", "ms": MARK_POINTS - 1, "zorder": 1.8}
     line, filling = STYLES[sweeps.index(sweep) % len(STYLES)]
@@ -133,7 +133,7 @@ def _style(sweep: str, sweeps: list[str]) -> Data:
 
 
 def _draw_series(panel: Axes, series: Series, style: Data, taken: Taken) -> list[Box]:
-    """Draw points with error bars and a joining line in free places; return the boxes for labels to avoid.
+    """Draw a data series with error bars; return the boxes that labels must avoid.
 
     A mark keeps its numbers and is moved on the page, so that the line through the moved marks has numbers of its own.
     """
@@ -164,7 +164,7 @@ def _draw_series(panel: Axes, series: Series, style: Data, taken: Taken) -> list
 
 
 def _boxes(panel: Axes, point: Data) -> list[Box]:
-    """Return the areas covered by the marker of a point and by its bar, both in full height."""
+    """Return the areas covered by the marker of a point and by its error bar."""
     half = (RING_POINTS if partial(point) else MARK_POINTS) / 2
     x, middle = on_page(panel, point["normalised_rate"], 100 * point["accuracy"])
     low, high = (on_page(panel, point["normalised_rate"], 100 * end)[1] for end in _ends(point))
@@ -173,7 +173,7 @@ def _boxes(panel: Axes, point: Data) -> list[Box]:
 
 
 def _ends(point: Data) -> tuple[float, float]:
-    """Return the ends of a bar: the interval, else the standard deviation over folds, else the point."""
+    """Return the ends of an error bar: the interval, or the standard deviation over folds."""
     if "interval" in point:
         low, high = point["interval"]
         return low, high
@@ -192,7 +192,7 @@ def _draw_frame_rate(panel: Axes, rate: float, taken: Taken) -> None:
 
 
 def _label_points(panel: Axes, drawn: list[tuple[Series, list[Box]]], taken: Taken) -> None:
-    """Label every resolution once, at its highest (ABOVE) or lowest point, and each network on frames."""
+    """Label every resolution once, and each network on frames."""
     groups: dict[tuple[str, str], list[tuple[Data, Box]]] = {}
     for series, boxes in drawn:
         for point, box in zip(series.points, boxes, strict=True):

@@ -1,4 +1,4 @@
-"""Draw the frontier: accuracy against data rate, one panel per scan and network."""
+"""Plot the frontier: accuracy against data rate, one panel per scan and network."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def kind_of(point: Data) -> str:
 
 
 def words_of(point: Data) -> str:
-    """Return bits, or rate and bits of frames, and the number of taxels of a point."""
+    """Return bits (or frame rate and bits) and number of taxels of a point as text."""
     kind, *numbers = str(point["readout"]).split(":")
     words = f"{numbers[0]} b"
     if kind.startswith("frame"):
@@ -45,12 +45,12 @@ def words_of(point: Data) -> str:
 
 
 def plot_frontier(data: Data, path: Path) -> None:
-    """Draw accuracy against data rate; see :func:`draw_frontier`."""
+    """Plot accuracy against data rate to a file; see :func:`draw_frontier`."""
     save_figure(draw_frontier(data), path)
 
 
 def draw_frontier(data: Data) -> Figure:
-    """Return accuracy against data rate, one panel for each scan and network."""
+    """Return a figure of accuracy against data rate, one panel per scan and network."""
     from matplotlib.lines import Line2D
 
     of_panels: dict[tuple[str, str], list[Data]] = {}
@@ -86,7 +86,7 @@ def draw_frontier(data: Data) -> Figure:
 
 
 def _draw_points(panel: Axes, points: list[Data]) -> None:
-    """Draw marks with intervals and coded rates, then the words beside them."""
+    """Draw markers with intervals and compressed rates, then their labels."""
     taken, boxes = Taken(), []
     for point in points:
         at, middle, coded = point["bits_per_s"], 100 * point["accuracy"], point["coded_bits_per_s"]

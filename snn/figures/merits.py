@@ -1,4 +1,4 @@
-"""Draw latency, rest, timing and noise of events and frames, one panel each."""
+"""Plot latency, data rate at rest, timing error and noise of events and frames."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ INTERPOLATED = PALETTE["sky"], "D"
 
 
 def plot_merits(result: dict[str, Any], path: Path) -> None:
-    """Draw the data of ``eskin merits``."""
+    """Plot the results of ``eskin merits``."""
     figure = new_figure(11, 9, "What events and frames are good for")
     axes = figure.subplots(2, 2).ravel()
     _curves(axes[0], result["latency"], "time_s", "how soon after a touch", "time since the touch (ms)")

@@ -1,4 +1,4 @@
-"""Choose label and style of trained networks in figures, by the readout that their points or names give."""
+"""Labels and styles of trained networks in figures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FRAMES = {"onoff": "ON/OFF of differences", "diff": "differences"}
 
 
 def label(name: str) -> str:
-    """Return the label of a readout or network in figures; names from a user stay unchanged.
+    """Return the label of a readout or network; names given by a user stay unchanged.
 
     Examples
     --------
@@ -41,7 +41,7 @@ def label(name: str) -> str:
 
 
 def family(name: str) -> tuple[str, str]:
-    """Return the panel that a network belongs to, and its label there.
+    """Return the panel of a network and its label in that panel.
 
     Examples
     --------
@@ -59,13 +59,13 @@ def family(name: str) -> tuple[str, str]:
 
 
 def readout_of(name: str) -> str | None:
-    """Return the readout that the name of a network begins with; None where it begins with none."""
+    """Return the readout with which the name of a network begins, or None."""
     parts = re.match(rf"({ENCODERS}|{FRAME})[-:]", name)
     return parts[1] if parts else None
 
 
 def network_styles(points: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Return colour, marker and line by network name, in the order of the points."""
+    """Return colour, marker and line style by network name."""
     readouts = {point["network"]: point.get("readout") or readout_of(point["network"]) for point in points}
     styles: dict[str, dict[str, Any]] = {}
     for number, (network, readout) in enumerate(readouts.items()):

@@ -1,4 +1,4 @@
-"""Draw the accuracy of trained networks over the power of their readout, for each noise."""
+"""Plot the accuracy of trained networks against readout power, for several noise levels."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TITLES = {
 
 
 def plot_noise_power(points: Sequence[dict[str, Any]], path: Path) -> None:
-    """Draw a panel for each mode; labels along a line give the noise."""
+    """Plot accuracy against power, one panel per mode of the power model; labels give the noise."""
     figure = new_figure(11, 5.0, "Accuracy over total power of the readout; numbers beside points: AFE noise (mV rms)")
     axes = figure.subplots(1, len(TITLES), sharey=True)
     words_of = (str(digit) for point in points for cell in point["answers"] for digit in cell["labels"])

@@ -1,4 +1,4 @@
-"""Draw the accuracy of integer networks over the memory of their weights, and over additions per second."""
+"""Plot the accuracy of integer networks against weight memory and additions per second."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LEAST = 50.0
 
 
 def plot_precision(points: Sequence[dict[str, Any]], path: Path) -> None:
-    """Draw a line for each network over the bits of a weight; some points of the upper row name their bits.
+    """Plot accuracy against weight bits, memory and additions, one line per network.
 
     Networks whose names differ only from the number of their neurons on share a column of panels. The more neurons,
     the darker the line; lines of networks that were trained with few bits are dashed.
@@ -67,7 +67,7 @@ def plot_precision(points: Sequence[dict[str, Any]], path: Path) -> None:
 
 
 def _styles(labels: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return colour, marker and line by label: shades of one colour by size, dashed where trained with few bits."""
+    """Return colour, marker and line style by label."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 
@@ -97,7 +97,7 @@ def _line(
 
 
 def _bits(axis: Axes, points: Sequence[dict[str, Any]], colour: str) -> None:
-    """Write the bits beside the points."""
+    """Write the weight bits beside the points."""
     for point in points:
         if (y := 100 * point["accuracy"]) >= LEAST and point["variant"] in BITS:
             at = point["memory_bits"] / 8000, y

@@ -1,4 +1,4 @@
-"""Draw the accuracy of trained networks under every disturbance."""
+"""Plot the accuracy of trained networks under every disturbance."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Points = Sequence[dict[str, Any]]
 
 
 def plot_robustness(points: Points, path: Path) -> None:
-    """Draw accuracy over strength with its interval; dotted lines are undisturbed scans.
+    """Plot accuracy against disturbance strength, with intervals.
 
     Disturbances of one strength share the last panel, one row for each.
     """
@@ -56,19 +56,19 @@ def plot_robustness(points: Points, path: Path) -> None:
 
 
 def _described(name: str) -> str:
-    """Return meaning and unit of a disturbance's strength."""
+    """Return the axis label of a disturbance: meaning and unit of its strength."""
     unit = DISTURBANCES[name].unit
     return DISTURBANCES[name].help + f" ({unit})" * bool(unit)
 
 
 def _of(points: Points, network: str, name: str) -> Points:
-    """Return the points of a network under a disturbance, by rising strength."""
+    """Return the points of a network under one disturbance, by rising strength."""
     own = [point for point in points if (point["network"], point["disturbance"]) == (network, name)]
     return sorted(own, key=lambda point: float(point["strength"]))
 
 
 def _bars(own: Points) -> tuple[list[float], list[list[float]]]:
-    """Return accuracies and the lengths of their bars, in %."""
+    """Return accuracies and the lengths of their error bars, in %."""
     ends = [[100 * abs(point["accuracy"] - point["bootstrap_95"][end]) for point in own] for end in (0, 1)]
     return [100 * point["accuracy"] for point in own], ends
 
@@ -76,7 +76,7 @@ def _bars(own: Points) -> tuple[list[float], list[list[float]]]:
 def _draw_curve(
     panel: Axes, name: str, strengths: Sequence[float], points: Points, styles: Mapping[str, dict[str, Any]]
 ) -> None:
-    """Draw accuracy over the strengths of one disturbance."""
+    """Draw accuracy against the strength of one disturbance."""
     dress(panel, name.replace("-", " "))
     for network, style in styles.items():
         own = _of(points, network, name)
@@ -91,7 +91,7 @@ def _draw_curve(
 
 
 def _draw_rows(panel: Axes, names: Sequence[str], points: Points, styles: Mapping[str, dict[str, Any]]) -> None:
-    """Draw the accuracy under disturbances of one strength each."""
+    """Draw the accuracy under disturbances that have a single strength."""
     dress(panel, "disturbances at one strength")
     for number, (network, style) in enumerate(styles.items()):
         own = [point for name in names for point in _of(points, network, name)]

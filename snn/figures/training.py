@@ -1,4 +1,4 @@
-"""Draw a training: the confusion of its test, and for recordings a page with a raster of each class."""
+"""Plot the result of a training: confusion matrix, and a page with a raster per class."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ img {{ display: block; max-width: 100%; height: auto; }}
 
 
 def draw_training(result: Mapping[str, Any], tested: list[str], out: Path) -> list[Path]:
-    """Write ``confusion.png``, and for a training on event files ``training.html``; return the files.
+    """Write ``confusion.png``, and ``training.html`` for a training on event files; return the files.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def draw_training(result: Mapping[str, Any], tested: list[str], out: Path) -> li
 
 
 def _matrix(result: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the data of the confusion matrix of the test."""
+    """Return the confusion matrix of the test images."""
     classes = result["class_names"]
     confusion = np.zeros((len(classes), len(classes)), np.int64)
     np.add.at(confusion, (result["labels"], result["predicted"]), 1)
@@ -71,7 +71,7 @@ def _matrix(result: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _page(result: Mapping[str, Any], folder: Path, tested: list[str], confusion: Path) -> str:
-    """Return the page: confusion matrix, and signals and events of the first test recording of each class."""
+    """Return an HTML page with the confusion matrix, and signals and events of a test recording per class."""
     right = sum(a == b for a, b in zip(result["predicted"], result["labels"], strict=True))
     parts = [_embedded(confusion.read_bytes(), "Confusion matrix of the test recordings")]
     recordings = {recording.metadata["name"]: recording for recording in read_recordings(event_files([folder]))}
@@ -90,7 +90,7 @@ def _page(result: Mapping[str, Any], folder: Path, tested: list[str], confusion:
 
 
 def _raster(recording: Recording, path: Path) -> None:
-    """Draw the rebuilt signals of a recording above its events."""
+    """Draw the reconstructed signals of a recording above its events."""
     from eskin.skin.figures.raster import plot_signals
 
     signals = decode_recording(recording)
@@ -98,7 +98,7 @@ def _raster(recording: Recording, path: Path) -> None:
 
 
 def _drawn(plot: Callable[[Path], None]) -> bytes:
-    """Return the picture that a function draws."""
+    """Return the picture that a plot function writes."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "picture.png"
         plot(path)
@@ -106,5 +106,5 @@ def _drawn(plot: Callable[[Path], None]) -> bytes:
 
 
 def _embedded(picture: bytes, words: str) -> str:
-    """Return a picture for a page."""
+    """Return a picture as HTML with embedded data."""
     return f'<img alt="{html.escape(words)}" src="data:image/png;base64,{base64.b64encode(picture).decode()}">'

@@ -1,1 +1,1 @@
-"""One layer of integrate-and-fire neurons: its rule, a plain loop, and kernels for CPU and GPU."""
+"""One layer of integrate-and-fire neurons: reference loop, and kernels for CPU and GPU."""

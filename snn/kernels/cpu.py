@@ -1,4 +1,4 @@
-"""Call the compiled kernel (cpu.cpp) through ctypes; g++ builds it once into the user's cache.
+"""Compile and call the C++ kernel (cpu.cpp) through ctypes.
 
 Without a compiler, ``available()`` is false and ``eskin.snn.kernels.dense`` computes the layer with torch. The
 functions here need contiguous float32 CPU tensors and check nothing else.
@@ -42,7 +42,7 @@ class _Rule(ctypes.Structure):
 
 
 class Entries(NamedTuple):
-    """The non-zero entries of a matrix, row by row.
+    """Non-zero entries of a matrix, row by row.
 
     Attributes
     ----------
@@ -60,23 +60,23 @@ class Entries(NamedTuple):
 
     @property
     def filled(self) -> int:
-        """Number of entries."""
+        """Number of non-zero entries."""
         return int(self.first[-1])
 
 
 def available() -> bool:
-    """Return whether the kernel can be used; the first call compiles the kernel, in about a second."""
+    """Return True if the C++ kernel can be compiled and used."""
     return _library() is not None
 
 
 def pad(columns: int) -> int:
-    """Return the width of a matrix for the kernel: columns rounded up to whole vectors."""
+    """Return a matrix width rounded up to whole vector registers."""
     unit: int = _require().kernel_pad()
     return -(-columns // unit) * unit
 
 
 def padded(matrix: Tensor, rows: int | None = None) -> Tensor:
-    """Return a contiguous vector or matrix, with columns (and rows up to ``rows``) padded with zeros."""
+    """Return a contiguous vector or matrix padded with zeros to whole vector registers."""
     shape = (*matrix.shape[:-1], pad(matrix.shape[-1])) if rows is None else (rows, pad(matrix.shape[-1]))
     if shape == tuple(matrix.shape):
         return matrix.detach().contiguous()
@@ -96,28 +96,28 @@ def entries_of(x: Tensor) -> Entries:
 
 
 def product(entries: Entries, matrix: Tensor, start: Tensor) -> Tensor:
-    """Return start (width,) plus entries (rows, columns) times a matrix (columns, width), shape (rows, width)."""
+    """Return start (width,) plus the product of sparse entries (rows, columns) and a matrix (columns, width)."""
     out = torch.empty(len(entries.first) - 1, matrix.shape[1])
     _call("kernel_product", *entries, len(out), len(matrix), matrix, matrix.shape[1], start, out)
     return out
 
 
 def dense_product(left: Tensor, inner: int, matrix: Tensor) -> Tensor:
-    """Return the first ``inner`` columns of left (rows, pitch) times a matrix (inner, width), shape (rows, width)."""
+    """Return the product of the first ``inner`` columns of left (rows, pitch) and a matrix (inner, width)."""
     out = torch.empty(len(left), matrix.shape[1])
     _call("kernel_dense_product", left, *left.shape, matrix, inner, matrix.shape[1], out)
     return out
 
 
 def outer(entries: Entries, columns: int, grad: Tensor) -> Tensor:
-    """Return the transpose of entries (rows, columns) times grad (rows, width), shape (columns, width)."""
+    """Return the transpose of sparse entries (rows, columns) times grad (rows, width), shape (columns, width)."""
     out = torch.zeros(columns, grad.shape[1])
     _call("kernel_outer", *entries, len(grad), columns, grad, grad.shape[1], out)
     return out
 
 
 def forward(rule: NeuronRule, decay: Tensor, recurrent: Tensor | None, v: Tensor) -> tuple[Tensor, Entries]:
-    """Compute potentials from currents, in place, and return the spikes, dense and as entries.
+    """Compute potentials from currents in place, and return the spikes, dense and sparse.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def _rule(rule: NeuronRule) -> Any:
 
 
 def _call(name: str, *arguments: Any) -> None:
-    """Call a function of the library; tensors become pointers, and integers 64 bits."""
+    """Call a library function with tensors as pointers and integers as 64 bits."""
     converted: list[Any] = []
     for argument in arguments:
         if isinstance(argument, Tensor):
@@ -185,7 +185,7 @@ def _require() -> ctypes.CDLL:
 
 @functools.cache
 def _library() -> ctypes.CDLL | None:
-    """Return the library, compiled if necessary, or None without a working compiler."""
+    """Return the compiled library, or None without a working compiler."""
     compiler = shutil.which(os.environ.get(COMPILER_VARIABLE, "g++"))
     if compiler is None:
         return None
@@ -215,7 +215,7 @@ def _load(path: Path) -> ctypes.CDLL:
 
 
 def _compile(compiler: str, path: Path) -> None:
-    """Compile to a temporary name and rename, so that no other process sees an incomplete library."""
+    """Compile the library to a temporary name, then rename it."""
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         made = Path(folder) / path.name
         subprocess.run([compiler, *_FLAGS, str(SOURCE), "-o", str(made)], check=True, capture_output=True)
@@ -224,7 +224,7 @@ def _compile(compiler: str, path: Path) -> None:
 
 
 def _instructions() -> str:
-    """Return a text that separates processors sharing a home folder: the kernel uses all their instructions."""
+    """Return a text that identifies the processor type, because the kernel uses all its instructions."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

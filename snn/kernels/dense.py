@@ -1,4 +1,4 @@
-"""Compute the layer with dense products, for any device and float type."""
+"""Layer of neurons with dense matrix products, for any device and float type."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eskin.snn.kernels.rule import NeuronRule
 
 
 class DenseLayer(torch.autograd.Function):
-    """The layer with dense products, for any device and float type."""
+    """Autograd function of the layer with dense matrix products."""
 
     @staticmethod
     def forward(
@@ -57,7 +57,7 @@ class DenseLayer(torch.autograd.Function):
 
 
 def dense_gradients(ctx: Any, grad: Tensor) -> tuple[Tensor | None, ...]:
-    """Return the gradients of all arguments of a layer, from that of the currents, (steps, batch, neurons)."""
+    """Return the gradients of all arguments of a layer for the gradient of the currents, (steps, batch, neurons)."""
     x, w_in, w_rec, _, v, s = ctx.saved_tensors
     rows = grad.flatten(0, 1)
     grad_x = grad @ w_in if ctx.needs_input_grad[1] else None

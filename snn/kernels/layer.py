@@ -1,4 +1,4 @@
-"""A layer of integrate-and-fire neurons over a whole sequence, as one autograd function.
+"""Layer of integrate-and-fire neurons over a whole sequence, as one autograd function.
 
 The rule of one step (physics of the paper's network, section II-D; variants as parameters)::
 
@@ -46,7 +46,7 @@ def layer(
     backend: Backend = "auto",
     synapse_decay: float = 0.0,
 ) -> Tensor:
-    """Return the spikes of a layer that starts from rest.
+    """Return the spikes of a layer that starts at rest.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def layer(
 
 
 def _triton_takes(*tensors: Tensor | None) -> bool:
-    """Return whether Triton is installed and supports the arguments: float32 on a GPU, or in its interpreter."""
+    """Return True if Triton is installed and supports the arguments."""
     try:
         from eskin.snn.kernels import triton as kernel_triton
     except ImportError:
@@ -105,7 +105,7 @@ def _triton_takes(*tensors: Tensor | None) -> bool:
 
 
 class _TritonLayer(torch.autograd.Function):
-    """The time loop as one launch forward and one backward, with dense products over the whole sequence."""
+    """Autograd function with one Triton launch forward and one backward."""
 
     @staticmethod
     def forward(

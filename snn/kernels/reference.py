@@ -1,4 +1,4 @@
-"""Compute the layer with a plain loop and autograd: the reference for all kernels."""
+"""Layer of neurons as a plain loop with autograd, the reference for all kernels."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eskin.snn.kernels.rule import NeuronRule
 
 
 class _Spike(torch.autograd.Function):
-    """A step at 1 whose derivative is the surrogate."""
+    """Step function at 1 with a surrogate derivative."""
 
     @staticmethod
     def forward(ctx: Any, v: Tensor, rule: NeuronRule) -> Tensor:
@@ -35,7 +35,7 @@ def layer_reference(
     w_rec: Tensor | None = None,
     synapse_decay: float = 0.0,
 ) -> Tensor:
-    """Return the result of ``layer``, from a plain loop differentiated by autograd.
+    """Return the spikes of a layer, computed by a plain loop with autograd.
 
     ``synapse_decay`` is the part of a synaptic current that is left after one step.
     """

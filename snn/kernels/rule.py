@@ -1,4 +1,4 @@
-"""Define the constants of a neuron, and the surrogate derivative of its spike."""
+"""Constants of a neuron, and the surrogate derivative of its spike."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SURROGATES = ("gaussian", "fast-sigmoid", "triangle", "arctan")
 
 @dataclass(frozen=True, kw_only=True)
 class NeuronRule:
-    """The constants of a neuron; the threshold is 1.
+    """Constants of a neuron with threshold 1.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Compute the layer on the CPU with the compiled kernel, with products over non-zero entries only."""
+"""Layer of neurons on the CPU, with the compiled kernel and sparse products."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DENSE_FROM = 0.6
 
 
 class SparseLayer(torch.autograd.Function):
-    """The layer with matrices padded to whole vectors, and sparse products if few entries are non-zero."""
+    """Autograd function of the layer with sparse products, or dense products for many non-zero entries."""
 
     @staticmethod
     def forward(

@@ -1,4 +1,4 @@
-"""Compute the time loop of a layer on a GPU: one Triton kernel forward, one backward.
+"""Time loop of a layer on a GPU: one Triton kernel forward, one backward.
 
 Importing this module imports Triton; ``eskin.snn.kernels.layer`` does so on demand. All tensors are contiguous float32
 of shape (steps, batch, neurons), and of shape (neurons, neurons) and (neurons,); nothing else is checked.
@@ -43,7 +43,7 @@ OPTIONS = {"num_warps": 8, "enable_fp_fusion": True}
 
 
 def forward(rule: "NeuronRule", decay: Tensor, w_rec: Tensor | None, currents: Tensor) -> tuple[Tensor, Tensor]:
-    """Return potentials and spikes, both in the shape of the currents, (steps, batch, neurons)."""
+    """Return potentials and spikes, both of shape (steps, batch, neurons)."""
     v, s = torch.empty_like(currents), torch.empty_like(currents)
     matrix = None if w_rec is None else w_rec.t().contiguous()
     subtract = rule.reset == "subtract"
@@ -55,7 +55,7 @@ def forward(rule: "NeuronRule", decay: Tensor, w_rec: Tensor | None, currents: T
 
 
 def backward(rule: "NeuronRule", decay: Tensor, w_rec: Tensor | None, v: Tensor, grad_s: Tensor) -> Tensor:
-    """Return the gradient of the currents from that of the spikes; all of shape (steps, batch, neurons)."""
+    """Return the gradient of the currents for the gradient of the spikes, shape (steps, batch, neurons)."""
     grad = torch.empty_like(v)
     matrix = None if w_rec is None else w_rec.contiguous()
     with torch.cuda.device_of(v):
@@ -106,7 +106,7 @@ def forward_kernel(
     COLUMNS: tl.constexpr,
     INNER: tl.constexpr,
 ) -> None:
-    """Write potentials and spikes of all steps for ROWS sequences.
+    """Compute potentials and spikes of all steps for ROWS sequences.
 
     ``matrix``: the transpose of w_rec, or None. All other arguments as in ``forward``.
     """
@@ -154,7 +154,7 @@ def backward_kernel(
     COLUMNS: tl.constexpr,
     INNER: tl.constexpr,
 ) -> None:
-    """Write the gradients of the currents of all steps for ROWS sequences, from the last step on.
+    """Compute the gradients of the currents for ROWS sequences, backwards in time.
 
     ``matrix``: w_rec or None. ``scale``: surrogate scale / width. All other arguments as in ``backward``.
     """
@@ -197,7 +197,7 @@ def _product(
     COLUMNS: tl.constexpr,
     INNER: tl.constexpr,
 ) -> tl.tensor:
-    """Return rows of left (batch, neurons), 0 if absent, times columns of a matrix (neurons, neurons).
+    """Return rows of left (batch, neurons) times columns of a matrix (neurons, neurons).
 
     Shape (ROWS, COLUMNS), in full float32 precision.
     """
@@ -220,7 +220,7 @@ def _product(
 
 @triton.jit
 def _slope(d: tl.tensor, SURROGATE: tl.constexpr) -> tl.tensor:
-    """Return the shape f(d) of a surrogate (``NeuronRule``), elementwise."""
+    """Return the surrogate function f(d) elementwise (``NeuronRule``)."""
     if SURROGATE == "gaussian":
         shape = 0.3989422804014327 * tl.exp(-0.5 * d * d)  # 1 / sqrt(2 pi)
     elif SURROGATE == "fast-sigmoid":

@@ -1,1 +1,1 @@
-"""Study readouts: accuracy, rate and power at equal noise; latency, rest, timing."""
+"""Studies of readouts: accuracy, rate and power with noise; latency, rest and timing."""

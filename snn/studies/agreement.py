@@ -1,4 +1,4 @@
-"""Study how often an integer network gives the class of its float network, for random events."""
+"""Measure how often an integer network and its float network predict the same class for random events."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eskin.snn.experiments.intervals import wilson
 
 
 def random_events(scans: int, bins: int, inputs: int, most: float, seed: int) -> NDArray[np.uint8]:
-    """Return events of shape (scans, bins, inputs), 0 or 1.
+    """Return random events of shape (scans, bins, inputs), 0 or 1.
 
     Every channel of a scan has a rate of its own, uniform up to ``most`` events per bin.
     """
@@ -26,7 +26,7 @@ def random_events(scans: int, bins: int, inputs: int, most: float, seed: int) ->
 
 @torch.no_grad()
 def agreement(weights: Weights, events: NDArray[np.uint8], bits: Sequence[int]) -> dict[str, Any]:
-    """Return the classes and spikes of the float network, and at each number of bits the scans with the same class."""
+    """Return classes and spikes of the float network, and the agreement at each bit width."""
     counts = torch.from_numpy(events).float().transpose(0, 1)
     found = weights.network.eval()(counts)
     classes = found.logits.argmax(1).numpy()

@@ -1,4 +1,4 @@
-"""Measure the frontier: accuracy against events/s, bits/s and power, when every readout chooses its taxels.
+"""Measure accuracy against events/s, bits/s and power for readouts of selected taxels.
 
 Readouts, choices of taxels and networks are combined to points. All points of a network share its training: the same
 number of scans, epochs and settings for events and frames. A cell is one fold and seed of a point, or one inner
@@ -129,7 +129,7 @@ SHAPE = {
 
 @dataclass(frozen=True)
 class Point:
-    """A readout of some taxels with a network.
+    """A readout of selected taxels with a network.
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ class Point:
 
     @classmethod
     def parse(cls, text: str) -> Point:
-        """Return the point of PRESET/NETWORK/READOUT/TAXELS."""
+        """Return the point for a text PRESET/NETWORK/READOUT/TAXELS."""
         words = text.split("/")
         if len(words) != 4 or words[1] not in NETWORKS.get(words[0], ()):
             raise InputError(
@@ -162,17 +162,17 @@ class Point:
 
     @property
     def name(self) -> str:
-        """The text accepted by ``parse``."""
+        """Text accepted by ``parse``."""
         return f"{self.preset}/{self.network}/{self.readout}/{self.taxels}"
 
     @property
     def skin(self) -> tuple[tuple[int, int], str]:
-        """Rows and columns of the skin, and the choice of taxels on it."""
+        """Rows and columns of the skin, and the selection of its taxels."""
         found = re.fullmatch(r"(\d+)x(\d+):(.+)", self.taxels)
         return ((int(found[1]), int(found[2])), found[3]) if found else (SKIN, self.taxels)
 
     def experiment(self, dataset: str | None = None) -> Experiment:
-        """Return the training of this point."""
+        """Return the experiment of this point."""
         settings = dict(NETWORKS[self.preset][self.network])
         kind, _, number = self.readout.partition(":")
         (rows, columns), choice = self.skin
@@ -196,7 +196,7 @@ class Point:
 
 
 class Frontier:
-    """The cells of all points, in a file from which a stopped run goes on.
+    """Results of all trainings, stored in a file so that a stopped run can continue.
 
     Parameters
     ----------
@@ -212,13 +212,13 @@ class Frontier:
         self._scans: tuple[str, ScanData] | None = None
 
     def cell(self, point: Point, fold: int, seed: int, inner: bool = False) -> dict[str, Any]:
-        """Return labels, predictions and numbers of the judged images of a training; train if it is not stored."""
+        """Return labels, predictions and numbers of the judged images of a training."""
         experiment = point.experiment(self._dataset)
         name = f"{point.name}/{fold}/{seed}{'/inner' * inner}/{_digest(experiment.to_dict())}"
         return self._pieces.of(name, lambda: _train(experiment, self._data(experiment), fold, seed, inner))
 
     def readout(self, point: Point) -> dict[str, Any]:
-        """Return ``rate_hz``, ``bits_per_s``, ``coded_bits_per_s`` and ``power_w`` of a point."""
+        """Return event rate, data rates and power of the readout of a point."""
         experiment = point.experiment(self._dataset)
         fields = experiment.to_dict() | {"network": None, "train": None}
         return self._pieces.of(
@@ -227,20 +227,20 @@ class Frontier:
         )
 
     def trivial(self, point: Point) -> dict[str, Any]:
-        """Return the ``accuracy`` of a classifier without time: logistic regression on the mean of every channel."""
+        """Return the accuracy of a logistic regression on the mean of every channel."""
         experiment = point.experiment(self._dataset)
         fields = experiment.to_dict() | {"network": None, "train": None}
         return self._pieces.of(f"trivial/{_digest(fields)}", lambda: {"accuracy": _trivial(self._data(experiment))})
 
     def _data(self, experiment: Experiment) -> ScanData:
-        """Return the scans of a point; the last ones stay in memory."""
+        """Return the scans of a point, cached in memory."""
         key = _digest(experiment.to_dict() | {"network": None, "train": None})
         if self._scans is None or self._scans[0] != key:
             self._scans = key, experiment.data()
         return self._scans[1]
 
     def inner(self, point: Point, folds: int, step: Callable[[], object]) -> dict[str, Any]:
-        """Return the accuracy of inner validation in some folds, which uses training images only."""
+        """Return the inner validation accuracy over folds, from training images only."""
         cells = []
         for fold in range(folds):
             cells.append(self.cell(point, fold, 0, inner=True))
@@ -251,7 +251,7 @@ class Frontier:
         return {"name": point.name, "folds": folds, "bits_per_s": rates["bits_per_s"], "accuracy": accuracy}
 
     def point(self, point: Point, seeds: int, step: Callable[[], object]) -> dict[str, Any]:
-        """Return a point with its accuracy over all folds and some seeds; ``step`` is called after every cell."""
+        """Return a point with its accuracy over all folds and given seeds."""
         words, labels = [], ""
         for seed in range(seeds):
             cells = []
@@ -267,7 +267,7 @@ class Frontier:
 
 
 def frontier_data(points: Sequence[dict[str, Any]], inner: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
-    """Return the content of ``frontier.json``: points, pairs of LCS and others, and inner validations."""
+    """Return the content of ``frontier.json``: points, comparisons of LCS with others, inner validations."""
     order = sorted(points, key=lambda point: (point["preset"] != "physical", point["network"], point["bits_per_s"]))
     return {
         "noise_v": NOISE_V,
@@ -299,7 +299,7 @@ def points_of(sweep: Sweep, network: str) -> list[dict[str, Any]]:
 
 
 def pairs_of(points: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return comparisons of LCS with frames and other encoders of one scan, network and (about) data rate."""
+    """Return comparisons of LCS with frames and other encoders at equal scan, network and similar data rate."""
     found = []
     for first in points:
         for second in points:
@@ -335,7 +335,7 @@ def _train(experiment: Experiment, data: ScanData, fold: int, seed: int, inner: 
 
 
 def _trivial(data: ScanData) -> float:
-    """Return the accuracy over all folds of a logistic regression on the mean absolute value of every channel."""
+    """Return the cross-validated accuracy of a logistic regression on the mean absolute value of every channel."""
     labels, scans = data.image_labels, data.first_scans(range(len(data.names)))
     columns = np.log(np.abs(data.values[scans].astype(np.float64)).mean(1) + LEAST_RATE)
     right = [
@@ -346,7 +346,7 @@ def _trivial(data: ScanData) -> float:
 
 
 def _named(point: Point, experiment: Experiment) -> dict[str, Any]:
-    """Return the names of a point, and its taxels."""
+    """Return the names of readout and network of a point, and its taxels."""
     return {
         "name": point.name,
         "readout": point.readout,
@@ -358,7 +358,7 @@ def _named(point: Point, experiment: Experiment) -> dict[str, Any]:
 
 
 def _rates(experiment: Experiment, rate_hz: float, coded: dict[str, float]) -> dict[str, Any]:
-    """Return rates and power of a readout; no power where the power model has no equations for it."""
+    """Return rates and power of a readout; power is None without power equations."""
     config, bits = experiment.scan_and_config()[1], SweepPoint("", experiment).bits_per_event
     power_w = None
     if experiment.frames is not None or experiment.readout.encoding in EQUATIONS:
@@ -374,7 +374,7 @@ def _rates(experiment: Experiment, rate_hz: float, coded: dict[str, float]) -> d
 
 
 def _result(labels: str, words: list[str]) -> dict[str, Any]:
-    """Return the accuracy of some seeds with its interval, and every prediction."""
+    """Return accuracy, interval and predictions over several seeds."""
     right = right_of(labels, words).astype(float)
     return {
         "seeds": len(words),

@@ -1,4 +1,4 @@
-"""Study the answers of a network during a touch (docs/results/what_events_are_good_for.md)."""
+"""Measure the accuracy of a network during a touch (docs/results/what_events_are_good_for.md)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Points = list[dict[str, Any]]
 
 
 def latency_points(subjects: Sequence[Subject], times_s: Sequence[float], tick: Callable[[], object]) -> Points:
-    """Return accuracy and answers of every network at some times after the start of the scan, over all folds.
+    """Return accuracy and predictions of every network at given times after the start of the scan.
 
     A network has seen the steps that are whole by then; before the first it has no answer, which is wrong.
     """
@@ -47,7 +47,7 @@ def _answers(subject: Subject, data: ScanData, scans: Any, steps: int) -> str:
 
 
 def begin_of(experiment: Experiment) -> float:
-    """Return the seconds from the start of a scan to the first step: the start of counting, 0 for frames."""
+    """Return the time in seconds from the start of a scan to the first network step."""
     if experiment.frames is not None:
         return 0.0
     scan, config = experiment.scan_and_config()

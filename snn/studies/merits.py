@@ -1,4 +1,4 @@
-"""Compare the readouts of docs/results/what_events_are_good_for.md: data rate at rest, and precision of times."""
+"""Compare readouts by data rate at rest and by timing precision (docs/results/what_events_are_good_for.md)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FRAMES_HZ = (250.0, 500.0, 1000.0, 5000.0, 20000.0)
 
 
 def rest_and_timing(textures: Dataset, progress: Watch) -> dict[str, Any]:
-    """Return ``rest``, ``timing`` and the number of ``textures``."""
+    """Return the results for rest and timing, and the number of textures."""
     with progress("rest", len(textures) * len(READOUTS)) as step:
         rest = bits_per_second(textures, READOUTS, NOISES_V, step)
     with progress("timing", len(textures)) as step:

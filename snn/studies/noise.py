@@ -1,4 +1,4 @@
-"""Study accuracy, event rate and power of trained networks at each AFE noise v_n.
+"""Measure accuracy, event rate and power of trained networks against AFE noise v_n.
 
 The scans of the test images are recorded again with noise at the outputs of the AFE. The resulting events feed the
 power model, so that accuracy, rate and power belong to the same v_n.
@@ -45,13 +45,13 @@ CORRECTED: dict[Mode, frozenset[str]] = {"paper": frozenset({"event_rates"}), "c
 
 @dataclass(frozen=True)
 class Noisy:
-    """Noise of a mode, added to the signals of a scan."""
+    """AFE noise added to the signals of a scan."""
 
     mode: Mode
     noise_v: float
 
     def samples(self, scan: Scan, config: Any, signals: NDArray[np.float64], image: int) -> NDArray[np.int32]:
-        """Return the codes of a scan with noise, equal for all networks that use the same samples of an image."""
+        """Return the codes of a scan with noise, equal for all networks with the same samples."""
         generator = np.random.default_rng([MODES.index(self.mode), round(1e7 * self.noise_v), image])
         pole_hz = POLE_HZ[self.mode]
         pole = None if pole_hz is None else pole_hz / config.sample_rate_hz
@@ -60,7 +60,7 @@ class Noisy:
 
 @dataclass(frozen=True)
 class Rates:
-    """The rates at one noise, as a ``RateSource`` of the power model."""
+    """Event rates at one noise level, as a ``RateSource`` of the power model."""
 
     population_hz: float
     square_sum_hz2: float
@@ -77,7 +77,7 @@ class Rates:
 def noisy_scans(
     experiment: Experiment, images: Sequence[int], noises: Sequence[Noisy], progress: Callable[[], object]
 ) -> list[tuple[ScanData, Rates]]:
-    """Return the network's input for some images under every noise, and the rates; compute signals once."""
+    """Return the network inputs for images at every noise level, and the event rates."""
     scan, config = experiment.scan_and_config()
     dataset, frames = open_dataset(experiment.dataset), experiment.frames
     if frames is not None:
@@ -100,7 +100,7 @@ def noisy_scans(
 
 
 def recorded(config: Any, codes: NDArray[np.int32], metadata: dict[str, Any]) -> Recording:
-    """Return the events of the clock-by-clock model of a readout for some codes."""
+    """Return the events of codes from the cycle-accurate model."""
     from eskin.model.readout import Stimulus, simulate
 
     stimulus = Stimulus.from_samples(config, codes)
@@ -108,7 +108,7 @@ def recorded(config: Any, codes: NDArray[np.int32], metadata: dict[str, Any]) ->
 
 
 def rates_of(recordings: Sequence[Recording]) -> Rates:
-    """Return the rates of the counted events: their sum over the taxels, and the sum of their squares."""
+    """Return the rates of the counted events, as sums over the taxels."""
     config = recordings[0].config
     of_taxels = np.zeros(config.taxels)
     for recording in recordings:
@@ -140,7 +140,7 @@ def _frame_data(
 def under_noise(
     subjects: Sequence[Subject], noises_v: Sequence[float], out: Path, progress: Callable[[], object]
 ) -> list[dict[str, Any]]:
-    """Return every network's answers at every noise of both modes, one file per network; read existing files.
+    """Return the predictions of every network at every noise level; results stored in ``out`` are reused.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def under_noise(
 
 
 def _cell(subject: Subject, noises_v: Sequence[float], progress: Callable[[], object]) -> dict[str, Any]:
-    """Return a network's answers at every noise of both modes, and the rates."""
+    """Return predictions and event rates of one network at every noise level."""
     from eskin.snn.train import check_fits, logits_of
 
     noises = [Noisy(mode, noise) for mode in MODES for noise in noises_v]
@@ -176,7 +176,7 @@ def _cell(subject: Subject, noises_v: Sequence[float], progress: Callable[[], ob
 
 
 def points_of(subjects: Sequence[Subject], cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return a point for every network, mode and noise: accuracy with its intervals, rates, power, and the answers."""
+    """Return accuracy, intervals, rates and power for every network, mode and noise level."""
     found = []
     for network in dict.fromkeys(subject.network for subject in subjects):
         own = [(subject, cell) for subject, cell in zip(subjects, cells, strict=True) if subject.network == network]
@@ -216,7 +216,7 @@ def points_of(subjects: Sequence[Subject], cells: Sequence[dict[str, Any]]) -> l
 
 
 def power_of(experiment: Experiment, mode: Mode, noise_v: float, rates: Rates) -> dict[str, float]:
-    """Return AFE, converter, I/O and total in watts.
+    """Return power of AFE, converter and I/O and their total in watts.
 
     Encoders use the equations of ``eskin.power.readouts``. In mode ``paper`` frames cost 2 BW M samples per second,
     used or not; in mode ``consistent`` only the used samples count.

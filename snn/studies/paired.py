@@ -15,7 +15,7 @@ Points = Sequence[dict[str, Any]]
 
 
 def right_of(answers: Points) -> NDArray[np.float64]:
-    """Return whether each image is right, in the order of folds and seeds."""
+    """Return whether each prediction is correct, in the order of folds and seeds."""
     parts = sorted(answers, key=_cell)
     return np.concatenate(
         [[float(a == b) for a, b in zip(one["labels"], one["predicted"], strict=True)] for one in parts]
@@ -23,7 +23,7 @@ def right_of(answers: Points) -> NDArray[np.float64]:
 
 
 def paired(points: Points, first: str, second: str, of: Sequence[str]) -> list[dict[str, Any]]:
-    """Return McNemar's test of two networks for equal values of the fields ``of``, on their common images."""
+    """Return McNemar's test of two networks on common images, for equal values of the fields ``of``."""
     found = []
     for point in points:
         same = [p for p in points if p["network"] == second and all(p[name] == point[name] for name in of)]

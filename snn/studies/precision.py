@@ -1,4 +1,4 @@
-"""Study the cost of rounding: classify each test image with integer networks of few bits.
+"""Measure the accuracy of integer networks with few bits.
 
 The integer network is the golden model of the RTL, with every rounding and every saturation, so these are results of
 the hardware (docs/results/classifier.md#in-whole-numbers).
@@ -29,7 +29,7 @@ _VARIANT = re.compile(r"([2-8])(?::t(\d+))?(?::m(\d+))?")
 
 
 def parse_variants(text: str) -> dict[str, Precision]:
-    """Parse ``8,4:t6,4:m12``: bits of all weights, least bits of the threshold, bits of a hidden potential.
+    """Return the bit widths for a text such as ``8,4:t6,4:m12`` (weights, threshold, hidden potential).
 
     Raises
     ------
@@ -55,7 +55,7 @@ def parse_variants(text: str) -> dict[str, Precision]:
 def in_precisions(
     subjects: Sequence[Subject], variants: dict[str, Precision], out: Path, progress: Callable[[], object]
 ) -> list[dict[str, Any]]:
-    """Return every network's answers in every precision, one file per network; read existing files.
+    """Return the predictions of every network at every precision; results stored in ``out`` are reused.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def in_precisions(
 
 
 def _cell(subject: Subject, variants: dict[str, Precision]) -> dict[str, Any]:
-    """Return a network's answers in all precisions, with memory and additions of each."""
+    """Return predictions, memory and additions of a network at every precision."""
     from eskin.snn.train import predicted_classes
 
     data = subject.experiment.data()
@@ -102,7 +102,7 @@ def _operations_hz(made: IntegerNetwork, counts: NDArray[Any], rate: float, bin_
 
 
 def points_of(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return a point for every network and variant: accuracy with its intervals, cost, and all answers.
+    """Return accuracy, intervals, cost and predictions for every network and precision.
 
     ``within`` is the part of the images that have the answer of the float network; ``predicted`` has a word for each
     of the ``tests_of`` the network.
@@ -142,7 +142,7 @@ def tests_of(cells: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]
 
 
 def _right(cells: Sequence[dict[str, Any]], variant: str) -> NDArray[np.float64]:
-    """Return whether each image is right, shape (images, seeds), for images tested by every seed."""
+    """Return whether each prediction is correct, shape (images, seeds), for images tested with every seed."""
     by_seed: dict[int, dict[int, bool]] = {}
     for cell in cells:
         right = np.equal(cell["answers"][variant]["predicted"], cell["labels"])

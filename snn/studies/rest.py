@@ -1,4 +1,4 @@
-"""Study the data rate of every readout during movement and at rest (docs/results/what_events_are_good_for.md).
+"""Measure the data rate of readouts during movement and at rest (docs/results/what_events_are_good_for.md).
 
 The array slides over a texture, and then its last column repeats: the pressure no longer changes, and the high-pass of
 the sensor lets the signal decay. All readouts receive the same signals with the same AFE noise.
@@ -35,7 +35,7 @@ Readout = ReadoutConfig | FrameSteps
 def bits_per_second(
     dataset: Dataset, readouts: dict[str, Readout], noises_v: Sequence[float], tick: Callable[[], object]
 ) -> list[dict[str, Any]]:
-    """Return the bits per second, sent and coded, of every readout, noise and phase (moving, resting)."""
+    """Return sent and compressed bits per second of every readout and noise, moving and resting."""
     scan, found = PhysicalScan(), []
     for name, readout in readouts.items():
         array = readout if isinstance(readout, ReadoutConfig) else ReadoutConfig()
@@ -62,7 +62,7 @@ def bits_per_second(
 
 
 def _part(total: int, per_second: float, phase: str) -> tuple[int, int]:
-    """Return the begin and end of a phase: the part with the texture, or the last seconds."""
+    """Return begin and end of a phase: moving over the texture, or resting."""
     if phase == "moving":
         return 0, total - round(REST_S * per_second)
     return total - round(SETTLED_S * per_second), total

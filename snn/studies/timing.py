@@ -1,4 +1,4 @@
-"""Study the precision of level-crossing times from events and frames (docs/results/what_events_are_good_for.md).
+"""Measure the timing error of level crossings in events and frames (docs/results/what_events_are_good_for.md).
 
 The true crossings come from the same levels and a signal sampled FINE_HZ times per second. A found crossing is assigned
 to the nearest true crossing of the same taxel, level and direction; each true crossing may be found once.
@@ -33,7 +33,7 @@ Crossings = dict[tuple[int, int, bool], NDArray[np.float64]]
 def timing_points(
     dataset: Dataset, config: ReadoutConfig, frames: Sequence[FrameSteps], tick: Callable[[], object]
 ) -> list[dict[str, Any]]:
-    """Return the share of crossings found and their errors, for events, and for frames with and without interpolation.
+    """Return detected level crossings and timing errors of events, and of frames with and without interpolation.
 
     ``config`` is of LCS, at its own sample rate and with its arbiter and link.
     """
@@ -76,7 +76,7 @@ def _point(name: str, rate_hz: float, found: list[Any], truths: int, bps: float)
 
 
 def _of_frames(fine: ReadoutConfig, signals: NDArray[np.float64], frames: FrameSteps, name: str) -> Crossings:
-    """Return the crossings that a receiver of frames finds: at the next frame, or by linear interpolation."""
+    """Return the level crossings found in frames: at the next frame, or by linear interpolation."""
     codes = quantise(signals, frames.bits)[0].astype(float) * 2.0 ** (fine.sample_bits - frames.bits)
     if name == "frames":
         config = fine.replace(sample_rate_hz=frames.rate_hz)
@@ -87,7 +87,7 @@ def _of_frames(fine: ReadoutConfig, signals: NDArray[np.float64], frames: FrameS
 
 
 def _crossings(config: ReadoutConfig, codes: NDArray[np.int32], late_s: float | None = None) -> Crossings:
-    """Return the crossings of an encoder without arbiter, half a sample before the sample that shows them."""
+    """Return the level crossings of an encoder without arbiter."""
     events = uncontended_events(config, encode(config, codes))
     half = 0.5 / config.sample_rate_hz if late_s is None else late_s
     events["t"] = events["t"] // config.clocks_per_sample
@@ -108,7 +108,7 @@ def _levels(events: Any, config: ReadoutConfig, ticks_per_s: float) -> Crossings
 
 
 def _errors(true: Crossings, found: Crossings) -> NDArray[np.float64]:
-    """Return found minus true, in seconds, of all true crossings that were found."""
+    """Return the timing errors in seconds of all level crossings that were found."""
     errors = []
     for key, times in true.items():
         if key not in found:
