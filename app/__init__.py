@@ -1,1 +1,1 @@
-"""Command lines: app and errors, the configuration as options, tables, progress."""
+"""The command line of the project."""

@@ -9,7 +9,7 @@ from eskin.app.leave import leave_quietly
 
 
 def main() -> None:
-    """Run the command line; the overview of all commands is printed without importing any package."""
+    """Run the command line; the list of commands is printed without importing other packages."""
     if sys.argv[1:] in ([], ["-h"], ["--help"]):
         leave_quietly(_print_overview)
     from eskin.app.cli import app, run

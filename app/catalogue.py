@@ -1,5 +1,4 @@
-"""List the commands of ``eskin``, with the standard library alone, because make reads this file before any
-installation.
+"""List of the commands of ``eskin``; it imports only the standard library, because make reads it before installation.
 
 To add a command: write its function in a module of ``app/commands``, and list it here under the user's task.
 """
@@ -14,7 +13,7 @@ from pathlib import Path
 
 
 def _in(folder: str, **modules: str) -> dict[str, str]:
-    """Return the module of each command, from the commands of each module of a folder."""
+    """Return the module of each command, from a table of the commands in each module of a folder."""
     return {
         name: f"eskin.app.commands.{folder}.{module}" for module, names in modules.items() for name in names.split()
     }
@@ -82,7 +81,7 @@ def words_of(name: str) -> list[str]:
 
 
 def summary(name: str) -> str:
-    """Return the first line of a command's docstring, without importing the command."""
+    """Return the summary of a command, which is the first line of its docstring, without importing the command."""
     text = Path(__file__).parents[1].joinpath(*MODULES[name].split(".")[1:]).with_suffix(".py").read_text()
     function = re.search(rf'^def {name.replace("-", "_")}_?\(.*?^    """(.*?)("""|$)', text, re.MULTILINE | re.DOTALL)
     assert function is not None, f"{MODULES[name]} has no function {name} with a docstring"
@@ -98,7 +97,7 @@ def overview() -> str:
 
 
 def sections(listed: Mapping[str, Mapping[str, str]], width: int | None = None) -> Iterable[str]:
-    """Yield the lines of name and text lists, each below its heading; no text is cut.
+    """Yield the lines of help sections, each a heading with names and texts.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Common parts of all commands: the app, exit codes and errors."""
+"""Common parts of all commands: app, exit codes and error messages."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ EXIT_INPUT_ERROR = 2
 
 
 class Command(typer.core.TyperCommand):
-    """A command whose help lists its own options first, then common options below their headings."""
+    """Command whose help lists its own options first, then groups of common options."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write a section for arguments, one for the command's own options, and one for each other heading."""
+        """Write the help sections: arguments, the command's own options, then groups of common options."""
         found: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
         for parameter in self.get_params(ctx):
             own = "Arguments" if parameter.param_type_name == "argument" else "Options"
@@ -46,12 +46,12 @@ class Command(typer.core.TyperCommand):
                     formatter.write_dl(found[heading])
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command, unless it would ignore an option or take an absurd number."""
+        """Run the command after checking its options."""
         self.check(ctx)
         return super().invoke(ctx)
 
     def check(self, ctx: Any) -> None:
-        """Refuse numbers out of range, and an option without effect, even if its value is the default."""
+        """Check for numbers out of range and for options without effect."""
         options = {word: str(p.name) for p in self.params for word in p.opts if word.startswith("--")}
         source = {name: ctx.get_parameter_source(name) for name in options.values()}
         typed = frozenset(name for name, at in source.items() if at is not None and at.name == "COMMANDLINE")
@@ -59,7 +59,7 @@ class Command(typer.core.TyperCommand):
 
 
 class Commands(Mapping[str, typer.core.TyperCommand]):
-    """A group that imports a command only when it is used, so that help and errors are immediate."""
+    """Group that imports a command only when it is used, for fast help and error messages."""
 
     def __init__(self, names: Iterable[str]) -> None:
         self.names = tuple(names)
@@ -83,7 +83,7 @@ class Commands(Mapping[str, typer.core.TyperCommand]):
 
 
 class Group(typer.core.TyperGroup):
-    """Commands of the catalogue, in its order."""
+    """Group of commands in the order of the catalogue."""
 
     names: tuple[str, ...]
 
@@ -97,33 +97,33 @@ class Group(typer.core.TyperGroup):
 
 
 class Checks(Group):
-    """The checks of the project: ``eskin dev``."""
+    """The command group ``eskin dev``, for checks of the project."""
 
     names = tuple(CHECKS)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write all of them."""
+        """Write the list of all checks."""
         formatter.write("\n".join(sections({"Commands": {name: summary(name) for name in CHECKS}})) + "\n")
 
 
 class AllCommands(Group):
-    """All commands: ``eskin``."""
+    """The command group ``eskin``."""
 
     names = (*(name for name in MODULES if name not in CHECKS), DEV)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return a command; checks are only available behind ``dev``."""
+        """Return a command by name; checks are only available in ``dev``."""
         if cmd_name in CHECKS:
             raise InputError(f"{cmd_name} is a check of the project; run eskin {DEV} {cmd_name}")
         return super().get_command(ctx, cmd_name)
 
     def get_help(self, ctx: Any) -> str:
-        """Return the commands below their headings."""
+        """Return the help text: commands in sections."""
         return overview()
 
 
 def _new_app(**options: Any) -> typer.Typer:
-    """Return an app with plain help, no completion options, no decorated tracebacks."""
+    """Return an app with plain help, without completion options and decorated tracebacks."""
     return typer.Typer(
         add_completion=False,
         pretty_exceptions_enable=False,
@@ -134,7 +134,7 @@ def _new_app(**options: Any) -> typer.Typer:
 
 
 def make_app(help_text: str, group: type[typer.core.TyperGroup] | None = None) -> typer.Typer:
-    """Return an app without commands, optionally of a class that provides them."""
+    """Return an app without commands."""
     app = _new_app(help=help_text, cls=group)
     app.callback()(lambda: None)  # keeps the name of the subcommand even where there is only one
     return app
@@ -162,7 +162,7 @@ def run(app: typer.Typer, prog_name: str, args: Sequence[str] | None = None) -> 
 
 
 def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
-    """Run the command and return its exit code."""
+    """Run a command and return its exit code."""
     command = typer.main.get_command(app)
     args = [*args, "--help"] if args in ([], [DEV]) else args
     try:
@@ -190,7 +190,7 @@ def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
 
 
 def missing_group(error: ModuleNotFoundError) -> str:
-    """Return how to install a missing group of packages; raise other errors again."""
+    """Return the hint to install a missing extra; raise other import errors again."""
     package = (error.name or "").partition(".")[0]
     for group, packages in GROUPS.items():
         if package in packages:
@@ -200,17 +200,17 @@ def missing_group(error: ModuleNotFoundError) -> str:
 
 
 def leave_without(error: ModuleNotFoundError) -> NoReturn:
-    """Print how to install a missing package, and exit; for programs whose commands import it themselves."""
+    """Print the hint to install a missing package, and exit."""
     sys.exit(_report(missing_group(error)))
 
 
 def asked_for() -> str:
-    """Return the running command as typed, for the results that it stores."""
+    """Return the command line as typed, stored with results."""
     return shlex.join(["eskin", *sys.argv[1:]])
 
 
 def printable(text: object) -> str:
-    """Return a text with control characters of names and files escaped, such as \\x1b.
+    """Return a text with control characters escaped, such as \x1b.
 
     Controls that turn the direction of writing are among them, by which one name can look like another.
     """
@@ -228,7 +228,7 @@ app = make_app(ABOUT, AllCommands)
 
 
 def _report(message: str) -> int:
-    """Print an error as one line on standard error and return its exit code."""
+    """Print an error as one line on standard error, and return its exit code."""
     sentence = printable(" ".join(message.split())).removesuffix(".")
     print(f"error: {sentence}", file=sys.stderr)
     return EXIT_INPUT_ERROR

@@ -1,4 +1,4 @@
-"""Exit the process with a code, quietly if a user interrupts it or closes the pipe."""
+"""Exit the process quietly after an interrupt or a closed pipe."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ EXIT_BROKEN_PIPE = 128 + 13  # SIGPIPE
 
 
 def leave_quietly(work: Callable[[], int]) -> NoReturn:
-    """Do some work and exit with its return code; 130 for Ctrl-C, 141 for a closed pipe."""
+    """Run a function and exit with its return code; 130 for Ctrl-C, 141 for a closed pipe."""
     try:
         code = work()
         sys.stdout.flush()

@@ -1,4 +1,4 @@
-"""Run a command of ``eskin``, or the steps of a target, for the Makefile: ``python -m eskin.app.make TARGET``.
+"""Run a make target: ``python -m eskin.app.make TARGET``.
 
 The variables of a target are the options of its command: ROWS=12 is ``--rows 12``. They come in MAKEFLAGS, as make
 hands them on: no shell reads them, and no exported variable is mistaken for one. Only the standard library is imported
@@ -93,7 +93,7 @@ INSIDE = "--inside"
 
 
 def typed_variables(flags: str) -> dict[str, str]:
-    r"""Return the variables typed on make's command line, from the part of MAKEFLAGS after ``--``.
+    r"""Return the variables set on make's command line, from the part of MAKEFLAGS after ``--``.
 
     A space is written ``\ `` there, a backslash ``\\`` and a dollar ``$$``.
 
@@ -125,7 +125,7 @@ def options_of(target: str) -> dict[str, Any]:
 
 
 def needs_of(target: str, variables: dict[str, str]) -> list[str]:
-    """Return the groups of packages of a target."""
+    """Return the extras that a target needs."""
     if target in ("setup", "test"):
         return groups()
     if target not in MODULES:
@@ -135,7 +135,7 @@ def needs_of(target: str, variables: dict[str, str]) -> list[str]:
 
 
 def command_lines(target: str, parameters: dict[str, Any], variables: dict[str, str]) -> list[list[str]]:
-    """Return the command lines of a target, each preceded by the interpreter of the environment."""
+    """Return the command lines of a target."""
     if target in MODULES:
         given = DEFAULTS.get(target, {}) | variables
         return [[python(), "-m", "eskin", *words_of(target), *_arguments(parameters, given)]]
@@ -149,7 +149,7 @@ def command_lines(target: str, parameters: dict[str, Any], variables: dict[str, 
 
 
 def _arguments(parameters: dict[str, Any], variables: dict[str, str]) -> list[str]:
-    """Return the arguments of a command for its variables; split those of a repeatable ``--set``."""
+    """Return the command arguments for make variables."""
     options: list[str] = []
     positional: list[str] = []
     for name, parameter in parameters.items():
@@ -175,7 +175,7 @@ def _is_yes(name: str, value: str) -> bool:
 
 
 def main() -> None:
-    """Run a target."""
+    """Run a make target."""
     flags, name = os.environ.get("MAKEFLAGS", ""), sys.argv[1]
     first = flags.split(" ")[0]  # the one-letter flags of make
     if name not in TARGETS:
@@ -189,7 +189,7 @@ def main() -> None:
 
 
 def _make(name: str, variables: dict[str, str], dry: bool) -> None:
-    """Check the variables as far as installed packages allow, install missing packages, and run the target."""
+    """Check the variables, install missing packages, and run the target."""
     target, switches = name, [switch for owner, switch in SWITCHES if owner == name]
     for switch in switches:
         target = SWITCHES[name, switch] if _is_yes(switch, variables.pop(switch, "")) else target
@@ -219,7 +219,7 @@ def _make(name: str, variables: dict[str, str], dry: bool) -> None:
 
 
 def _check(name: str, variables: dict[str, str], known: list[str]) -> None:
-    """Refuse the first variable that a target does not have, and suggest the most similar one."""
+    """Raise an error for the first unknown variable, with the most similar name."""
     for variable in variables:
         if variable not in known and variable != "PYTHON":  # which make itself uses
             _fail(f"make {name} does not take {variable}{_nearest(variable, known)}")
@@ -245,14 +245,14 @@ def _call(line: list[str]) -> None:
 
 
 def print_help() -> None:
-    """Print the targets, and how to pass options to a command."""
+    """Print the targets, and how to set options of a command."""
     project = OWN | {name: text for name, (text, _) in STEPS.items()}
     listed = {"Project": project} | {heading: {n: summary(n) for n in names} for heading, names in GROUPS.items()}
     print("\n".join(["make TARGET [VARIABLE=value ...]", *sections(listed, ONE_LINE), "", ENDING]))
 
 
 def _clean(dry: bool) -> None:
-    """Remove builds and cached scans."""
+    """Remove build results and cached scans."""
     clear = [python(), "-m", "eskin", "cache", "--clear"]
     if dry:
         print(shlex.join(clear), shlex.join(["rm", "-r", *BUILT]), sep="\n")
@@ -264,7 +264,7 @@ def _clean(dry: bool) -> None:
 
 
 def _nearest(word: str, known: list[str]) -> str:
-    """Return a question that suggests the known word most similar to another."""
+    """Return a question with the known word most similar to a given word."""
     return f"; did you mean {difflib.get_close_matches(word, known, 1, 0)[0]}?" if known else "; it takes no variable"
 
 

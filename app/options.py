@@ -1,4 +1,4 @@
-"""Bind the fields of a dataclass to options of a command: name, help, unit and default come from the field itself.
+"""Make command options from dataclass fields, with name, help, unit and default of each field.
 
 Every value arrives as text, and the class refuses a wrong one in its own sentence.
 """
@@ -38,7 +38,7 @@ MAIN = ("rows", "columns", "encoding", "resolution", "sample_rate_hz")
 
 @dataclasses.dataclass(frozen=True)
 class Writes:
-    """Mark an option as an output path: ``Annotated[Path, typer.Option(...), WRITES_FILE]``.
+    """Marker for an option that is an output path: ``Annotated[Path, typer.Option(...), WRITES_FILE]``.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Writes:
     folder: bool | Callable[[Mapping[str, Any]], bool] = False
 
     def path(self, path: Path, given: Mapping[str, Any], inputs: Iterable[Path]) -> Path:
-        """Return the path to write: the path itself, or its target through links.
+        """Return the path to write, with links resolved.
 
         Raises
         ------
@@ -74,7 +74,7 @@ WRITES_FILE, WRITES_FOLDER = Writes(), Writes(folder=True)
 
 
 def checking_outputs(command: Command) -> Command:
-    """Return a command that refuses wrong output paths before its work, and receives link targets."""
+    """Return a command that checks its output paths before any work."""
     signature = inspect.signature(command, eval_str=True)
     parameters = signature.parameters
     marks = {n: mark for n, p in parameters.items() for mark in get_args(p.annotation) if isinstance(mark, Writes)}
@@ -102,7 +102,7 @@ def checking_outputs(command: Command) -> Command:
 def option(
     name: str, hint: Any, text: str, metavar: str | None, flag: str, heading: str | None = None
 ) -> inspect.Parameter:
-    """Return an optional keyword parameter with an option; None means "not given"."""
+    """Return an optional keyword parameter with a command-line option; its default None means "not given"."""
     info = typer.Option(flag, help=text, metavar=metavar, show_default=False, rich_help_panel=heading)
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[hint, info])
 
@@ -149,13 +149,13 @@ def field_options(
 
 
 def parse_fields(cls: type, texts: Mapping[str, str | bool | None]) -> dict[str, Any]:
-    """Return the values of the given field options, by name."""
+    """Return the values of the given field options, by field name."""
     hints, fields = get_type_hints(cls), {field.name: field for field in dataclasses.fields(cls)}
     return {n: parse_number(option_of(fields[n]), hints[n], v) for n, v in texts.items() if v is not None}
 
 
 def parse_number(name: str, hint: Any, text: Any) -> Any:
-    """Return the number of an option's text; other texts stay unchanged."""
+    """Return an option's text as a number if the type hint is numeric."""
     kind = _numeric(hint)
     if kind is None:
         return text
@@ -170,7 +170,7 @@ def parse_number(name: str, hint: Any, text: Any) -> Any:
 
 
 def _numeric(hint: Any) -> type | None:
-    """Return int or float for a type hint of that type, optionally with None; None for other hints."""
+    """Return int or float for a numeric type hint, possibly optional; None for others."""
     return next((kind for kind in (get_args(hint) or (hint,)) if kind in (int, float)), None)
 
 
@@ -181,7 +181,7 @@ def replace_parameters(
     build: Callable[[dict[str, Any]], dict[str, Any]],
     last: bool = False,
 ) -> Command:
-    """Return a command with options in place of some of its parameters.
+    """Return a command in which options replace given parameters.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ def with_fields(
     defaults: Mapping[str, object] | None = None,
     heading: str | None = None,
 ) -> Callable[[Command], Command]:
-    """Replace the parameter ``into`` of a command, a dict of the fields set by the user, by options."""
+    """Replace the parameter ``into`` of a command, a dictionary of fields, by one option per field."""
     options = field_options(cls, names, defaults, heading)
     return lambda command: replace_parameters(command, [into], options, lambda t: {into: parse_fields(cls, t)})
 
@@ -234,14 +234,14 @@ TAU = option("tau", str | None, _TAU_HELP, "SECONDS", "--tau", DETAIL)
 
 
 def check_leaks(config: ReadoutConfig) -> None:
-    """Refuse ``--tau`` for an encoder without leak."""
+    """Check that ``--tau`` is given only for an encoder with leak."""
     if not config.encoder.leaks:
         first, named = LEAKY[0], " or ".join(LEAKY)
         raise InputError(f"--tau is the leak of encoding {named}, not of {config.encoding}; add --encoding {first}")
 
 
 def check_frame(config: ReadoutConfig, given: frozenset[str]) -> None:
-    """Refuse settings of a spiking readout for a frame readout, on which they have no effect."""
+    """Check that no settings of a spiking readout are given for a frame readout."""
     default = ReadoutConfig()
     idle = [n for n in sorted(given - {*SHARED_FIELDS}) if getattr(config, n) != getattr(default, n)]
     if idle:
@@ -249,12 +249,12 @@ def check_frame(config: ReadoutConfig, given: frozenset[str]) -> None:
 
 
 def option_name(field: str) -> str:
-    """Return the command-line option of a field of ReadoutConfig."""
+    """Return the command-line option for a field of ReadoutConfig."""
     return option_of(ReadoutConfig.__dataclass_fields__[field])
 
 
 def check_encoder(config: ReadoutConfig, typed: Iterable[str]) -> None:
-    """Refuse options of other encoders than the chosen one."""
+    """Check that no options of another encoder are given."""
     if idle := [name for name in config.idle_fields if name in typed]:
         readers = [encoder.name for encoder in registry.ENCODERS if idle[0] in encoder.fields]
         raise InputError(
@@ -314,7 +314,7 @@ def build_config(
     file: Path | None = None,
     stored: dict[str, Any] | None = None,
 ) -> tuple[ReadoutConfig, frozenset[str]]:
-    """Return a configuration from a file, explicit fields and a time constant, in rising priority.
+    """Return the configuration for a file, explicit fields and a time constant; later arguments take precedence.
 
     Parameters
     ----------

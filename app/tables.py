@@ -1,4 +1,4 @@
-"""Print tables of commands on standard output, in one style."""
+"""Print tables on standard output in one style."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def new_table(headings: Iterable[str], title: str = "", left: Iterable[int] = (0
 
 
 def show(table: Table, least_width: int = 0) -> None:
-    """Print a table on standard output with a minimum width in characters."""
+    """Print a table on standard output."""
     from rich.console import Console
 
     console = Console()

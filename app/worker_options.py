@@ -1,4 +1,4 @@
-"""Options for parallel work: processes or threads of this machine, or a Dask cluster."""
+"""Options for parallel work on this machine or on a Dask cluster."""
 
 from __future__ import annotations
 

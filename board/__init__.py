@@ -1,1 +1,1 @@
-"""The readout and its classifier on a board, as the host sees them (docs/reference/board.md)."""
+"""FPGA board with readout and classifier: gateware, protocol and host software (docs/reference/board.md)."""

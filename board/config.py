@@ -1,4 +1,4 @@
-"""Configure a board: its design and its serial line (docs/reference/board.md)."""
+"""Configuration of a board: design and serial line (docs/reference/board.md)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MOST_WORDS = 1 << 16
 
 @dataclass(frozen=True, kw_only=True)
 class SerialConfig:
-    """The serial line of a board, 8 bits, no parity, one stop bit.
+    """Parameters of the serial line: 8 bits, no parity, one stop bit.
 
     Parameters
     ----------
@@ -64,13 +64,13 @@ class SerialConfig:
 
     @property
     def baud(self) -> int:
-        """Bits a second."""
+        """Bits per second."""
         return round(self.clock_hz / self.clocks_per_bit)
 
 
 @dataclass(frozen=True, kw_only=True)
 class BoardConfig:
-    """All that is built into the FPGA of a board.
+    """All parameters of the design in the FPGA of a board.
 
     Parameters
     ----------
@@ -109,12 +109,12 @@ class BoardConfig:
 
     @property
     def design(self) -> Design:
-        """What it holds."""
+        """Kind of the design: player or receiver."""
         return "receiver" if self.chip is None else "player"
 
     @property
     def word_bytes(self) -> int:
-        """Bytes of a word of weights; 0 without a classifier."""
+        """Bytes per memory word of weights; 0 without a classifier."""
         if self.chip is None:
             return 0
         classifier = self.chip.classifier
@@ -122,7 +122,7 @@ class BoardConfig:
 
     @property
     def identity(self) -> int:
-        """A 32-bit number that differs between designs; the host asks for this number first.
+        """32-bit number that identifies the design to the host.
 
         It stands for the chip with all its constants (thresholds, shifts, widths), but not for weights, which are
         loaded, and not for what only names a unit of time (sampling rate, seconds of a bin).

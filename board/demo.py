@@ -1,4 +1,4 @@
-"""A demo without hardware: a simulated board plays textures or a user's file to the live page (docs/guide/demo.md)."""
+"""Demo without hardware: a simulated board plays textures or a user's file to the live page (docs/guide/demo.md)."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ POINTS, LINES = 400, 64
 
 @dataclass(frozen=True)
 class Show:
-    """The inputs to play, and the chip that plays them.
+    """Inputs of a demo, and the simulated chip.
 
     Attributes
     ----------
@@ -75,13 +75,13 @@ class Show:
 
     @property
     def chip(self) -> ChipConfig | None:
-        """Readout, and classifier if there is a network."""
+        """Configuration of the readout, and of the classifier if a network is given."""
         return session.chip_of(self.network) if self.network else None
 
 
 @dataclass(frozen=True)
 class DemoResult:
-    """The outcome of one name: the true class if known, the class found, and the events."""
+    """Result of one input: true class if known, predicted class, and events."""
 
     name: str
     truth: str | None
@@ -143,7 +143,7 @@ def _holds_recordings(source: Path) -> bool:
 
 
 def _chosen(names: dict[str, str | None], only: str | None) -> list[str]:
-    """Return the names, alternating between classes, or only the name given as ``only``."""
+    """Return the names in an order that alternates between classes, or only the name ``only``."""
     if only is not None:
         if only not in names:
             raise InputError(f"there is no {only!r}; one of them is {next(iter(names))}")
@@ -155,7 +155,7 @@ def _chosen(names: dict[str, str | None], only: str | None) -> list[str]:
 
 
 def _events_of(source: Path, only: str | None, readout: Mapping[str, Any]) -> Show:
-    """Return recordings for a demo without a network; array and sample rate come from the files."""
+    """Return recordings for a demo without a network."""
     from eskin.skin.recordings.folder import read_set
     from eskin.skin.recordings.options import Preparation
 
@@ -207,14 +207,14 @@ def _images(
 
 
 def piece_of(name: str, codes: NDArray[Any], config: ReadoutConfig, truth: str | None = None) -> Piece:
-    """Return the signals of codes, shape (ticks, taxels), for the page."""
+    """Return signals for the live page from codes of shape (ticks, taxels)."""
     ticks = codes[:: max(-(-len(codes) // POINTS), 1), :: max(-(-codes.shape[1] // LINES), 1)]
     signals = np.round(ticks / config.full_scale, 4)
     return Piece(name=name, truth=truth, seconds=len(codes) / config.sample_rate_hz, signals=signals.T.tolist())
 
 
 def picture_of(image: NDArray[Any], scan: PhysicalScan, config: ReadoutConfig) -> dict[str, Any]:
-    """Return the part of an image under the path of the array, and the array's position, for the page."""
+    """Return the part of an image under the path of the array, and the array's position, for the live page."""
     from PIL import Image
 
     pitch = scan.taxel_pitch_px
@@ -248,7 +248,7 @@ def new_view(show: Show) -> View:
 def play(
     show: Show, view: View, speed: float | None = None, sender: UdpSender | None = None, hold_s: float = 0.0
 ) -> Iterator[DemoResult]:
-    """Play all names in a loop, and yield the outcome of each.
+    """Play all inputs in a loop, and yield the result of each.
 
     Parameters
     ----------
@@ -311,7 +311,7 @@ def _without_network(show: Show, view: View, codes: NDArray[Any], sender: UdpSen
 
 
 def foreign_records(config: ReadoutConfig, events: Events, clock_hz: float) -> list[tuple[int, int]]:
-    """Return clock and address {polarity, row, column} of events, as the receiver of a board takes them."""
+    """Return clock and address of events in the form in which a board receives them from another chip."""
     above = events["p"].astype(np.int64) if config.has_polarity else np.zeros(len(events), np.int64)
     rows, columns = events["y"].astype(np.int64), events["x"].astype(np.int64)
     addresses = (above << config.row_bits | rows) << config.column_bits | columns

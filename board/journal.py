@@ -1,4 +1,4 @@
-"""Write events to disk as they arrive; they survive a lost cable, a killed program and a power cut."""
+"""Journal file that preserves received events after a lost cable, a killed program or a power cut."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SUFFIX = ".part"
 
 
 class Journal:
-    """A partial file that becomes the recording at the end: a line of JSON, then events in binary.
+    """Partial event file: a JSON header, then events in binary.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Journal:
         self._file.write(header.encode() + b"\n")
 
     def add(self, events: Iterable[tuple[int, int, int, bool]]) -> None:
-        """Append events (clock, column, row, polarity)."""
+        """Append events (clock, column, row, polarity) to the journal."""
         array = np.array(list(events), EVENT_DTYPE)
         if len(array):
             self.count += len(array)
@@ -51,12 +51,12 @@ class Journal:
             self._file.write(array.tobytes())
 
     def discard(self) -> None:
-        """Remove the journal: nothing came."""
+        """Remove the journal of an empty recording."""
         self._file.close()
         self.part.unlink()
 
     def finish(self, duration_clocks: int | None = None, **metadata: Any) -> Recording:
-        """Write the recording and remove the journal.
+        """Write the recording as an event file and remove the journal.
 
         Parameters
         ----------
@@ -72,7 +72,7 @@ class Journal:
 def convert(
     part: Path, path: Path | None = None, duration_clocks: int | None = None, more: dict[str, Any] | None = None
 ) -> Recording:
-    """Make the recording of a journal, and remove the journal.
+    """Convert a journal to an event file and remove the journal.
 
     Where the clock runs backwards, as that of a board that was reset, the rest becomes recordings of their own, with
     ``-2``, ``-3`` ... behind the name.

@@ -1,4 +1,4 @@
-"""The host's end of the serial line: frames out as far as the board has room, records in (docs/reference/board.md)."""
+"""Host side of the serial protocol: send frames within the buffer space of the board, receive records."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ WHY = {
 
 
 class Link:
-    """A board that answers.
+    """Connection to a board.
 
     A thread of its own reads, so that no byte is lost while the program is busy.
 
@@ -85,7 +85,7 @@ class Link:
     # -- the session -----------------------------------------------------------------------------
 
     def hello(self, design: Design, config: BoardConfig | None = None) -> dict[str, int]:
-        """Begin a session, and return the board's description of itself.
+        """Start a session, and return the description that the board sends.
 
         Raises
         ------
@@ -113,7 +113,7 @@ class Link:
         return self.said
 
     def send(self, kind: Kind, payload: bytes = b"") -> None:
-        """Send a frame when the board has room for it; pass records that arrive meanwhile to the sink."""
+        """Send a frame as soon as the board has buffer space; forward received records meanwhile."""
         frame = Frame(kind, self._sequence, payload)
         self._sequence = (self._sequence + 1) % 256
         room = self.said["buffer_bytes"] - frame.cost
@@ -124,7 +124,7 @@ class Link:
             self._handle(self._take())
 
     def receive(self) -> None:
-        """Wait for bytes and pass on their records.
+        """Wait for bytes and forward their records to the sink.
 
         Raises
         ------
@@ -142,7 +142,7 @@ class Link:
         self._handle(data)
 
     def wait(self, seconds: float = MOST_S) -> None:
-        """Wait until all frames have been carried out, however much the board sends meanwhile.
+        """Wait until the board has executed all frames.
 
         Raises
         ------
@@ -152,11 +152,11 @@ class Link:
         self._until(lambda: not self._waiting, seconds)
 
     def waited_s(self) -> float:
-        """Return the age of the current bytes on this machine."""
+        """Return the age in seconds of the oldest unprocessed bytes."""
         return time.monotonic() - self.arrived
 
     def _until(self, done: Callable[[], bool], seconds: float) -> None:
-        """Pass on received records until a condition holds."""
+        """Forward received records until a condition holds."""
         left, ends = len(self._waiting), time.monotonic() + seconds
         while not done():
             self.receive()
@@ -169,7 +169,7 @@ class Link:
                 )
 
     def pause(self, seconds: float) -> None:
-        """Pass on received records for some time."""
+        """Forward received records for a given time."""
         ends = time.monotonic() + seconds
         while (left := ends - time.monotonic()) > 0:
             self._handle(self._take(min(left, POLL_S)))
@@ -177,7 +177,7 @@ class Link:
     # -- bytes -----------------------------------------------------------------------------------
 
     def _read(self) -> None:
-        """Put received bytes into the queue (in the reader's thread)."""
+        """Put received bytes into the queue (in the reader thread)."""
         try:
             while not self._closing:
                 if data := self._line.read(max(1, self._line.in_waiting)):
@@ -186,7 +186,7 @@ class Link:
             self._came.put((time.monotonic(), error))
 
     def _take(self, seconds: float = POLL_S) -> bytes:
-        """Return the received bytes, or none after a short wait."""
+        """Return received bytes, or none after a short wait."""
         try:
             self.arrived, found = self._came.get(timeout=seconds)
         except queue.Empty:
@@ -202,7 +202,7 @@ class Link:
             raise InputError(f"the board at {self.port} is gone; check the cable") from None
 
     def _begins(self, frame: Frame | Damaged) -> bool:
-        """Return whether a frame begins a session; skip frames of an earlier session."""
+        """Return True if a frame starts the current session, after skipping frames of an earlier one."""
         if (
             isinstance(frame, Damaged)
             or frame.kind != Kind.RECORDS
@@ -217,7 +217,7 @@ class Link:
             self._hand_on(frame)
 
     def _hand_on(self, frame: Frame | Damaged) -> None:
-        """Pass the records of a frame to the sink."""
+        """Forward the records of a frame to the sink."""
         if isinstance(frame, Damaged):
             raise InputError(
                 f"a frame from the board arrived damaged ({frame.reason}); check cable and baud rate, again"
@@ -251,7 +251,7 @@ class Link:
         self._waiting.popleft()
 
     def _check(self, design: Design, config: BoardConfig | None) -> None:
-        """Refuse a board with another design."""
+        """Check that the board has the expected design."""
         said: dict[str, Any] = self.said
         held = DESIGNS[said["design"] - 1] if 0 < said["design"] <= len(DESIGNS) else f"design {said['design']}"
         if held != design:

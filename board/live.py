@@ -1,4 +1,4 @@
-"""Show a board's output live: raster, class, and a page for the browser."""
+"""Live display of a board: raster and class in the terminal, and a page for the browser."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ RECENT = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Piece:
-    """The input that is playing, for the page.
+    """The current input, for the live page.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Piece:
 
 
 class View:
-    """Event counts per taxel, polarity and step; one thread writes them, and the page's thread reads them.
+    """Event counts per taxel, polarity and time step, shared by the receiver thread and the page thread.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class View:
         self._bins: deque[tuple[int, list[int]]] = deque(maxlen=STEPS)
 
     def __call__(self, records: list[Record], events: list[AddressEvent], waited_s: float = 0.0) -> None:
-        """Take the records of a frame, their events, and how long these have been on this machine."""
+        """Add the records and events of a frame, with their age on this machine."""
         with self._lock:
             for clock, column, row, polarity in events:
                 step = clock // self.clocks_per_step
@@ -144,7 +144,7 @@ class View:
             self.clock = max(self.clock, record.values["time_high"] << 32 | record.values["time_low"])
 
     def state(self, number: int = 0, since: int = 0) -> dict[str, Any]:
-        """Return the page's data for JSON; for an input that the page knows, only bins from step ``since`` on."""
+        """Return the data of the live page as a dictionary for JSON, starting from step ``since`` for a known input."""
         with self._lock:
             since = since if number == self.number else 0
             step_s = self.clocks_per_step / self.clock_hz
@@ -174,7 +174,7 @@ class View:
             }
 
     def raster(self, lines: int, columns: int = COLUMNS) -> list[str]:
-        """Return the raster as text: taxels down, time across, a darker sign for more events."""
+        """Return the raster as text: taxels as rows, time steps as columns, darker characters for more events."""
         with self._lock:
             steps = [(step, dict(counts)) for step, counts in self._steps]
         last = steps[-1][0] if steps else 0
@@ -187,7 +187,7 @@ class View:
 
 
 def _median_and_99(values: Sequence[float], counts: Sequence[int] | None = None) -> list[float] | None:
-    """Return the median and the value that 99 % do not exceed."""
+    """Return the median and the 99 % quantile of counted values."""
     if not len(values):
         return None
     every = np.repeat(values, counts) if counts is not None else np.array(values)
@@ -195,7 +195,7 @@ def _median_and_99(values: Sequence[float], counts: Sequence[int] | None = None)
 
 
 def page() -> bytes:
-    """Return the page, in the colours of the figures."""
+    """Return the HTML of the live page."""
     text = resources.files("eskin.board").joinpath("page.html").read_text(encoding="utf-8")
     for name, colour in PALETTE.items():
         text = text.replace(f"%{name}%", colour)
@@ -203,14 +203,14 @@ def page() -> bytes:
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Serve the page and its data to a browser on this machine."""
+    """HTTP handler of the live page and its data."""
 
     def __init__(self, view: View, *arguments: Any) -> None:
         self.view = view
         super().__init__(*arguments)
 
     def do_GET(self) -> None:
-        """Answer a request that names this page's own host."""
+        """Answer a request if its host header names this server."""
         port = cast(ThreadingHTTPServer, self.server).server_port
         if self.headers.get("Host") not in (f"127.0.0.1:{port}", f"localhost:{port}"):
             self.send_error(403)  # a page of another name, which its owner lets lead here, would read the events
@@ -239,16 +239,16 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     def log_message(self, format: str, *arguments: Any) -> None:
-        """Log nothing."""
+        """Suppress the log of requests."""
 
 
 class _Server(ThreadingHTTPServer):
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Ignore a browser that has closed the connection."""
+        """Ignore closed connections of the browser."""
 
 
 def serve(view: View, port: int, option: str = "--page") -> ThreadingHTTPServer:
-    """Serve the page to this machine only; ``server_port`` gives the port, ``shutdown`` ends the server.
+    """Serve the live page to this machine only; return the server.
 
     Raises
     ------

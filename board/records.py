@@ -1,4 +1,4 @@
-"""Records that a board sends: words of 32 bits with a tag, in order of time (docs/reference/board.md)."""
+"""Records from a board: tagged 32-bit words in order of time (docs/reference/board.md)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ EVENTS_END = 1 << VALUE_BITS
 
 
 class Tag(IntEnum):
-    """The four highest bits of a record's first word."""
+    """Tag in the upper four bits of the first word of a record."""
 
     EVENT = 0
     TIME = 1
@@ -38,7 +38,7 @@ class Tag(IntEnum):
 
 
 class Reason(IntEnum):
-    """Why a board took a frame for no data."""
+    """Reasons why a board rejects a frame."""
 
     DAMAGED = 1
     SEQUENCE = 2
@@ -66,7 +66,7 @@ AGAIN = "load its bitstream again"
 
 
 class Event(NamedTuple):
-    """An address event: clock, and channel of the chip or address of a foreign chip."""
+    """Address event: clock, and channel of the chip or address of another chip."""
 
     time: int
     address: int
@@ -74,7 +74,7 @@ class Event(NamedTuple):
 
 @dataclass(frozen=True)
 class Class:
-    """A bin has ended: clock of ``class_valid``, class, whether the scan has had an overrun, evidence."""
+    """Classifier output at the end of a bin: clock of ``class_valid``, class, overrun flag, evidence."""
 
     time: int
     winner: int
@@ -84,21 +84,21 @@ class Class:
 
 @dataclass(frozen=True)
 class Lost:
-    """Events that found the memory full, before the event that follows."""
+    """Number of events lost to a full FIFO before the next event."""
 
     count: int
 
 
 @dataclass(frozen=True)
 class Ack:
-    """The frame of this sequence number has been carried out."""
+    """Acknowledgement of an executed frame by its sequence number."""
 
     sequence: int
 
 
 @dataclass(frozen=True)
 class Refused:
-    """A rejected frame: its sequence number (unreliable), and the expected one."""
+    """Rejection of a frame: its sequence number (unreliable), and the expected one."""
 
     sequence: int
     expected: int
@@ -107,7 +107,7 @@ class Refused:
 
 @dataclass(frozen=True)
 class Words:
-    """The board's description (``HELLO_WORDS``) or counters (``STATUS_WORDS``), by name."""
+    """Description (``HELLO_WORDS``) or counters (``STATUS_WORDS``) of a board, by name."""
 
     tag: Tag
     values: dict[str, int]
@@ -117,7 +117,7 @@ Record = Event | Class | Lost | Ack | Refused | Words
 
 
 class RecordReader:
-    """Convert words to records; remember the high bits of the time.
+    """Parser that converts words to records.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ class RecordReader:
         self._begun: list[int] = []
 
     def feed(self, payload: bytes) -> Iterator[Record]:
-        """Return the records that end within the payload of a frame.
+        """Return the records completed by the payload of a frame.
 
         Raises
         ------
@@ -156,7 +156,7 @@ class RecordReader:
                     yield record
 
     def _follow(self, first: int) -> int:
-        """Return the number of words of a record after its first word."""
+        """Return the number of words that follow the first word of a record."""
         tag = first >> VALUE_BITS
         if tag == Tag.CLASS:
             return self.classes
@@ -189,7 +189,7 @@ class RecordReader:
 
 
 def said(tag: Tag, words: list[int]) -> dict[str, int]:
-    """Return a board's description or counters, by name.
+    """Return the description or the counters of a board by name.
 
     Raises
     ------
@@ -209,7 +209,7 @@ def said(tag: Tag, words: list[int]) -> dict[str, int]:
 
 
 def hello_values(config: BoardConfig) -> dict[str, int]:
-    """Return the values after the tag ``HELLO``, by their names in ``HELLO_WORDS``."""
+    """Return the values of a HELLO record, by their names in ``HELLO_WORDS``."""
     classifier = config.chip.classifier if config.chip else None
     return {
         "version": VERSION,
@@ -224,7 +224,7 @@ def hello_values(config: BoardConfig) -> dict[str, int]:
 
 
 class RecordWriter:
-    """Convert records to words as the board does; a time word appears when the high bits of the time change."""
+    """Encoder that converts records to words, as the board does."""
 
     def __init__(self) -> None:
         self._high = 0

@@ -16,7 +16,7 @@ MOST_PAYLOAD = 255
 
 
 class Kind(IntEnum):
-    """Kinds of frames; all except the last go to the board."""
+    """Kinds of frames; only the last kind is sent by the board."""
 
     HELLO = 1
     RESTART = 2
@@ -28,7 +28,7 @@ class Kind(IntEnum):
 
 
 class Frame(NamedTuple):
-    """A frame whose CRC is right.
+    """A frame with a correct CRC.
 
     Attributes
     ----------
@@ -44,11 +44,11 @@ class Frame(NamedTuple):
 
     @property
     def cost(self) -> int:
-        """Bytes that the frame occupies in the board's buffer until the board executes it."""
+        """Bytes of the board's buffer that the frame occupies until its execution."""
         return HEAD_BYTES + len(self.payload) + CRC_BYTES
 
     def encode(self) -> bytes:
-        """Return the bytes for the line, with a flag at both ends."""
+        """Return the bytes for the serial line, with a flag at both ends."""
         if len(self.payload) > MOST_PAYLOAD:
             raise ValueError(f"a frame holds at most {MOST_PAYLOAD} bytes, not {len(self.payload)}")
         body = bytes([self.kind, self.sequence, len(self.payload)]) + self.payload
@@ -59,7 +59,7 @@ class Frame(NamedTuple):
 
 
 class Damaged(NamedTuple):
-    """Bytes between two flags that are no frame.
+    """Raised for bytes between two flags that are not a valid frame.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Damaged(NamedTuple):
 
 
 def decode(body: bytes) -> Frame | Damaged:
-    """Return the frame between two flags, with escapes resolved."""
+    """Return the frame for the bytes between two flags, with escapes resolved."""
     plain = bytearray()
     escaped = False
     for byte in body:
@@ -93,18 +93,18 @@ def decode(body: bytes) -> Frame | Damaged:
 
 
 class FrameReader:
-    """Split received bytes at the flags."""
+    """Parser that splits received bytes at the flags."""
 
     def __init__(self) -> None:
         self._open: bytearray | None = None
 
     @property
     def unfinished(self) -> bool:
-        """Whether a frame has begun."""
+        """True if a frame is incomplete."""
         return bool(self._open)
 
     def feed(self, data: bytes) -> Iterator[Frame | Damaged]:
-        """Return the frames that end within these bytes."""
+        """Return the frames completed by these bytes."""
         *whole, rest = data.split(bytes([FLAG]))
         for part in whole:
             if self._open is not None and (self._open or part):

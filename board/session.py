@@ -1,4 +1,4 @@
-"""The host's side of a board: load weights, play samples, collect results, record a foreign chip."""
+"""Host functions for a board: load weights, play samples, collect results, record another chip."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ ASK_S = 0.5
 
 @dataclass
 class Received:
-    """The data received from a board so far; a journal stores the events, too.
+    """Events, classes and counters received from a board so far.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Received:
     count: int = 0
 
     def __call__(self, records: list[Record]) -> None:
-        """Take the records of a frame."""
+        """Add the records of a frame."""
         events: list[AddressEvent] = []
         try:
             for record in records:
@@ -91,7 +91,7 @@ class Received:
 
 
 def player_events(config: ChipConfig) -> Callable[[Event], AddressEvent]:
-    """Return a function that converts a chip's channel to an event."""
+    """Return a function that converts a chip's input channel to an event."""
     channels = config.classifier.inputs
     table = events_of(config, np.zeros(channels, np.int64), np.arange(channels)).tolist()
 
@@ -103,7 +103,7 @@ def player_events(config: ChipConfig) -> Callable[[Event], AddressEvent]:
 
 
 def foreign_events(config: ReadoutConfig, mapping: AddressMap | None = None) -> Callable[[Event], AddressEvent]:
-    """Return a function that converts a foreign address {polarity, row, column} to an event.
+    """Return a function that converts an address {polarity, row, column} of another chip to an event.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def foreign_events(config: ReadoutConfig, mapping: AddressMap | None = None) -> 
 
 @contextmanager
 def recording(path: Path, config: ReadoutConfig, metadata: dict[str, Any], received: Received) -> Iterator[None]:
-    """Write events to a file as they arrive; received events become a recording even after an error."""
+    """Write events to a file as they arrive, and save the recording even after an error."""
     journal = Journal(path, config, metadata)
     received.journal = journal
     try:
@@ -183,7 +183,7 @@ def recording(path: Path, config: ReadoutConfig, metadata: dict[str, Any], recei
 
 
 def weight_frames(weights: IntegerWeights, word_bytes: int) -> Iterator[bytes]:
-    """Yield the payloads that load both memories: memory, address of the first word, words."""
+    """Yield frame payloads that load both weight memories: memory, first address, words."""
     network = weights.network
     size = (MOST_PAYLOAD - 3) // word_bytes
     for neurons, image in enumerate((weight_image(network), neuron_image(network))):
@@ -193,7 +193,7 @@ def weight_frames(weights: IntegerWeights, word_bytes: int) -> Iterator[bytes]:
 
 
 def load(link: Link, weights: IntegerWeights, on_frame: Callable[[], object] = lambda: None) -> None:
-    """Write weights into a board, which resets the chip."""
+    """Write weights into a board, which also resets the chip."""
     for payload in weight_frames(weights, link.said["word_bytes"]):
         link.send(Kind.WEIGHTS, payload)
         on_frame()
@@ -201,7 +201,7 @@ def load(link: Link, weights: IntegerWeights, on_frame: Callable[[], object] = l
 
 
 def play(link: Link, chip: ChipConfig, samples: NDArray[Any], on_tick: Callable[[], object] = lambda: None) -> int:
-    """Play samples, shape (ticks, taxels), to a board from the end of reset on; return the clocks of its chip."""
+    """Play samples, shape (ticks, taxels), on a board after a reset; return the clocks of the chip."""
     clocks = clocks_to_play(chip, len(samples))
     link.send(Kind.RESTART)
     most = MOST_PAYLOAD // 2
@@ -220,7 +220,7 @@ def play(link: Link, chip: ChipConfig, samples: NDArray[Any], on_tick: Callable[
 
 
 def clocks_to_play(chip: ChipConfig, ticks: int) -> int:
-    """Return the clocks until all samples are through, and the class of the last whole bin is there."""
+    """Return the clocks needed to process all samples and to report the class of the last complete bin."""
     return max(clocks_of(chip, ticks)[1], ticks * chip.readout.clocks_per_sample)
 
 
@@ -232,7 +232,7 @@ def as_events(received: Iterable[AddressEvent]) -> Events:
 
 
 def difference(chip: ChipConfig, weights: IntegerWeights, samples: NDArray[Any], received: Received) -> str | None:
-    """Return where a board and the models first differ, in events or classes; None if they are equal."""
+    """Return the first difference between board and models in events or classes, or None."""
     clocks = clocks_to_play(chip, len(samples))
     model = simulate_chip(chip, weights.network, samples, clocks)
     if (found := first_difference(model.events, as_events(received.events))) is not None:
@@ -255,7 +255,7 @@ def difference(chip: ChipConfig, weights: IntegerWeights, samples: NDArray[Any],
 
 
 def listen(link: Link, received: Received, seconds: float | None) -> bool:
-    """Record a foreign chip from clock 0 until a time limit or Ctrl-C; return whether Ctrl-C ended it."""
+    """Record events of another chip until a time limit or Ctrl-C; return True after Ctrl-C."""
     link.send(Kind.RESTART)
     ends, stopped = None if seconds is None else time.monotonic() + seconds, False
     try:
@@ -271,24 +271,24 @@ def listen(link: Link, received: Received, seconds: float | None) -> bool:
 
 
 def foreign_config(config: ReadoutConfig, clock_hz: float) -> ReadoutConfig:
-    """Return the configuration of a recording of a foreign chip, whose times are in clocks of the board."""
+    """Return the configuration for a recording of another chip, timed in clocks of the board."""
     clocks = max(round(clock_hz / config.sample_rate_hz), 1)
     link = config.link if config.link == "four_phase_dual" else "four_phase"
     return config.replace(link=link, clocks_per_sample=clocks, sample_rate_hz=clock_hz / clocks)
 
 
 def observed_clocks(received: Received) -> int:
-    """Return the number of clocks since the receiver started."""
+    """Return the number of clocks since the AER receiver started."""
     return received.counts.get("time_high", 0) << 32 | received.counts.get("time_low", 0)
 
 
 def board_of(weights: IntegerWeights) -> BoardConfig:
-    """Return the design that a board must hold for these weights."""
+    """Return the board configuration for an integer network."""
     return BoardConfig(chip=chip_of(weights))
 
 
 def chip_of(weights: IntegerWeights, path: Path | None = None) -> ChipConfig:
-    """Return the chip that an integer network was trained for."""
+    """Return the chip configuration for which an integer network was trained."""
     training = weights.notes.get("training")
     if not training:
         raise InputError(

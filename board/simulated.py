@@ -1,4 +1,4 @@
-"""A board without hardware: the golden model behind the board's own protocol, at a pseudo-terminal."""
+"""Simulated board: the golden model behind the board's serial protocol, at a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ WEIGHT_HEAD = 3
 
 
 class SimulatedBoard:
-    """Answer a host as a board does, from its own thread; ``with`` starts and ends it.
+    """Simulated board that answers a host from its own thread.
 
     Parameters
     ----------
@@ -94,11 +94,11 @@ class SimulatedBoard:
         raise NotImplementedError
 
     def may(self, frame: Frame) -> bool:
-        """Return whether a frame can be carried out now."""
+        """Return True if a frame can be executed now."""
         return True
 
     def finish(self) -> None:
-        """Simulate the last frames; the host has sent nothing more."""
+        """Simulate the remaining frames after the host has finished."""
 
     # -- the line --------------------------------------------------------------------------------
 
@@ -118,7 +118,7 @@ class SimulatedBoard:
             self._send_due()
 
     def _take(self, frame: Frame | Damaged) -> bool:
-        """Execute a frame; return False if the frame has to wait."""
+        """Execute a frame; return False if the frame must wait."""
         if isinstance(frame, Damaged):
             self._say([Refused(0, self._expected, Reason.DAMAGED)])
         elif frame.kind == Kind.HELLO:
@@ -135,7 +135,7 @@ class SimulatedBoard:
         return True
 
     def _begin(self) -> None:
-        """Begin a session."""
+        """Start a session."""
         self._expected, self._sequence, self.taken = 1, 0, 0
         self._writer = RecordWriter()
         self._out.clear()
@@ -144,7 +144,7 @@ class SimulatedBoard:
         self._say([Refused(frame.sequence, frame.sequence, Reason.UNKNOWN)])
 
     def _restart_at(self, clock: int) -> None:
-        """Let the time go on from a clock."""
+        """Restart the time at a given clock."""
         self._origin = (time.monotonic(), clock)
 
     def _now(self) -> float:
@@ -160,7 +160,7 @@ class SimulatedBoard:
             self._say(records)
 
     def _say(self, records: list[Record]) -> None:
-        """Send records now."""
+        """Send records to the host."""
         words = self._writer.feed(records)
         frames = bytearray()
         for at in range(0, len(words), WORDS_OF_A_FRAME):
@@ -178,7 +178,7 @@ class SimulatedBoard:
 
 
 class SimulatedPlayer(SimulatedBoard):
-    """A player whose readout and classifier are the golden models, with the weights and samples of the host.
+    """Simulated board with readout and classifier, computed by the golden models.
 
     Samples may come from ``RESTART`` on until the first ``RUN``.
 
@@ -202,7 +202,7 @@ class SimulatedPlayer(SimulatedBoard):
         self._counts: dict[str, int] = {}
 
     def may(self, frame: Frame) -> bool:
-        """Return whether the previous frame's work is done."""
+        """Return True if the chip has finished the work of the previous frame."""
         return frame.kind in (Kind.SAMPLES, Kind.RUN) or not (self._acks or self._out)
 
     def carry_out(self, frame: Frame) -> None:
@@ -240,7 +240,7 @@ class SimulatedPlayer(SimulatedBoard):
         return self._ticks * self.chip.readout.clocks_per_sample + self._run_clocks
 
     def finish(self) -> None:
-        """Simulate up to the last clock that the host gave; earlier results do not change."""
+        """Simulate up to the last clock requested by the host."""
         if not self._acks:
             return
         chip, clocks = self.chip, self._clocks
@@ -262,7 +262,7 @@ class SimulatedPlayer(SimulatedBoard):
 
 
 class SimulatedReceiver(SimulatedBoard):
-    """A receiver whose foreign chip sends given events, starting at every ``RESTART``.
+    """Simulated board whose AER receiver gets given events after every ``RESTART``.
 
     Parameters
     ----------
@@ -277,7 +277,7 @@ class SimulatedReceiver(SimulatedBoard):
         super().__init__(config, config.serial.clock_hz, speed)
 
     def carry_out(self, frame: Frame) -> None:
-        """Execute a frame whose work takes no time of the chip."""
+        """Execute a frame immediately."""
         if frame.kind == Kind.RESTART:
             self._restart_at(0)
             self._out = deque(self.events)

@@ -1,4 +1,4 @@
-"""Choose the input of a board: a scan of a texture, a recording, or a file of codes."""
+"""Inputs of a board: a texture scan, a recording, or a file of codes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def codes_to_play(
     dataset: str | None = None,
     only: str | None = None,
 ) -> tuple[str, NDArray[Any]]:
-    """Return name and codes, shape (ticks, taxels), of a file of samples, a recording, or a texture.
+    """Return name and codes, shape (ticks, taxels), of the chosen input.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def codes_of(path: Path, readout: ReadoutConfig) -> NDArray[Any]:
 def scan_of(
     weights: IntegerWeights, readout: ReadoutConfig, dataset: str, name: str | None
 ) -> tuple[str, NDArray[Any]]:
-    """Return the name and the codes of a texture's scan, as the network was trained on them.
+    """Return name and codes of a texture scan, as used in the training of the network.
 
     Without a name it is the first that the network has not learned.
     """
@@ -88,7 +88,7 @@ def scan_of(
 
 
 def textures_of(weights: IntegerWeights, dataset: str) -> tuple[Dataset, list[str]]:
-    """Return a dataset, and the names of its textures outside the training set (all names, if none is outside)."""
+    """Return a dataset, and the names of its textures outside the training set, or of all textures."""
     training = weights.notes["training"]
     data = open_dataset(dataset)
     names = [texture.name for texture in data]

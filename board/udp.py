@@ -1,4 +1,4 @@
-"""Send events over UDP as they arrive, in jAER's unicast format (docs/reference/udp.md)."""
+"""Send events over UDP in the unicast format of jAER (docs/reference/udp.md)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ AddressEvent = tuple[int, int, int, bool]
 
 
 def parse_destination(text: str) -> tuple[str, int]:
-    """Return host and port of ``HOST:PORT``, or of ``HOST`` with jAER's port.
+    """Return host and port for a text ``HOST:PORT`` or ``HOST``.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def parse_destination(text: str) -> tuple[str, int]:
 
 
 class UdpSender:
-    """Send events to one address without waiting for the receiver.
+    """UDP sender of events, without acknowledgement.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class UdpSender:
 
 
 def datagram(number: int, events: NDArray[np.int64]) -> bytes:
-    """Return a datagram: its number, then address and time of each event, all of 32 bits, high byte first.
+    """Return a UDP datagram: its number, then address and time of each event, as big-endian 32-bit words.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def datagram(number: int, events: NDArray[np.int64]) -> bytes:
 
 
 def read_datagram(data: bytes) -> tuple[int, NDArray[np.int64]]:
-    """Return the number of a datagram, and its events as ``datagram`` takes them.
+    """Return the number and the events of a datagram.
 
     Examples
     --------

@@ -1,1 +1,1 @@
-"""Commands: they parse options and print."""
+"""The commands: option parsing and printed output."""

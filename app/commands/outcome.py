@@ -1,4 +1,4 @@
-"""Common parts of commands with a folder per run: the name of a run, and its end."""
+"""Names and final messages of runs."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 
 def check_name(name: str) -> None:
-    """Refuse the name of a run that leads out of its folder."""
+    """Check that the name of a run does not lead out of its folder."""
     if name != Path(name).name or name.startswith("."):
         raise InputError(f"--name must be the plain name of a folder, not {name!r}")
 
 
 def conclude(problems: list[str], line: str) -> None:
-    """Print problems and the last line; exit with 1 if there are problems."""
+    """Print problems and the last line; exit with 1 if problems exist."""
     for problem in problems:
         print(f"PROBLEM: {problem}")
     print(line)
@@ -29,7 +29,7 @@ def conclude(problems: list[str], line: str) -> None:
 
 
 def bit_exact(total: Tally) -> str:
-    """Return the last line of runs without a mismatch; exit with 1 if no event was compared.
+    """Return the final line of runs without mismatch; exit with 1 if no event was compared.
 
     Runs whose link is too slow for their signal end while requests wait, in the model as in the design.
     """

@@ -1,1 +1,1 @@
-"""One HTML page with the figures of the whole project."""
+"""HTML report with the figures of the whole project."""

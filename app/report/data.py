@@ -31,7 +31,7 @@ SHOWN_ALONE = ("lcs", "nlcs")
 
 @dataclass(frozen=True)
 class Run:
-    """The recordings of one readout: of RTL and model, or of the model with its samples.
+    """Recordings of one readout from RTL and model, or from the model with its samples.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Run:
     samples: NDArray[np.float64] | None = None
 
     def to_dict(self) -> Data:
-        """Return name, readout, length, event counts and verdict."""
+        """Return name, readout, length, event counts and verdict as a dictionary."""
         config = self.model.config
         return {
             "name": self.name,
@@ -70,7 +70,7 @@ class Run:
 
 
 def load_runs(folder: Path) -> tuple[list[Run], list[str]]:
-    """Return all runs of ``make sim`` in a folder, and sentences on missing files.
+    """Return all runs of ``make sim`` in a folder, and sentences about missing files.
 
     Without runs, the model encodes the beginning of an embedded texture.
 
@@ -144,7 +144,7 @@ SUMMARY = {
 
 
 def load_replays(folder: Path) -> list[Data]:
-    """Return the summaries written by ``make replay`` in a folder."""
+    """Return the summaries of ``make replay`` in a folder."""
     found = []
     for file in sorted(folder.glob("*/summary.json")):
         summary = read_shaped(file, "the summary of make replay", SUMMARY, "delete it")
@@ -161,7 +161,7 @@ def load_replays(folder: Path) -> list[Data]:
 
 
 def load_accuracy(path: Path) -> Data:
-    """Return accuracy against data rate from a file of points (format: docs/guide/report.md).
+    """Return points of accuracy against data rate from a file (format: docs/guide/report.md).
 
     Raises
     ------
@@ -201,7 +201,7 @@ def _accuracy_point(point: Any, where: str) -> Data:
 
 
 def load_benchmarks(folder: Path) -> tuple[list[Data], list[str]]:
-    """Return the ratios of all benchmark results in a folder, and sentences on files without results."""
+    """Return the ratios of all benchmark results in a folder, and sentences about unusable files."""
     found: list[Data] = []
     missing: list[str] = []
     for file in sorted(folder.glob("*.json")):
@@ -215,7 +215,7 @@ def load_benchmarks(folder: Path) -> tuple[list[Data], list[str]]:
 
 
 def _ratios(benchmark: str, values: Any) -> Iterator[Data]:
-    """Yield name, ratio, median, minimum and maximum of each result, or of each of its candidates."""
+    """Yield name, ratio, median, minimum and maximum of each benchmark result."""
     results = values.get("results") if isinstance(values, dict) else None
     for number, result in enumerate(results if isinstance(results, list) else [], 1):
         if not isinstance(result, dict):
@@ -242,7 +242,7 @@ def _is_number(value: Any) -> TypeGuard[float]:
 def report_data(
     sim: Path, replay: Path, benchmarks: Path, accuracy: Path, synthesis: Sequence[Path]
 ) -> tuple[Data, list[Run]]:
-    """Return all data of the page, and the recordings of its pictures.
+    """Return all data of the report, and the recordings for its pictures.
 
     ``missing`` lists, by section, missing files and the commands that make them.
 

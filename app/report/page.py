@@ -1,4 +1,4 @@
-"""Write the report: one HTML file with the figures of the whole project (docs/guide/report.md).
+"""Write the HTML report (docs/guide/report.md).
 
 Pictures are those of the commands, embedded as data; the page has no script and loads nothing.
 """
@@ -33,7 +33,7 @@ SYNTHESIS_UNITS = {"leakage_w": "W", "clock_power_w_per_hz": "W/Hz", "energy_per
 
 
 def runs_in(folder: Path) -> tuple[Path, Path]:
-    """Return the folders of ``make sim`` and ``make replay`` runs with this folder as OUT.
+    """Return the folders with runs of ``make sim`` and ``make replay`` below a folder.
 
     They are in this folder, or in its folders ``sim`` and ``replay``, as in ``out``.
     """
@@ -42,7 +42,7 @@ def runs_in(folder: Path) -> tuple[Path, Path]:
 
 
 def page(data: Data, runs: Sequence[Run]) -> str:
-    """Return the page for ``report_data``; equal data give an equal page."""
+    """Return the HTML page for the report data."""
     from eskin.power.figures.plots import plot_explore, plot_fig6, plot_fig7, plot_sensitivity
 
     fig6, sensor = data["fig6"], data["explore"]["sensor"]
@@ -93,7 +93,7 @@ def page(data: Data, runs: Sequence[Run]) -> str:
 
 
 def embedded(data: Any) -> str:
-    """Return data as JSON for a script element: without ``<``."""
+    """Return data as JSON that is safe in a script element."""
     return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
@@ -101,7 +101,7 @@ def embedded(data: Any) -> str:
 
 
 def _picture(plot: Callable[..., None], *args: Any, alt: str, kind: str = "svg", **options: Any) -> str:
-    """Return the picture of a plotting function, embedded."""
+    """Return the picture of a plot function as HTML with embedded data."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"picture.{kind}"
         plot(*args, path=path, **options)
@@ -110,7 +110,7 @@ def _picture(plot: Callable[..., None], *args: Any, alt: str, kind: str = "svg",
 
 
 def run_section(run: Run) -> str:
-    """Return heading, verdict and raster of a run."""
+    """Return heading, verdict and raster of a run as HTML."""
     from eskin.skin.figures.raster import plot_comparison, plot_signals
 
     config, facts = run.model.config, run.to_dict()
@@ -124,7 +124,7 @@ def run_section(run: Run) -> str:
 
 
 def _plot_accuracy(data: Data, path: Path) -> None:
-    """Draw accuracy against data rate, a panel for each preset; published points are hollow."""
+    """Plot accuracy against data rate, one panel per preset; published points are hollow."""
     presets = list(dict.fromkeys(point.get("preset", "") for point in data["points"]))
     figure = new_figure(1.6 + 4.6 * len(presets), 4.6, "")
     panels = figure.subplots(1, len(presets), sharex=True, sharey=True, squeeze=False)[0]
@@ -163,7 +163,7 @@ def _plot_accuracy(data: Data, path: Path) -> None:
 
 
 def _table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return a table whose first column names the rows; empty without rows."""
+    """Return an HTML table whose first column names the rows; empty without rows."""
 
     def cell(value: Any) -> str:
         text = "-" if value is None else plain(value) if isinstance(value, float) else str(value)
@@ -203,7 +203,7 @@ def _replay_table(replays: list[Data]) -> str:
 
 
 def _accuracy(fig9: Data | None) -> str:
-    """Return picture and table of Fig. 9."""
+    """Return picture and table of Fig. 9 as HTML."""
     if fig9 is None:
         return ""
     rows = [

@@ -1,1 +1,1 @@
-"""Build the bitstream of a board: synthesis, place and route, and a report of area and clock."""
+"""Build bitstreams: synthesis, place and route, report of area and clock."""

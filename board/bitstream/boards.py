@@ -1,4 +1,4 @@
-"""Describe the boards: the pins of a design, and its clock. The boards themselves come from amaranth-boards."""
+"""Supported boards: pin connections and clock of a design; board definitions come from amaranth-boards."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ VCO_HZ = 600_000_000
 
 
 def platform_of(board: str) -> Any:
-    """Return the platform of a board.
+    """Return the Amaranth platform of a board.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def platform_of(board: str) -> Any:
 
 
 class Clock(Elaboratable):
-    """A PLL that turns the 25 MHz of the crystal into 50 MHz; the design stays in reset until the PLL has locked."""
+    """PLL that multiplies the 25 MHz of the crystal to 50 MHz; the design is in reset until the PLL locks."""
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
@@ -90,7 +90,7 @@ class Clock(Elaboratable):
 
 
 class OnBoard(Elaboratable):
-    """A design at the pins of a board: the USB bridge's serial line, two lights, and a foreign chip."""
+    """Top level with a design connected to the pins: serial line, two LEDs, and the AER pins of another chip."""
 
     def __init__(self, config: BoardConfig) -> None:
         self.config = config

@@ -1,4 +1,4 @@
-"""Run synthesis, place and route, and bitstream generation with open tools installed as Python packages."""
+"""Run synthesis, place and route, and bitstream generation with open tools."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ BLOCK_BITS = 18 * 1024
 
 
 class BuildFailed(RuntimeError):
-    """Raised when a tool fails; the text is the last message of the tool."""
+    """Raised if a tool fails, with the tool's last error message."""
 
 
 @dataclass(frozen=True)
 class Built:
-    """The results of place and route.
+    """Results of place and route.
 
     Attributes
     ----------
@@ -63,29 +63,29 @@ class Built:
 
     @property
     def luts(self) -> int:
-        """Number of LUT4 in use, including carry chains and distributed memory."""
+        """Number of LUT4s used, including carry chains and distributed memory."""
         return self.used["TRELLIS_COMB"]
 
     @property
     def blocks(self) -> int:
-        """Block RAMs of 18 kbit."""
+        """Number of 18 kbit block RAMs used."""
         return self.used.get("DP16KD", 0)
 
     @property
     def memory_kilobytes(self) -> float:
-        """Memory of the block RAMs in use, all of their bits."""
+        """Capacity in kilobytes of the block RAMs used."""
         return self.blocks * BLOCK_BITS / 8 / KILOBYTE
 
 
 def design_of(weights: Path | None, receiver: bool) -> BoardConfig:
-    """Return the design to build: the receiver, or the player of a network (default: first embedded one)."""
+    """Return the design to build: the AER receiver, or readout and classifier with the weights of a network."""
     if receiver:
         return BoardConfig(chip=None)
     return board_of(IntegerWeights.load(weights or NETWORK))
 
 
 def build(config: BoardConfig, board: str) -> Built:
-    """Return the bitstream of a design for a board, and the resources in use.
+    """Build the bitstream of a design for a board; return bitstream and resources.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def build(config: BoardConfig, board: str) -> Built:
 
 
 def build_classifier(config: ClassifierConfig) -> Built:
-    """Return the resources of the delivered Verilog of a classifier in an ECP5-25, speed grade 6, with free pins."""
+    """Return the resources of the classifier alone in an ECP5-25, speed grade 6."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / f"{NAME}.v").write_text(verilog(config))
@@ -126,7 +126,7 @@ def place_and_route(folder: Path, options: Sequence[str]) -> None:
 
 
 def read_report(folder: Path, files: dict[str, bytes]) -> Built:
-    """Return the results that nextpnr reports in a folder."""
+    """Return the results that nextpnr reported in a folder."""
     said: dict[str, Any] = json.loads((folder / "report.json").read_text())
     clocks = {name: clock for name, clock in said["fmax"].items() if clock["constraint"] >= 50 - 1e-3}
     slowest = min(clocks.values(), key=lambda clock: clock["achieved"])

@@ -1,4 +1,4 @@
-"""Report the resources and the clock of a design in an FPGA, next to their targets."""
+"""Report the resources and the clock of an FPGA design against targets."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ class Aim:
 
 
 def clock_aim(built: Built) -> Aim:
-    """Return the clock against its target."""
+    """Return the clock frequency and its target."""
     return Aim(
         "clock, routed, MHz (at least)", round(built.clock_hz / 1e6, 1), LEAST_HZ / 1e6, built.clock_hz >= LEAST_HZ
     )
 
 
 def classifier_aims(built: Built, bits: int) -> list[Aim]:
-    """Return the classifier's results against their targets; block RAMs have a target at 8 and at 4 bits."""
+    """Return the classifier's resources and their targets."""
     aims = [clock_aim(built), Aim("LUT4 (at most)", built.luts, MOST_LUTS, built.luts <= MOST_LUTS)]
     if bits in MOST_BLOCKS:
         most = MOST_BLOCKS[bits]
@@ -56,7 +56,7 @@ def classifier_aims(built: Built, bits: int) -> list[Aim]:
 
 
 def plain_classifier(bits: int) -> ClassifierConfig:
-    """Return a classifier 128-256-6 with weights of some bits, and potentials that no weights can saturate."""
+    """Return the configuration of a classifier 128-256-6 with a given weight width."""
     shift = max(6 - bits, 0)  # the unit of the potential is finer than a coarse weight
     fields: dict[str, Any] = dict.fromkeys(("in_bits", "rec_bits", "out_bits"), bits)
     fields |= dict.fromkeys(("in_shift", "rec_shift", "out_shift"), shift)
@@ -65,12 +65,12 @@ def plain_classifier(bits: int) -> ClassifierConfig:
 
 
 def closing_line(board: str, built: Built) -> str:
-    """Return the last line of a run."""
+    """Return the final message of a run."""
     return f"fpga: {board}, {built.clock_hz / 1e6:.1f} MHz, {built.luts} LUTs, {built.memory_kilobytes:g} kB of memory"
 
 
 def write(out: Path, name: str, built: Built, said: dict[str, Any], aims: list[Aim]) -> Path:
-    """Write the files of a run and its report into OUT/NAME, and return the report's path."""
+    """Write the files and the report of a run into OUT/NAME, and return the path of the report."""
     folder = make_folder(out, name)
     for file_name, content in built.files.items():
         with atomic_write(folder / file_name) as file:

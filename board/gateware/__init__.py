@@ -1,1 +1,1 @@
-"""Gateware around the chip: serial line, frames, sample loader, records, and AER receiver."""
+"""Gateware around the chip: serial line, frames, sample loader, event records, and AER receiver."""

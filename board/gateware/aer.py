@@ -1,4 +1,4 @@
-"""The receiver of a foreign chip's four-phase AER link, with one request or with one for ON and one for OFF."""
+"""Receiver for the four-phase AER link of another chip."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eskin.board.records import VALUE_BITS
 
 
 class AerReceiver(Component):
-    """Take the address when REQ has passed two flops; the sender holds the address from before REQ until ACK falls.
+    """AER receiver that samples the address after REQ has passed a two-flop synchroniser.
 
     ACK rises when the event is kept, or is lost because the memory is full: time is never bought by holding the foreign
     chip back. A REQ that is high when reset ends is a new request. At most one event in 7 clocks, with a sender that

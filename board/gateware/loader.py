@@ -1,4 +1,4 @@
-"""Execute the host's frames: load samples taxel by taxel, run the chip, load weights, answer questions."""
+"""Executor of host frames: load samples, run the chip, load weights, answer queries."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RUN_BITS = 32
 
 
 class Loader(Component):
-    """Execute valid frames; the chip runs the requested number of clocks and waits in between.
+    """Frame executor; the chip runs only for the requested number of clocks.
 
     A sample that comes is shifted in behind those of the taxels before: when that of the last is there, the chip gets a
     sample tick and the clocks of a sample. Frames are carried out in their order, and acknowledged then.
@@ -113,7 +113,7 @@ class Loader(Component):
         return m
 
     def _choose(self, m: Module, kind: Signal, left: Signal) -> None:
-        """Start the work of a frame; wait first for a running chip, because most frames change the chip."""
+        """Dispatch a frame; most kinds of frames wait until the chip has stopped."""
         m.next = "SKIP"
         cases = [(Kind.RESTART, left == 0, "RESTART"), (Kind.STATUS, left == 0, "STATUS")]
         if self.config.chip:
@@ -154,7 +154,7 @@ class Loader(Component):
                 m.next = "ACK"
 
     def _run(self, m: Module, taken: Signal, left: Signal, budget: Signal) -> None:
-        """Add the states that run the chip for clocks without a sample, and wait for their end."""
+        """Add the states that run the chip without new samples."""
         clocks = Signal(RUN_BITS)
         with m.State("RUN"):
             m.d.comb += self.ready.eq(left != 0)
@@ -167,7 +167,7 @@ class Loader(Component):
             m.next = "ACK"
 
     def _weights(self, m: Module, taken: Signal, left: Signal) -> None:
-        """Add the states that write words of weights, each of whole bytes, from an address on."""
+        """Add the states that write words of weights to consecutive addresses."""
         address = Signal(16)
         word_bytes = hello_values(self.config)["word_bytes"]
         word, count = Signal(8 * word_bytes), Signal(range(word_bytes))

@@ -1,4 +1,4 @@
-"""Convert the events of a board into words for the host, in order (board/records.py)."""
+"""Recorder that converts events of a board to words for the host (board/records.py)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RESERVE = 32
 
 
 class Recorder(Component):
-    """Write one word per clock into the memory in front of the serial line.
+    """Recorder that writes one word per clock into the FIFO before the serial line.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ class Recorder(Component):
         return m
 
     def _keep_class(self, m: Module) -> None:
-        """Store the chip's class of this clock; the chip itself holds the evidence."""
+        """Capture the class that the chip reports in this clock."""
         if not self.classes:
             return
         self.has_class, self.kept = Signal(), Signal(ADDRESS_BITS)
@@ -158,7 +158,7 @@ class Recorder(Component):
                     m.next = "IDLE"
 
     def _words(self, m: Module, memory: Any, tag: Tag, words: list[Value], index: Signal, written: Signal) -> None:
-        """Add the state that writes a record of some words."""
+        """Add the state that writes a record of several words."""
         with m.State(tag.name):
             first = Const(tag << VALUE_BITS | len(words), WORD_BITS)
             m.d.comb += [memory.w_en.eq(1), memory.w_data.eq(Mux(index == 0, first, Array(words)[index - 1]))]

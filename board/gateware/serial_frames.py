@@ -1,4 +1,4 @@
-"""Frames in hardware: none is handed on before its CRC is known to be right (board/serial_frames.py)."""
+"""Frame receiver and sender in hardware; only frames with a correct CRC are accepted (board/serial_frames.py)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WORDS_IN_A_FRAME = MOST_PAYLOAD // 4
 
 
 class FrameReceiver(Component):
-    """Buffer the bytes of a frame, and pass them on if CRC, length and sequence number are right.
+    """Receiver that buffers a frame, and forwards it if CRC, length and sequence number are correct.
 
     The bytes of a frame are written behind those that wait; only its end moves the mark up to which they may be read.
     What a frame refused has written is written over.
@@ -98,7 +98,7 @@ class FrameReceiver(Component):
         return m
 
     def _late(self, m: Module) -> Signal:
-        """Return whether a frame has stopped in its middle for too long."""
+        """Return a signal that is high if the rest of a frame is overdue."""
         most = self.config.idle_bits * self.config.clocks_per_bit
         idle, late = Signal(range(most)), Signal()
         m.d.comb += late.eq(idle == most - 1)
@@ -106,7 +106,7 @@ class FrameReceiver(Component):
         return late
 
     def _end(self, m: Module, ends: Signal, right: Value) -> None:
-        """Accept or refuse the bytes between two flags, or an interrupted frame."""
+        """Accept or reject the bytes between two flags, or an interrupted frame."""
         late, whole, hello = self._late(m), Signal(), Signal()
         m.d.comb += [
             whole.eq(right & ends & ~self.escaped & (self.count == self.length + (HEAD_BYTES + CRC_BYTES))),
@@ -131,7 +131,7 @@ class FrameReceiver(Component):
                     ]
 
     def _give(self, m: Module, read: Any) -> None:
-        """Pass on the bytes of valid frames; a session starts with an empty buffer."""
+        """Forward the bytes of valid frames; a new session starts with an empty buffer."""
         m.d.comb += [read.addr.eq(self.read_at[:-1]), self.data.eq(read.data), read.en.eq(0)]
         with m.If((~self.valid | self.ready) & (self.read_at != self.good)):
             m.d.comb += read.en.eq(1)
@@ -143,7 +143,7 @@ class FrameReceiver(Component):
 
 
 class FrameSender(Component):
-    """Sends words that wait as frames of records, as many as there are in each.
+    """Sender that packs waiting words into frames of records.
 
     Attributes
     ----------
@@ -224,7 +224,7 @@ class FrameSender(Component):
         done: Signal,
         marks: Signal | None = None,
     ) -> None:
-        """Add a state that sends one byte; ``marks`` is high if the byte is a flag."""
+        """Add a state that sends one byte; ``marks`` is high for a flag byte."""
         with m.State(name):
             m.d.comb += [self.valid.eq(1), byte.eq(value)]
             if marks is not None:

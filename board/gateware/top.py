@@ -1,4 +1,4 @@
-"""The design of a board: serial line, frames, and the chip to play or the receiver of a foreign chip."""
+"""Top level of a board: serial line, frames, and the chip or an AER receiver."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ TOP = "eskin_board"
 
 
 def _pins(config: BoardConfig) -> dict[str, Any]:
-    """Return the ports of a receiver in addition to the serial line."""
+    """Return the pins that an AER receiver needs in addition to the serial line."""
     if config.chip:
         return {}
     return {"aer_req": In(1), "aer_req_off": In(1), "aer_ack": Out(1), "aer_addr": In(ADDRESS_BITS)}
 
 
 class Core(Component):
-    """The state that a session resets: frames from the host, recorded events, and records to the host.
+    """All logic that a new session resets: frames from the host, recorder, and records to the host.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class Core(Component):
         return m
 
     def _join(self, m: Module, loader: Loader, recorder: Recorder, sender: FrameSender) -> None:
-        """Connect the three, and them to the outside."""
+        """Connect loader, recorder and sender with each other and with the ports."""
         m.d.comb += [
             loader.valid.eq(self.valid),
             loader.data.eq(self.data),
@@ -125,7 +125,7 @@ class Core(Component):
         ]
 
     def _chip(self, m: Module, loader: Loader, recorder: Recorder, now: Signal) -> tuple[Any, Any, Any]:
-        """Add the chip, which waits for the host's samples, and while something is written down."""
+        """Add the chip, whose clock stops while it waits for samples or while the recorder writes."""
         assert self.config.chip is not None
         chip = Chip(self.config.chip)
         run = Signal()
@@ -154,7 +154,7 @@ class Core(Component):
         return recorder.class_valid, chip.stall_count, Const(0, 1)
 
     def _aer(self, m: Module, recorder: Recorder, now: Signal) -> tuple[Any, Any, Any]:
-        """Add the receiver, whose time never stops: an event that finds the memory full is lost, and counted."""
+        """Add the AER receiver; events that find the FIFO full are dropped and counted."""
         m.submodules.aer = aer = AerReceiver()
         m.d.sync += now.eq(now + 1)
         m.d.comb += [
@@ -175,7 +175,7 @@ class Core(Component):
 
 
 class Board(Component):
-    """The top; a good HELLO of the host begins a session, and all but the line begins anew.
+    """Top module; a valid HELLO frame of the host starts a session and resets all but the serial line.
 
     Attributes
     ----------
@@ -216,11 +216,11 @@ class Board(Component):
 
 
 def netlist(config: BoardConfig) -> str:
-    """Return a board's design as RTLIL."""
+    """Return the design of a board as RTLIL."""
     return str(rtlil.convert(Board(config), name=TOP, emit_src=False))
 
 
 def verilog(config: BoardConfig) -> str:
-    """Return a board's design as Verilog with initial values, as an FPGA has them, for simulation."""
+    """Return the design of a board as Verilog with initial values, for simulation."""
     script = f"read_rtlil readout.il; hierarchy -check -top {TOP}; proc; opt_clean; write_verilog -noattr readout.v"
     return yosys.run(script, netlist(config), "readout.v")

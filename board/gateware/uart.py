@@ -1,4 +1,4 @@
-"""The serial line, 8 bits, no parity, one stop bit: bytes in, bytes out.
+"""Serial line with 8 bits, no parity and one stop bit.
 
 Own code: the package of that name on the registry (amaranth-stdio) is an empty place.
 """
@@ -15,7 +15,7 @@ from eskin.board.config import SerialConfig
 
 
 class UartReceiver(Component):
-    """Sample each bit in its middle; errors show in the CRC.
+    """UART receiver that samples each bit in its middle.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class UartReceiver(Component):
 
 
 class UartSender(Component):
-    """Send bytes without gaps, ten bit times each.
+    """UART sender without gaps between bytes.
 
     Attributes
     ----------

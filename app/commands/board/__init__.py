@@ -1,1 +1,1 @@
-"""Commands: they parse options and print."""
+"""Commands for boards."""

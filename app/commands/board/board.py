@@ -1,4 +1,4 @@
-"""The commands play, listen, load and rescue: a board on a serial line (docs/guide/board.md)."""
+"""The commands play, listen, load and rescue for a board on a serial line (docs/guide/board.md)."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def play(
     patience: Patience = 3.0,
     out: Annotated[Path, typer.Option("-o", "--out", help="file for the events"), WRITES_FILE] = Path("out/played.npz"),
 ) -> None:
-    """Play a texture, a recording or codes through the readout and classifier of a board.
+    """Play a texture, a recording or a file of codes through the readout and classifier of a board.
 
     The weights are loaded first. Exit code 1 if board and model differ.
     """
@@ -111,10 +111,11 @@ def listen(
     patience: Patience = 3.0,
     out: Annotated[Path, typer.Option("-o", "--out", help="file for the events"), WRITES_FILE] = Path("out/heard.npz"),
 ) -> None:
-    """Record the events that another chip sends over four-phase AER; --rows, --columns, --encoding describe its array.
+    """Record events that another chip sends over four-phase AER to a board.
 
-    Addresses are {polarity, row, column}, or as --map has them; with --link four_phase_dual the request names the
-    polarity. Times are in clocks of the board. Ctrl-C ends and saves the recording.
+    --rows, --columns and --encoding describe the array of that chip. Its addresses are {polarity, row, column}, or
+    as listed in --map. With --link four_phase_dual the request line gives the polarity. Times are in clocks of the
+    board. Ctrl-C ends and saves the recording.
     """
     from eskin.board import session
     from eskin.board.live import View
@@ -148,7 +149,7 @@ def load(
     baud: Baud = BAUD,
     patience: Patience = 3.0,
 ) -> None:
-    """Load weights into a board, and verify that all arrived."""
+    """Load the weights of a network into a board, and verify them."""
     from eskin.board import session
     from eskin.model.classifier.file import IntegerWeights
 
@@ -162,7 +163,7 @@ def load(
 def rescue(
     journal: Annotated[Path, typer.Argument(metavar="FILE.npz.part", help="partial file of a killed recording")],
 ) -> None:
-    """Convert the partial file of a killed recording into an event file."""
+    """Convert the partial file of an interrupted recording into an event file."""
     from eskin.board.journal import convert
 
     recording = convert(journal)
@@ -177,7 +178,7 @@ def _link(port: str, sink: Callable[[list[Record]], object], baud: int, patience
 
 @contextmanager
 def served(view: View, port: int, option: str = "--page") -> Iterator[ThreadingHTTPServer]:
-    """Yield a server of the live page."""
+    """Yield a server of the live page, or None without ``--page``."""
     from eskin.board.live import serve
 
     server = serve(view, port, option)
@@ -190,7 +191,7 @@ def served(view: View, port: int, option: str = "--page") -> Iterator[ThreadingH
 
 @contextmanager
 def sending(udp: str | None, clock_hz: float) -> Iterator[UdpSender | None]:
-    """Yield a sender of events over UDP; None without a destination."""
+    """Yield a UDP sender of events, or None without a destination."""
     from eskin.board.udp import UdpSender
 
     if udp is None:
@@ -205,7 +206,7 @@ def sending(udp: str | None, clock_hz: float) -> Iterator[UdpSender | None]:
 
 @contextmanager
 def _shown(view: View, page: int | None, udp: str | None, received: Received, link: Link) -> Iterator[None]:
-    """Show what the board sends: in the terminal, if there is one, and optionally in a browser and over UDP."""
+    """Show the data from the board live: in the terminal, in a browser, and over UDP."""
     received.watch = lambda records, events: view(records, events, link.waited_s())
     with ExitStack() as stack:
         view.sender = received.forward = stack.enter_context(sending(udp, view.clock_hz))

@@ -1,4 +1,4 @@
-"""The command demo: a simulated board and its live page (docs/guide/demo.md)."""
+"""The command demo: a simulated board with a live page (docs/guide/demo.md)."""
 
 from __future__ import annotations
 
@@ -46,9 +46,10 @@ def demo(
     limit: Annotated[int | None, typer.Option(min=1, help="number of images or recordings [until Ctrl-C]")] = None,
     readout: dict[str, Any] | None = None,
 ) -> None:
-    """Show the skin at work on a live page: a simulated board plays textures, or your image or recordings.
+    """Show a simulated board on a live page in the browser: textures, your image, or your recordings.
 
-    Images pass readout and classifier, recordings too with --weights. Without, the page shows their events.
+    Images run through readout and classifier. Recordings run through the readout, and with --weights also through
+    the classifier.
     """
     from eskin.board import demo as player
 

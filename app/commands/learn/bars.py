@@ -1,4 +1,4 @@
-"""Show progress of trainings: bars on standard error, or lines on standard output without a terminal."""
+"""Show the progress of trainings: bars on a terminal, lines elsewhere."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def epoch_bar(epochs: int) -> Iterator[tuple[Any, Any]]:
-    """Yield functions that show an epoch and print a sentence; without a terminal, print every tenth epoch.
+    """Yield functions that report an epoch and a sentence; without a terminal, print every tenth epoch.
 
     Sentences are warnings, and go to standard error always.
     """
@@ -39,7 +39,7 @@ def epoch_bar(epochs: int) -> Iterator[tuple[Any, Any]]:
 
 @contextmanager
 def cell_bar(total: int) -> Iterator[Any]:
-    """Yield the ``progress`` of a sweep; without a terminal, print a line per finished cell."""
+    """Yield the ``progress`` of a sweep; without a terminal, print a line per finished training."""
     if not watched():
 
         def line(run: PointRun, result: dict[str, Any] | None) -> None:

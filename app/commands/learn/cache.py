@@ -8,7 +8,7 @@ import typer
 
 
 def cache(clear: Annotated[bool, typer.Option("--clear", help="remove all recorded scans")] = False) -> None:
-    """Print the number of cached scans and their folder; --clear removes them."""
+    """Print the number of cached scans and their folder, or remove them with --clear."""
     from eskin.base import cache as place
     from eskin.snn.data import cache as scans
 

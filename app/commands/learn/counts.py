@@ -30,7 +30,10 @@ def counts(
         Path | None, typer.Option("-o", "--out", metavar="FILE", help="JSON file for the numbers"), WRITES_FILE
     ] = None,
 ) -> None:
-    """Compare the event counts of one encoder's resolutions on the same scans: empty bins, correlation, ratio."""
+    """Compare the event counts of several resolutions of an encoder on the same scans.
+
+    Prints the share of empty bins, and correlation and ratio of the counts.
+    """
     from eskin.snn.data.bins import BinConfig
     from eskin.snn.data.counts import empty_bins, likeness
     from eskin.snn.experiments.experiment import Experiment

@@ -22,7 +22,7 @@ def export(
     weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")] = TRAINED,
     eight_bits: Annotated[bool, typer.Option("--eight-bits", help=".npz: matrices in 8 bits")] = False,
 ) -> None:
-    """Write a trained network for other programs: NIR graph, or plain NumPy archive."""
+    """Export a trained network as a NIR graph or a NumPy archive."""
     if out.suffix not in (".nir", ".npz"):
         raise InputError(f"networks are written as .nir or .npz, not {out.name}; rename the output")
     if eight_bits and out.suffix == ".nir":
@@ -43,7 +43,7 @@ def export(
 
 
 def _tell_lacks(path: Path, weights: Weights) -> None:
-    """Print the features of a network that snnTorch and Norse lack, and the loss of test accuracy without them."""
+    """Print the network features that snnTorch and Norse lack, and the test accuracy without these features."""
     from eskin.snn.exchange.portable import lacks
     from eskin.snn.exchange.weights import config_of
 
@@ -82,7 +82,7 @@ def import_(
         str | None, typer.Option(metavar="zero|subtract", help="effect of a spike, if the file has none [zero]")
     ] = None,
 ) -> None:
-    """Read a network from a NIR graph."""
+    """Import a network from a NIR graph."""
     if out.suffix != ".npz":
         raise InputError(f"weight files end in .npz, {out.name} does not; rename the output")
     from eskin.snn.exchange.nir_network import load_nir
@@ -125,7 +125,7 @@ def quantise(
         bool, typer.Option("--accuracy", help="classify the test images of the training, float and integer")
     ] = False,
 ) -> None:
-    """Convert a trained network to integers for the hardware classifier, and write its memory images."""
+    """Quantise a trained network to integers for the hardware classifier, and write its memory images."""
     if out.suffix != ".npz":
         raise InputError(f"integer networks end in .npz, {out.name} does not; rename the output")
     from eskin.model.classifier.chip_config import with_room

@@ -26,7 +26,7 @@ def fig9(
     out: OutOption = DEFAULT_OUT,
     data_out: DataOutOption = None,
 ) -> None:
-    """Draw figure 9 (accuracy against data rate, with published points), and confusion matrices."""
+    """Plot figure 9, accuracy against data rate with published points, and confusion matrices."""
     from eskin.snn.experiments.points import READINGS
     from eskin.snn.figures.confusion import confusion_data, plot_confusion
     from eskin.snn.figures.fig9 import fig9_data, load_sweeps
@@ -62,7 +62,7 @@ def fig8(
     out: OutOption = DEFAULT_OUT,
     data_out: DataOutOption = None,
 ) -> None:
-    """Draw figure 8: one scan from texture through events and hidden spikes to the evidence for each class."""
+    """Plot figure 8: one scan from texture through events and hidden spikes to the evidence of each class."""
     from eskin.skin.figures.scan_to_class import plot_scan
     from eskin.snn.figures.fig8_play import Places, play
 

@@ -34,7 +34,10 @@ def frontier(
         Path, typer.Option("-o", "--out", metavar="DIR", help="cells, frontier.json and .png"), WRITES_FOLDER
     ] = Path("out/frontier"),
 ) -> None:
-    """Train readouts of chosen taxels: accuracy against events/s, bits/s and power; a stopped run goes on."""
+    """Train networks on a few taxels, and compare accuracy with events/s, bits/s and power.
+
+    A stopped run continues with the missing trainings.
+    """
     from eskin.base.shapes import read_shaped
     from eskin.snn.experiments.points import load_sweep
     from eskin.snn.figures.fig9 import KEPT
@@ -82,7 +85,7 @@ def frontier(
 
 
 def _print(points: list[dict[str, Any]]) -> None:
-    """Print one line for each point."""
+    """Print one line per point."""
     for point in points:
         low, high = (100 * end for end in point["interval"])
         print(

@@ -1,4 +1,4 @@
-"""Common options of train, crossval and sweep, and the experiment that they describe."""
+"""Common options of train, crossval and sweep, and the experiment that they define."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def _options(
     settings: Settings = None,
     grid: Grid = None,
 ) -> None:
-    """Declare the options that describe an experiment, in their order; never called."""
+    """Declare the options that define an experiment; this function is never called."""
 
 
 NOT_OF_A_SWEEP = ("encoding", "resolution", "events", "frames")
@@ -134,7 +134,7 @@ NOT_OF_A_SWEEP = ("encoding", "resolution", "events", "frames")
 
 
 def with_experiment(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Replace the parameter ``made`` of a command, an Experiment (whose module loads torch), by its options.
+    """Replace the parameter ``made`` of a command, an Experiment, by the options that define it.
 
     A parameter ``options`` instead receives their values by name, without those that the points of a sweep say.
     """
@@ -147,7 +147,7 @@ def with_experiment(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _made(values: dict[str, Any]) -> dict[str, Any]:
-    """Return the experiment of a command for one network; refuse settings that the network does not have."""
+    """Return the experiment for the options of a command; raise an error for settings that the network lacks."""
     from eskin.snn.experiments.settings import idle_settings
 
     made = build_experiment(values)
@@ -158,7 +158,7 @@ def _made(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def build_experiment(options: dict[str, Any]) -> Experiment:
-    """Return the experiment that the options of a command describe.
+    """Return the experiment for the options of a command.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
 
 
 def _following(recipe: str, folder: Path, bin_s: float) -> dict[str, Any]:
-    """Return the settings that follow from the lengths of own recordings, and print the windows."""
+    """Return the parameters that depend on the lengths of a user's recordings, and print the chosen windows."""
     from eskin.skin.recordings.statistics import seconds_of
     from eskin.snn.experiments.recipes import for_recordings
 
@@ -237,7 +237,7 @@ def _following(recipe: str, folder: Path, bin_s: float) -> dict[str, Any]:
 
 
 def _bin_of(folder: Path) -> float | None:
-    """Return the sample period of recordings if longer than the default bin, since shorter bins would be empty."""
+    """Return the sample period of recordings if it is longer than the default bin, else None."""
     from eskin.model.events.recording import Recording
     from eskin.snn.data.bins import BinConfig
     from eskin.snn.data.recordings import event_files
@@ -250,7 +250,7 @@ def _bin_of(folder: Path) -> float | None:
 
 
 def check_device(device: str, threads: int) -> None:
-    """Set torch up, and refuse a missing device."""
+    """Configure torch, and check that the device exists."""
     import torch
 
     torch.set_num_threads(threads)
@@ -261,7 +261,7 @@ def check_device(device: str, threads: int) -> None:
 
 
 def output_folder(folder: Path, *names: str) -> None:
-    """Create a folder, and refuse a folder in which these files cannot be written, before any work."""
+    """Create an output folder, and check that files can be written there, before any work."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in names:
         check_file(folder / name)

@@ -24,7 +24,7 @@ def pair(
         Path | None, typer.Option("-o", "--out", metavar="FILE", help="JSON file for the numbers"), WRITES_FILE
     ] = None,
 ) -> None:
-    """Compare two sweep points image by image: McNemar's exact test, and the difference with its interval."""
+    """Compare the predictions of two sweep points image by image with McNemar's exact test."""
     from eskin.snn.experiments.pairs import find_point
     from eskin.snn.experiments.pairs import pair as compare
     from eskin.snn.experiments.points import READINGS

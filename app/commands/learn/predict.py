@@ -63,7 +63,7 @@ def predict(
         Path, typer.Option("-o", "--out", metavar="FILE", help="predictions of all recordings"), WRITES_FILE
     ] = Path("out/predictions.json"),
 ) -> None:
-    """Classify recordings with a trained network; --check-model requires that RTL and model agree bit for bit."""
+    """Classify recordings with a trained network."""
     import torch
 
     from eskin.skin.foreign.address_map import AddressMap
@@ -110,7 +110,7 @@ def predict(
 
 
 def _own_events(trained: Trained, data: Path | None, check_model: bool) -> Path:
-    """Return the event files of a user's recordings, prepared as for the training."""
+    """Return the event files of a user's recordings, prepared as in the training."""
     from eskin.skin.recordings.trained_on import EVERY_FIELD
 
     if data is None:
@@ -128,7 +128,7 @@ def _own_events(trained: Trained, data: Path | None, check_model: bool) -> Path:
 
 
 def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> None:
-    """Print the number of RTL recordings equal to the model; exit with 1 if any differs or none was compared."""
+    """Print the number of RTL recordings that equal the model; exit with 1 on a difference."""
     from eskin.snn.experiments.evaluate import LEVELS
 
     names = [recording.metadata["name"] for recording in recordings]
@@ -149,7 +149,7 @@ def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> N
 
 
 def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float32], trained: Trained) -> None:
-    """Print name, class and prediction of a few recordings, or of those without a class."""
+    """Print names, classes and predictions of recordings."""
     from eskin.snn.data.recordings import class_of
 
     for recording, row in zip(recordings, logits, strict=True):

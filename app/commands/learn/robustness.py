@@ -43,7 +43,10 @@ def robustness(
         Path, typer.Option("-o", "--out", metavar="DIR", help="cells, robustness.json and .png"), WRITES_FOLDER
     ] = Path("out/robustness"),
 ) -> None:
-    """Test trained networks under noise, mismatch, faults and other movements; continues a stopped run."""
+    """Test trained networks with noise, mismatch, faults and other movements.
+
+    A stopped run continues with the missing tests.
+    """
     from eskin.snn.data.disturb import DISTURBANCES
     from eskin.snn.experiments.robustness import cases, run_cells, summarise
     from eskin.snn.figures.robustness import plot_robustness
@@ -70,7 +73,7 @@ def robustness(
 
 
 def subjects_of(places: list[Path] | None, scenes: bool = True) -> list[Subject]:
-    """Return the trained networks of folders, by default the suitable ones below ``OUT_TRAIN``.
+    """Return the trained networks in folders, by default the suitable ones below ``OUT_TRAIN``.
 
     Parameters
     ----------
@@ -106,7 +109,7 @@ def subjects_of(places: list[Path] | None, scenes: bool = True) -> list[Subject]
 
 
 def trained_files(places: list[Path]) -> list[Path]:
-    """Return the weight files in folders, at any depth."""
+    """Return the weight files below folders."""
     found = []
     for place in places:
         below = sorted(place.rglob("weights.npz")) if place.is_dir() else [place]

@@ -35,7 +35,7 @@ def noise_power(
         Path, typer.Option("-o", "--out", metavar="DIR", help="cells, noise_power.json and .png"), WRITES_FOLDER
     ] = Path("out/noise-power"),
 ) -> None:
-    """Measure accuracy, event rate and power of trained networks at each AFE noise, in both power modes."""
+    """Measure accuracy, event rate and power of trained networks at several levels of AFE noise."""
     from eskin.snn.figures.noise_power import plot_noise_power
     from eskin.snn.studies.noise import MODES, points_of, under_noise
     from eskin.snn.studies.paired import paired
@@ -60,7 +60,7 @@ def noise_power(
 
 
 def two_of(text: str | None, known: Collection[str]) -> list[str]:
-    """Return the two networks to compare, or none."""
+    """Return the names of the two networks to compare, or None."""
     names = [name.strip() for name in text.split(",")] if text is not None else []
     if text is not None and (len(names) != 2 or not set(names) <= set(known)):
         raise InputError(f"--pair takes two of {', '.join(sorted(known))}, with a comma between, not {text!r}")
@@ -102,7 +102,7 @@ def merits(
     context: typer.Context,
     weights: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="DIR...", help="folders NETWORK/TRAINING/ of eskin train, for the latency; [none]"),
+        typer.Argument(metavar="DIR...", help="folders NETWORK/TRAINING/ of eskin train, for the latency [none]"),
     ] = None,
     pair: Pair = None,
     noise: Annotated[
@@ -114,7 +114,7 @@ def merits(
         "out/merits"
     ),
 ) -> None:
-    """Compare events and frames: latency, data rate at rest, noise, and timing precision."""
+    """Compare events and frames by latency, data rate at rest, noise and timing error."""
     from eskin.skin.textures.dataset import open_dataset
     from eskin.snn.figures.merits import plot_merits
     from eskin.snn.studies.merits import rest_and_timing
@@ -171,7 +171,7 @@ def precision(
         Path, typer.Option("-o", "--out", metavar="DIR", help="cells, precision.json and .png"), WRITES_FOLDER
     ] = Path("out/precision"),
 ) -> None:
-    """Measure the accuracy of trained networks as integers of few bits, with the hardware's integer model."""
+    """Measure the accuracy of trained networks after quantisation to few bits."""
     from eskin.snn.figures.precision import plot_precision
     from eskin.snn.studies.precision import in_precisions, parse_variants, points_of, tests_of
 

@@ -63,7 +63,10 @@ def sweep(
         Path, typer.Option("-o", "--out", metavar="DIR", help="a folder per point, and sweep.json"), WRITES_FOLDER
     ] = Path("out/sweep"),
 ) -> None:
-    """Cross-validate many points at once; after a stop, run only the folds and seeds that are missing."""
+    """Cross-validate networks for many readouts and resolutions.
+
+    A stopped run continues with the missing folds and seeds.
+    """
     from eskin.snn.experiments.settings import parse_points
 
     chosen = [] if events else parse_points(points)
@@ -93,7 +96,7 @@ def sweep(
 
 
 def _tell_idle(points: list[SweepPoint], settings: list[str] | None) -> None:
-    """Print the settings without effect on some points; refuse a setting without effect on any point."""
+    """Print the settings without effect on some points; raise an error for a setting without effect on all points."""
     from eskin.snn.experiments.settings import idle_settings
 
     idle: dict[str, list[str]] = {}
@@ -107,7 +110,7 @@ def _tell_idle(points: list[SweepPoint], settings: list[str] | None) -> None:
 
 
 def _point(readout: str, numbers: str, options: dict[str, Any]) -> SweepPoint:
-    """Return the point for all other options of the command."""
+    """Return the sweep point for a readout and the other options of the command."""
     from eskin.snn.experiments.sweep import SweepPoint
 
     options = options | UNSAID
@@ -130,7 +133,7 @@ def _point(readout: str, numbers: str, options: dict[str, Any]) -> SweepPoint:
 
 
 def _recorded_point(folder: Path, options: dict[str, Any]) -> SweepPoint:
-    """Return the point of a folder of event files, named after the folder."""
+    """Return the sweep point for a folder of event files."""
     from eskin.snn.experiments.sweep import SweepPoint
 
     made = build_experiment(options | UNSAID | {"events": folder})
@@ -139,7 +142,7 @@ def _recorded_point(folder: Path, options: dict[str, Any]) -> SweepPoint:
 
 
 def command_line(context: typer.Context) -> str:
-    """Return the command that reproduces the result: the non-default options."""
+    """Return the command line that reproduces the result, without default options."""
     words = ["eskin", str(context.info_name)]
     for option in context.command.params:
         value = context.params.get(str(option.name))
@@ -152,7 +155,7 @@ def command_line(context: typer.Context) -> str:
 
 
 def _print_table(points: list[PointSummary]) -> None:
-    """Print the accuracy and data rate of every point."""
+    """Print accuracy and data rate of every sweep point."""
     title = (
         "accuracy in % by data rate in units of 640 kb/s\n"
         "95 % interval over images and seeds; sd over cells, each one fold and seed"

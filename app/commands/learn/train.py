@@ -54,7 +54,10 @@ def train(
         WRITES_FOLDER,
     ] = None,
 ) -> None:
-    """Train one network on one fold; continues a stopped training from its checkpoint."""
+    """Train a network on all folds but one, and test it on this fold.
+
+    A stopped training continues from its checkpoint.
+    """
     check_device(device, threads)
     if made.grid is not None:
         raise InputError("train takes one setting; give it with --set, or the grid to crossval or sweep")
@@ -99,7 +102,7 @@ def train(
 
 
 def _print_result(training: Training, result: dict[str, Any], data: ScanData, noun: str) -> None:
-    """Print the test accuracy, and the references of the training if any."""
+    """Print the test accuracy, and the accuracy of baseline classifiers."""
     from eskin.snn.reference import is_unbalanced, sentences
 
     last, labels = training.history[-1], result["labels"]
@@ -114,7 +117,7 @@ def _print_result(training: Training, result: dict[str, Any], data: ScanData, no
 
 
 def _name_of(made: Experiment, data: ScanData, fold: int, seed: int) -> str:
-    """Return a folder name for a training: its data and readout, and a digest of all its settings."""
+    """Return a folder name for a training: data, readout, and a digest of all settings."""
     own = made.to_dict() | {"fold": fold, "seed": seed, "names": data.names}
     digest = hashlib.sha256(json.dumps(own, sort_keys=True, default=str).encode()).hexdigest()[:6]
     what = made.preset if made.events is None else "recordings"
@@ -123,7 +126,7 @@ def _name_of(made: Experiment, data: ScanData, fold: int, seed: int) -> str:
 
 @contextmanager
 def _epochs(made: Experiment, data: ScanData) -> Iterator[Callable[[Epoch], None]]:
-    """Yield a function that shows an epoch; print each kind of warning once."""
+    """Yield a function that reports an epoch and prints each kind of warning once."""
     network = made.network_config(data)
     told: set[str] = set()
     with epoch_bar(made.train.epochs) as (show, say):
@@ -149,7 +152,10 @@ def crossval(
         Path, typer.Option("-o", "--out", metavar="DIR", help="one file per cell, and the report"), WRITES_FOLDER
     ] = Path("out/crossval"),
 ) -> None:
-    """Cross-validate a network: folds x seeds; continues a stopped run with the missing cells."""
+    """Cross-validate a network over all folds and several seeds.
+
+    A stopped run continues with the missing folds and seeds.
+    """
     check_device("cpu", 1)
     output_folder(out, "result.json")
     with bar("recording scans") as step:

@@ -30,7 +30,7 @@ def event_rates(
     workers: Workers = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """Measure the event rates of every taxel, N = 1..10, for the power model (docs/guide/power.md)."""
+    """Measure the event rate of every taxel at N = 1..10, for the power model."""
     from eskin.base.files import atomic_write
     from eskin.skin.textures.dataset import EMBEDDED, open_dataset
 

@@ -95,7 +95,7 @@ def explore(
 
 
 def _print(data: dict[str, Any]) -> None:
-    """Print the study as a table with the cheapest readout at every resolution marked, and the result."""
+    """Print the power of all readouts as a table, with the cheapest readout marked at every resolution."""
     from rich.text import Text
 
     from eskin.base.units import with_unit

@@ -57,7 +57,7 @@ def power(
     rates: RatesOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Print the power of the three readouts."""
+    """Print the power of the three readouts: LCS, N-LCS and frames."""
     if parameters:
         _print_parameters(PowerParameters().with_settings(settings or []), as_json)
         return
@@ -101,7 +101,7 @@ def _mode_text(model: PowerModel) -> str:
 
 
 def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> None:
-    """Print breakdowns as a table, a column for each readout."""
+    """Print power breakdowns as a table, one column per readout."""
     from eskin.base.units import with_unit
     from eskin.power.readouts import READOUT_NAMES, READOUTS
 
@@ -123,7 +123,7 @@ def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> Non
 
 
 def _print_crossovers(data: dict[str, Any], sides: dict[str, Any], model: PowerModel) -> None:
-    """Print crossovers as a table, a line for each resolution."""
+    """Print crossovers as a table, one row per resolution."""
     from eskin.power.study import RESOLUTIONS
 
     lines = [(f"N-LCS {float(tau):g} s", data["nlcs"][tau], sides["nlcs"][tau]) for tau in data["nlcs"]]
@@ -138,7 +138,7 @@ def _print_crossovers(data: dict[str, Any], sides: dict[str, Any], model: PowerM
 
 
 def _side_text(noise_v_rms: float | None, side: str) -> str:
-    """Return a crossover in mV with a sign for its side, or "any" or "none"."""
+    """Return a crossover in mV with a sign for the cheaper side, or "any" or "none"."""
     if noise_v_rms is None:
         return {"always": "any", "never": "none"}[side]
     return f"{'>' if side == 'above' else '<'} {noise_v_rms * 1e3:.4g}"
@@ -179,7 +179,7 @@ def fig6(
     preset_name: PresetOption = "paper",
     rates: RatesOption = None,
 ) -> None:
-    """Draw figure 6 in both modes: power at three noise targets."""
+    """Plot figure 6 in both modes: power at three noise targets."""
     from eskin.power.figures.plots import plot_fig6
     from eskin.power.study import FIG_RESOLUTION, FIG_TAU_S, fig6_data
 
@@ -197,7 +197,7 @@ def fig7(
     preset_name: PresetOption = "paper",
     rates: RatesOption = None,
 ) -> None:
-    """Draw figure 7 in both modes: crossover noise by resolution."""
+    """Plot figure 7 in both modes: crossover noise by resolution."""
     from eskin.power.figures.plots import plot_fig7
     from eskin.power.study import RESOLUTIONS, TAUS_S, fig7_data
 
@@ -232,7 +232,7 @@ def sensitivity(
 
 
 def _print_sensitivity(data: dict[str, Any]) -> None:
-    """Print the study as a table."""
+    """Print the sensitivity study as a table."""
     from eskin.power.readouts import READOUT_NAMES, SPIKING
 
     title = (

@@ -21,7 +21,7 @@ def compare(
     b: Annotated[Path, typer.Argument(metavar="B", help="event file")],
     plot: Annotated[Path | None, typer.Option(help="raster picture of both", metavar="FILE"), WRITES_FILE] = None,
 ) -> None:
-    """Compare two event files, event by event: exit code 0 if equal, 1 if not."""
+    """Compare two event files; exit code 0 if all events are equal, 1 if not."""
     if plot is not None:
         from eskin.base.figures.style import check_picture_path
         from eskin.skin.figures.raster import plot_comparison
@@ -56,7 +56,7 @@ def _settings_that_differ(first: Recording, second: Recording, labels: tuple[str
 
 
 def _print_counts(first: Recording, second: Recording, labels: tuple[str, str]) -> None:
-    """Print the event counts of taxels that differ in both files."""
+    """Print the event counts of taxels with different counts in both files."""
     config = covering_config(first.config, second.config)
     counts = [count_per_taxel(recording.events, config) for recording in (first, second)]
     print(f"\n{labels[0]} has {len(first.events)} events, {labels[1]} {len(second.events)}")

@@ -62,7 +62,7 @@ def convert(
         str | None, typer.Option(metavar="us|clocks", help="to .npy or .csv: unit of the times [us]")
     ] = None,
 ) -> None:
-    """Convert events from and to other programs: AEDAT 4, NIRData, tables, arrays.
+    """Convert events from and to formats of other programs: AEDAT 4, NIRData, tables and arrays.
 
     A folder of foreign events becomes a folder of event files of one readout, for train --events.
     """
@@ -148,7 +148,7 @@ def _taken(
     options: Mapping[str, object],
     own_start: bool = False,
 ) -> list[Recording]:
-    """Return recordings of one readout with the events of foreign files; print the assumptions and losses.
+    """Return recordings converted from foreign files; print assumptions and losses.
 
     With ``own_start`` clock 0 is the first event of each file, unless the options say another time.
     """
@@ -187,14 +187,14 @@ def _taken(
 
 
 def _number(start: object) -> float | None:
-    """Return a start time as an integer if possible, so that integer time stamps stay exact."""
+    """Return a start time, as an integer if possible."""
     if not isinstance(start, float):
         return None
     return int(start) if start.is_integer() else start
 
 
 def _write(out: Path, recording: Recording, bin_s: float | None, unit: str | None) -> str:
-    """Write a recording by the ending of its file; return a sentence about a loss, or an empty text."""
+    """Write a recording in the format of the file suffix; return a warning about losses, or an empty text."""
     if out.suffix == ".npz":
         recording.save(out)
         return ""

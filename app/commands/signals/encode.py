@@ -62,7 +62,7 @@ def encode(
     workers: Workers = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """Encode an image, your own samples or a folder of them into address events."""
+    """Encode an image, a file of samples, or a folder of sample files into address events."""
     if model not in get_args(Model):
         raise InputError(f"--model must be one of {', '.join(get_args(Model))}, not {model!r}")
     if source.is_dir():
@@ -108,7 +108,7 @@ def encode(
 def _encode_folder(
     source: Path, out: Path, options: Preparation, config: ReadoutConfig, given: frozenset[str], pool: WorkerPool
 ) -> None:
-    """Write an event file for every recording of class folders, and print their quality."""
+    """Write an event file for every recording in class folders, and print the quality of the events."""
     from eskin.skin.recordings.folder import read_set, write_folder
 
     with bar("reading recordings") as progress:
@@ -153,7 +153,7 @@ def decode(
         Path | None, typer.Option(help="picture of signals and events", metavar="FILE"), WRITES_FILE
     ] = None,
 ) -> None:
-    """Rebuild the signals of all taxels from an event file alone."""
+    """Reconstruct the signals of all taxels from an event file."""
     from eskin.skin.recordings.quality import decode_recording, names_and_start
 
     check_samples_path(out)

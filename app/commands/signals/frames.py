@@ -1,4 +1,4 @@
-"""The command ``frames``: data rates of spiking readouts and frame readout on the same scans."""
+"""The command frames: data rates of spiking readouts and frame readout on equal scans."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def frames(
     scheduler: Scheduler = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
-    """Compare events and frames on the same scans: bits per second and activity."""
+    """Compare data rate and activity of events and frames on the same scans."""
     scan = preset(preset_name)
     readout = config if frame_rate is None else config.replace(sample_rate_hz=frame_rate)
     frame = FrameConfig(readout=readout, **(stored | own))
@@ -66,7 +66,7 @@ def frames(
 
 
 def _print_table(report: dict[str, Any]) -> None:
-    """Print a report as a table on standard output, a line for each readout."""
+    """Print data rates as a table, one row per readout."""
     frame = report["frame"]
     title = (
         f"{report['rows']} x {report['columns']} taxels, {report['resolution']} b, tau {report['tau_s']:.3g} s, "

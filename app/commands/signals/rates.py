@@ -74,7 +74,7 @@ def rates(
 
 
 def _print_table(report: dict[str, Any]) -> None:
-    """Print a report as a table on standard output."""
+    """Print event rates as a table."""
     rate, published, tau_s = (report[k] for k in ("population_rate_hz", "published_rate_hz", "tau_s"))
     rows = {
         "readout": f"{report['encoding']} {report['resolution']} b"

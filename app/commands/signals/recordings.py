@@ -47,7 +47,7 @@ def with_preparation(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def check_alone(data: Path | None, prepared: Mapping[str, Any], others: Mapping[str, object]) -> None:
-    """Refuse options for textures together with recordings, and options for recordings without them."""
+    """Check that options for textures and options for recordings are not mixed."""
     if data is None and prepared:
         raise InputError(f"{option_named(next(iter(prepared)))} is for your own recordings; add --data DIR")
     if data is not None and (idle := [option for option, value in others.items() if value is not None]):
@@ -55,19 +55,19 @@ def check_alone(data: Path | None, prepared: Mapping[str, Any], others: Mapping[
 
 
 def option_named(field: str) -> str:
-    """Return the option of a field of Preparation."""
+    """Return the option for a field of Preparation."""
     return option_of(next(f for f in dataclasses.fields(Preparation) if f.name == field))
 
 
 def preparation(prepared: Mapping[str, Any]) -> Preparation:
-    """Return how to read the recordings of a folder; the baseline is the first value by default."""
+    """Return the preparation for a folder of recordings."""
     return Preparation(**({"baseline": "first"} | dict(prepared)))
 
 
 def own_recordings(
     place: Path, prepared: Mapping[str, Any], config: ReadoutConfig, given: Collection[str], again: bool = False
 ) -> RecordingSet:
-    """Return a user's recordings with a suitable configuration, and print a summary unless ``again``."""
+    """Return a user's recordings with a suitable configuration, and print a summary."""
     from eskin.skin.recordings.folder import read_set
 
     if not place.exists():
@@ -82,7 +82,7 @@ def own_recordings(
 def events_of(
     place: Path, prepared: Mapping[str, Any], config: ReadoutConfig, given: Collection[str], flat: bool = False
 ) -> Path:
-    """Return the folder of event files of a user's recordings, from the cache if present.
+    """Return the folder of event files of a user's recordings, encoded if not cached.
 
     ``flat`` takes recordings without a class too: a file, or a folder of files.
     """
@@ -100,7 +100,7 @@ def events_of(
 
 
 def print_notes(notes: Iterable[str]) -> None:
-    """Print how the files were interpreted."""
+    """Print notes on the interpretation of the files."""
     for note in notes:
         print(printable(f"note: {note}"))
 
@@ -112,7 +112,7 @@ def warn(warnings: Iterable[str]) -> None:
 
 
 def print_set(recordings: RecordingSet, again: bool = False) -> None:
-    """Print a summary of recordings, unless ``again``, and their configuration."""
+    """Print a summary of recordings and their configuration."""
     config = recordings.config
     print_notes(() if again else recordings.notes)
     classes = sorted({source.class_name for source in recordings.sources if source.class_name is not None})
@@ -129,7 +129,7 @@ def print_set(recordings: RecordingSet, again: bool = False) -> None:
 
 
 def quality_text(quality: Quality) -> str:
-    """Return load, late and merged decisions, SNR and bound in one line."""
+    """Return load, late and merged decisions, SNR and bound as one line."""
     bound = "holds" if quality.bound_holds else "does not hold"
     return (
         f"link busy {quality.load:.2%}, {quality.peak_load:.0%} at most; {quality.late} events late, "

@@ -37,7 +37,7 @@ def report(
     ] = None,
     synthesis: SynthesisOption = None,
 ) -> None:
-    """Write all figures of the project into one HTML file, which needs no server or network."""
+    """Write all figures of the project into one self-contained HTML file."""
     from eskin.app.report.data import report_data
     from eskin.base.files import atomic_write
 

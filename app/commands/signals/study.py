@@ -29,7 +29,7 @@ def study(
     out: OutOption = DEFAULT_OUT,
     as_json: JsonOption = False,
 ) -> None:
-    """Compare SNR and data rate of every encoder on slow signals with uniform sampling at the same rate."""
+    """Compare SNR and data rate of every encoder with uniform sampling on slow signals."""
     from eskin.skin.figures.study import plot_study
     from eskin.skin.recordings.study import RESOLUTIONS, study_data
 
@@ -47,7 +47,7 @@ def study(
 
 
 def _print(found: dict[str, Any]) -> None:
-    """Print the study as a table."""
+    """Print the study of slow signals as a table."""
     title = (
         f"{found['source']}: {found['recordings']} recordings, {found['rows']} x {found['columns']} taxels, "
         f"{found['rate_hz']:g} samples/s"

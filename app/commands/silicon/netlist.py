@@ -32,7 +32,7 @@ def gatesim(
         Path, typer.Option("-o", "--out", help="folder for netlist, pictures, events"), WRITES_FOLDER
     ] = Path("out/gates"),
 ) -> None:
-    """Compare a clock-gated netlist with the model; exit code 1 on a difference, or on X after reset."""
+    """Compare a clock-gated netlist with the model; exit code 1 on a difference or an X after reset."""
     from eskin.cocotb_tests.runner import sim as session
     from eskin.cocotb_tests.runner.process import MismatchFound
     from eskin.flow.gatesim.sim import play, prepare
@@ -71,7 +71,7 @@ def asic(
         "out/asic"
     ),
 ) -> None:
-    """Make a clock-gated netlist, prove and check it, and measure area, timing and power; exit code 1 if a check fails.
+    """Synthesise a clock-gated netlist, verify it, and measure area, timing and power; exit code 1 if a check fails.
 
     OUT/NAME gets the netlist, its constraints (.sdc) and report.json.
     """
@@ -113,7 +113,7 @@ def asic_scale(
         "out/asic/scale.json"
     ),
 ) -> None:
-    """Estimate area and highest clock of growing arrays, with wires and repeaters."""
+    """Estimate area and highest clock frequency of growing arrays, including wires and repeaters."""
     from eskin.app.tables import new_table, show
     from eskin.flow.liberty.library import read
     from eskin.flow.scale.measure import designs_of, measure
@@ -152,7 +152,7 @@ def gatepower(
         "out/gatepower"
     ),
 ) -> None:
-    """Measure the power of clock-gated netlists in simulation, without and with wires, in two ways."""
+    """Measure the power of clock-gated netlists by simulation, with and without wires."""
     from eskin.app.tables import new_table, show
     from eskin.base.files import origin
     from eskin.cocotb_tests.runner.reproduce import variables
@@ -189,7 +189,7 @@ def gatepower(
 
 
 def _scale_row(result: dict[str, Any]) -> list[str]:
-    """Return a table row for an array."""
+    """Return the table row for an array."""
     without, wired = result["without_wires"], result["with_wires"]
     tiles = f"{result['tile_rows']} x {result['tile_columns']}" if "relays" in result else ""
     return [
@@ -206,7 +206,7 @@ def _scale_row(result: dict[str, Any]) -> list[str]:
 
 
 def _power_row(result: dict[str, Any]) -> list[str]:
-    """Return a table row for a result."""
+    """Return the table row for a power measurement."""
     energies = [result.get(f"energy_per_{name}event_j") for name in ("", "lone_", "texture_")]
     ratios = [stretch["agreement"] for stretch in result["scenarios"].values()]
     return [

@@ -22,7 +22,7 @@ def layout(
         "out/layout"
     ),
 ) -> None:
-    """Lay out a readout in SkyWater 130 nm rules and check the result; exit code 1 if a check fails.
+    """Place and route a readout for SkyWater 130 nm and check the layout; exit code 1 if a check fails.
 
     OUT/NAME gets GDS, DEF, a picture and report.json. Needs KLayout and the packages that make layout installs.
     """
@@ -56,7 +56,7 @@ def fpga(
         "out/fpga"
     ),
 ) -> None:
-    """Make a bitstream for a board, and report resources and clock; exit code 1 below 50 MHz.
+    """Build the bitstream for a board, and report resources and clock; exit code 1 below 50 MHz.
 
     OUT/BOARD gets eskin_board.bit and report.json. The same design gives the same bytes.
     """

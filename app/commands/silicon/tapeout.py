@@ -30,7 +30,7 @@ def tapeout(
         "out/tapeout"
     ),
 ) -> None:
-    """Write the folder of a readout that a shuttle accepts: sources, pins, test, documentation, settings of its flow.
+    """Write the project folder of a readout for a shuttle: sources, pins, test, documentation, flow settings.
 
     The readout gets SPI registers, a loader of samples and a four-phase link. With --lib its netlist lies beside the
     test, for make GATES=yes.

@@ -1,4 +1,4 @@
-"""The commands verilog and gates: Verilog of the readout for a CMOS flow."""
+"""The commands verilog and gates."""
 
 from __future__ import annotations
 
@@ -56,9 +56,10 @@ def verilog(
         ),
     ] = False,
 ) -> None:
-    """Write eskin_readout.v or eskin_frame_readout.v, .sdc, .json (configuration and ports) and .core (FuseSoC).
+    """Write the Verilog of a readout with timing constraints, port list (JSON) and FuseSoC core file.
 
-    With --registers spi also eskin_registers.h and eskin_registers.md; of all but a chip a datasheet.
+    The files are eskin_readout.v or eskin_frame_readout.v, .sdc, .json and .core. --registers spi adds
+    eskin_registers.h and eskin_registers.md. All designs except --chip also get a datasheet.
     """
     if tiles is not None:
         if stored:
@@ -89,7 +90,7 @@ def verilog(
 
 
 def _deliver(config: Config, out: Path, prove: bool, report: Path | None = None, gated: bool = False) -> None:
-    """Write a design and its datasheet into a folder and print the files; optionally prove the Verilog first."""
+    """Write a design and its datasheet into a folder, optionally after proving the Verilog."""
     from eskin.flow.datasheet.page import deliver
 
     if prove and gated:
@@ -117,7 +118,7 @@ def gates(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
-    """Count gates and flops of both readouts for the same array, or of a classifier."""
+    """Count the gates and flops of both readouts for the same array, or of a classifier."""
     import json
 
     from eskin.flow.gate_count import count_gates
@@ -151,7 +152,7 @@ def gates(
 
 
 def _count_classifier(path: Path, liberty: Path | None, as_json: bool) -> None:
-    """Count gates and flops of a classifier file, and print them."""
+    """Print the gates and flops of a classifier."""
     import json
 
     from eskin.flow.gate_count import count_gates

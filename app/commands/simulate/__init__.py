@@ -1,1 +1,1 @@
-"""Commands: they parse options and print."""
+"""Commands that compare RTL and model."""

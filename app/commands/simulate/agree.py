@@ -1,4 +1,4 @@
-"""The command agree: trained or foreign networks as integers, in the model and in the RTL."""
+"""The command agree: compare float, integer and RTL networks."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def agree(
         Path, typer.Option("-o", "--out", metavar="DIR", help="agreement.json and simulations"), WRITES_FOLDER
     ] = Path("out/agree"),
 ) -> None:
-    """Compare networks in float, as integers and in the RTL, on random events; exit code 1 if RTL and model differ."""
+    """Compare networks in float, in integers and in RTL on random events; exit code 1 if RTL and model differ."""
     from eskin.snn.exchange.weights import load_weights
     from eskin.snn.studies.agreement import agreement, random_events
 
@@ -72,7 +72,7 @@ def _bits(text: str) -> list[int]:
 
 
 def _inputs(weights: Weights) -> int:
-    """Return the channels of a spiking network."""
+    """Return the number of input channels of a spiking network."""
     from eskin.snn.exchange.weights import config_of
 
     return config_of(weights.network).inputs
@@ -81,7 +81,7 @@ def _inputs(weights: Weights) -> int:
 def _in_rtl(
     weights: Weights, bits: int, events: NDArray[Any], simulator: str, folder: Path
 ) -> tuple[dict[str, int], str]:
-    """Return the counts of the RTL's comparison with the model, and the first difference or an empty text."""
+    """Return the counts of the comparison of RTL and model, and the first difference as text."""
     from typing import cast
 
     from eskin.cocotb_tests.blocks.classifier import play_scans

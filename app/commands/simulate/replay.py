@@ -1,4 +1,4 @@
-"""The command replay: a whole dataset, or all recordings of a user, through RTL and model."""
+"""The command replay: run a whole dataset, or all recordings of a user, through RTL and model."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ def replay(
         "out/replay"
     ),
 ) -> None:
-    """Play a whole dataset, or your recordings, through RTL and model, compare every event, and store the RTL's events.
+    """Run a whole dataset or your recordings through RTL and model, compare every event, and store the events.
 
-    Can be stopped and started again: existing events of the same configuration are not computed again.
+    A stopped run continues with the missing recordings.
     """
     from eskin.cocotb_tests.runner import replay as session
     from eskin.cocotb_tests.runner.process import MismatchFound
@@ -88,7 +88,7 @@ def _plan_own(
     only: str | None,
     out: Path,
 ) -> Plan:
-    """Return the plan for a user's own recordings."""
+    """Return the plan for a user's recordings."""
     from eskin.cocotb_tests.runner.inputs import Own, chosen
     from eskin.cocotb_tests.runner.replay import Plan
     from eskin.cocotb_tests.runner.simulator import require_programs
@@ -99,7 +99,7 @@ def _plan_own(
 
 
 def _conclude(plan: Plan, played: int, now: dict[str, Any], keep: Path | None) -> None:
-    """Write and print the totals of all recordings; fail if some are missing or none has an event."""
+    """Write and print the totals of all recordings; exit with 1 if recordings are missing or no event occurred."""
     from eskin.cocotb_tests.runner.replay import summarise
 
     summary, count = summarise(plan), len(plan.names)

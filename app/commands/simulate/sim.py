@@ -1,4 +1,4 @@
-"""The command sim: scenarios and texture scans, or a user's recordings, through RTL and model."""
+"""The command sim: run scenarios and texture scans, or a user's recordings, through RTL and model."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def sim(
         "out/sim"
     ),
 ) -> None:
-    """Compare RTL and model on scenarios and texture scans, or on your recordings; exit code 1 if they differ."""
+    """Compare RTL and model on test scenarios and texture scans, or on your recordings; exit code 1 if they differ."""
     from eskin.cocotb_tests.runner.process import Tally
 
     check_alone(data, prepared, {"--dataset": dataset, "--netlist": netlist, "--cells": cells})
@@ -73,7 +73,7 @@ def _play_textures(
     gates: tuple[Path | None, Path | None],
     total: Tally,
 ) -> None:
-    """Play scenarios and scans with each encoding, on the RTL or on a netlist and its cells."""
+    """Run scenarios and scans with each encoding on the RTL or on a netlist."""
     from eskin.cocotb_tests.runner import sim as session
     from eskin.cocotb_tests.runner.process import MismatchFound
 
@@ -110,7 +110,7 @@ def _play_own(
     asked: tuple[str, bool, int, str | None, int | None, Path],
     total: Tally,
 ) -> None:
-    """Play a user's recordings through RTL and model."""
+    """Run a user's recordings through RTL and model."""
     from eskin.cocotb_tests.runner import recordings as session
     from eskin.cocotb_tests.runner.inputs import Own, named
     from eskin.cocotb_tests.runner.process import MismatchFound

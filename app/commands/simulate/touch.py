@@ -1,4 +1,4 @@
-"""The command touch: textures or recordings through the chip, from samples to the class."""
+"""The command touch: run textures or recordings through the chip, from samples to class."""
 
 from __future__ import annotations
 
@@ -39,9 +39,10 @@ def touch(
         "out/touch"
     ),
 ) -> None:
-    """Play textures, or your recordings, through readout and classifier as one chip, and compare with the models.
+    """Run textures or your recordings through the RTL of readout and classifier, and compare with the models.
 
-    Every image goes through a network that was not trained on it. Can be stopped and started again.
+    Every image is classified by a network that was not trained on this image. A stopped run continues with the
+    missing images.
     """
     from eskin.cocotb_tests.runner import replay
     from eskin.cocotb_tests.runner.process import MismatchFound
@@ -67,7 +68,7 @@ def touch(
 
 
 def _conclude(plan: Plan, now: dict[str, Any]) -> None:
-    """Write and print the totals of all results; fail if some are missing or none has an event."""
+    """Write and print the totals of all results; exit with 1 if results are missing or no event occurred."""
     from eskin.cocotb_tests.touch.picture import draw
     from eskin.cocotb_tests.touch.plan import summarise
 

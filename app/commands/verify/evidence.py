@@ -29,10 +29,10 @@ def formal(
     limit: Annotated[int, typer.Option(min=1, metavar="SECONDS", help="time limit of one proof")] = 300,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
-    """Prove the properties of every block; the last line gives their number.
+    """Prove the properties of every block by bounded model checking and induction.
 
-    With --mutants and --out, a stopped search of mutants continues. With --block the file keeps its
-    results of other blocks.
+    The last line gives the number of proved properties. With --mutants and --out, a stopped search for mutants
+    continues. With --block, the file keeps its results for other blocks.
     """
     from eskin.verify.proofs.engine import solve
     from eskin.verify.proofs.report import YOSYS, earlier, write
@@ -71,9 +71,9 @@ def faults(
     small: Annotated[bool, typer.Option(help="only a few readouts, and few upsets of each flop")] = False,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
-    """Flip every flop, one at a time, and test hostile surroundings; --out continues a stopped run.
+    """Inject bit flips into every flop, and test hostile inputs.
 
-    Exit code 1 if the effects exceed the stated ones.
+    Exit code 1 if an effect exceeds the documented ones. With --out, a stopped run continues.
     """
     from eskin.verify.faults.run import campaign, closing_line, write
 
@@ -94,7 +94,10 @@ def coverage(
         "out/coverage"
     ),
 ) -> None:
-    """Measure how much of Verilog and specification the compared runs cover; continues a stopped run."""
+    """Measure the coverage of Verilog and specification by simulations that are compared with the model.
+
+    A stopped run continues with the missing simulations.
+    """
     from eskin.verify.coverage.plan import runs
     from eskin.verify.coverage.run import closing_line, judge, play, write
     from eskin.verify.coverage.waivers import waivers
@@ -122,7 +125,7 @@ def properties(
     config: ReadoutConfig,
     out: Annotated[Path, typer.Option("-o", "--out", help="output folder, created if missing"), WRITES_FOLDER],
 ) -> None:
-    """Write eskin_readout_properties.sv: the properties as assertions, bound to the modules of eskin_readout.v."""
+    """Write eskin_readout_properties.sv, SystemVerilog assertions bound to the modules of eskin_readout.v."""
     from eskin.verify.proofs.bind import properties as text
 
     out.mkdir(parents=True, exist_ok=True)
@@ -139,7 +142,7 @@ def crosscheck(
     ticks: Annotated[int | None, typer.Option(min=1, help="sample ticks of the scan at most [all]")] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
-    """Play the delivered Verilog in CXXRTL, a third simulator, and lint all texts with slang."""
+    """Simulate the delivered Verilog in CXXRTL, a third simulator, and lint all files with slang."""
     from dataclasses import asdict
 
     from eskin.base.files import origin, write_json
@@ -170,7 +173,7 @@ def crossproof(
     mutants: Annotated[bool, typer.Option(help="compare generated mutants too")] = False,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
-    """Repeat the search of make formal with z3; both solvers must find the same first clocks.
+    """Repeat the bounded proofs of make formal with the solver z3, and compare the first failing clocks.
 
     With --out a stopped run continues.
     """
@@ -192,7 +195,7 @@ def crossproof(
 
 
 def _chosen(block: str, small: bool) -> list[Proof]:
-    """Return the proofs of a block, or of all, optionally without large configurations."""
+    """Return the proofs of one or all blocks, optionally without large configurations."""
     from eskin.verify.proofs.plan import proofs
 
     known = sorted({proof.block for proof in proofs()})
@@ -202,5 +205,5 @@ def _chosen(block: str, small: bool) -> list[Proof]:
 
 
 def _command(make: str, block: str, small: bool, mutants: bool) -> str:
-    """Return the command that reproduces a result."""
+    """Return the command line that reproduces a result."""
     return " ".join([make, *[f"BLOCK={block}"] * bool(block), *["SMALL=1"] * small, *["MUTANTS=1"] * mutants])

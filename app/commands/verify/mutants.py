@@ -36,7 +36,10 @@ def mutants(
         "out/mutants"
     ),
 ) -> None:
-    """Mutate the source, and report which mutants the tests and proofs kill; continues a stopped run."""
+    """Mutate the source code, and report which mutants the tests and proofs kill.
+
+    A stopped run continues with the missing mutants.
+    """
     from eskin.verify.mutants.campaign import MODEL, NEEDS, RTL, Plan, closing_line, run, write
     from eskin.verify.mutants.questions import mutated_files
 

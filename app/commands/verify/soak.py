@@ -37,7 +37,7 @@ def soak(
         Path, typer.Option("-o", "--out", help="folder of the results; a restarted soak continues there"), WRITES_FOLDER
     ] = Path("out/soak"),
 ) -> None:
-    """Compare RTL and model on random configurations; a failure is shrunk to one command, with exit code 1.
+    """Compare RTL and model on random configurations for a given time; exit code 1 on a difference.
 
     Several processes may share the same --out.
     """
@@ -74,7 +74,7 @@ def _tell(piece: dict[str, Any]) -> None:
 
 
 def _parts(words: list[str]) -> dict[str, Any]:
-    """Return the given parts, with integers converted."""
+    """Return the fixed settings of a configuration, with integers converted."""
     from eskin.cocotb_tests.bench.draw import FIELDS, PARTS
     from eskin.model.config import ReadoutConfig
 
@@ -95,7 +95,7 @@ def _parts(words: list[str]) -> dict[str, Any]:
 
 
 def _one(seed: int, run: int, clocks: int, parts: dict[str, Any], simulator: Any) -> None:
-    """Play one run, and print its result."""
+    """Simulate one random run, and print its result."""
     from eskin.cocotb_tests.bench.draw import Draw
     from eskin.cocotb_tests.runner.process import MismatchFound
     from eskin.verify.soak.play import play
