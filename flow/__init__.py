@@ -1,1 +1,1 @@
-"""Run the flow behind the RTL: netlists, gate simulation, timing, power, layout, datasheets, tapeout."""
+"""Flow from RTL to chip: netlists, gate-level simulation, timing, power, layout, datasheets, tapeout."""

@@ -1,4 +1,4 @@
-"""Count gates and flops of the readouts after synthesis, to compare their cost in silicon."""
+"""Count gates and flops of the readouts after synthesis."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ GENERIC_FLOP = re.compile(r"\$_S?DFF\w*_")
 
 @dataclass(frozen=True)
 class Gates:
-    """Cells of a readout.
+    """Cell counts of a readout.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Gates:
     area_um2: float | None
 
     def to_dict(self) -> dict[str, float | None]:
-        """Return the numbers, in total and per taxel."""
+        """Return the counts, in total and per taxel, as a dictionary."""
         area = self.area_um2
         return {
             "flops": self.flops,
@@ -56,7 +56,7 @@ class Gates:
 
 
 def count_gates(config: Config, taxels: int, liberty: Path | None = None) -> Gates:
-    """Synthesise a readout with Yosys and count its cells.
+    """Return the cell counts of a readout synthesised with Yosys.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def count_gates(config: Config, taxels: int, liberty: Path | None = None) -> Gat
 
 
 def _statistics(config: Config, library: Library | None) -> str:
-    """Return the statistics that Yosys prints of a readout's cells: JSON, sometimes with a line of text before it."""
+    """Return the Yosys cell statistics of a readout."""
     files = {} if library is None else {"cells.lib": library.content}
     option = "" if library is None else " -liberty cells.lib"
     mapping = GENERIC if library is None else f"dfflibmap{option}; abc{option}"

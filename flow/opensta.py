@@ -1,4 +1,4 @@
-"""Runs OpenSTA."""
+"""Run OpenSTA."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ NO_PROGRAM = "OpenSTA not found; install with: apt-get install opensta"
 
 
 def check_program() -> None:
-    """Refuse to go on without OpenSTA."""
+    """Check that OpenSTA is installed."""
     if shutil.which(PROGRAM) is None:
         raise InputError(NO_PROGRAM)
 
 
 def run(script: str, folder: Path) -> tuple[str, int]:
-    """Return the output of a script that runs in a folder, and its exit status, which is 0 after many errors.
+    """Return the output of an OpenSTA script, and its exit status.
 
     Raises
     ------

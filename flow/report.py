@@ -1,4 +1,4 @@
-"""Everything that is known of a netlist, as data: ``out/asic/NAME/report.json``."""
+"""Report of a netlist: ``out/asic/NAME/report.json``."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SWITCHED_OFF = "simulation is switched off (POWER=0)"
 
 @dataclass(frozen=True)
 class Report:
-    """What a run found.
+    """All results of a synthesis run.
 
     Attributes
     ----------
@@ -58,12 +58,12 @@ class Report:
     unmeasured: str = SWITCHED_OFF
 
     def area_um2(self, block: str = "") -> float:
-        """Return the cell area of a block, or of all: no wires, no clock tree, no filling."""
+        """Return the cell area of a block, or of all blocks, without wires, clock tree and fill."""
         return self._sum(lambda cell: cell.area_um2, block)
 
     @property
     def leakage_w(self) -> float:
-        """The leakage of all cells at the library's corner, averaged over states."""
+        """Leakage of all cells at the corner of the library, averaged over states."""
         return self._sum(lambda cell: cell.leakage_w)
 
     def _sum(self, value: Callable[[Any], float], block: str = "") -> float:
@@ -73,7 +73,7 @@ class Report:
 
     @property
     def problems(self) -> list[str]:
-        """The problems of the netlist, one sentence each."""
+        """Problems of the netlist, one sentence each."""
         said = list(self.structure.problems)
         if not self.equivalence.holds:
             first = self.equivalence.unproved[:1] or ("nothing",)
@@ -93,7 +93,7 @@ class Report:
         return said
 
     def closing_line(self) -> str:
-        """Return the last line of ``make asic``, with the reason if no energy was measured."""
+        """Return the final message of ``make asic``."""
         taxels = readout_of(self.netlist.config).taxels
         fmax = self.timing["typical"].fmax_hz
         parts = [f"asic: {self.name}", f"{self.area_um2() / taxels:.0f} um2 per taxel", f"{fmax / 1e6:.1f} MHz"]
@@ -105,7 +105,7 @@ class Report:
         return ", ".join(parts)
 
     def to_dict(self, command: str) -> dict[str, Any]:
-        """Return the report as plain data."""
+        """Return the report as a dictionary."""
         config, library = self.netlist.config, self.netlist.library
         taxels, area = readout_of(config).taxels, self.area_um2()
         every = sum(self.cells.values(), Counter[str]())
@@ -145,7 +145,7 @@ class Report:
         }
 
     def write(self, out: Path, command: str) -> Path:
-        """Write netlist, constraints and report into the report's folder; return the report's path."""
+        """Write netlist, constraints and report into the folder of the run; return the path of the report."""
         folder = make_folder(out, self.name)
         self.netlist.write(folder)
         with atomic_write(folder / f"{self.netlist.top}.sdc") as file:
@@ -156,12 +156,12 @@ class Report:
 
 
 def readout_of(config: Config) -> ReadoutConfig:
-    """Return the array of a readout, spiking or frame."""
+    """Return the array configuration of a spiking or frame readout."""
     return config if isinstance(config, ReadoutConfig) else config.readout
 
 
 def _gates_from(made: Netlist) -> str:
-    """Return the kind of the clock gates in words."""
+    """Return a description of the kind of clock gates."""
     if not made.gated:
         return "nothing: the library has neither a clock gate nor a latch, so every clock runs all the time"
     cell = made.library.clock_gate
@@ -169,14 +169,14 @@ def _gates_from(made: Netlist) -> str:
 
 
 def name_of(config: Config, library: Library) -> str:
-    """Return the name of a run: readout, size, front end and library."""
+    """Return the name of a run from readout, size, front end and library."""
     readout = readout_of(config)
     what = f"{readout.encoding}-{readout.frontend}" if config is readout else "frame"
     return f"{what}-{readout.rows}x{readout.columns}-{readout.resolution}b-{library.path.stem}"
 
 
 def command_of(config: Config, corners: dict[str, Path], power: bool = True) -> str:
-    """Return the command line of a run: options that differ from the defaults, libraries by file name."""
+    """Return the command line of a run, without default options."""
     readout = readout_of(config)
     words = ["make asic", *(["READOUT=frame"] if readout is not config else [])]
     for corner, path in corners.items():
@@ -189,7 +189,7 @@ def command_of(config: Config, corners: dict[str, Path], power: bool = True) -> 
 def run(
     config: Config, corners: dict[str, Path], name: str, on_stage: Callable[[str], None], power: bool = True
 ) -> Report:
-    """Return the results of synthesis, proof, rules, timing and simulation for a readout.
+    """Return the results of synthesis, proof, structural checks, timing and power for a readout.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def run(
 
 
 def measured(made: Netlist) -> dict[str, Any]:
-    """Return a netlist's simulation results: energies, or the difference from the RTL."""
+    """Return the measured energies of a netlist, or its difference from the RTL."""
     try:
         return energies(made.config, made.text, made.library.path)
     except Mismatch as wrong:
@@ -240,7 +240,7 @@ def measured(made: Netlist) -> dict[str, Any]:
 
 
 def constant_outputs(made: Netlist, design: dict[str, Any]) -> set[str]:
-    """Return the bits of output ports that a constant or a tie cell drives."""
+    """Return the output port bits driven by a constant or a tie cell."""
     module, ties = design["modules"][made.top], {tie[0] for level in (0, 1) if (tie := made.library.tie(level))}
     tied = {
         bit for c in module["cells"].values() if c["type"] in ties for bits in c["connections"].values() for bit in bits
@@ -255,7 +255,7 @@ def constant_outputs(made: Netlist, design: dict[str, Any]) -> set[str]:
 
 
 def cells_by_block(made: Netlist, design: dict[str, Any]) -> dict[str, Counter[str]]:
-    """Return the cells of a netlist by kind and block; a cell's name begins with its block, ``row_0`` for instance."""
+    """Return the cells of a netlist by kind and block, such as ``row_0``."""
     found: dict[str, Counter[str]] = {}
     for name, cell in design["modules"][made.top]["cells"].items():
         block = name.partition(".")[0].rstrip("0123456789").rstrip("_") if "." in name else "top"

@@ -1,4 +1,4 @@
-"""Estimate the wires of an array without a layout."""
+"""Wire model for arrays without a layout."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WITHIN_UM = 20.0
 
 @dataclass(frozen=True)
 class Wire:
-    """Resistance and capacitance of a wire.
+    """Resistance and capacitance of a wire per length.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Wire:
 
 
 def check_pitch(pitch_um: float) -> None:
-    """Raise InputError for a pitch of taxels that no skin has."""
+    """Raise InputError for an implausible taxel pitch."""
     if not 1 <= pitch_um <= 1e6:
         raise InputError(f"--pitch must be from 1 to 1000000 um, not {pitch_um:g}")
 

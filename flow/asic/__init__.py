@@ -1,1 +1,1 @@
-"""From the readout to a gated netlist of a cell library, checked and measured."""
+"""Synthesis of the readout to a clock-gated netlist, with proofs, checks and timing."""

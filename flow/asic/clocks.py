@@ -1,4 +1,4 @@
-"""Analyse the clock network of a gated netlist: the clock of every flop, and the gates that stop it."""
+"""Analyse the clock network of a clock-gated netlist: the clock and the clock gates of every flop."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eskin.rtl.gates.cells import Bit
 
 
 class ClockError(ValueError):
-    """A clock network that stops no clock in a way that is known to be safe; its text is a sentence without a dot."""
+    """Raised for a clock network that is not known to be glitch-free."""
 
 
 @dataclass
@@ -62,7 +62,7 @@ class Clocks:
                 yield name, cell, instance["connections"]
 
     def level(self, bit: Bit, clock: bool, stopped: Bit | None = None) -> str:
-        """Return the value of a net for a low or high clock: "0", "1", or "x" if it depends on more.
+        """Return the value of a net while the clock is low or high: "0", "1", or "x" if it depends on other nets.
 
         A net that is ``stopped`` counts as low.
         """
@@ -92,7 +92,7 @@ class Clocks:
         return possible(cell.functions[pin], tuple(known.items()))
 
     def touches(self, bit: Bit) -> bool:
-        """Return whether the clock port or a latch reaches a net only through gates."""
+        """Return True if the clock port or a latch drives a net through combinational cells only."""
         if bit not in self._touches:
             self._touches[bit] = False  # round a loop
             if bit in self.driver:
@@ -106,11 +106,11 @@ class Clocks:
         return self._touches[bit]
 
     def is_clock(self, bit: Bit) -> bool:
-        """Return whether a net is a clock: the port, or a net that is low with the clock and may rise with it."""
+        """Return True if a net is a clock: the clock port, or a gated clock that is low while the clock is low."""
         return bit == self.root or (self.level(bit, False) == "0" and self.level(bit, True) != "0")
 
     def clock_of(self, cell: Cell, pins: dict[str, list[Bit]]) -> Bit | None:
-        """Return the clock whose low level opens a latch and whose high level closes it; None if there is none."""
+        """Return the clock whose low phase opens a latch, or None."""
         assert cell.latch
         bit, inverted = pins[cell.latch.clock][0], False
         while not self.is_clock(bit):
@@ -127,7 +127,7 @@ class Clocks:
         return bit if inverted == cell.latch.rising else None
 
     def latches_behind(self, bit: Bit) -> frozenset[str]:
-        """Return the latches that reach a net only through gates."""
+        """Return the latches that drive a net through combinational cells only."""
         if bit not in self._latches:
             self._latches[bit] = frozenset()  # round a loop
             if bit in self.driver and self.touches(bit):
@@ -140,7 +140,7 @@ class Clocks:
         return self._latches[bit]
 
     def check(self, flop: str, bit: Bit) -> None:
-        """Refuse a flop whose clock may rise while its gate's latch is transparent.
+        """Raise ClockError if the clock of a flop can rise while the latch of its clock gate is transparent.
 
         Raises
         ------

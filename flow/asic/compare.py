@@ -1,4 +1,4 @@
-"""Compare two flat designs with the same registers, function by function, with the checker in ABC."""
+"""Prove two flat designs with corresponding registers equal, function by function, with ABC."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SOLVE = b"read_aiger miter.aig\nstrash\nifraig\nfraig -C 1000000\nwrite_aiger do
 
 @dataclass
 class Register:
-    """A flop removed from a design: the nets of its value, its next value, and its asynchronous resets."""
+    """A flop cut from a design: nets of its value, its next value and its asynchronous resets."""
 
     held: int
     next: int | str
@@ -37,7 +37,7 @@ class Register:
 
 
 def compare(gold: dict[str, Any], gate: dict[str, Any]) -> tuple[int, list[str]]:
-    """Return the number of points proved equal in two designs, and the names of all others.
+    """Return the number of points proved equal in two designs, and the names of all other points.
 
     A point is a flop (what it will hold and what resets it) or a bit of an output port.
 
@@ -71,7 +71,7 @@ def compare(gold: dict[str, Any], gate: dict[str, Any]) -> tuple[int, list[str]]
 
 
 def _cut(module: dict[str, Any]) -> dict[str, Register]:
-    """Remove the flops of a module; return their pin connections by name."""
+    """Remove the flops from a module; return their pin connections by name."""
     cut = {}
     for name, cell in list(module["cells"].items()):
         if not (found := FLOP.fullmatch(cell["type"])):
@@ -87,14 +87,14 @@ def _cut(module: dict[str, Any]) -> dict[str, Register]:
 
 
 def _add(module: dict[str, Any], kind: str, **inputs: int | str) -> int:
-    """Add a gate to a module and return its output."""
+    """Add a logic gate to a module and return its output net."""
     module["last"] = 1 + (module.get("last") or highest_net(module))
     module["cells"][f"$cut{module['last']}"] = cell_of(kind, inputs | {"Y": module["last"]})
     return module["last"]
 
 
 def _names(module: dict[str, Any]) -> dict[int, set[str]]:
-    """Return the public names of every net, a bit of a word with its number."""
+    """Return the public names of every net, with bit numbers."""
     found: dict[int, set[str]] = {}
     for name, net in module["netnames"].items():
         if net["hide_name"]:
@@ -110,7 +110,7 @@ def _names(module: dict[str, Any]) -> dict[int, set[str]]:
 def _match(
     ours: dict[str, Register], gold: dict[str, Any], theirs: dict[str, Register], gate: dict[str, Any]
 ) -> tuple[list[tuple[str, str]], list[str]]:
-    """Return the pairs of flops with a common name, and the names of flops without a partner.
+    """Return the pairs of flops with a common name, and the names of unmatched flops.
 
     A flop of the netlist bears the name of what it holds; one that is cleared where that is set holds the inverse.
     """
@@ -132,7 +132,7 @@ def _match(
 
 
 def _open(module: dict[str, Any], registers: list[Register]) -> None:
-    """Add ports for the values, next values and resets of a module's flops, in the order of a list."""
+    """Add ports for values, next values and resets of a module's flops, in the order of a list."""
     held, following = [], []
     for register in registers:
         following += [register.next, register.clear, register.preset]
@@ -152,7 +152,7 @@ def _open(module: dict[str, Any], registers: list[Register]) -> None:
 
 
 def _miter(inputs: dict[str, int], outputs: dict[str, int], flops: int) -> str:
-    """Return Verilog that joins both designs; each output bit is 0 where they are equal."""
+    """Return a Verilog miter of both designs; each output bit is 0 where they are equal."""
     ways = {name: ("input", width) for name, width in inputs.items()}
     ways |= {f"{name}": ("output", width) for name, width in outputs.items()}
     if flops:
@@ -170,7 +170,7 @@ def _miter(inputs: dict[str, int], outputs: dict[str, int], flops: int) -> str:
 
 
 def _constant_outputs(aiger: str) -> list[bool]:
-    """Return whether each output of an AIGER design is the constant 0."""
+    """Return for each output of an AIGER design whether it is the constant 0."""
     head, *lines = aiger.split("\n")
     count = int(head.split()[4])
     return [line == "0" for line in lines[:count]]

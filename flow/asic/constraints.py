@@ -1,4 +1,4 @@
-"""Write timing constraints (SDC) for synthesis and sign-off; every port and endpoint has one."""
+"""Write timing constraints (SDC) for synthesis and sign-off, complete for all ports and endpoints."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from eskin.rtl.verilog import header
 
 
 def sdc(netlist: Netlist, period: str = "") -> str:
-    """Return the constraints of a netlist.
+    """Return the timing constraints of a netlist.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def sdc(netlist: Netlist, period: str = "") -> str:
 
 
 def _delays(netlist: Netlist) -> Iterator[str]:
-    """Yield the time outside every port, as shares of the period."""
+    """Yield the external delay of every port as a fraction of the clock period."""
     shares: dict[tuple[str, float], list[str]] = {}
     for port in ports(netlist.config):
         name, way = port["name"], port["direction"]
@@ -68,7 +68,7 @@ def _delays(netlist: Netlist) -> Iterator[str]:
 
 
 def _edges(netlist: Netlist) -> Iterator[str]:
-    """Yield the drivers of the inputs: a buffer of the library, or its slowest edge if it has no buffer."""
+    """Yield the driving cells of the input ports."""
     names = [p["name"] + ("[*]" if p["width"] > 1 else "") for p in ports(netlist.config) if p["direction"] == "input"]
     driven = " ".join([*(name for name in names if name not in ("clk", "rst")), TEST])
     if buffers := plain_buffers(netlist.library):
@@ -81,7 +81,7 @@ def _edges(netlist: Netlist) -> Iterator[str]:
 
 
 def plain_buffers(library: Library) -> list[Cell]:
-    """Return the buffers from the smallest to the largest, without delay cells.
+    """Return the buffers of a library from smallest to largest, without delay cells.
 
     A delay cell is more than twice as slow as the fastest buffer, each with four times its own input as its load.
     """

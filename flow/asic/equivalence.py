@@ -1,4 +1,4 @@
-"""Prove that a gated netlist equals the RTL: every flop and every output, for every input."""
+"""Prove that a clock-gated netlist is equivalent to the RTL for every flop and every output."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ GATE = (
 
 @dataclass(frozen=True)
 class Equivalence:
-    """What the proof says.
+    """Result of the equivalence proof.
 
     Attributes
     ----------
@@ -51,16 +51,16 @@ class Equivalence:
 
     @property
     def holds(self) -> bool:
-        """Whether every point is proved, and there are more than flops."""
+        """True if all points are proved."""
         return self.proved == self.of > self.flops
 
     def to_dict(self) -> dict[str, int]:
-        """Return the entry of the report."""
+        """Return the result as an entry of the report."""
         return {"proved": self.proved, "of": self.of}
 
 
 def design_of(netlist: Netlist) -> dict[str, Any]:
-    """Return a Verilog netlist in the form of Yosys' ``write_json``.
+    """Return a Verilog netlist in the JSON format of Yosys.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def design_of(netlist: Netlist) -> dict[str, Any]:
 
 
 def prove(netlist: Netlist, design: dict[str, Any] | None = None) -> Equivalence:
-    """Return whether a netlist equals its RTL.
+    """Return the result of proving a netlist equivalent to its RTL.
 
     A clock gate lets the rising edge through where its enable was high before: a flop behind one is a flop with that
     enable. What stops clocks is checked for being such a gate, then proved as such, test enable low. Flops of both
@@ -105,7 +105,7 @@ def prove(netlist: Netlist, design: dict[str, Any] | None = None) -> Equivalence
 
 
 def with_enables(design: dict[str, Any], netlist: Netlist, test: str = "0") -> tuple[dict[str, Any], int, int]:
-    """Return a netlist with all flops on one clock and enables in place of clock gates, for one level of test enable.
+    """Return a netlist with all flops on one clock, and with enables instead of clock gates.
 
     Returns
     -------
@@ -148,7 +148,7 @@ def with_enables(design: dict[str, Any], netlist: Netlist, test: str = "0") -> t
 
 
 class _Enables:
-    """The values of the clock network just before a rising edge, as gates added to the module."""
+    """Logic added to a module that computes the clock network just before a rising edge."""
 
     def __init__(self, module: dict[str, Any], clocks: Clocks) -> None:
         self.module, self.clocks = module, clocks
@@ -156,7 +156,7 @@ class _Enables:
         self.made: dict[Bit, Bit] = {clocks.root: "1"}
 
     def add(self, kind: str, **inputs: Bit) -> Bit:
-        """Add a gate and return its output."""
+        """Add a logic gate and return its output net."""
         return self._place(kind, "Y", inputs)
 
     def _place(self, kind: str, output: str, inputs: dict[str, Bit]) -> Bit:
@@ -166,7 +166,7 @@ class _Enables:
         return self.highest
 
     def high(self, bit: Bit) -> Bit:
-        """Return the value that a net of the clock network takes when the clock is high, as a data net."""
+        """Return a data net with the value of a clock net while the clock is high."""
         if isinstance(bit, str) or not self.clocks.touches(bit):
             return bit
         if bit not in self.made:

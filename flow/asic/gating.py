@@ -1,4 +1,4 @@
-"""The clock gate of a library: a cell, or a gate built from a latch."""
+"""Clock gate module for a cell library: an integrated clock gate, or a latch with an AND gate."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from eskin.rtl.gates.clock_gates import GATE, TEST
 
 
 def gate_module(library: Library) -> str:
-    """Return a Verilog clock gate with test enable; empty if the library cannot build one.
+    """Return a Verilog clock gate with test enable; empty if the library has no suitable cells.
 
     An integrated gate of the library is taken, else one is built of a latch that is open while the clock is low.
     """

@@ -1,4 +1,4 @@
-"""Check rules for every netlist: one clock, latches only in clock gates, no flop without reset."""
+"""Structural checks of a netlist: one clock, latches only in clock gates, reset for every flop."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RESET_CLOCKS = 4
 
 @dataclass(frozen=True)
 class Structure:
-    """What the rules found.
+    """Violations found by the structural checks.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Structure:
 
     @property
     def problems(self) -> list[str]:
-        """A sentence for each rule that is broken."""
+        """One sentence for each violated rule."""
         said = []
         for names, what in (
             (self.without_reset, "has no reset"),
@@ -58,7 +58,7 @@ class Structure:
         return said
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the entry of the report."""
+        """Return the result as an entry of the report."""
         return {
             "clocks": 1,
             "clock_gates": self.clock_gates,
@@ -69,7 +69,7 @@ class Structure:
 
 
 def check(netlist: Netlist, design: dict[str, Any]) -> Structure:
-    """Return the violations of the rules in a netlist.
+    """Return the violations of the structural rules in a netlist.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def check(netlist: Netlist, design: dict[str, Any]) -> Structure:
 
 
 def _readers(clocks: Clocks) -> dict[Bit, list[tuple[str, str]]]:
-    """Return cell and pin of every input that a net drives."""
+    """Return cell and pin of every input that each net drives."""
     found: dict[Bit, list[tuple[str, str]]] = {}
     for name, instance in clocks.module["cells"].items():
         for pin in clocks.library.cells[instance["type"]].inputs:
@@ -111,7 +111,7 @@ def _readers(clocks: Clocks) -> dict[Bit, list[tuple[str, str]]]:
 
 
 def _gates(clocks: Clocks, readers: dict[Bit, list[tuple[str, str]]], cell: Any, pins: dict[str, list[Bit]]) -> bool:
-    """Return whether a latch belongs to a clock gate: open while a clock is low, and read only by its AND."""
+    """Return True if a latch belongs to a clock gate."""
     if clocks.clock_of(cell, pins) is None:
         return False
     for output in cell.latch.outputs:
@@ -126,7 +126,7 @@ def _gates(clocks: Clocks, readers: dict[Bit, list[tuple[str, str]]], cell: Any,
 
 
 def _without_reset(module: dict[str, Any], library: Library) -> list[str]:
-    """Return the flops that are unknown after ``RESET_CLOCKS`` clocks of reset, with unknown states and inputs."""
+    """Return the flops with unknown values after ``RESET_CLOCKS`` clocks of reset, from unknown states and inputs."""
     known: dict[Bit, str] = dict.fromkeys(module["ports"]["rst"]["bits"], "1")
     waiting = {name for name, instance in module["cells"].items() if instance["type"] in library.flops}
     for _ in range(RESET_CLOCKS):
@@ -143,7 +143,7 @@ def _without_reset(module: dict[str, Any], library: Library) -> list[str]:
 
 
 def _after_reset(cell: Cell, pins: dict[str, list[Bit]], levels: dict[Bit, str]) -> str:
-    """Return the next value of a flop; "x" if it depends on more than the levels."""
+    """Return the next value of a flop, or "x" if unknown."""
     assert cell.flop
     values = tuple((pin, _level(pins[pin][0], levels)) for pin in cell.inputs if pins.get(pin))
     for text, value in ((cell.flop.clear, "0"), (cell.flop.preset, "1")):
@@ -157,7 +157,7 @@ def _level(bit: Bit, levels: dict[Bit, str]) -> str:
 
 
 def _levels(module: dict[str, Any], library: Library, known: dict[Bit, str]) -> dict[Bit, str]:
-    """Return the levels of the nets of a module, as far as known nets and constants decide them."""
+    """Return the values of the nets of a module that follow from known nets and constants."""
     levels = dict(known)
     waiting: dict[Bit, list[str]] = {}
     for name, instance in module["cells"].items():

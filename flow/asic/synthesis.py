@@ -1,4 +1,4 @@
-"""From the RTL of a readout to a netlist of library cells whose idle registers have their clock off."""
+"""Synthesise the RTL of a readout to a netlist of library cells with clock gates."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ network, and joins in a tree what lies far apart."""
 
 @dataclass(frozen=True)
 class Netlist:
-    """A readout as cells of a library, flat; a cell's name begins with its block.
+    """A readout as a flat netlist of library cells; the name of a cell begins with its block.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class Netlist:
     gated: bool
 
     def write(self, folder: Path) -> Path:
-        """Write the netlist into a folder, made if need be; return its path."""
+        """Write the netlist into a folder; return its path."""
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / f"{self.top}.netlist.v"
         with atomic_write(path) as file:
@@ -96,7 +96,7 @@ class Netlist:
 
 
 def synthesise(config: Config, library: Library, period_ns: float = PERIOD_NS, fewest: int = FEWEST_FLOPS) -> Netlist:
-    """Return the gated netlist of a readout.
+    """Return the clock-gated netlist of a readout.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def synthesise(config: Config, library: Library, period_ns: float = PERIOD_NS, f
 
 
 def mapped(top: Block[Any], library: Library, apart: Sequence[str] = ()) -> dict[str, Any]:
-    """Return the design of Yosys with some modules synthesised once and left as they are, all else flat in the top.
+    """Return the Yosys design after mapping to cells; modules in ``apart`` are mapped once and stay separate.
 
     For large arrays: the blocks around those modules keep the depth that the RTL draws (``AS_DRAWN``), and the array
     has no clock gate at its root, whose enable would cross it once more; rows and arbiter have theirs.
@@ -150,7 +150,7 @@ def _cells(
     result: str,
     apart: Sequence[str] | None = None,
 ) -> str:
-    """Return the file that is written of a block as cells."""
+    """Return a file that Yosys writes after mapping a block to cells."""
     top, content = block.module_name, library.content
     source = block_rtlil(block)
     gate = gating.gate_module(library)
@@ -181,7 +181,7 @@ def _cells(
 
 
 def single_bits(verilog: str) -> str:
-    """Return a netlist in which ports are assigned bit by bit: OpenSTA reads no list of nets.
+    """Return a netlist with bitwise port assignments, because OpenSTA cannot read concatenations.
 
     Examples
     --------
@@ -205,7 +205,7 @@ def single_bits(verilog: str) -> str:
 
 
 def _bits(text: str) -> list[str]:
-    """Return the bits of a name with a range, or of a list of such names."""
+    """Return the bits of a name with a range, or of a concatenation."""
     bits: list[str] = []
     for part in re.findall(r"\\\S+ |\w+(?:\[\d+(?::\d+)?\])?", text):
         name, _, span = part.partition("[")
@@ -216,18 +216,18 @@ def _bits(text: str) -> list[str]:
 
 
 def _blocks(source: str, top: str) -> list[str]:
-    """Return the modules to map one by one: the modules of the top."""
+    """Return the modules to map separately: the submodules of the top."""
     modules = yosys.modules(source)
     return [name for name in modules if name != top and f"  cell \\{name} " in modules[top]]
 
 
 def _drawn(source: str, apart: Sequence[str]) -> str:
-    """Return the commands that map the blocks around separately mapped modules."""
+    """Return the Yosys commands that map the blocks around separately mapped modules."""
     return "".join(AS_DRAWN.format(name=name) for name in yosys.modules(source) if name not in apart)
 
 
 def ties(library: Library) -> str:
-    """Return the command that replaces constants by tie cells, one in each block."""
+    """Return the Yosys command that replaces constants by tie cells, one per block."""
     options = [
         f"-{kind}cell {tie[0]} {tie[1]}" for level, kind in ((0, "lo"), (1, "hi")) if (tie := library.tie(level))
     ]

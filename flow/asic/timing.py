@@ -1,4 +1,4 @@
-"""Static timing of a netlist by OpenSTA: highest clock at a corner, critical path, ends without a constraint."""
+"""Static timing of a netlist by OpenSTA: highest clock frequency, critical path, unconstrained endpoints."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class Timing:
     complaints: tuple[str, ...]
 
     def to_dict(self) -> dict[str, object]:
-        """Return the entry of the report."""
+        """Return the timing as an entry of the report."""
         return {
             "library": self.library.path.name,
             "voltage_v": self.library.voltage_v,
@@ -114,7 +114,7 @@ class Timing:
 
 
 def analyse(netlist: Netlist, library: Library, constant: Collection[str] = (), spef: str = "") -> Timing:
-    """Return the timing of a netlist with the cells of a corner.
+    """Return the timing of a netlist with the cells of one corner.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def analyse(netlist: Netlist, library: Library, constant: Collection[str] = (), 
 
 
 def _complaints(said: str, constant: Collection[str]) -> tuple[str, ...]:
-    """Return the messages of ``check_setup``, without empty headings and constant port bits."""
+    """Return the warnings of ``check_setup``, except those about constant port bits."""
     kept: list[str] = []
     for line in (line for line in said.splitlines() if line.strip()):
         if not line.startswith(" ") and kept and not kept[-1].startswith(" "):
@@ -173,7 +173,7 @@ def _complaints(said: str, constant: Collection[str]) -> tuple[str, ...]:
 
 
 def _run(script: str, netlist: Netlist, library: Library, spef: str) -> dict[str, str]:
-    """Return the output of an OpenSTA script by its headings."""
+    """Return the output of an OpenSTA script, by heading."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "cells.lib").write_bytes(library.content)

@@ -1,1 +1,1 @@
-"""The datasheet of a readout: a page and its pictures, for one configuration."""
+"""Datasheets with timing diagrams, generated for one configuration."""

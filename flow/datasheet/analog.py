@@ -1,4 +1,4 @@
-"""Describe the signals before the readout: driver, time and numbers of each."""
+"""Datasheet section on the inputs: samples, comparators and DACs, with drivers, timing and number formats."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from eskin.rtl.delivery import DAC_OUT, DECISION_IN, ports
 
 
 def of_signals(config: ReadoutConfig) -> list[str]:
-    """Return the section on samples, or on comparators and DACs."""
+    """Return the datasheet section on samples, or on comparators and DACs."""
     codes = markdown(("number", "codes", "of full scale"), _codes(config))
     what = _samples(config) if config.frontend == "digital" else _macros(config)
     return [*what, *_fields(config), "", *codes]
 
 
 def _fields(config: ReadoutConfig) -> list[str]:
-    """Return what the encoder of each taxel sees, if that is not its own sample."""
+    """Return the paragraph on receptive fields; empty if every taxel uses only its own sample."""
     if config.fields == "own":
         return []
     digital = config.frontend == "digital"
@@ -53,7 +53,7 @@ def _samples(config: ReadoutConfig) -> list[str]:
 
 
 def _macros(config: ReadoutConfig) -> list[str]:
-    """Return who drives the pins of the analog front end, and when within a clock."""
+    """Return the drivers of the analog front end pins, and their timing within a clock."""
     period_s = 1 / config.clock_hz
     meanings = {port["name"]: port["meaning"] for port in ports(config)}
     out = [name for name in ("reference_code", "half_width") if name in meanings]

@@ -1,4 +1,4 @@
-"""Area, power and highest clock of the netlist, as ``make asic`` found them."""
+"""Datasheet section on area, power and highest clock frequency, from the report of ``make asic``."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ABSENT = [
 
 
 def load_report(path: Path, config: ReadoutConfig | FrameConfig) -> dict[str, Any]:
-    """Return the report of a configuration's netlist.
+    """Return the netlist report that belongs to a configuration.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def load_report(path: Path, config: ReadoutConfig | FrameConfig) -> dict[str, An
 
 
 def of_netlist(report: dict[str, Any] | None) -> list[str]:
-    """Return the section."""
+    """Return the datasheet section for a netlist report."""
     if report is None:
         return ABSENT
     area = report["area_um2_per_taxel"]

@@ -1,4 +1,4 @@
-"""Write the classifier's datasheet; times and waveforms come from the golden model."""
+"""Datasheet of the classifier, with times and waveforms from the golden model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EVENTS = 2
 
 
 class TwoEvents:
-    """A bin of two events, offered from the end of reset on, in a network whose weights are all zero.
+    """Simulation of a bin with two events in a network with all weights zero.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class TwoEvents:
         self.run: ClassifierRun = simulate(_silent(config), offered, [self.end], self.clocks)
 
     def waves(self) -> list[Wave]:
-        """Return the ports from the end of reset on."""
+        """Return the waveforms of the ports from the end of reset."""
         ready = ready_of(self.config, self.run, self.clocks)
         channels = [self.config.inputs - 1, 0]
         span, taken, valid = range(self.clocks), self.run.accepted, self.run.valid[0]
@@ -55,7 +55,7 @@ class TwoEvents:
 
 
 def _silent(config: ClassifierConfig) -> IntegerNetwork:
-    """Return a network of which no neuron ever fires."""
+    """Return a network whose neurons never fire."""
     i, h, c = config.inputs, config.hidden, config.classes
     shapes = ((i, h), (h, h), (h, c), (h,), (c,))
     return IntegerNetwork(config, *(np.zeros(shape, np.int64) for shape in shapes))
@@ -99,7 +99,7 @@ def sheet_of(config: ClassifierConfig) -> Sheet:
 
 
 def _window(name: str, title: str, waves: list[Wave], start: int) -> Picture:
-    """Return a picture of some clocks of waves."""
+    """Return a timing diagram of a range of clocks."""
     return Picture(name, title, [Wave(w.name, w.values[start : start + SHOWN], w.bus) for w in waves], start)
 
 
@@ -121,7 +121,7 @@ def _memories(config: ClassifierConfig) -> list[str]:
 
 
 def _times(config: ClassifierConfig, run: ClassifierRun) -> list[str]:
-    """Return the table of times."""
+    """Return the table of latencies."""
     work = run.latencies[0] - work_clocks(config, 0, 0)  # beside the work, of which the rest is
     most = work_clocks(config, config.hidden, config.hidden)
     rows = [

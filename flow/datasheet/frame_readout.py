@@ -1,4 +1,4 @@
-"""Write the frame readout's datasheet; times and waveforms come from the golden model."""
+"""Datasheet of the frame readout, with times and waveforms from the golden model."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BUSES = ("row_select", "column_select", "adc_code", "word_data")
 
 
 class Scan:
-    """One frame: from ``frame_start`` at clock 0 until its last word has left and the next start is accepted.
+    """Simulation of one frame, from ``frame_start`` at clock 0 to the next accepted start.
 
     The ADC takes the clocks that it is laid out for, and its codes count up. Without a stall the sink takes every word
     at once; with one it leaves the first for ``STALLED`` clocks, and another ``frame_start`` comes too early there.
@@ -55,11 +55,11 @@ class Scan:
                 self.heard = clock + 1
 
     def first(self, name: str, behind: int = -1) -> int:
-        """Return the first clock after another in which an output is high."""
+        """Return the first clock after ``behind`` in which an output is high."""
         return next(t for t, found in enumerate(self.outputs) if t > behind and getattr(found, name))
 
     def waves(self, names: tuple[str, ...], start: int = 0, clocks: int | None = None) -> list[Wave]:
-        """Return the values of some ports over a range of clocks, without words that the receiver does not take."""
+        """Return the waveforms of ports over a range of clocks."""
         last = len(self.inputs) if clocks is None else start + clocks
         span = range(start, min(last, len(self.inputs)))
         found = []
@@ -77,7 +77,7 @@ class Scan:
 
 
 def sheet_of(config: FrameConfig, report: dict[str, Any] | None) -> Sheet:
-    """Return the datasheet of a frame readout, with the report of its netlist or without."""
+    """Return the datasheet of a frame readout, optionally with netlist results."""
     scan, stalled = Scan(config), Scan(config, STALLED)
     start = Picture("start", "From frame_start to the ADC", scan.waves(AT_ADC, 0, SHOWN))
     begin = max(stalled.first("word_valid") - 8, 0)
@@ -120,7 +120,7 @@ def _clock(config: FrameConfig) -> list[str]:
 
 
 def _times(config: FrameConfig, scan: Scan) -> list[str]:
-    """Return the table of times."""
+    """Return the table of latencies."""
     first = scan.first("adc_start")
     word = scan.first("word_valid")
     last = max(t for t, found in enumerate(scan.outputs) if found.word_valid)

@@ -1,4 +1,4 @@
-"""Measure the latencies of a readout in clocks, in a simulation of its golden model."""
+"""Measure the latencies of a readout in clocks by simulating its golden model."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Latencies:
 
 
 def _saturated(config: ReadoutConfig) -> tuple[ReadoutConfig, Stimulus]:
-    """Return a run in which every taxel requests as often as it can, until each has sent two events or its maximum."""
+    """Return a simulation in which every taxel requests as often as possible."""
     sample = np.full((1, config.taxels), config.full_scale - 1, np.int32)
     clocks = 20 * (config.taxels + 2)
     eager = config.replace(decide_every="clock")

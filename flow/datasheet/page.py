@@ -1,4 +1,4 @@
-"""Write the datasheets of all designs."""
+"""Write datasheets of all kinds of designs."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def sheet_of(config: Described, report: dict[str, Any] | None = None) -> Sheet:
 
 
 def write_datasheet(config: Described, folder: Path, report: dict[str, Any] | None = None) -> list[Path]:
-    """Write page and pictures into a folder; return their paths."""
+    """Write the page and pictures of a datasheet into a folder; return their paths."""
     return sheet_of(config, report).write(folder)
 
 

@@ -1,4 +1,4 @@
-"""Draw timing diagrams as SVG text that depends only on the waveforms."""
+"""Draw timing diagrams as SVG."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STYLE = (
 
 
 def timing_diagram(waves: Sequence[Wave], title: str, first: int = 0) -> str:
-    """Return a timing diagram as the text of an SVG file: a column for each clock, which ends with its rising edge.
+    """Return a timing diagram as SVG text, one column per clock, which ends with the rising edge.
 
     Parameters
     ----------
@@ -55,13 +55,13 @@ def _name(name: str, top: int) -> str:
 
 
 def _line(points: Sequence[tuple[float, float]], top: int, kind: str = "") -> str:
-    """Return a line through points of clock and level."""
+    """Return an SVG line through points of clock and level."""
     text = " ".join(f"{LABELS + CLOCK * clock:g},{top + 4 + HEIGHT * (1 - level):g}" for clock, level in points)
     return f'<polyline{f" class={chr(34)}{kind}{chr(34)}" if kind else ""} points="{text}"/>'
 
 
 def _steps(changes: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return the corners of a line that takes new levels at these clocks."""
+    """Return the corners of a waveform for a list of level changes."""
     corners, level = [], 0.0
     for clock, new in changes:
         corners += [(clock, level), (clock, new)]
@@ -77,7 +77,7 @@ def _runs(values: Sequence[Value]) -> list[tuple[int, int, Value]]:
 
 
 def _bit(wave: Wave, top: int) -> list[str]:
-    """Return a signal of one bit."""
+    """Return the drawing of a one-bit signal."""
     runs = _runs(wave.values)
     slope, level = EDGE / CLOCK, float(bool(runs[0][2]))
     points = [(0.0, level)]
@@ -88,7 +88,7 @@ def _bit(wave: Wave, top: int) -> list[str]:
 
 
 def _bus(wave: Wave, top: int) -> list[str]:
-    """Return the drawing of a word: the value in each stretch, grey where undefined."""
+    """Return the drawing of a multi-bit signal, grey where undefined."""
     lines = []
     high, low, middle = top + 4, top + 4 + HEIGHT, top + 4 + HEIGHT / 2
     for start, end, value in _runs(wave.values):

@@ -1,4 +1,4 @@
-"""The datasheet of the spiking readout."""
+"""Datasheet of the spiking readout."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TOP = "eskin_readout"
 
 
 def sheet_of(config: ReadoutConfig, report: dict[str, Any] | None) -> Sheet:
-    """Return the datasheet of a readout, with the report of its netlist or without."""
+    """Return the datasheet of a readout, optionally with netlist results."""
     latencies = Latencies.of(config)
     event = Picture("event", "From a sample to its events", waves(config))
     reset = Picture("reset", "A reset while an event is on its way", reset_waves(config))
@@ -40,7 +40,7 @@ def sheet_of(config: ReadoutConfig, report: dict[str, Any] | None) -> Sheet:
 
 
 def _blocks(config: ReadoutConfig) -> Iterator[str]:
-    """Yield the picture of the blocks, in letters."""
+    """Yield the lines of the block diagram as text."""
     names = _names(config)
     inward = [port for port in ("sample", "above", "below", "sample_valid") if port in names]
     outward = ", ".join(port for port in ("reference_code", "half_width") if port in names)
@@ -72,19 +72,19 @@ def _blocks(config: ReadoutConfig) -> Iterator[str]:
 
 
 def _names(config: ReadoutConfig) -> list[str]:
-    """Return the names of the ports."""
+    """Return the table of port names."""
     return [port["name"] for port in ports(config)]
 
 
 def _taxel(config: ReadoutConfig) -> str:
-    """Return the contents of a taxel."""
+    """Return the section on the contents of a taxel."""
     parts = ["sample", "comparator"] if config.frontend == "digital" else []
     parts += ["reference", *(["window"] if config.closes else []), "request"]
     return ", ".join(parts)
 
 
 def _clock(config: ReadoutConfig) -> list[str]:
-    """Return the notes on the clock."""
+    """Return the section on the clock."""
     period, tick = si(1 / config.clock_hz, "s"), si(1 / config.sample_rate_hz, "s")
     lines = [
         f"One clock, rising edge: {si(config.clock_hz, 'Hz')}, a period T of {period}. "
@@ -109,7 +109,7 @@ def _clock(config: ReadoutConfig) -> list[str]:
 
 
 def _reset(config: ReadoutConfig) -> list[str]:
-    """Return the notes on the reset."""
+    """Return the section on the reset."""
     lines = [
         f"{RESETS[config.reset]} Every flop has it, none relies on an initial value. "
         f"After it every reference is {config.reference_reset} codes, no request waits, and row 0 comes first.",
@@ -123,7 +123,7 @@ def _reset(config: ReadoutConfig) -> list[str]:
 
 
 def _times(config: ReadoutConfig, latencies: Latencies) -> list[str]:
-    """Return the table of times."""
+    """Return the table of latencies."""
     end = "`event_valid`" if config.link == "stream" else "the edge that raises `aer_req`"
     taken = "the sink always ready" if config.link == "stream" else "ACK following REQ within a clock"
 
@@ -145,7 +145,7 @@ def _times(config: ReadoutConfig, latencies: Latencies) -> list[str]:
 
 
 def _timing(config: ReadoutConfig, event: Picture, reset: Picture) -> list[str]:
-    """Return the pictures with their captions."""
+    """Return the timing diagrams with their captions."""
     first = f"The sample tick is at clock {TICK}; " if "sample_valid" in _names(config) else ""
     first += f"{min(TAXELS, config.taxels)} of the taxels cross a level in clock {TICK + 1}, from a reference of 0. "
     if config.link == "stream":
@@ -164,7 +164,7 @@ def _timing(config: ReadoutConfig, event: Picture, reset: Picture) -> list[str]:
 
 
 def _registers(config: ReadoutConfig) -> Iterable[str]:
-    """Return a pointer to the description of the registers."""
+    """Return a reference to the register description."""
     if config.registers == "none":
         return ["None: the configuration is built in. `registers=spi` puts them beside the array."]
     return [f"Over SPI: [{REGISTERS}.md]({REGISTERS}.md), with the times of SPI; [{REGISTERS}.h]({REGISTERS}.h) for C."]

@@ -1,4 +1,4 @@
-"""Write a datasheet as a Markdown page with pictures: the common parts of all designs."""
+"""Common parts of all datasheets: Markdown page with pictures."""
 
 from __future__ import annotations
 
@@ -64,11 +64,11 @@ class Sheet:
 
     @property
     def top(self) -> str:
-        """Name of the module, which its files begin with."""
+        """Name of the module, the first part of its file names."""
         return top_block(self.config).module_name
 
     def text(self) -> str:
-        """Return the page."""
+        """Return the Markdown page."""
         head = [f"# {self.top}: {self.what}", ""]
         head += [f"Version {__version__}. Made from this configuration; every number is of it:", ""]
         fields = ((f"`{name}`", f"{value}") for name, value in self.config.to_dict().items())
@@ -77,7 +77,7 @@ class Sheet:
         return "\n".join([*head, *markdown(("parameter", "value"), fields), *body]) + "\n"
 
     def write(self, folder: Path) -> list[Path]:
-        """Write page and pictures into a folder, each file atomically; return their paths."""
+        """Write page and pictures into a folder; return their paths."""
         texts = {f"{self.top}_datasheet.md": self.text()}
         for shown in self.pictures:
             texts[file_of(self.top, shown.name)] = timing_diagram(shown.waves, shown.title, shown.first)
@@ -88,23 +88,23 @@ class Sheet:
 
 
 def file_of(top: str, name: str) -> str:
-    """Return the name of the file of a picture."""
+    """Return the file name of a picture."""
     return f"{top}_{name}.svg"
 
 
 def shown(top: str, picture: Picture) -> str:
-    """Return the line that shows a picture on the page."""
+    """Return the Markdown line that shows a picture."""
     return f"![{picture.title}]({file_of(top, picture.name)})"
 
 
 def time_table(rows: Iterable[tuple[str, int]], clock_hz: float) -> list[str]:
-    """Return a table of latencies in clocks."""
+    """Return a Markdown table of latencies in clocks."""
     table = ((what, f"{clocks}", si(clocks / clock_hz, "s")) for what, clocks in rows)
     return markdown(("from, to", "clocks", "time"), table)
 
 
 def _pins(config: Config) -> list[str]:
-    """Return the table of ports."""
+    """Return a Markdown table of ports."""
     return markdown(
         ("pin", "direction", "bits", "meaning"),
         ((f"`{port['name']}`", port["direction"], f"{port['width']}", port["meaning"]) for port in ports(config)),
@@ -112,7 +112,7 @@ def _pins(config: Config) -> list[str]:
 
 
 def si(value: float, unit: str) -> str:
-    """Return a number in a unit with a prefix, to five digits.
+    """Return a value as text with SI prefix and unit, to five digits.
 
     Examples
     --------
@@ -126,7 +126,7 @@ def si(value: float, unit: str) -> str:
 
 
 def markdown(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
-    """Return a table as lines, with bars in cells escaped."""
+    """Return a Markdown table as lines."""
     head = list(head)
     lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |" for cells in [head, *map(list, rows)]]
     return [lines[0], "|" + "---|" * len(head), *lines[1:]]

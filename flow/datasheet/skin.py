@@ -1,4 +1,4 @@
-"""Write the datasheets of a skin of tiles and of its merge, from the golden models."""
+"""Datasheets of a skin of tiles and of its merge, from the golden models."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MERGE_CLOCKS, HELD = 1, 2
 
 
 def waves(skin: TilesConfig) -> list[Wave]:
-    """Return the output ports of a merge while its first tiles offer some events each."""
+    """Return the waveforms of a merge whose first tiles each offer several events."""
     count = min(TILES, skin.tiles)
     left, state = [EVENTS] * count, merge.new_state()
     rows = []
@@ -74,7 +74,7 @@ def sheet_of(config: MergeConfig | TilesConfig) -> Sheet:
 
 
 def _times(skin: TilesConfig, alone: bool) -> list[str]:
-    """Return the table of times."""
+    """Return the table of latencies."""
     bound, through = skin.tiles + HELD, skin.relays + MERGE_CLOCKS
     begins = "arrival at the merge" if skin.relays else "a tile's offer"
     rows = [("a tile's offer to `event_valid`, no other event on its way", through), ("from one event to the next", 1)]

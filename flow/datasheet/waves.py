@@ -1,4 +1,4 @@
-"""Compute the signals of a readout in every clock with its golden model, for timing diagrams."""
+"""Compute waveforms of a readout with its golden model, for timing diagrams."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Value = int | None
 
 @dataclass(frozen=True)
 class Wave:
-    """One signal: its value just before every rising edge, None where undefined.
+    """A waveform: the value of a signal just before every rising edge, None where undefined.
 
     Attributes
     ----------
@@ -54,12 +54,12 @@ class Wave:
 
 
 def from_zero(config: ReadoutConfig) -> ReadoutConfig:
-    """Return the configuration with references of 0 after reset: there is room for a step, and no time changes."""
+    """Return the configuration with references of 0 after reset, so that steps in both directions are possible."""
     return config.replace(reference_reset=0)
 
 
 def played(config: ReadoutConfig) -> Stimulus:
-    """Return one sample that makes the first taxels cross a level; a stream stalls when their events are offered."""
+    """Return a stimulus with one sample that makes the first taxels cross a level."""
     samples = np.zeros((1, config.taxels), np.int32)
     samples[0, :TAXELS] = config.step + config.encoder.strict
     clocks = CLOCKS[config.link]
@@ -76,7 +76,7 @@ def played(config: ReadoutConfig) -> Stimulus:
 
 
 def waves(config: ReadoutConfig) -> list[Wave]:
-    """Return the signals on the way from a sample to its events."""
+    """Return the waveforms on the path from a sample to its events."""
     config = from_zero(config)
     stimulus = played(config)
     events, traffic = simulate_counted(config, stimulus)
@@ -99,7 +99,7 @@ def waves(config: ReadoutConfig) -> list[Wave]:
 
 
 def reset_waves(config: ReadoutConfig) -> list[Wave]:
-    """Return the signals around a reset during the transfer of an event."""
+    """Return the waveforms around a reset during the transfer of an event."""
     found = waves(config)
     if config.link == "stream":
         cut = STALL[1]
@@ -115,7 +115,7 @@ def reset_waves(config: ReadoutConfig) -> list[Wave]:
 
 
 def address(config: ReadoutConfig, event: np.void) -> int:
-    """Return the word of an event: polarity, row, column, the column in the least significant bits."""
+    """Return the address word of an event: polarity, row, column."""
     word = int(event["y"]) << config.column_bits | int(event["x"])
     return word | int(event["p"]) << (config.row_bits + config.column_bits) if config.has_polarity else word
 
@@ -126,7 +126,7 @@ def _codes(config: ReadoutConfig, state: State) -> NDArray[np.int64]:
 
 
 def _above(config: ReadoutConfig, state: State) -> int:
-    """Return the decision of taxel 0's comparator."""
+    """Return the output of taxel 0's comparator."""
     level = _codes(config, state)[0, 0] + state.half_width[0, 0] + config.encoder.strict
     return int(state.sample[0, 0] >= level)
 
@@ -136,7 +136,7 @@ def _of_taxel_0(name: str, values: Sequence[NDArray[np.int64]]) -> Wave:
 
 
 def _stream(config: ReadoutConfig, stimulus: Stimulus, events: Events, traffic: NDArray[np.uint8]) -> list[Wave]:
-    """Return the ports of a stream of events."""
+    """Return the waveforms of the event stream ports."""
     offered = [int(value in (TAKEN, WAITED)) for value in traffic]
     taken = np.cumsum(traffic == TAKEN) - (traffic == TAKEN)  # before every clock
     found = [
@@ -153,7 +153,7 @@ def _stream(config: ReadoutConfig, stimulus: Stimulus, events: Events, traffic: 
 
 
 def _four_phase(config: ReadoutConfig, stimulus: Stimulus, events: Events, traffic: NDArray[np.uint8]) -> list[Wave]:
-    """Return the ports of the four-phase link, from its model."""
+    """Return the waveforms of the four-phase link ports."""
     state = link.new_state()
     word, sent = 0, 0
     request, acknowledge, words = [], [], []

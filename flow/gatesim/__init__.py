@@ -1,1 +1,1 @@
-"""Cells of a library as they behave, and the readout simulated in them."""
+"""Gate-level simulation of the readout with behavioural models of library cells."""

@@ -1,4 +1,4 @@
-"""Read a flat netlist of library cells, and write plain Verilog for other programs."""
+"""Read a flat netlist of library cells, and write it as plain Verilog."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ APART = str.maketrans("[]", "__")
 
 @dataclass(frozen=True)
 class Port:
-    """A port of the top: its direction, and the net of each of its bits, the lowest first."""
+    """A port of the top module: direction, and nets of its bits, lowest first."""
 
     name: str
     direction: str
@@ -62,7 +62,7 @@ class FlatNetlist:
 
     @property
     def nets(self) -> set[str]:
-        """Names of all nets that a port or a pin is on, constants left out."""
+        """Names of all nets connected to a port or a pin, without constants."""
         found = {net for port in self.ports for net in port.nets}
         found |= {net for cell in self.cells for net in cell.pins.values()}
         return found - set(CONSTANTS.values())
@@ -94,7 +94,7 @@ class FlatNetlist:
         return "\n".join([*lines, "endmodule", ""])
 
     def _aliases(self) -> Iterator[tuple[str, str]]:
-        """Yield the bits of output ports that carry the net of another name."""
+        """Yield the output port bits that share a net with another name."""
         for port in self.ports:
             for name, net in zip(_bits(port.name, len(port.nets)), port.nets, strict=True):
                 if port.direction == "output" and name != net:
@@ -142,7 +142,7 @@ def flatten(text: str, top: str, liberty: bytes) -> FlatNetlist:
 
 
 def _names_of_ports(ports: dict[str, dict]) -> dict[int, str]:
-    """Return the name of the net of every port; of several ports, the input's name."""
+    """Return the net name of every port; an input gives its name to a shared net."""
     named: dict[int, str] = {}
     for direction in ("output", "input"):
         for name, port in ports.items():

@@ -1,4 +1,4 @@
-"""Run a Verilog program in Icarus, which simulates unknown values."""
+"""Run a Verilog program in the simulator Icarus."""
 
 from __future__ import annotations
 

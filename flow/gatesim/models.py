@@ -1,4 +1,4 @@
-"""Functional Verilog of library cells, made from what the liberty says they do; each may take a fixed time."""
+"""Verilog models of library cells, generated from the functions in the liberty file, with optional fixed delay."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from eskin.flow.liberty.library import Cell, Library, Memory
 
 
 def models(library: Library, kinds: set[str], delay_ns: float = 0.0) -> str:
-    """Return the Verilog of some cells.
+    """Return the Verilog models of given cells.
 
     A flop whose clock turns unknown loses its state, unless it would keep it: a netlist that only a simulator's
     optimism wakes up stays unknown here.
@@ -32,7 +32,7 @@ def models(library: Library, kinds: set[str], delay_ns: float = 0.0) -> str:
 
 
 def model_of(cell: Cell, delay_ns: float = 0.0) -> str:
-    """Return the Verilog module of a cell."""
+    """Return the Verilog model of a cell."""
     if cell.gate_kind:
         body = _clock_gate(cell)
     else:
@@ -43,7 +43,7 @@ def model_of(cell: Cell, delay_ns: float = 0.0) -> str:
 
 
 def _outputs(cell: Cell, delay_ns: float) -> list[str]:
-    """Return the assignments of the outputs, by their functions."""
+    """Return the Verilog assignments of the outputs."""
     lines = []
     after = f"#{delay_ns:.1f} " if delay_ns else ""
     for name in cell.outputs:
@@ -58,7 +58,7 @@ def _outputs(cell: Cell, delay_ns: float) -> list[str]:
 
 
 def _memory(memory: Memory) -> list[str]:
-    """Return a flop, whose state is unknown after an unknown clock, or a latch, open while enabled."""
+    """Return the Verilog model of a flop or a latch."""
     state, low = memory.state, "1'b0"
     clear, preset = (verilog_of(text) if text else low for text in (memory.clear, memory.preset))
     when, stored = verilog_of(memory.when), verilog_of(memory.stored)
@@ -93,7 +93,7 @@ def _memory(memory: Memory) -> list[str]:
 
 
 def _clock_gate(cell: Cell) -> list[str]:
-    """Return a clock gate: a latch that is open while the clock is low, and an AND."""
+    """Return the Verilog model of a clock gate: a latch and an AND gate."""
     kind, roles = cell.gate_kind, {pin.role: name for name, pin in cell.pins.items()}
     clock, enable, test, output = (roles.get(role, "") for role in ("clock", "enable", "test", "out"))
     if not kind.startswith(("latch_posedge", "latch_negedge")) or not (clock and enable and output):

@@ -1,4 +1,4 @@
-"""Check that reset alone initialises a netlist: with unknown inputs, every flop must end in a known state."""
+"""Check that reset alone brings every flop of a netlist into a known state."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ QUIET_CLOCKS = 16
 
 @dataclass(frozen=True)
 class Unknown:
-    """What stays unknown.
+    """Flops and outputs with unknown values after reset.
 
     Attributes
     ----------
@@ -36,12 +36,12 @@ class Unknown:
 
     @property
     def clean(self) -> bool:
-        """Whether every flop is known, and at least one flop exists."""
+        """True if the netlist has flops and all are known."""
         return self.flops > 0 and not (self.in_reset or self.after or self.outputs)
 
 
 def from_reset(netlist: FlatNetlist, library: Library, folder: Path) -> Unknown:
-    """Return the flops that are unknown after a reset with unknown other inputs.
+    """Return the flops that are still unknown after a reset with unknown other inputs.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def from_reset(netlist: FlatNetlist, library: Library, folder: Path) -> Unknown:
 
 
 def _bench(netlist: FlatNetlist, state: list[str], outputs: list[str]) -> str:
-    """Return a bench that prints all flops at the end of reset, all flops and all outputs at the end."""
+    """Return a testbench that prints the flops at the end of reset, and flops and outputs at the end of the run."""
     inputs = [port for port in netlist.ports if port.direction == "input"]
     lines = ["`timescale 1ns / 1ns", "module bench;"]
     for port in netlist.ports:

@@ -1,4 +1,4 @@
-"""Play the co-simulation's scenarios and scans on a readout's netlist, compared bit by bit with the model."""
+"""Simulate a netlist with the co-simulation's scenarios and scans, and compare it with the model bit by bit."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from eskin.model.config import ReadoutConfig
 
 @dataclasses.dataclass(frozen=True)
 class Gates:
-    """A netlist on its way into the simulator.
+    """A netlist prepared for the simulator.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Gates:
 
 
 def prepare(config: ReadoutConfig, path: Path, folder: Path) -> Gates:
-    """Synthesise a readout, write netlist and cell models into a folder, and check that reset initialises it.
+    """Synthesise a readout, write netlist and cell models into a folder, and check the reset.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def prepare(config: ReadoutConfig, path: Path, folder: Path) -> Gates:
 
 
 def play(plan: sim.Plan, gates: Gates, config: ReadoutConfig, again: str, on_stage: Callable[[str], None]) -> Tally:
-    """Play the suite on a netlist and return the compared totals.
+    """Simulate all scenarios and scans on a netlist, and return the comparison totals.
 
     Parameters
     ----------

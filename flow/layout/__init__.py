@@ -1,1 +1,1 @@
-"""From the RTL to a layout in SkyWater 130 nm rules: cells checked against their transistors, netlist, GDS and DEF."""
+"""Layout of a readout in SkyWater 130 nm: verified cells, netlist, GDS and DEF."""

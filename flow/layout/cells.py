@@ -1,4 +1,4 @@
-"""The standard cells that a layout may use, each checked against its transistors, and their liberty file."""
+"""Standard cells for layouts, verified against their transistors, and their liberty file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from eskin.flow.layout.transistors import SwitchCell, does, stores
 
 @dataclass(frozen=True)
 class Gate:
-    """The expected function of a cell, as a Liberty text and as a Python function."""
+    """Expected function of a cell, as Liberty text and as Python function."""
 
     inputs: tuple[str, ...]
     output: str
@@ -19,7 +19,7 @@ class Gate:
 
 
 def _all(count: int, mark: str, *, inverted: bool) -> Gate:
-    """Return an AND or OR of a number of inputs, or its inverse."""
+    """Return an AND or OR gate with a number of inputs, or its inverse."""
     inputs = tuple(f"i{n}" for n in range(count))
     join = all if mark == "&" else any
     text = mark.join(inputs)
@@ -49,11 +49,11 @@ LEFT_OUT = ("nexor2_x0",)
 
 
 class WrongCell(RuntimeError):
-    """A cell whose function is not its transistors'."""
+    """Raised for a cell whose transistors do not implement its function."""
 
 
 def usable(cells: Mapping[str, SwitchCell], left_out: tuple[str, ...] = LEFT_OUT) -> list[str]:
-    """Return the names of the cells that a netlist may use, all of them checked.
+    """Return the names of the cells that a netlist may use, after checking all of them.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def usable(cells: Mapping[str, SwitchCell], left_out: tuple[str, ...] = LEFT_OUT
 
 
 def check(cell: SwitchCell) -> None:
-    """Compare a cell's function with its transistors.
+    """Check the function of a cell against its transistors.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def check(cell: SwitchCell) -> None:
 
 
 def liberty(names: list[str], areas: Mapping[str, float]) -> str:
-    """Return a liberty file of checked cells: functions and areas in um^2; its delays are all alike.
+    """Return a liberty file of checked cells, with functions, areas in um^2, and equal delays.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def _input(pin: str, more: str = "") -> str:
 
 
 def _output(pin: str, function: str, related: tuple[str, ...], kind: str) -> str:
-    """Return an output pin with one delay for every input."""
+    """Return an output pin with one delay for every input, as liberty text."""
     value = '(scalar) { values("0.1"); }'
     tables = " ".join(f"{name}{value}" for name in ("cell_rise", "cell_fall", "rise_transition", "fall_transition"))
     arcs = " ".join(f'timing() {{ related_pin : "{name}"; timing_type : {kind}; {tables} }}' for name in related)

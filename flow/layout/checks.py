@@ -1,4 +1,4 @@
-"""Check a layout with KLayout: design rules, and layout netlist against cell netlist."""
+"""Check a layout with KLayout: design rules (DRC), and layout against netlist (LVS)."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ File.write(ENV["COUNTS_FILE"], JSON.generate({
 
 @dataclass(frozen=True)
 class Rules:
-    """What the rule check says.
+    """Results of the design rule check.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Rules:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The result of the netlist comparison.
+    """Results of the netlist comparison.
 
     Attributes
     ----------
@@ -84,14 +84,14 @@ class Comparison:
 
 
 def rules(gds: Path, top: str, deck: Path, folder: Path) -> None:
-    """Check a layout by a deck of rules; leaves rules.lyrdb in a folder, for ``read_rules``."""
+    """Check the design rules of a layout; violations are written to rules.lyrdb."""
     report = (folder / "rules.lyrdb").resolve()
     variables = {"SOURCE_FILE": str(gds.resolve()), "CELL_NAME": top, "REPORT_FILE": str(report)}
     environment.klayout(deck, variables, folder)
 
 
 def read_rules(report: Path) -> Rules:
-    """Return the violations in a report of ``rules``.
+    """Return the violations in a report written by ``rules``.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def read_rules(report: Path) -> Rules:
 
 
 def comparing(deck: str) -> str:
-    """Return the comparison deck with net names, and with the names of ports checked.
+    """Return the comparison deck with net names and a check of port names added.
 
     The exported one knows no names: two inputs that change places would be equal to it.
 
@@ -127,7 +127,7 @@ def comparing(deck: str) -> str:
 
 
 def compare(gds: Path, top: str, spice: str, ports: Sequence[str], deck: str, folder: Path) -> None:
-    """Compare a layout's netlist with a SPICE netlist; write counts.json and compare.lvsdb into a folder.
+    """Compare the netlist of a layout with a SPICE netlist; results are written to counts.json and compare.lvsdb.
 
     Parameters
     ----------
@@ -155,6 +155,6 @@ def compare(gds: Path, top: str, spice: str, ports: Sequence[str], deck: str, fo
 
 
 def read_comparison(counts: Path) -> Comparison:
-    """Return the results that ``compare`` stored."""
+    """Return the results written by ``compare``."""
     said = json.loads(counts.read_text())
     return Comparison(bool(said["equal"]), said["nets"], said["devices"], said["ports"], tuple(said["differ"]))

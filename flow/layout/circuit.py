@@ -1,4 +1,4 @@
-"""A readout as checked cells, proved equal to its RTL, in the forms of the layout tools: BLIF and SPICE."""
+"""A readout as verified cells, proved equivalent to its RTL, for the layout tools (BLIF, SPICE)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SPLIT = READ + "splitnets -ports -format _; opt_clean -purge; check -assert -map
 
 @dataclass(frozen=True)
 class Circuit:
-    """Cells and the wires between them.
+    """A netlist of cells and single-bit wires.
 
     Attributes
     ----------
@@ -48,40 +48,40 @@ class Circuit:
 
     @classmethod
     def from_dict(cls, said: Mapping[str, Any]) -> Circuit:
-        """Return the circuit stored with ``dataclasses.asdict`` as JSON."""
+        """Return the circuit stored as JSON by ``dataclasses.asdict``."""
         cells = {name: (kind, pins) for name, (kind, pins) in said["cells"].items()}
         return cls(said["top"], tuple(said["inputs"]), tuple(said["outputs"]), cells)
 
     @property
     def ports(self) -> tuple[str, ...]:
-        """Inputs, then outputs."""
+        """Input ports, then output ports."""
         return self.inputs + self.outputs
 
     @property
     def wires(self) -> set[str]:
-        """All wires that a cell drives or reads."""
+        """All wires driven or read by a cell."""
         return {wire for _, pins in self.cells.values() for wire in pins.values()}
 
     @property
     def read_ports(self) -> tuple[str, ...]:
-        """Ports at which a cell is: the low bits of a sample, below the resolution, are read by none."""
+        """Ports that a cell drives or reads."""
         wires = self.wires
         return tuple(port for port in self.ports if port in wires)
 
     @property
     def kinds(self) -> Counter[str]:
-        """How many there are of every cell."""
+        """Number of instances of every cell."""
         return Counter(kind for kind, _ in self.cells.values())
 
     def blif(self) -> str:
-        """Return the circuit as BLIF."""
+        """Return the circuit in BLIF format."""
         lines = [f".model {self.top}", f".inputs {' '.join(self.inputs)}", f".outputs {' '.join(self.outputs)}"]
         for kind, pins in self.cells.values():
             lines.append(f".subckt {kind} " + " ".join(f"{pin}={wire}" for pin, wire in pins.items()))
         return "\n".join([*lines, ".end\n"])
 
     def spice(self, cells: Mapping[str, SwitchCell], name: str) -> str:
-        """Return the circuit as SPICE down to the transistors, supply and ground its first ports.
+        """Return the circuit as a SPICE netlist down to transistors; supply and ground are its first ports.
 
         Parameters
         ----------
@@ -98,7 +98,7 @@ class Circuit:
 
 
 def synthesise(config: ReadoutConfig, liberty: Path) -> synthesis.Netlist:
-    """Return a flat readout in library cells, with buffers where an output copies another one."""
+    """Return a readout synthesised to library cells, flat."""
     made = synthesis.synthesise(config, read(liberty))
     script = BUFFERED.format(top=made.top, test=TEST, buffer=BUFFER)
     files = {"cells.lib": liberty.read_bytes(), "netlist.v": made.text.encode()}
@@ -107,13 +107,13 @@ def synthesise(config: ReadoutConfig, liberty: Path) -> synthesis.Netlist:
 
 
 def circuit_of(made: synthesis.Netlist) -> Circuit:
-    """Return a netlist as cells and single wires."""
+    """Return a netlist as a circuit of cells and single-bit wires."""
     files = {"cells.lib": made.library.content, "netlist.v": made.text.encode()}
     return of_json(json.loads(yosys.run(SPLIT.format(top=made.top), "", "bits.json", files)), made.top)
 
 
 def of_json(design: Mapping[str, Any], top: str) -> Circuit:
-    """Return the circuit of Yosys' JSON.
+    """Return the circuit for a JSON netlist from Yosys.
 
     Raises
     ------

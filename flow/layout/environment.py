@@ -1,4 +1,4 @@
-"""Find the layout tools: Python packages in their own environment, and KLayout."""
+"""Find and run the layout tools: Python packages in a separate environment, and KLayout."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ NO_KLAYOUT = "klayout not found; install with: apt-get install klayout"
 
 
 class Crashed(RuntimeError):
-    """A tool failed; the text is its last line."""
+    """Raised if a tool fails, with its last output line."""
 
 
 def python() -> Path:
-    """Return the interpreter of the environment."""
+    """Return the path of the Python interpreter of the layout environment."""
     return VENV / "bin" / "python"
 
 
 def check() -> None:
-    """Refuse to start without all tools.
+    """Check that all layout tools are installed.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def check() -> None:
 
 
 def run(program: str, *words: str, folder: Path) -> None:
-    """Run a program of this folder in a working folder, which gets its log.
+    """Run a program of this package in a working folder, and write its log there.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def run(program: str, *words: str, folder: Path) -> None:
 
 
 def klayout(deck: Path, variables: Mapping[str, str], folder: Path) -> None:
-    """Run a deck in KLayout without its windows.
+    """Run a KLayout script in batch mode.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Write cells, technology and decks of SkyWater 130 nm into a folder (runs in the layout environment).
+"""Write cells, technology and rule decks of SkyWater 130 nm into a folder (runs in the layout environment).
 
 ``python generate.py FOLDER``. It imports nothing of the project: the packages that it needs stand in requirements.txt.
 """

@@ -1,4 +1,4 @@
-"""Draw a GDS file (runs in the layout environment).
+"""Draw a picture of a GDS file (runs in the layout environment).
 
 ``python picture.py FILE.gds PICTURE.png``. It imports nothing of the project.
 """
@@ -27,7 +27,7 @@ COLOURS = {
 
 
 def add_scale_bar(layout: db.Layout) -> None:
-    """Add a bar of ``BAR_UM`` with its length below the lower left corner of the top cell."""
+    """Add a scale bar of ``BAR_UM`` below the lower left corner of the top cell."""
     top = layout.top_cell()
     box, thick = top.dbbox(), BAR_UM / 16
     at = db.DPoint(box.left, box.bottom - 6 * thick)
@@ -41,7 +41,7 @@ def add_scale_bar(layout: db.Layout) -> None:
 
 
 def main() -> None:
-    """Draw the layers, metals above the cells."""
+    """Draw the layers, with metals above the cells."""
     view = lay.LayoutView()
     view.set_config("background-color", "#14161a")
     for hidden in ("grid-visible", "text-visible", "cell-box-visible"):

@@ -1,4 +1,4 @@
-"""Place and route a netlist with Coriolis in the working folder (runs in the layout environment).
+"""Place and route a netlist with Coriolis (runs in the layout environment).
 
 ``python place.py TECHNOLOGY NAME MARGIN [STEPS]`` reads NAME.blif and pins.json, and leaves NAME_r.gds,
 NAME_r_export.def and placed.json. It imports nothing of the project.
@@ -45,7 +45,7 @@ FILLERS = "tie,tie_w2,tie_w4"
 
 
 def pins(IoPin, names, side_um):
-    """Return the pin positions: in order around the four sides, evenly spread."""
+    """Return the pin positions, evenly spread in order around the four sides."""
     each = -(-len(names) // 4)
     found = []
     for number, side in enumerate((IoPin.WEST, IoPin.EAST, IoPin.SOUTH, IoPin.NORTH)):
@@ -57,7 +57,7 @@ def pins(IoPin, names, side_um):
 
 
 def main() -> None:
-    """Place and route."""
+    """Place and route the netlist in the working folder."""
     techno.setup()
     StdCellLib.setup()
     tech = DataBase.getDB().getTechnology()

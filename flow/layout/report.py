@@ -1,4 +1,4 @@
-"""Report a layout: attempts, checks, and the stored results."""
+"""Report of a layout: attempts and check results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from eskin.model.config import NO_LOGIC, ReadoutConfig
 
 @dataclass(frozen=True)
 class Try:
-    """One margin.
+    """Result of one routing attempt with a given area margin.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Report:
 
     @property
     def problems(self) -> list[str]:
-        """The problems, one sentence each."""
+        """Problems of the layout, one sentence each."""
         said = []
         if self.proved != self.of:
             said.append(f"{self.of - self.proved} of {self.of} points of the netlist differ from the RTL")
@@ -82,7 +82,7 @@ class Report:
         return said
 
     def closing_line(self) -> str:
-        """Return the last line of ``make layout``."""
+        """Return the final message of ``make layout``."""
         last = self.tries[-1]
         violations = len(last.rules.violations) if last.rules else 0
         parts = [f"layout: {self.name}", f"{len(self.circuit.cells)} cells"]
@@ -97,7 +97,7 @@ class Report:
         return ", ".join(parts)
 
     def to_dict(self, command: str) -> dict[str, Any]:
-        """Return the report as plain data."""
+        """Return the report as a dictionary."""
         last, compared = self.tries[-1], self.comparison
         area = last.width_um * last.height_um
         return {
@@ -132,12 +132,12 @@ class Report:
 
 
 def name_of(config: ReadoutConfig) -> str:
-    """Return the name of a run: encoding, front end and size."""
+    """Return the name of a run from encoding, front end and size."""
     return f"{config.encoding}-{config.frontend}-{config.rows}x{config.columns}-{config.resolution}b"
 
 
 def command_of(config: ReadoutConfig, compare: bool) -> str:
-    """Return the command line of a run: its size and other options that differ from the defaults."""
+    """Return the command line of a run, without default options."""
     size = {f"ROWS={config.rows}": None, f"COLUMNS={config.columns}": None}
     words = size | dict.fromkeys(variables(config, NO_LOGIC))
     return " ".join(["make layout", *words, *([] if compare else ["COMPARE=0"])])

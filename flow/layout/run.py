@@ -1,4 +1,4 @@
-"""From the RTL of a readout to a checked layout, stage by stage."""
+"""Run all stages from the RTL of a readout to a checked layout."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MARGINS = (0.35, 0.3, 0.4, 0.45, 0.5, 0.6, 0.75)
 
 
 def run(config: ReadoutConfig, name: str, out: Path, compare: bool, on_stage: Callable[[str], None]) -> Report:
-    """Return the report of a layout; OUT/NAME gets GDS, DEF, picture, reports and report.json.
+    """Return the report of a layout; files are written to OUT/NAME.
 
     Parameters
     ----------
@@ -71,13 +71,13 @@ def run(config: ReadoutConfig, name: str, out: Path, compare: bool, on_stage: Ca
 
 
 def _cells(stages: Stages) -> Path:
-    """Return the folder with cells, technology and decks."""
+    """Return the folder with cells, technology and rule decks."""
     inputs = ((PROGRAMS / "generate.py").read_text(), REQUIREMENTS.read_text())
     return stages.made("cells", inputs, lambda part: environment.run("generate", ".", folder=part))
 
 
 def _netlist(config: ReadoutConfig, liberty: str, stages: Stages) -> tuple[Circuit, int, int]:
-    """Return the readout as standard cells, and how many of its flops and outputs are proved equal to the RTL."""
+    """Return the readout as standard cells, and the number of its flops and outputs proved equal to the RTL."""
 
     def make(part: Path) -> None:
         library = part / "cells.lib"
@@ -95,7 +95,7 @@ def _netlist(config: ReadoutConfig, liberty: str, stages: Stages) -> tuple[Circu
 
 @dataclass(frozen=True)
 class Layout:
-    """A circuit on its way to a layout.
+    """A circuit and the stages of its layout.
 
     Attributes
     ----------
@@ -116,11 +116,11 @@ class Layout:
 
     @property
     def top(self) -> str:
-        """Name of the top cell, set by Coriolis after routing."""
+        """Name of the top cell after routing by Coriolis."""
         return f"{self.circuit.top}_r"
 
     def route(self, margins: tuple[float, ...] = MARGINS) -> tuple[list[Try], Path | None]:
-        """Return all attempts until a layout is routed without violations, and the folder of the last."""
+        """Return all routing attempts up to the first without violations, and the folder of the last attempt."""
         tries: list[Try] = []
         placed = None
         for margin in margins:
@@ -132,7 +132,7 @@ class Layout:
         return tries, placed if tries[-1].rules else None
 
     def place(self, margin: float) -> Path:
-        """Return the folder of a margin with Coriolis' results, including crashes."""
+        """Return the folder with the results of Coriolis for an area margin."""
         blif = self.circuit.blif()
         said = json.dumps({"pins": self.circuit.ports, "area_um2": self.area_um2})
 
@@ -148,7 +148,7 @@ class Layout:
         return self.stages.made(f"place-{margin:.2f}", inputs, make)
 
     def judge(self, margin: float, placed: Path) -> Try:
-        """Return the result of a margin."""
+        """Return the result of an attempt with an area margin."""
         said = json.loads((placed / "placed.json").read_text())
         if "problem" in said:
             return Try(margin, said["problem"])
@@ -163,7 +163,7 @@ class Layout:
         return Try(margin, problem, said["width_um"], said["height_um"], rules)
 
     def compare(self, placed: Path | None) -> Comparison | None:
-        """Return the comparison of the layout's netlist with the circuit."""
+        """Return the comparison of the layout with the circuit."""
         if placed is None:
             return None
         gds, text = placed / f"{self.top}.gds", self.circuit.spice(self.known, self.top)
@@ -178,7 +178,7 @@ class Layout:
 
 
 def _deliver(placed: Path, top: str, folder: Path, stages: Stages) -> None:
-    """Copy GDS and DEF to the run's folder, with a picture."""
+    """Copy GDS and DEF to the folder of the run, and draw a picture."""
 
     def draw(part: Path) -> None:
         environment.run("picture", str((placed / f"{top}.gds").resolve()), "layout.png", folder=part)

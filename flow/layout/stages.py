@@ -1,4 +1,4 @@
-"""Cache the stages of a long run: each has its own folder, valid until its inputs change."""
+"""Cache the stages of a long run, each in a folder that is valid until its inputs change."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Stages:
         self.seconds: dict[str, float] = {}
 
     def made(self, stage: str, inputs: tuple[str, ...], make: Callable[[Path], None]) -> Path:
-        """Return the folder of a stage; call ``make`` if no folder with these inputs exists.
+        """Return the folder of a stage; call ``make`` unless the folder is cached for these inputs.
 
         It takes its name when it is whole: an interrupted stage begins anew. Those of the same stage with other inputs
         are removed.
@@ -68,5 +68,5 @@ class Stages:
 
 
 def _processor_s() -> float:
-    """Return the processor time of this program and its child processes."""
+    """Return the processor time of this process and its child processes."""
     return sum(os.times()[:4])

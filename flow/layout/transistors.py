@@ -1,4 +1,4 @@
-"""Derive a cell's function from its transistors: switches between supply, ground and nets."""
+"""Derive the function of a cell from its transistors with a switch-level model."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Level = bool | None
 
 @dataclass(frozen=True)
 class SwitchCell:
-    """A cell as transistors.
+    """A cell as a list of transistors.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class SwitchCell:
 
 
 def read(spice: str) -> dict[str, SwitchCell]:
-    """Return the cells of a SPICE file by their names.
+    """Return the cells in a SPICE file by name.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def read(spice: str) -> dict[str, SwitchCell]:
 
 
 def settle(cell: SwitchCell, inputs: Mapping[str, Level], before: Mapping[str, Level]) -> dict[str, Level]:
-    """Return the levels of all nets in the steady state.
+    """Return the logic levels of all nets in steady state.
 
     A net joined to neither supply nor ground keeps its level; one that may be joined to both is unknown.
 
@@ -82,7 +82,7 @@ def settle(cell: SwitchCell, inputs: Mapping[str, Level], before: Mapping[str, L
 
 
 def _level(cell: SwitchCell, levels: Mapping[str, Level], net: str, fixed: Mapping[str, Level]) -> Level:
-    """Return the level of a net from its connected nets."""
+    """Return the logic level of a net from its connected nets."""
     surely = {fixed[end] for end in _joined(cell, levels, net, fixed, sure=True) if end in fixed}
     perhaps = {fixed[end] for end in _joined(cell, levels, net, fixed, sure=False) if end in fixed}
     if not perhaps:
@@ -95,7 +95,7 @@ def _level(cell: SwitchCell, levels: Mapping[str, Level], net: str, fixed: Mappi
 def _joined(
     cell: SwitchCell, levels: Mapping[str, Level], net: str, fixed: Mapping[str, Level], *, sure: bool
 ) -> set[str]:
-    """Return the nets that a net is joined to by transistors that conduct, surely or perhaps."""
+    """Return the nets connected to a net by transistors that certainly or possibly conduct."""
     seen, open_ends = {net}, [net]
     while open_ends:
         here = open_ends.pop()
@@ -112,7 +112,7 @@ def _joined(
 
 
 def table(cell: SwitchCell, inputs: tuple[str, ...], output: str) -> list[Level]:
-    """Return the output for every combination of inputs, the last input changing fastest."""
+    """Return the truth table of an output, with the last input changing fastest."""
     return [
         settle(cell, dict(zip(inputs, levels, strict=True)), {})[output]
         for levels in itertools.product((False, True), repeat=len(inputs))
@@ -120,14 +120,14 @@ def table(cell: SwitchCell, inputs: tuple[str, ...], output: str) -> list[Level]
 
 
 def does(cell: SwitchCell, inputs: tuple[str, ...], output: str, function: Callable[..., bool]) -> bool:
-    """Return whether a cell's transistors compute a Boolean function of its inputs."""
+    """Return True if the transistors of a cell compute a given Boolean function."""
     return table(cell, inputs, output) == [
         bool(function(*levels)) for levels in itertools.product((False, True), repeat=len(inputs))
     ]
 
 
 def stores(cell: SwitchCell, data: str, clock: str, output: str) -> bool:
-    """Return whether a cell's transistors form a flip-flop that samples only at the rising edge."""
+    """Return True if the transistors of a cell form a rising-edge flip-flop."""
     levels: Mapping[str, Level] = {}
     held: Level = UNKNOWN
     word = False

@@ -1,1 +1,1 @@
-"""Read cell libraries; identify cells by their Liberty description, never by name."""
+"""Read cell libraries in Liberty format; cells are identified by function, not by name."""

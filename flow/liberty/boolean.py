@@ -1,4 +1,4 @@
-"""Evaluate Boolean expressions of a cell library, and convert them to Verilog."""
+"""Evaluate Boolean expressions of a Liberty file, and convert them to Verilog."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ OPERATORS = {"And": (operator.and_, "&"), "Or": (operator.or_, "|"), "Xor": (ope
 
 @functools.cache
 def expression(text: str) -> Any:
-    """Return a library's expression as a sympy expression."""
+    """Return a Liberty expression as a sympy expression."""
     from liberty.boolean_functions import parse_boolean_function
 
     try:
@@ -30,12 +30,12 @@ def expression(text: str) -> Any:
 
 
 def literal(text: str) -> str:
-    """Return an expression of one literal without blanks and brackets."""
+    """Return a Liberty expression of one literal without blanks and parentheses."""
     return text.replace(" ", "").strip("()")
 
 
 def evaluate(text: str, values: Mapping[str, Bits]) -> Bits:
-    """Return the value of an expression, for many bits at once.
+    """Return the value of an expression, bitwise for many bits at once.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def _value(node: Any, values: Mapping[str, Bits]) -> Bits:
 
 @functools.lru_cache(maxsize=4096)
 def possible(text: str, inputs: tuple[tuple[str, str], ...]) -> str:
-    """Return the value of an expression whose names are "0", "1" or "x": unknown.
+    """Return the value of an expression for inputs "0", "1" or "x" (unknown).
 
     Examples
     --------
@@ -76,7 +76,7 @@ def possible(text: str, inputs: tuple[tuple[str, str], ...]) -> str:
 
 @functools.cache
 def verilog_of(text: str) -> str:
-    """Return an expression as Verilog.
+    """Return a Liberty expression as Verilog.
 
     Examples
     --------

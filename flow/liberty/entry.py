@@ -1,4 +1,4 @@
-"""Groups of a liberty file. Each field is checked when it is read; a wrong field raises one sentence."""
+"""Groups of a Liberty file, with checks and error messages for every field."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PACKAGE = "liberty-parser is not installed; install it with: pip install -c cons
 
 @dataclass(frozen=True)
 class Entry:
-    """A group of a liberty file.
+    """A group of a Liberty file.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Entry:
     place: str
 
     def wrong(self, part: str, what: str) -> InputError:
-        """Return the error for a part of this group; ``what`` completes the sentence."""
+        """Return an exception about a part of this group."""
         return InputError(f"the cell library {self.path} is wrong: {part} of {self.place} {what}; give another .lib")
 
     def all(self, kind: str) -> list[Entry]:
@@ -56,30 +56,30 @@ class Entry:
         return found
 
     def names(self, count: int) -> list[str]:
-        """Return the names between the brackets of the group."""
+        """Return the names in the parentheses of the group."""
         found = [text for argument in self.group.args if (text := _text(argument))]
         if len(found) != count:
             raise self.wrong("the brackets", f"must hold {count} name{'s' * (count > 1)}, not {len(found)}")
         return found
 
     def value(self, name: str) -> Any:
-        """Return an attribute in the parser's form; None if absent."""
+        """Return an attribute as the parser gives it; None if absent."""
         found = self.group.get_attributes(name)
         if len(found) > 1:
             raise self.wrong(name, "stands twice")
         return found[0] if found else None
 
     def text(self, name: str) -> str:
-        """Return an attribute as text without quotes: the first value, empty if absent."""
+        """Return an attribute as text; empty if absent."""
         value = self.value(name)
         return _text(value[0] if value else None) if isinstance(value, list) else _text(value)
 
     def flag(self, name: str) -> bool:
-        """Return whether an attribute is true."""
+        """Return True if an attribute is present and true."""
         return self.text(name) == "true"
 
     def number(self, name: str, default: float = 0.0, least: float = -math.inf) -> float:
-        """Return an attribute as a finite number that is not below ``least``."""
+        """Return an attribute as a finite number of at least ``least``."""
         value = self.value(name)
         text = f"({', '.join(map(_text, value))})" if isinstance(value, list) else _text(value)
         if not text:
@@ -100,7 +100,7 @@ class Entry:
 
 
 def parse(path: Path) -> Entry:
-    """Return the library of a liberty file.
+    """Return the top group of a Liberty file.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A cell library: cells, pins, memories and clock gates with their areas, loads and leakage."""
+"""A cell library: cells with pins, memories, clock gates, areas, loads and leakage."""
 
 from __future__ import annotations
 
@@ -53,12 +53,12 @@ class Pin:
 
     @functools.cached_property
     def energies(self) -> list[Energy]:
-        """Energies inside the cell for a change of this pin."""
+        """Internal energies for transitions of this pin."""
         return tables.energies(self.entry, self.scales)
 
     @functools.cached_property
     def arcs(self) -> list[Arc]:
-        """Timing arcs that end at this pin."""
+        """Timing arcs to this pin."""
         return tables.arcs(self.entry, self.name, self.scales)
 
     @functools.cached_property
@@ -69,7 +69,7 @@ class Pin:
 
 @dataclass(frozen=True)
 class Memory:
-    """The bit of a flip-flop or latch, in expressions of the liberty file.
+    """State of a flip-flop or latch, as Liberty expressions.
 
     Attributes
     ----------
@@ -98,23 +98,23 @@ class Memory:
 
     @property
     def clock(self) -> str:
-        """Pin of the clock, or of a latch's enable."""
+        """Clock pin of a flop, or enable pin of a latch."""
         return literal(self.when).strip("!'")
 
     @property
     def rising(self) -> bool:
-        """Whether data is taken at the rising edge; a latch is open while its enable is high."""
+        """True if data is stored at the rising clock edge, or a latch is open at high enable."""
         return not {"!", "'"} & set(self.when)
 
     @property
     def data(self) -> str:
-        """Data pin, if the stored value is one pin."""
+        """Data pin, if the next state is a single pin."""
         return literal(self.stored)
 
 
 @dataclass(frozen=True)
 class ClockGate:
-    """An integrated clock gate: pins of clock, enable, gated clock, and test enable if it has one."""
+    """Pins of an integrated clock gate: clock, enable, gated clock and optional test enable."""
 
     clock: str
     enable: str
@@ -124,7 +124,7 @@ class ClockGate:
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of a library.
+    """A cell of a library with its pins and functions.
 
     Attributes
     ----------
@@ -156,22 +156,22 @@ class Cell:
 
     @functools.cached_property
     def inputs(self) -> list[str]:
-        """Names of the inputs."""
+        """Names of the input pins."""
         return [name for name, pin in self.pins.items() if pin.direction == "input"]
 
     @functools.cached_property
     def loads(self) -> dict[str, float]:
-        """Load of every input in farad."""
+        """Capacitance of every input pin in farad."""
         return {name: self.pins[name].load_f for name in self.inputs}
 
     @functools.cached_property
     def outputs(self) -> list[str]:
-        """Names of the outputs."""
+        """Names of the output pins."""
         return [name for name, pin in self.pins.items() if pin.direction == "output"]
 
     @functools.cached_property
     def functions(self) -> dict[str, str]:
-        """Boolean function of every output pin that has one, in Liberty syntax."""
+        """Boolean function of every output pin, in Liberty syntax."""
         return {name: pin.function for name, pin in self.pins.items() if pin.direction != "input" and pin.function}
 
     @functools.cached_property
@@ -181,17 +181,17 @@ class Cell:
 
     @property
     def flop(self) -> Memory | None:
-        """Bit of a flip-flop; None for other cells."""
+        """State of a flip-flop; None for other cells."""
         return self.memory if self.memory and self.memory.is_flop else None
 
     @property
     def latch(self) -> Memory | None:
-        """Bit of a latch; None for other cells and for clock gates."""
+        """State of a latch; None for other cells and for clock gates."""
         return self.memory if self.memory and not (self.memory.is_flop or self.gate_kind) else None
 
     @functools.cached_property
     def gate(self) -> ClockGate | None:
-        """Pins of an integrated clock gate for rising edges."""
+        """Pins of a rising-edge integrated clock gate, or None."""
         roles = {pin.role: name for name, pin in self.pins.items() if pin.role}
         whole = self.gate_kind.startswith("latch_posedge") and "obs" not in self.gate_kind
         if not whole or not {"clock", "enable", "out"} <= set(roles):
@@ -205,7 +205,7 @@ class Cell:
 
     @functools.cached_property
     def ways(self) -> list[Arc]:
-        """Timing arcs with a delay, except reset arcs. A flop or clock gate has those of its clock alone."""
+        """Timing arcs with a delay, except arcs from resets."""
         kinds = ("", "combinational", "rising_edge")
         arcs = [arc for name in self.outputs for arc in self.pins[name].arcs if arc.delay and arc.kind in kinds]
         for arc in arcs:
@@ -215,11 +215,11 @@ class Cell:
 
     @functools.cached_property
     def setup(self) -> dict[str, dict[int, Table]]:
-        """Setup times before a rising clock, by pin and edge."""
+        """Setup times before the rising clock edge, by pin and edge."""
         return {name: found for name in self.inputs if (found := self.pins[name].setup)}
 
     def worst(self, slew_s: float, loads_f: Floats) -> tuple[Floats, Floats]:
-        """Return the longest delay and slew of all ways at a slew, for loads of shape (n,)."""
+        """Return the longest delay and slew of all timing arcs, for loads of shape (n,)."""
         slews = np.full(len(loads_f), slew_s)
         found = [
             (arc.delay[e].at(slews, loads_f), arc.slew[e].at(slews, loads_f)) for arc in self.ways for _, e in arc.edges
@@ -228,13 +228,13 @@ class Cell:
         return np.max(delays, axis=0), np.max(late, axis=0)
 
     def check(self) -> None:
-        """Raise InputError if a table of the cell is wrong."""
+        """Raise InputError if a table of the cell is invalid."""
         for pin in self.pins.values():
             _ = pin.energies, pin.arcs, pin.setup
         _ = self.ways
 
     def drives(self, function: str) -> str:
-        """Return the output of a single-output cell with a function, or an empty text."""
+        """Return the output pin of a single-output cell with a given function, or an empty text."""
         found = [pin for pin, text in self.functions.items() if literal(text) == function]
         return found[0] if found and len(self.functions) == 1 else ""
 
@@ -267,7 +267,7 @@ class Library:
 
     @functools.cached_property
     def content(self) -> bytes:
-        """Bytes of the file."""
+        """Content of the Liberty file as bytes."""
         return self.path.read_bytes()
 
     @functools.cached_property
@@ -277,34 +277,34 @@ class Library:
 
     @property
     def clock_gate(self) -> Cell | None:
-        """The smallest integrated clock gate for rising edges, one with a test enable if there is any."""
+        """Smallest rising-edge integrated clock gate, preferably with test enable."""
         gates = [cell for cell in self.cells.values() if cell.gate]
         return min(gates, key=lambda cell: (not (cell.gate and cell.gate.test), cell.area_um2), default=None)
 
     @property
     def gate_latch(self) -> Cell | None:
-        """The smallest latch that a clock gate can be built with: no clear, no preset."""
+        """Smallest latch without clear and preset, for building a clock gate."""
         simple = [c for c in self.cells.values() if c.latch and not (c.latch.clear or c.latch.preset)]
         return min(simple, key=lambda cell: (cell.latch.rising if cell.latch else True, cell.area_um2), default=None)
 
     def tie(self, level: int) -> tuple[str, str] | None:
-        """Return cell and pin of a constant 0 or 1, None if the library has none."""
+        """Return cell and pin that give a constant 0 or 1, or None."""
         found = [(c.area_um2, c.name, pin) for c in self.cells.values() if (pin := c.drives(str(level)))]
         return min(found)[1:] if found else None
 
     @property
     def buffers(self) -> list[Cell]:
-        """Buffers from the smallest to the largest."""
+        """Buffers from smallest to largest."""
         found = [c for c in self.cells.values() if len(c.inputs) == 1 and not c.dont_use and c.drives(c.inputs[0])]
         return sorted(found, key=lambda cell: cell.area_um2)
 
     def check(self) -> None:
-        """Raise InputError if a table of any cell is wrong."""
+        """Raise InputError if a table of any cell is invalid."""
         for cell in self.cells.values():
             cell.check()
 
     def used(self, kinds: set[str]) -> Iterator[Cell]:
-        """Yield the cells of some names, in order of these."""
+        """Yield the cells with given names, in order."""
         for kind in sorted(kinds):
             if kind not in self.cells:
                 raise InputError(f"the cell library {self.path} has no cell {kind}; give the library of the netlist")
@@ -312,7 +312,7 @@ class Library:
 
 
 def read(path: Path) -> Library:
-    """Return the library of a liberty file. An unchanged file is read once in a process.
+    """Return the library from a Liberty file, cached within the process.
 
     Raises
     ------
@@ -342,7 +342,7 @@ def _read(path: Path, *_: int) -> Library:
 
 
 def _corner(library: Entry) -> tuple[float, float, float]:
-    """Return process, voltage and temperature in the units of the file."""
+    """Return process, voltage and temperature of a library."""
     conditions = library.named("operating_conditions")
     default = library.text("default_operating_conditions")
     chosen = conditions.get(default) or next(iter(conditions.values()), library)
@@ -359,7 +359,7 @@ def _corner(library: Entry) -> tuple[float, float, float]:
 
 
 def _scales(library: Entry) -> Scales:
-    """Return the units of a library; a missing unit is that of the liberty standard."""
+    """Return the units of a library."""
     load = library.value("capacitive_load_unit")
     words = [str(word).strip('"').strip() for word in (load if isinstance(load, list) else ["1", load or "pf"])]
     text = "".join(words) if len(words) == 2 else f"({', '.join(words)})"
@@ -375,7 +375,7 @@ def _scales(library: Entry) -> Scales:
 
 
 def _unit(library: Entry, name: str, text: str, base: str) -> float:
-    """Return a unit such as ``10ps`` as a number."""
+    """Return the factor of a unit such as ``10ps``."""
     found = re.fullmatch(rf"(\d+\.?\d*|)\s*([fpnumk]?){base}", text, re.IGNORECASE)
     value = float(found[1] or 1) * PREFIXES[found[2].lower()] if found else 0.0
     if not value:
@@ -384,7 +384,7 @@ def _unit(library: Entry, name: str, text: str, base: str) -> float:
 
 
 def _cell(name: str, cell: Entry, scales: Scales) -> Cell:
-    """Return one cell of a library."""
+    """Return one cell of a library group."""
     pins = {pin: _pin(pin, entry, scales) for pin, entry in cell.named("pin").items()}
     states = [(group.text("when"), group.number("value") * scales.leakage) for group in cell.all("leakage_power")]
     leakage = cell.number("cell_leakage_power", math.nan) * scales.leakage
@@ -405,7 +405,7 @@ def _cell(name: str, cell: Entry, scales: Scales) -> Cell:
 
 
 def _pin(name: str, pin: Entry, scales: Scales) -> Pin:
-    """Return one pin of a cell."""
+    """Return one pin of a cell group."""
     capacitance = pin.number("capacitance", math.nan, least=0.0) * scales.capacitance
     capacitance = scales.capacitance_f if math.isnan(capacitance) else capacitance
     edges = [pin.number(f"{edge}_capacitance", least=0.0) * scales.capacitance for edge in EDGES.values()]
@@ -427,7 +427,7 @@ def _pin(name: str, pin: Entry, scales: Scales) -> Pin:
 
 
 def _memory(cell: Entry, pins: dict[str, Pin]) -> Memory | None:
-    """Return the bit of the first ff or latch group."""
+    """Return the state described by the first ff or latch group."""
     for kind, when, stored in (("ff", "clocked_on", "next_state"), ("latch", "enable", "data_in")):
         for group in cell.all(kind):
             state, inverse = group.names(2)

@@ -1,4 +1,4 @@
-"""Tables of a cell library: delays, transition times, setup times and energies by slew and load."""
+"""Tables of a cell library: delays, slews, setup times and energies against slew and load."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ EDGES = {RISE: "rise", FALL: "fall"}
 
 @dataclass(frozen=True)
 class Table:
-    """A table of up to two variables in SI units, extrapolated linearly.
+    """Table of up to two variables in SI units, with linear interpolation and extrapolation.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class Table:
     values: Floats
 
     def at(self, slew_s: Any, load_f: Any) -> Any:
-        """Return the value at a slew and a load, or the values at arrays of them."""
+        """Return the value of the table at given slews and loads."""
         low, high, part = _place(self.slew_s, slew_s)
         left, right, share = _place(self.load_f, load_f)
         v = self.values
@@ -41,7 +41,7 @@ class Table:
 
 
 def _place(grid: Floats, values: Any) -> tuple[Any, Any, Any]:
-    """Return the two points of a grid between which a value is interpolated, and its share of the second."""
+    """Return the lower grid index for interpolation, and the weight of the upper grid point."""
     if len(grid) == 1:
         none = np.zeros(np.shape(values), np.int64)
         return none, none, none
@@ -51,7 +51,7 @@ def _place(grid: Floats, values: Any) -> tuple[Any, Any, Any]:
 
 @dataclass(frozen=True)
 class Scales:
-    """Units of a library, and the templates of its tables.
+    """Units and table templates of a library.
 
     Attributes
     ----------
@@ -71,13 +71,13 @@ class Scales:
 
     @property
     def energy(self) -> float:
-        """Unit of energies in J."""
+        """Unit of energy in joules."""
         return self.capacitance * self.voltage**2
 
 
 @dataclass(frozen=True)
 class Energy:
-    """Energies of one ``internal_power`` group.
+    """Internal energies of one ``internal_power`` group.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class Energy:
 
 @dataclass(frozen=True)
 class Arc:
-    """A timing arc: a way through a cell.
+    """Timing arc through a cell.
 
     Attributes
     ----------
@@ -116,19 +116,19 @@ class Arc:
     slew: dict[int, Table]
 
     def sources(self, edge: int) -> tuple[int, ...]:
-        """Return the edges of the input that make an edge of the output."""
+        """Return the input edges that cause an output edge."""
         if self.kind in ("rising_edge", "falling_edge"):
             return (RISE,) if self.kind == "rising_edge" else (FALL,)
         return {"positive_unate": (edge,), "negative_unate": (1 - edge,)}.get(self.sense, (RISE, FALL))
 
     @property
     def edges(self) -> list[tuple[int, int]]:
-        """Edges in and out that belong together."""
+        """Pairs of input edge and output edge."""
         return [(into, out) for into in EDGES for out in self.delay if into in self.sources(out)]
 
 
 def energies(pin: Entry, scales: Scales) -> list[Energy]:
-    """Return the energies of a pin."""
+    """Return the internal energies of a pin."""
     return [
         Energy(
             frozenset(group.text("related_pin").split()),
@@ -140,7 +140,7 @@ def energies(pin: Entry, scales: Scales) -> list[Energy]:
 
 
 def arcs(pin: Entry, name: str, scales: Scales) -> list[Arc]:
-    """Return the arcs to a pin that have a delay or a transition time."""
+    """Return the timing arcs to a pin."""
     found = []
     for group in pin.all("timing"):
         tables = [by_edge(group, kind, scales, scales.time) for kind in ("cell_{}", "{}_transition")]
@@ -151,19 +151,19 @@ def arcs(pin: Entry, name: str, scales: Scales) -> list[Arc]:
 
 
 def setup(pin: Entry, scales: Scales) -> dict[int, Table]:
-    """Return a pin's setup times by edge and slew, for the steepest clock edge of the tables."""
+    """Return the setup times of a pin by edge and slew, for the steepest clock edge."""
     groups = [group for group in pin.all("timing") if group.text("timing_type") == "setup_rising"]
     return by_edge(groups[-1], "{}_constraint", scales, scales.time) if groups else {}
 
 
 def by_edge(group: Entry, name: str, scales: Scales, unit: float) -> dict[int, Table]:
-    """Return the tables of a group for its rising and falling edges, if present."""
+    """Return the tables of a group for rising and falling edges."""
     found = {edge: group.all(name.format(word)) for edge, word in EDGES.items()}
     return {edge: _table(tables[0], scales, unit) for edge, tables in found.items() if tables}
 
 
 def _table(group: Entry, scales: Scales, unit: float) -> Table:
-    """Return the table of a group, for either order of its variables."""
+    """Return the table of a group, with its variables in standard order."""
     values = group.numbers("values")
     template = scales.templates.get(group.names(1)[0]) if group.group.args else None
     grids, axes = [], []

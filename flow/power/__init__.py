@@ -1,1 +1,1 @@
-"""Compute the power of a netlist from the activity of its nets."""
+"""Power of a netlist from the simulated activity of its nets."""

@@ -1,4 +1,4 @@
-"""Activity of the nets of a netlist in a simulation: their values after every edge of the clock."""
+"""Read the activity of the nets of a netlist from a simulation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DUMP = "activity.vcd"
 
 @dataclass(frozen=True)
 class Activity:
-    """Values of nets in some clocks.
+    """Sampled values of nets over a range of clocks.
 
     Attributes
     ----------
@@ -39,12 +39,12 @@ class Activity:
         return {net: int(np.count_nonzero(bits[1:] != bits[:-1])) for net, bits in self.values.items()}
 
     def toggles(self, net: str) -> float:
-        """Return the toggles of a net per clock."""
+        """Return the number of toggles of a net per clock."""
         return self._toggles[net] / self.clocks
 
 
 def read_dump(path: Path, lead: int, clocks: int, nets: Iterable[str], parts: int = 1) -> Activity:
-    """Return the activity of nets in a window of a value change dump.
+    """Return the activity of nets in a window of a VCD file.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def read_dump(path: Path, lead: int, clocks: int, nets: Iterable[str], parts: in
 
 
 def _changes(path: Path) -> tuple[dict[str, VarDecl], list[int], dict[str, list[tuple[int, str]]]]:
-    """Return the variables of a dump by their names, its times, and time and value of the changes of every code."""
+    """Return the variables of a VCD file by name, its times, and the value changes of every code."""
     variables: dict[str, VarDecl] = {}
     times: list[int] = []
     changes: dict[str, list[tuple[int, str]]] = {}
@@ -105,7 +105,7 @@ def _changes(path: Path) -> tuple[dict[str, VarDecl], list[int], dict[str, list[
 
 
 def _sampled(changes: list[tuple[int, str]], edges: NDArray[np.int64], width: int) -> NDArray[np.uint8]:
-    """Return the bits of a variable at each of some times, highest first; 2 where unknown."""
+    """Return the bits of a variable at given times, highest first; 2 where unknown."""
     if not changes:
         return np.full((1, width), 2, np.uint8)
     times = np.array([time for time, _ in changes])

@@ -1,4 +1,4 @@
-"""Play scenarios into a netlist, read the activity of its nets, and compare its events with the model's."""
+"""Simulate scenarios on a netlist, record the activity of its nets, and compare its events with the model."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ endmodule
 
 
 class Mismatch(Exception):  # the outcome that is looked for, not a defect of the program
-    """A netlist differs from the model; the text gives the first place.
+    """Raised at the first difference between netlist and model.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Mismatch(Exception):  # the outcome that is looked for, not a defect of th
 def play(
     scenario: Scenario, config: ReadoutConfig, netlist: FlatNetlist, cells: str, folder: Path, parts: int = 1
 ) -> tuple[Activity, int]:
-    """Play a scenario; return the activity of all nets in its window, and the number of events.
+    """Simulate a scenario; return the net activity and the number of events in its window.
 
     Parameters
     ----------
@@ -85,14 +85,14 @@ def play(
 
 
 def _defined(macros: dict[str, str], netlist: FlatNetlist) -> str:
-    """Return Verilog macros, including the one for the extra port of netlists."""
+    """Return Verilog macros, including one for the extra port of netlists."""
     if any(port.name == "test_enable" for port in netlist.ports):
         macros = macros | {"TEST_ENABLE": "1"}
     return "".join(f"`define {name} {value}\n" for name, value in macros.items())
 
 
 def _hold_to_model(scenario: Scenario, events: Any, errors: int) -> None:
-    """Refuse a run whose events differ from the model's."""
+    """Raise Mismatch if the events of a run differ from those of the model."""
     if difference := first_difference(scenario.events, events):
         raise Mismatch(
             f"{scenario.name}: the netlist does not do what the model does: "

@@ -1,4 +1,4 @@
-"""Play the frame readout, active and idle, in its netlist, and compare every output with the model."""
+"""Simulate the netlist of the frame readout, active and idle, and compare every output with the model."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ IDLE_CLOCKS = 400
 
 
 def play(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path) -> dict[str, tuple[Activity, int]]:
-    """Return the activity of all nets without and with frames, and the samples of each.
+    """Return the net activity of the frame readout, idle and active, with the number of samples.
 
     Raises
     ------
@@ -35,7 +35,7 @@ def play(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path) ->
 
 
 def _run(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path, frames: int, clocks: int) -> Activity:
-    """Play some frames and return the activity of the nets in some clocks."""
+    """Simulate frames and return the activity of the nets in a window."""
     inputs, outputs = _traces(config, frames, clocks)
     widths = {port.name: len(port.nets) for port in netlist.ports}
     (folder / "inputs.txt").write_text("\n".join(_words(inputs, Inputs._fields, widths)))
@@ -47,7 +47,7 @@ def _run(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path, fr
 
 
 def _traces(config: FrameConfig, frames: int, clocks: int) -> tuple[list[Inputs], list[Outputs]]:
-    """Return inputs and the model's outputs of every clock: frames of a texture, an ADC that takes its clocks."""
+    """Return the inputs and the expected outputs of every clock."""
     codes = adc_code(config, texture_samples(config.readout, max(frames, 1))) & ((1 << config.resolution) - 1)
     model = FrameModel(config)
     inputs, outputs = [], []
@@ -70,7 +70,7 @@ def _words(rows: list[Inputs] | list[Outputs], names: tuple[str, ...], widths: d
 
 
 def _bench(netlist: FlatNetlist, clocks: int, widths: dict[str, int]) -> str:
-    """Return a bench that plays the inputs and counts the clocks in which an output differs."""
+    """Return a testbench that applies the inputs and counts clocks with a wrong output."""
     given = [name for name in Inputs._fields if name in widths]
     seen = [name for name in Outputs._fields if name in widths]
     wide, broad = sum(widths[name] for name in given), sum(widths[name] for name in seen)

@@ -1,4 +1,4 @@
-"""Power of a netlist from the library's tables: leakage by state, energies by slew and load, C V^2 of the nets."""
+"""Compute the power of a netlist from Liberty tables: leakage, internal energy and switching energy."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ INPUT_SLEW_S = 0.1e-9
 
 @dataclass(frozen=True)
 class CellActivity:
-    """The activity of a cell, independent of its loads.
+    """Activity of a cell, independent of its loads.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class CellActivity:
 
 @dataclass
 class LibertyPower:
-    """A netlist with its loads and slews.
+    """Power model of a netlist with loads and slews.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class LibertyPower:
     # -- slews -----------------------------------------------------------------------------------
 
     def _slews(self) -> dict[str, dict[int, float]]:
-        """Return rise and fall times of every net: the longest that any arc makes."""
+        """Return rise and fall times of every net, the longest over all timing arcs."""
         driver = {net: cell for cell in self.netlist.cells for net in self._driven(cell)}
         before = {}
         for cell in self.netlist.cells:
@@ -126,16 +126,16 @@ class LibertyPower:
         return {cell.name: self._power(cell, activity, clock_hz, known[cell.name]) for cell in self.netlist.cells}
 
     def uses(self, activity: Activity) -> dict[str, CellActivity]:
-        """Return the activity of every cell, which wires do not change."""
+        """Return the activity of every cell, which does not depend on wires."""
         return {cell.name: self._use(cell, activity) for cell in self.netlist.cells}
 
     def inputs_w(self, activity: Activity, clock_hz: float) -> float:
-        """Return the energy of the drivers at the inputs, clock and reset included: C V^2 / 2 per toggle."""
+        """Return the power to drive the input ports, clock and reset: C V^2 / 2 per toggle."""
         nets = dict.fromkeys(net for port in self.netlist.ports if port.direction == "input" for net in port.nets)
         return sum(self._switching(net, activity) for net in nets) * clock_hz
 
     def stateless_w(self) -> float:
-        """Return the leakage of all cells, averaged over unknown states."""
+        """Return the leakage of all cells, averaged over all states."""
         return sum(self.kinds[cell.kind].leakage_w for cell in self.netlist.cells)
 
     def _switching(self, net: str, activity: Activity) -> float:
@@ -161,7 +161,7 @@ class LibertyPower:
         return CellActivity(self._leakage(kind, bits), spent)
 
     def _leakage(self, kind: Kind, bits: dict[str, Bits]) -> float:
-        """Return the mean leakage over the states of a cell."""
+        """Return the leakage of a cell, averaged over its recorded states."""
         if not kind.leakage_states:
             return kind.leakage_w
         known = _with_outputs(kind, bits)
@@ -174,7 +174,7 @@ class LibertyPower:
         return total / share if share > 0.999 else total + (1 - share) * kind.leakage_w
 
     def _spent(self, cell: Cell, pin: str, bits: dict[str, Bits], output: bool) -> list[tuple[str, int, Energy, float]]:
-        """Return the internal energies of a pin's changes, and their numbers."""
+        """Return the internal energies of a pin's transitions, and their counts."""
         kind = self.kinds[cell.kind]
         clocks = kind.clock_pins
         after, before = bits[pin][1:], bits[pin][:-1]
@@ -193,7 +193,7 @@ class LibertyPower:
         return spent
 
     def _value(self, cell: Cell, pin: str, edge: int, group: Energy, load: float) -> float:
-        """Return the energy of one change from the group's table, at the slew of the causing pin or its own."""
+        """Return the energy of one transition from the group's table."""
         if not group.related:
             return group.tables[edge].at(self._slew_of(cell, pin, edge), load)
         values = []
@@ -205,7 +205,7 @@ class LibertyPower:
 
 
 def _counts(groups: list[Energy], seen: tuple[Bits, dict[str, Bits], dict[str, Bits], bool]) -> list[float]:
-    """Return the number of times each group applies to a pin's rises or falls.
+    """Return the number of times that each group applies to the rises or falls of a pin.
 
     A change costs the mean of those that fit it; where none does, the mean of those without a condition.
     """
@@ -229,10 +229,10 @@ def _counts(groups: list[Energy], seen: tuple[Bits, dict[str, Bits], dict[str, B
 
 
 def _bits(net: str, activity: Activity) -> Bits:
-    """Return the values of a net, or of a constant."""
+    """Return the recorded values of a net or a constant."""
     return np.array([net == "1'b1"]) if net.startswith("1'b") else activity.values[net]
 
 
 def _with_outputs(kind: Kind, bits: dict[str, Bits]) -> dict[str, Bits]:
-    """Return the values of all pins in conditions; unconnected outputs count as low."""
+    """Return the values of all pins for conditions; unconnected outputs count as low."""
     return {pin: bits.get(pin, np.zeros(1, bool)) for pin in kind.pins}

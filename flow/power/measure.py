@@ -1,4 +1,4 @@
-"""Compute a gated netlist's power with two methods: idle, a lone event, an event in every clock, a texture."""
+"""Compute the power of a clock-gated netlist with two methods, in several scenarios."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ APART = "apart"
 
 
 class Disagreement(Exception):  # the outcome that is looked for, not a defect of the program
-    """The two methods differ by too much; the text gives the place."""
+    """Raised if the results of the two methods differ by too much."""
 
 
 @dataclass(frozen=True)
 class ScenarioPower:
-    """The power of a netlist in a scenario.
+    """Power of a netlist in one scenario.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class ScenarioPower:
 
     @property
     def power_w(self) -> float:
-        """All of it."""
+        """Total power in watts."""
         return self.internal_w + self.switching_w + self.leakage_w + self.inputs_w
 
 
@@ -78,7 +78,7 @@ class PowerMeter:
     def measure(
         self, name: str, activity: Activity, events: int, uses: dict[str, CellActivity] | None = None
     ) -> ScenarioPower:
-        """Return the netlist's power for an activity; ``uses`` is the activity of its cells, if known.
+        """Return the power of the netlist for recorded net activity.
 
         Raises
         ------
@@ -115,7 +115,7 @@ class PowerMeter:
 def measure(
     config: ReadoutConfig | FrameConfig, text: str, library: Library, pitches_um: tuple[float, ...] = (0.0,)
 ) -> list[dict[str, Any]]:
-    """Return the power of a netlist, once for every estimate of its wires.
+    """Return the power of a netlist for every wire estimate.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def measure(
 def _played(
     config: ReadoutConfig | FrameConfig, flat: FlatNetlist, cells: str, folder: Path
 ) -> tuple[dict[str, tuple[Activity, int]], int]:
-    """Return each scenario's net activity and events, and the events expected in all scenarios."""
+    """Return net activity and events of each scenario, and the number of expected events."""
     if isinstance(config, FrameConfig):
         seen = frame_bench.play(config, flat, cells, folder)
         return seen, sum(samples for _, samples in seen.values())
@@ -177,11 +177,11 @@ def _summary(
     pitch_um: float,
     found: dict[str, ScenarioPower],
 ) -> dict[str, Any]:
-    """Return all results as JSON content."""
+    """Return all results as a dictionary for JSON."""
     idle, taxels = found[IDLE], config.taxels
 
     def energy(name: str, without: str = IDLE) -> float | None:
-        """Return the energy that an event adds to an idle or otherwise quiet readout, in joules."""
+        """Return the energy in joules that an event adds to a quiet readout."""
         if name not in found:
             return None
         stretch = found[name]
@@ -217,7 +217,7 @@ def _summary(
 
 
 def _closing(config: ReadoutConfig, found: dict[str, ScenarioPower]) -> dict[str, float]:
-    """Return a taxel's power while its window closes, and the energy added until it is closed."""
+    """Return the power of a taxel while its window closes, and the energy of one complete closing."""
     closing = found[CLOSING].power_w / config.taxels
     more = closing - found[IDLE].power_w / config.taxels
     return {
@@ -231,7 +231,7 @@ GLITCH_DELAY_NS, GLITCH_PARTS = 0.1, 40
 
 
 def glitches(config: ReadoutConfig, text: str, library: Library) -> dict[str, dict[str, float]]:
-    """Return what an event costs, in joules, with cells that take no time and with cells that take 0.1 ns each.
+    """Return the energy of an event in joules, simulated with zero cell delay and with 0.1 ns cell delay.
 
     The energies are those of the library's tables, without wires, of each scenario with events; ``idle_w`` is the power
     of the idle readout. The difference is what glitches cost, if every cell is as fast as every other.

@@ -1,4 +1,4 @@
-"""A cell library without conditions, for a tool that adds up the energies of all of them."""
+"""Write a cell library without conditional energies, because OpenSTA adds up all conditions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LEFT_OUT = ("cell", "wire_load", "wire_load_selection", "wire_load_table")
 
 
 def one_energy_a_pin(library: Library, kinds: set[str]) -> str:
-    """Return a library of some cells with one mean ``internal_power`` group for each pin.
+    """Return a library with one mean ``internal_power`` group per pin.
 
     OpenSTA 2.0 adds up the groups of a pin, whatever their conditions, and weighs each by how often its related pin
     would pass. Wire loads are left out, since it would add those, and so are the ranges of capacitances, of which it
@@ -39,7 +39,7 @@ def one_energy_a_pin(library: Library, kinds: set[str]) -> str:
 
 
 def _one_energy(cell: Cell) -> Any:
-    """Return the group of a cell with one energy a pin."""
+    """Return the Liberty group of a cell with one energy per pin."""
     group = copy.deepcopy(cell.entry.group)
     for pin in dataclasses.replace(cell.entry, group=group).all("pin"):
         pin.group.attributes = [a for a in pin.group.attributes if not a.name.endswith("_capacitance_range")]
@@ -50,7 +50,7 @@ def _one_energy(cell: Cell) -> Any:
 
 
 def _mean(groups: list[Entry], clocks: list[str]) -> Any:
-    """Return one group for several: the mean of conditional ones, or of those caused by a clock, if any."""
+    """Return one group that is the mean of conditional groups."""
     chosen = [g for g in groups if g.text("related_pin") in clocks] or [g for g in groups if g.text("when")] or groups
     first = copy.deepcopy(chosen[0].group)
     first.attributes = [a for a in first.attributes if a.name not in ("when", "related_pin")]
@@ -60,7 +60,7 @@ def _mean(groups: list[Entry], clocks: list[str]) -> Any:
 
 
 def _mean_table(tables: list[Entry]) -> Any:
-    """Return the mean of tables on one grid; a scalar counts as a constant table."""
+    """Return the mean of tables on one grid."""
     values = [table.numbers("values") for table in tables]
     largest = max(range(len(values)), key=lambda number: values[number].size)
     base, shape = copy.deepcopy(tables[largest].group), values[largest].shape

@@ -1,4 +1,4 @@
-"""Compute a netlist's power with OpenSTA, scaled by the pins' actual activity.
+"""Compute the power of a netlist with OpenSTA, scaled by the recorded activity of the pins.
 
 This version of OpenSTA (2.0) reads no activity of single pins. It takes one for all data, and the clock's: so what a
 toggle of the clock pin, of the data pins and of the output costs an instance is told apart by four reports, in which
@@ -73,7 +73,7 @@ proc report {{file activity}} {{
 
 @dataclass(frozen=True)
 class Costs:
-    """The power of an instance: leakage in watts, and joules for each toggle of a pin.
+    """Leakage of an instance in watts, and its energy in joules per toggle of each pin.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class Costs:
 
 @dataclass
 class OpenstaPower:
-    """A netlist with the power of its instances."""
+    """A netlist with the power of its instances from OpenSTA."""
 
     netlist: FlatNetlist
     library: Library
@@ -130,7 +130,7 @@ class OpenstaPower:
         return [*found, self._gates_alone(folder)]
 
     def _gates_alone(self, folder: Path) -> dict[str, tuple[float, float, float]]:
-        """Return the power of clock gates with an idle output, first those without another gate in front."""
+        """Return the power of clock gates with an idle output, ordered by depth."""
         levels: dict[int, list[Cell]] = {}
         for cell in self.netlist.cells:
             if self._gated(cell):
@@ -148,7 +148,7 @@ class OpenstaPower:
 
     @functools.cached_property
     def _driver(self) -> dict[str, Cell]:
-        """The cell that drives each net."""
+        """Return the cell that drives each net."""
         return {
             cell.pins[pin]: cell
             for cell in self.netlist.cells
@@ -157,7 +157,7 @@ class OpenstaPower:
         }
 
     def _depth(self, cell: Cell) -> int:
-        """Return the number of clock gates in front of a clock gate."""
+        """Return the number of clock gates before a clock gate in the clock network."""
         gate, depth = self.library.cells[cell.kind].gate, 0
         before = self._driver.get(cell.pins[gate.clock]) if gate else None
         while before is not None:
@@ -168,12 +168,12 @@ class OpenstaPower:
         return depth
 
     def _gated(self, cell: Cell) -> list[str]:
-        """Return the output of a clock gate."""
+        """Return the output net of a clock gate."""
         gate = self.library.cells[cell.kind].gate
         return [gate.gated] if gate and gate.gated in cell.pins else []
 
     def _pins(self, cell: Cell) -> tuple[list[str], list[str]]:
-        """Return the data pins of a sequential cell, and its other inputs (resets, test enable) without clocks."""
+        """Return the data pins and the other non-clock inputs of a sequential cell."""
         known = self.library.cells[cell.kind]
         if not (known.flop or known.latch or known.gate):
             return [], []
@@ -223,7 +223,7 @@ class OpenstaPower:
 
 
 def run(lines: list[str], folder: Path) -> None:
-    """Run a script in OpenSTA.
+    """Run an OpenSTA script and return its output.
 
     Raises
     ------
@@ -246,7 +246,7 @@ def _read(path: Path) -> dict[str, tuple[float, float, float]]:
 
 @dataclass(frozen=True)
 class Counted:
-    """OpenSTA's energy for 1 pJ a toggle: of a data output, a clock input, and an output in between."""
+    """Internal energy counted by OpenSTA for a library with 1 pJ per toggle."""
 
     data_out: float
     clock_in: float
@@ -254,7 +254,7 @@ class Counted:
 
 
 def _counted(folder: Path) -> Counted:
-    """Measure how OpenSTA counts internal energy, with cells whose rise and fall cost 1 pJ each.
+    """Measure how OpenSTA counts internal energy, with test cells of 1 pJ per transition.
 
     Version 2.0 adds rise and fall up for every toggle; for a data output it halves that where no related pin is named.
     """

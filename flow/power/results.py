@@ -1,4 +1,4 @@
-"""Write power results of netlists: the entry in the report, and files for the power model."""
+"""Write power results of netlists to the report and to files for the power model."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FRAME_RATE_HZ = 200.0
 
 
 def why_not(config: ReadoutConfig | FrameConfig) -> str:
-    """Return why a readout's power cannot be measured here; empty if it can."""
+    """Return the reason why the power of a readout cannot be measured; empty if possible."""
     if shutil.which("iverilog") is None:
         return NO_PROGRAM
     try:
@@ -36,7 +36,7 @@ def why_not(config: ReadoutConfig | FrameConfig) -> str:
 
 
 def energies(config: ReadoutConfig | FrameConfig, text: str, library: Path) -> dict[str, Any]:
-    """Return a netlist's power as the power model reads it: without wires.
+    """Return the power of a netlist without wires, in the format of the power model.
 
     ``power`` holds the stretches, ``with_wires`` all of it with estimated wires, blocks left out, or why there is none.
 
@@ -61,7 +61,7 @@ def energies(config: ReadoutConfig | FrameConfig, text: str, library: Path) -> d
 
 
 def designs(config: ReadoutConfig) -> dict[str, ReadoutConfig | FrameConfig]:
-    """Return the readouts that the power model compares, by their names: events from analog taxels, and frames."""
+    """Return the readouts that the power model compares: analog LCS, analog N-LCS and frames."""
     slow = config.replace(encoding="lcs", frontend="digital", link="stream", sample_rate_hz=FRAME_RATE_HZ)
     return {
         **{name: config.replace(encoding=name, frontend="analog") for name in sorted(SPIKING)},
@@ -70,7 +70,7 @@ def designs(config: ReadoutConfig) -> dict[str, ReadoutConfig | FrameConfig]:
 
 
 def name_of(result: dict[str, Any]) -> str:
-    """Return the name of the file of a result."""
+    """Return the file name of a result."""
     front = "".join(f"-{result['frontend']}" if result["frontend"] else "")
     wires = "-wires" if result["pitch_um"] else ""
     return f"{result['readout']}{front}-{result['rows']}x{result['columns']}-{result['process']}{wires}"
@@ -83,7 +83,7 @@ def write(
     origin: dict[str, str],
     on_result: Callable[[dict[str, Any]], None],
 ) -> list[Path]:
-    """Measure designs without and with wires, and write a file of each; return their paths.
+    """Measure designs with and without wires, and write a file for each; return the paths.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def write(
 
 
 def write_glitches(config: ReadoutConfig, library: Path, folder: Path, origin: dict[str, str]) -> dict[str, float]:
-    """Measure what glitches cost, write a file, and return what they add to an event, by scenario; see ``write``."""
+    """Measure the energy of glitches, write a file, and return the additional energy per event by scenario."""
     whole = read(library)
     found = glitches(config, synthesise(config, whole).text, whole)
     shares = {name: found["delay"][name] / energy - 1 for name, energy in found["no_delay"].items() if name != "idle_w"}

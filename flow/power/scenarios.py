@@ -1,4 +1,4 @@
-"""Define the stimuli for power measurements: idle, one event, an event in every clock, a texture.
+"""Stimuli for power measurements: idle, one event, an event in every clock, a texture.
 
 With the closing window of CW-LCS "nothing" is two things: it rests once all windows are closed, and before that they
 count.
@@ -28,7 +28,7 @@ MOST_TO_CLOSE = 1000
 
 @dataclass(frozen=True)
 class Scenario:
-    """A stimulus, and the clocks in which power is measured.
+    """A stimulus, and the window of clocks in which power is measured.
 
     Attributes
     ----------
@@ -48,16 +48,16 @@ class Scenario:
 
     @property
     def events_inside(self) -> int:
-        """Events of the window."""
+        """Number of events in the window."""
         return self.inside(self.events)
 
     def inside(self, events: Events) -> int:
-        """Return the number of events in the window."""
+        """Return the number of given events in the window."""
         return int(np.count_nonzero((events["t"] >= self.start) & (events["t"] < self.start + self.clocks)))
 
 
 def scenarios(config: ReadoutConfig, ticks: int = 30) -> list[Scenario]:
-    """Return the four scenarios of a readout, five with windows that close.
+    """Return all scenarios for a readout.
 
     Parameters
     ----------
@@ -73,12 +73,12 @@ def scenarios(config: ReadoutConfig, ticks: int = 30) -> list[Scenario]:
 
 
 def closing_ticks(config: ReadoutConfig) -> int:
-    """Return the number of quiet ticks after which an open window is closed; 0 for encoders without a window."""
+    """Return the number of quiet ticks after which an open window is closed; 0 for encoders without closing window."""
     return ((1 << config.closing_levels_log2) - 1) * config.window_period if config.closes else 0
 
 
 def _whole(name: str, config: ReadoutConfig, samples: NDArray[np.integer], lead: int) -> Scenario:
-    """Return a scenario of samples in every period, of which the first are not measured.
+    """Return a scenario of samples; the first ``lead`` sample periods are not measured.
 
     Its window begins and ends between two samples: each of them is in it whole, and the end of the run is not, whose
     last edge masks all taxels and brings the reset.
@@ -89,7 +89,7 @@ def _whole(name: str, config: ReadoutConfig, samples: NDArray[np.integer], lead:
 
 
 def _run(config: ReadoutConfig, samples: NDArray[np.integer], spare: int = 0) -> tuple[Stimulus, Events]:
-    """Return a stimulus and its events, continued for some periods after the last sample."""
+    """Return a stimulus and its events, extended beyond the last sample."""
     clocks = (len(samples) + spare) * config.clocks_per_sample
     stimulus = Stimulus.from_samples(config, samples, clocks=clocks)
     return stimulus, simulate(config, stimulus)
@@ -102,7 +102,7 @@ def texture_samples(config: ReadoutConfig, ticks: int) -> NDArray[np.int32]:
 
 
 def _idle(config: ReadoutConfig, rest: int, ticks: int = 10) -> Scenario:
-    """Constant samples at the sample rate, with no pending request.
+    """Return the idle scenario: constant samples and no pending request.
 
     They are a little off zero where the encoder keeps still there, else zero. Windows are open after reset: they close
     within ``rest`` ticks, or are at it while the power is measured.
@@ -117,7 +117,7 @@ def _idle(config: ReadoutConfig, rest: int, ticks: int = 10) -> Scenario:
 
 
 def _lone(config: ReadoutConfig) -> Scenario:
-    """One taxel at a time crosses a level: up by a few LSB, and down on its next turn. The others are quiet."""
+    """Return the scenario in which one taxel at a time sends an event while all others are quiet."""
     samples = np.zeros((2 * LONE_TICKS + 4, config.taxels), np.int32)
     order = np.arange(LONE_TICKS) * 7 % config.taxels if config.taxels % 7 else np.arange(LONE_TICKS) % config.taxels
     for number, taxel in enumerate(order):
@@ -133,7 +133,7 @@ def _lone(config: ReadoutConfig) -> Scenario:
 
 
 def _saturated(config: ReadoutConfig) -> Scenario:
-    """All taxels far from their references, so that the link sends an event in every clock."""
+    """Return the scenario with an event in every clock: all samples are far from their references."""
     most = MOST_SATURATED + 64  # what follows the window is not played
     ticks = 2 + -(-min(config.full_scale // config.step * config.taxels, most) // config.clocks_per_sample)
     stimulus, events = _run(config, np.full((ticks, config.taxels), config.full_scale - 1, np.int32), spare=1)
@@ -146,7 +146,7 @@ def _saturated(config: ReadoutConfig) -> Scenario:
 
 
 def _longest(times: NDArray[np.int64], pace: int) -> tuple[int, int]:
-    """Return first and last time of the longest stretch without a larger gap between events."""
+    """Return start and end of the longest interval without a larger gap between events."""
     breaks = np.flatnonzero(np.diff(times) > pace)
     first = np.concatenate([[0], breaks + 1])
     last = np.concatenate([breaks, [len(times) - 1]])
@@ -155,7 +155,7 @@ def _longest(times: NDArray[np.int64], pace: int) -> tuple[int, int]:
 
 
 def _texture(config: ReadoutConfig, ticks: int) -> Scenario:
-    """A scan of the first embedded texture, less its first samples: the readout need not catch up with these first."""
+    """Return the texture scenario: a scan of the first embedded texture, without its first samples."""
     lead = 3
     samples = texture_samples(config, lead + ticks)
     samples = np.clip(samples - samples[0], -config.full_scale, config.full_scale - 1)

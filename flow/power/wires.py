@@ -1,4 +1,4 @@
-"""Estimate wires from the pitch of the taxels; a layout will differ."""
+"""Estimate wire lengths from the taxel pitch, without a layout."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TAXEL = re.compile(r"\brow_(\d+)\b(?:.*?\btaxel_(\d+)\b)?")
 
 @dataclass(frozen=True)
 class Wires:
-    """How long wires are.
+    """Wire length estimate from the taxel pitch.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Wires:
     pitch_um: float
 
     def capacitance_f(self, netlist: FlatNetlist) -> dict[str, float]:
-        """Return the capacitance of the wire of every net.
+        """Return the wire capacitance of every net.
 
         A net within a block has ``WITHIN_UM`` for every pin. One that leaves it spans half the box around its blocks:
         a row lies along the array with its taxels spread over it, all else and the ports at the middle of the left
@@ -56,7 +56,7 @@ class Wires:
         return inside + self.pitch_um * (width + height)
 
     def _spot(self, block: str) -> tuple[float, float]:
-        """Return the position of a block in pitches."""
+        """Return the position of a block in units of the pitch."""
         found = TAXEL.match(block)
         if not found:
             return 0.0, self.rows / 2

@@ -1,1 +1,1 @@
-"""How area and highest clock change as the array grows: wires of its size, with repeaters."""
+"""Area and highest clock frequency of growing arrays, with estimated wires and repeaters."""

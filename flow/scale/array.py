@@ -1,4 +1,4 @@
-"""Model an array as cells: one synthesised taxel, placed many times, and the logic around it."""
+"""Model of an array as cells: one synthesised taxel, replicated, and the logic around it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NONE = -1
 
 
 class End(NamedTuple):
-    """The endpoint of a net of the top.
+    """Endpoint of a top-level net.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class End(NamedTuple):
 
 @dataclass
 class Array:
-    """A readout as cells.
+    """A readout as cells, with one cell list shared by all taxels.
 
     Attributes
     ----------
@@ -80,16 +80,16 @@ class Array:
     port_load_f: float = field(default=0.05e-12)
 
     def area_um2(self) -> float:
-        """Return the area of all cells."""
+        """Return the total cell area."""
         return sum(self.kinds[c].area_um2 for c in self.cells) + len(self.taxels) * self.taxel_area_um2
 
     @property
     def taxel_area_um2(self) -> float:
-        """Area of the cells of a taxel."""
+        """Cell area of one taxel."""
         return sum(self.kinds[c["type"]].area_um2 for c in self.taxel["cells"].values())
 
     def copy(self) -> Array:
-        """Return an array with its own cells, pins and ports."""
+        """Return an array with independent copies of cells, pins and ports."""
         return dataclasses.replace(
             self,
             names=[*self.names],
@@ -100,19 +100,19 @@ class Array:
         )
 
     def add(self, name: str, kind: str, pins: dict[str, int]) -> int:
-        """Add a cell; return its number."""
+        """Add a cell and return its index."""
         self.names.append(name)
         self.cells.append(kind)
         self.pins.append(pins)
         return len(self.cells) - 1
 
     def new_net(self) -> int:
-        """Return an unused net."""
+        """Return the number of an unused net."""
         self.nets += 1
         return self.nets - 1
 
     def move(self, end: End, net: int) -> None:
-        """Put an end on another net."""
+        """Connect an endpoint to another net."""
         if end.what == "cell":
             self.pins[end.number][end.pin] = net
         elif end.what == "taxel":
@@ -122,13 +122,13 @@ class Array:
             self.ports[end.number] = way, name, bit, net
 
     def trees(self) -> set[int]:
-        """Return the nets of the top that layout makes as trees: all clocks, reset and test enable."""
+        """Return the top-level nets that layout buffers as trees: clocks, reset and test enable."""
         found = {net for _, name, _, net in self.ports if name in TREES}
         found |= {pins[k.launch] for c, pins in zip(self.cells, self.pins, strict=True) if (k := self.kinds[c]).launch}
         return found | {taxel["clk 0"] for taxel in self.taxels}
 
     def ends(self) -> tuple[dict[int, End], dict[int, list[End]]]:
-        """Return the driver and the readers of every net of the top."""
+        """Return the driver and the readers of every top-level net."""
         drivers: dict[int, End] = {}
         readers: dict[int, list[End]] = defaultdict(list)
         for index, (name, pins) in enumerate(zip(self.cells, self.pins, strict=True)):
@@ -153,7 +153,7 @@ class Array:
         return drivers, readers
 
     def _inside(self, bit: str) -> tuple[float, int]:
-        """Return the load and the number of the pins in a taxel that read a bit of its ports."""
+        """Return load and number of the pins in a taxel that read a given port bit."""
         own = self.taxel_bits[bit][1]
         loads = [
             self.kinds[cell["type"]].loads[pin]
@@ -164,7 +164,7 @@ class Array:
         return sum(loads), len(loads)
 
     def driving_cell(self, end: End) -> str:
-        """Return the kind of the cell that an end, which drives a net, is a pin of."""
+        """Return the kind of the cell that drives a net from a given endpoint."""
         if end.what == "cell":
             return self.cells[end.number]
         own = self.taxel_bits[end.pin][1] if end.what == "taxel" else None
@@ -176,13 +176,13 @@ class Array:
 
     @property
     def port_buffer(self) -> str:
-        """Kind of the cell that drives the input ports: the buffer of middle size, as in the constraints."""
+        """Kind of the buffer at the input ports, of medium size."""
         buffers = repeaters(self.kinds)
         return buffers[len(buffers) // 2].name
 
 
 def repeaters(kinds: dict[str, Cell]) -> list[Cell]:
-    """Return the buffers from the smallest to the largest."""
+    """Return the buffers from smallest to largest."""
     found = [k for k in kinds.values() if len(k.loads) == len(k.outputs) == 1 and not k.launch and _same(k)]
     return sorted(found, key=lambda kind: kind.area_um2)
 
@@ -192,7 +192,7 @@ def _same(kind: Cell) -> bool:
 
 
 def build(config: ReadoutConfig, library: Library) -> Array:
-    """Return an array as cells of a library, without repeaters."""
+    """Return an array as library cells, without repeaters."""
     block = top_block(config)
     design = mapped(block, library, [TAXEL])
     top = design["modules"][block.module_name]
@@ -230,12 +230,12 @@ def build(config: ReadoutConfig, library: Library) -> Array:
 
 
 def numbered(module: dict[str, Any]) -> dict[Any, int]:
-    """Return the nets of a module of Yosys, numbered from 0 on."""
+    """Return the net numbers of a Yosys module, counted from 0."""
     groups = [port["bits"] for port in module["ports"].values()]
     groups += [bits for cell in module["cells"].values() for bits in cell["connections"].values()]
     return {bit: n for n, bit in enumerate(sorted({bit for bits in groups for bit in bits if isinstance(bit, int)}))}
 
 
 def pins_of(cells: dict[str, Any], numbers: dict[Any, int]) -> list[dict[str, int]]:
-    """Return the nets of the pins of some cells."""
+    """Return the nets at the pins of cells."""
     return [{pin: numbers.get(b[0], NONE) for pin, b in c["connections"].items() if b} for c in cells.values()]

@@ -1,4 +1,4 @@
-"""Estimate the lines of an array, as long as the array is wide, with repeaters where they save time."""
+"""Estimate the row and column lines of an array, with repeaters where they reduce delay."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ GRID_F = 10e-15
 
 @dataclass(frozen=True)
 class Repeater:
-    """The fastest line of repeaters.
+    """Repeater buffer and spacing with the least delay.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Repeater:
 
 
 def best_repeater(buffers: Iterable[Cell], wire: Wire) -> Repeater:
-    """Return the buffer and the spacing with the least delay per length, slews as they settle along the line."""
+    """Return the buffer and spacing with the least delay per length."""
     candidates = []
     for kind in buffers:
         pin = next(iter(kind.loads.values()))
@@ -63,7 +63,7 @@ def best_repeater(buffers: Iterable[Cell], wire: Wire) -> Repeater:
 
 
 def degraded(slew_s: float, way_s: float) -> float:
-    """Return the slew (20 to 80 %) at the end of a wire: ln 4 of its delay is added, in squares.
+    """Return the slew (20 to 80 %) at the end of a wire, with ln 4 times its delay added in quadrature.
 
     C. V. Kashyap et al., Closed form expressions for extending step delay and slew metrics to ramp inputs, ISPD 2003.
     """
@@ -72,7 +72,7 @@ def degraded(slew_s: float, way_s: float) -> float:
 
 @dataclass
 class Open:
-    """A part of a line that no repeater drives yet.
+    """A wire segment without a driver.
 
     Attributes
     ----------
@@ -89,13 +89,13 @@ class Open:
 
     @property
     def load_f(self) -> float:
-        """The total load on its driver."""
+        """Total load of the segment on its driver."""
         return self.pin_f + self.wire_f
 
 
 @dataclass
 class Lines:
-    """Build the row and column wires of an array one by one; repeaters are placed as standard cells among them.
+    """Builder of the row and column lines of an array, with repeaters as cells.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ class Lines:
         self.choice = repeaters(self.array.kinds)
 
     def draw(self) -> None:
-        """Estimate every line except trees, which the layout builds."""
+        """Build all lines except nets that layout buffers as trees."""
         drivers, readers = self.array.ends()
         trees = self.array.trees()
         for net, ends in readers.items():
@@ -130,7 +130,7 @@ class Lines:
                 self._line(net, drivers[net], ends)
 
     def _line(self, net: int, driver: End, ends: list[End]) -> None:
-        """Draw a line: a trunk through its driver, and a branch at every row (or column) of its ends."""
+        """Build one line: a trunk through its driver, and branches to its endpoints."""
         x, y = self.places.of(driver)
         spots = [(*self.places.of(end), end) for end in ends]
         upright = [(ey, ex, end) for ex, ey, end in spots]
@@ -147,7 +147,7 @@ class Lines:
         return round(at / self.places.pitch_um) * self.places.pitch_um
 
     def _length(self, along: float, across: float, spots: list[tuple[float, float, End]]) -> float:
-        """Return the length of a trunk at ``across`` with its branches, which run along."""
+        """Return the length of a trunk at ``across`` with its branches."""
         branches: dict[float, list[float]] = defaultdict(list)
         for a, b, _ in spots:
             branches[self._bin(b)].append(a)
@@ -155,7 +155,7 @@ class Lines:
         return max(marks) - min(marks) + sum(max(*b, along) - min(*b, along) for b in branches.values())
 
     def _tree(self, along: float, across: float, spots: list[tuple[float, float, End]]) -> Open:
-        """Return the driver's load from a trunk at ``along`` with its branches."""
+        """Return the load at the driver of a trunk at ``along`` with its branches."""
         branches: dict[float, list[tuple[float, Open]]] = defaultdict(list)
         for a, b, end in spots:
             near = self._bin(b) if len(spots) > 2 else b
@@ -177,7 +177,7 @@ class Lines:
         return self._joined(sides)
 
     def _grown(self, part: Open, length: float) -> Open:
-        """Return a segment behind a wire, with repeaters if the wire is long."""
+        """Return a segment extended by a wire, with repeaters if the wire is long."""
         if not part.ends:
             return part
         self.length_um += length
@@ -193,7 +193,7 @@ class Lines:
         return Open(part.ends, part.pin_f, part.wire_f + self.wire.farad_per_um * length, way)
 
     def _joined(self, parts: list[Open]) -> Open:
-        """Return segments at one place joined, with repeaters if their common load is too high."""
+        """Return segments joined at one point, with repeaters if their total load is too high."""
         parts = sorted((p for p in parts if p.ends), key=lambda p: p.load_f)
         while sum(p.load_f for p in parts) > self.repeater.load_f and len(parts) > 1:
             heavy = parts.pop()
@@ -210,7 +210,7 @@ class Lines:
         )
 
     def _at_driver(self, part: Open, driver: str, beside_f: float) -> Open:
-        """Return a segment with as many repeaters at its loaded driver as save time."""
+        """Return a segment with the number of repeaters at its driver that gives the least delay."""
         while True:
             best, chosen = self._delay(driver, beside_f + part.load_f) - LEAST_GAIN_S, ""
             for kind in self.choice:
@@ -234,7 +234,7 @@ class Lines:
         return known[low] + (at - low) * (known[low + 1] - known[low])
 
     def _repeated(self, part: Open, kind: str = "") -> Open:
-        """Return a segment behind a repeater."""
+        """Return the segment before a repeater that drives a given segment."""
         name = kind or self.repeater.kind
         found = self.array.kinds[name]
         (into, load), out = next(iter(found.loads.items())), found.outputs[0]
@@ -245,7 +245,7 @@ class Lines:
         return Open([End("cell", cell, into, load, 1)], load)
 
     def _close(self, part: Open, net: int) -> None:
-        """Make a part the net of a driver."""
+        """Connect a segment to the net of a driver."""
         self.load_f[net], self.way_s[net] = part.wire_f, part.way_s
         for end in part.ends:
             self.array.move(end, net)

@@ -1,4 +1,4 @@
-"""Measure area, highest clock and synthesis cost of a list of arrays."""
+"""Measure area, highest clock frequency and synthesis time of several arrays."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ MakePlacement = Callable[[Array, float], Placement]
 
 
 def sizes_of(text: str) -> list[tuple[int, int]]:
-    """Return rows and columns of arrays, ``8x8,12x16``.
+    """Return the array sizes for a text such as ``8x8,12x16``.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def sizes_of(text: str) -> list[tuple[int, int]]:
 
 
 def designs_of(config: ReadoutConfig, sizes: str, tiles: str = "", relays: str = "") -> list[ReadoutConfig]:
-    """Return the array of each size, or each size cut into tiles with relay stations on their lines, in all ways.
+    """Return the designs to measure: every size as one array, and divided into tiles with relay stations.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def measure(
     out: Path,
     on_array: Callable[[dict[str, Any]], None],
 ) -> None:
-    """Write the results of some arrays to a file, after each array; keep results of the same commit.
+    """Measure several arrays, and write the results to a file after each array.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def measure(
 
 
 def _shape(config: ReadoutConfig) -> dict[str, Any]:
-    """Return rows, columns and tiles of an array."""
+    """Return rows, columns and tiles of a design."""
     shape = {"rows": config.rows, "columns": config.columns, "taxels": config.taxels}
     if isinstance(config, TilesConfig):
         shape |= {name: getattr(config, name) for name in ("tile_rows", "tile_columns", "relays")}
@@ -158,7 +158,7 @@ def _key(shape: dict[str, Any]) -> tuple[int, ...]:
 
 
 def _cut(results: list[dict[str, Any]]) -> list[str]:
-    """Return sizes, tiles and relay stations of some results as variables of make."""
+    """Return sizes, tiles and relay stations of results as make variables."""
     words = {"SIZES": [f"{r['rows']}x{r['columns']}" for r in results]}
     tiled = [r for r in results if "relays" in r]
     words["TILES"] = [f"{r['tile_rows']}x{r['tile_columns']}" for r in tiled]
@@ -167,7 +167,7 @@ def _cut(results: list[dict[str, Any]]) -> list[str]:
 
 
 def _words(config: ReadoutConfig, wire: Wire, pitch_um: float) -> list[str]:
-    """Return a run's options that differ from the defaults, as make variables."""
+    """Return non-default options of a run as make variables."""
     own = {name: getattr(config, name) for name in FIELDS if getattr(config, name) != getattr(ReadoutConfig(), name)}
     usual = {
         "pitch": (pitch_um, PITCH_UM),
@@ -179,7 +179,7 @@ def _words(config: ReadoutConfig, wire: Wire, pitch_um: float) -> list[str]:
 
 
 def _kept(out: Path, fixed: dict[str, Any]) -> dict[tuple[int, ...], dict[str, Any]]:
-    """Return the arrays of a file, if made with the same options."""
+    """Return the stored results that were measured with equal options."""
     if not has_earlier(out):
         return {}
     kept = read_json(out, "the estimate", dict)
@@ -193,7 +193,7 @@ def _kept(out: Path, fixed: dict[str, Any]) -> dict[tuple[int, ...], dict[str, A
 def _measured(
     config: ReadoutConfig, library: Library, wire: Wire, pitch_um: float, repeater: Repeater
 ) -> dict[str, Any]:
-    """Return the results of an array, and the processor seconds of its synthesis."""
+    """Return the results of an array, and the processor time of its synthesis."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     if isinstance(config, TilesConfig):
         array, tile, spots = build_skin(config, library)
@@ -208,7 +208,7 @@ def _measured(
 def estimate(
     array: Array, wire: Wire, pitch_um: float, repeater: Repeater, places: MakePlacement = Placement
 ) -> dict[str, Any]:
-    """Return area and highest clock of an array without and with wires; both include repeaters."""
+    """Return area and highest clock frequency of an array with repeaters, without and with wires."""
     config = array.config
     found: dict[str, Any] = {
         **_shape(config),
@@ -231,14 +231,14 @@ def estimate(
 
 
 def lines(array: Array, wire: Wire, pitch_um: float, repeater: Repeater, places: MakePlacement = Placement) -> Lines:
-    """Return the estimated lines of an array; their repeaters become cells of the array."""
+    """Return the estimated lines of an array, after adding their repeaters to the array."""
     drawn = Lines(array, places(array, pitch_um), wire, repeater)
     drawn.draw()
     return drawn
 
 
 def _of_path(path: SlowestPath) -> dict[str, Any]:
-    """Return the description of the critical path."""
+    """Return a description of the critical path."""
     in_repeaters = in_wires = before = 0.0
     for stage in path.stages:
         own = stage.arrival_s - before

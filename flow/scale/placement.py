@@ -1,4 +1,4 @@
-"""Place cells: taxels on their grid, all others where their wires are shortest."""
+"""Place cells: taxels on their grid, all other cells for the shortest wires."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FAR_REACHING = 0.5
 
 
 class Placement:
-    """Positions in um, x to the right and y down, the corner of taxel (0, 0) at the origin.
+    """Positions of cells in um, x to the right and y down, with taxel (0, 0) at the origin.
 
     Ports that belong to a taxel, samples for instance, are at that taxel; the others at the middle of the left edge.
     """
@@ -30,7 +30,7 @@ class Placement:
         self.of_cells = self._least_squares()
 
     def of(self, end: End) -> tuple[float, float]:
-        """Return the place of an end of a net."""
+        """Return the position of an endpoint of a net."""
         if end.what == "taxel":
             return self._taxel(end.number)
         return self.of_ports[end.number] if end.what == "port" else self.of_cells[end.number]
@@ -47,7 +47,7 @@ class Placement:
         return 0.0, self.rows * self.pitch_um / 2
 
     def _least_squares(self) -> list[tuple[float, float]]:
-        """Return the place of every cell: the sum of the squares of all ways from the middle of a net is least.
+        """Return the position of every cell with the least sum of squared wire lengths.
 
         Quadratic placement, as analytic placers begin with it: G. Sigl, K. Doll and F. M. Johannes, Analytical
         placement: a linear or a quadratic objective function?, DAC 1991. Cells may overlap; what is not in a taxel is
@@ -73,7 +73,7 @@ class Placement:
     def _solve(
         self, cells: int, nets: int, pulls: NDArray[np.int64], fixed: NDArray[np.float64]
     ) -> list[tuple[float, float]]:
-        """Solve for the centres of nets and cells; cells without connections stand in the middle of the left edge."""
+        """Solve the least-squares equations for the positions of nets and cells."""
         size = cells + nets
         one, two = pulls[:, 0], cells + pulls[:, 1]
         at = cells + fixed[:, 0].astype(np.int64)

@@ -1,4 +1,4 @@
-"""Model a skin as cells: the tile's array many times, relay stations on the lines, and the merge."""
+"""Model of a skin as cells: tiles, relay stations and merge."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MERGE = -1
 
 
 class Spot(NamedTuple):
-    """The owner of a cell: tile cell, relay station of a line, or merge (``tile`` -1)."""
+    """Owner of a cell: a tile, a relay station of a line, or the merge (``tile`` -1)."""
 
     tile: int
     cell: int = NONE
@@ -31,7 +31,7 @@ class Spot(NamedTuple):
 
 @dataclass
 class Piece:
-    """A part of a skin as cells, nets from 0 on.
+    """A part of a skin as cells, with nets numbered from 0.
 
     Attributes
     ----------
@@ -51,24 +51,24 @@ class Piece:
 
 @dataclass
 class NetJoiner:
-    """The nets of a skin while its parts are put together."""
+    """Union-find structure of nets while the parts of a skin are joined."""
 
     parents: list[int] = field(default_factory=list)
 
     def new(self, count: int) -> int:
-        """Return the first of some new nets."""
+        """Return the first of ``count`` new nets."""
         first = len(self.parents)
         self.parents += range(first, first + count)
         return first
 
     def find(self, net: int) -> int:
-        """Return the net that a net has become a part of."""
+        """Return the representative of a joined net."""
         while net != NONE and self.parents[net] != net:
             net = self.parents[net]
         return net
 
     def join(self, nets: list[int], others: list[int]) -> None:
-        """Join pairs of nets, also with a constant."""
+        """Join pairs of nets or constants."""
         for net, other in zip(nets, others, strict=True):
             one, two = self.find(net), self.find(other)
             if one != two:
@@ -76,7 +76,7 @@ class NetJoiner:
 
 
 def build_skin(config: TilesConfig, library: Library) -> tuple[Array, Array, list[Spot]]:
-    """Return a skin in library cells, the array of one tile, and the owner of each cell.
+    """Return a skin as library cells, the array of one tile, and the owner of each cell.
 
     The tiles are those that ``build`` makes of them alone.
     """
@@ -109,7 +109,7 @@ def build_skin(config: TilesConfig, library: Library) -> tuple[Array, Array, lis
 
 
 class _Assembly:
-    """Parts of a skin put together."""
+    """Skin under construction from its parts."""
 
     def __init__(self, config: TilesConfig, kinds: dict[str, Any], tile: Array) -> None:
         self.config, self.kinds, self.tile = config, kinds, tile
@@ -128,7 +128,7 @@ class _Assembly:
         self.widths = {name: len(nets) for name, nets in ports.items()}
 
     def place(self, piece: Piece, name: str, spot: Spot | None) -> dict[str, list[int]]:
-        """Add a part; return the nets of its ports. Clock, reset and what else is common are connected."""
+        """Add a part and connect its common ports; return the nets of its ports."""
         first = self.joint.new(piece.nets)
         self.names += [f"{name}.{cell}" for cell in piece.names]
         self.cells += piece.cells
@@ -144,7 +144,7 @@ class _Assembly:
         return ports
 
     def place_tile(self, index: int) -> dict[str, list[int]]:
-        """Add a tile, its taxels and its part of the ports; return the nets of all its ports."""
+        """Add a tile with its ports; return the nets of the ports."""
         first = len(self.joint.parents)
         self.spots += [Spot(index, cell) for cell in range(len(self.tile.cells))]
         ports = self.place(self.piece, f"tile_{index}", None)
@@ -161,7 +161,7 @@ class _Assembly:
         self.ports += [(way, name, first + bit, net) for bit, net in enumerate(nets)]
 
     def array(self) -> Array:
-        """Return the joined design with new net numbers."""
+        """Return the complete skin as an array with new net numbers."""
         roots = [self.joint.find(net) for net in range(len(self.joint.parents))]
         numbers = {root: n for n, root in enumerate(dict.fromkeys(root for root in roots if root != NONE))} | {
             NONE: NONE
@@ -186,7 +186,7 @@ def _moved(net: int, first: int) -> int:
 
 
 def _piece(design: dict[str, Any], name: str) -> Piece:
-    """Return a flat Yosys module."""
+    """Return a flat Yosys module as a part."""
     module = design["modules"][name]
     numbers = numbered(module)
     return Piece(
@@ -199,7 +199,7 @@ def _piece(design: dict[str, Any], name: str) -> Piece:
 
 
 class SkinPlacement(Placement):
-    """Positions in a skin: as in a single tile within each tile, the merge in the middle.
+    """Positions of cells in a skin: placed tiles, with the merge in the middle.
 
     The first relay station of a line is at its tile, where the stream leaves it, the last at the merge, and the others
     at equal ways between; one alone is at the tile.

@@ -1,4 +1,4 @@
-"""Analyse the static timing of an array, many cells at once: shortest period and critical path."""
+"""Static timing analysis of an array, vectorised over cells: shortest period and critical path."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NEVER = -1e9
 
 
 class Stage(NamedTuple):
-    """A cell on a path: instance, kind, arrival at its output in s, and the delay of the wire before it in s."""
+    """A stage of a path: instance, cell kind, arrival time at the output, and delay of the wire before the cell."""
 
     name: str
     kind: str
@@ -31,7 +31,7 @@ class Stage(NamedTuple):
 
 @dataclass(frozen=True)
 class Path:
-    """The path that sets the period.
+    """The critical path, which limits the clock period.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Path:
 
 @dataclass
 class Group:
-    """All cells of a kind: their numbers, and the net of every pin."""
+    """All cells of a kind with the nets of every pin."""
 
     kind: Cell
     cells: Ints
@@ -57,7 +57,7 @@ class Group:
 
 
 class Timing:
-    """Arrival times and slews at every net; ``eskin.flow.asic.constraints`` gives the times outside the ports.
+    """Arrival times and slews of all nets.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Timing:
         self._run()
 
     def _groups(self) -> dict[str, Group]:
-        """Return the cells of every kind, taxel cells last."""
+        """Return the cells grouped by kind, taxel cells last."""
         array = self.array
         by_kind: dict[str, list[int]] = {}
         for number, kind in enumerate(array.cells):
@@ -103,7 +103,7 @@ class Timing:
         }
 
     def _taxel_nets(self) -> dict[int | str, Ints]:
-        """Return the net of every bit of the taxel's module, by taxel."""
+        """Return the nets of a taxel module for every taxel."""
         count, array = len(self.array.taxels), self.array
         where: dict[int | str, Ints] = {
             bit: array.nets + i + len(self.inner) * np.arange(count) for i, bit in enumerate(self.inner)
@@ -113,7 +113,7 @@ class Timing:
         return where
 
     def _loads(self, lines: Lines) -> tuple[Floats, Floats]:
-        """Return the load of every net, and the delay of its wire."""
+        """Return load and wire delay of every net."""
         load, wire = np.zeros(self.nets), np.zeros(self.nets)
         pins = np.zeros(self.nets)
         for group in self.groups.values():
@@ -133,7 +133,7 @@ class Timing:
     # -- arrivals ------------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        """Find all arrivals, level by level."""
+        """Compute all arrival times, level by level."""
         for group in self.groups.values():
             if group.kind.launch:
                 self._launch(group)
@@ -166,14 +166,14 @@ class Timing:
         return len(self.array.cells) + len(self.array.taxel["cells"]) * len(self.array.taxels)
 
     def _launch(self, group: Group) -> None:
-        """Let the flops of a kind send, at a steep clock."""
+        """Launch signals from the flops of a kind, with a steep clock edge."""
         for arc in group.kind.ways:
             nets = group.pins[arc.end]
             on = nets >= 0
             self._send(arc, nets[on], np.zeros((2, on.sum())), np.zeros((2, 2, on.sum())), [FROM_FLOP])
 
     def _send(self, arc: Arc, nets: Ints, slew: Floats, arrival: Floats, starts: list[int]) -> None:
-        """Add the contribution of a timing arc."""
+        """Propagate a timing arc to its output nets."""
         for into, out in arc.edges:
             delay = arc.delay[out].at(slew[into], self.load[nets])
             late = arc.slew[out].at(slew[into], self.load[nets])
@@ -183,7 +183,7 @@ class Timing:
             np.maximum.at(self.slew[out], nets, np.maximum(late, 0.0))
 
     def _ports(self) -> None:
-        """Start the input ports at the clock, each through a buffer whose own delay counts as outside."""
+        """Launch signals from the input ports."""
         kind = self.array.kinds[self.array.port_buffer]
         trees = self.array.trees()
         nets = np.array([n for way, _, _, n in self.array.ports if way == "input" and n >= 0 and n not in trees])
@@ -195,7 +195,7 @@ class Timing:
                 np.maximum.at(self.slew[out], nets, arc.slew[out].at(none, self.load[nets]))
 
     def _at_pins(self, nets: Ints) -> tuple[Floats, Floats]:
-        """Return slews (edge, pin) and arrivals (start, edge, pin) at inputs; an input on a constant never moves."""
+        """Return slews (edge, pin) and arrival times (start, edge, pin) at input pins."""
         on = np.maximum(nets, 0)
         wire = self.wire[on]
         slew = np.sqrt(self.slew[:, on] ** 2 + (1.386 * wire) ** 2)
@@ -204,7 +204,7 @@ class Timing:
         return slew, arrival
 
     def _pass(self, group: Group, at: Ints) -> None:
-        """Let some cells of a kind, whose inputs are known, send."""
+        """Propagate through cells of a kind whose input arrivals are known."""
         if group.kind.launch:
             return
         for arc in group.kind.ways:
@@ -214,7 +214,7 @@ class Timing:
             self._send(arc, nets[on], slew, arrival, [FROM_FLOP, FROM_PORT])
 
     def _readers(self) -> tuple[Ints, Ints]:
-        """Return the readers of all nets in one list, and the start of each net's part."""
+        """Return the readers of all nets in one list, with the start index of each net."""
         nets, cells = [], []
         for group in self.groups.values():
             if not group.kind.launch:
@@ -227,7 +227,7 @@ class Timing:
         return cell[order], np.searchsorted(net[order], np.arange(self.nets + 1))
 
     def _where(self) -> tuple[Ints, Ints]:
-        """Return each cell's kind and its index within the kind; -1 for flops."""
+        """Return kind and index of each cell; -1 for flops."""
         kind_of, place_of = np.full(self._cells, -1), np.zeros(self._cells, np.int64)
         for number, group in enumerate(self.groups.values()):
             place_of[group.cells] = np.arange(len(group.cells))
@@ -236,7 +236,7 @@ class Timing:
         return kind_of, place_of
 
     def _driven_by_cells(self) -> NDArray[np.bool_]:
-        """Return the nets that are driven by a cell other than a flop."""
+        """Return the nets driven by combinational cells."""
         driven = np.zeros(self.nets, bool)
         for group in self.groups.values():
             for pin in () if group.kind.launch else group.kind.outputs:
@@ -246,7 +246,7 @@ class Timing:
     # -- the period ----------------------------------------------------------------------------------
 
     def worst(self, ports: bool = True) -> Path:
-        """Return the critical path, of all paths or of those between flops."""
+        """Return the critical path, of all paths or of paths between flops."""
         best: tuple[float, int, int, int, str] = (0.0, NONE, 0, 0, "")
         for group in self.groups.values():
             for pin, tables in group.kind.setup.items():
@@ -267,7 +267,7 @@ class Timing:
         return Path(float(period), *self._trace(net, edge, start), end)
 
     def _trace(self, net: int, edge: int, start: int) -> tuple[tuple[Stage, ...], str]:
-        """Return the stages in front of an edge of a net, and their start."""
+        """Return the stages before an edge of a net, and their start."""
         drivers = self._drivers()
         stages: list[Stage] = []
         while net in drivers:
@@ -301,7 +301,7 @@ class Timing:
         }
 
     def name(self, cell: int) -> str:
-        """Return the name of a cell."""
+        """Return the instance name of a cell."""
         if cell < len(self.array.cells):
             return self.array.names[cell]
         taxel, number = divmod(cell - len(self.array.cells), len(self.array.taxel["cells"]))
@@ -314,7 +314,7 @@ def _pins(kind: Cell) -> list[str]:
 
 
 def _inner_bits(taxel: dict[str, object]) -> list[object]:
-    """Return the nets of the taxel's module that are no port."""
+    """Return the nets of the taxel module that are not ports."""
     outside = {bit for port in taxel["ports"].values() for bit in port["bits"]}  # type: ignore[attr-defined]
     cells = taxel["cells"].values()  # type: ignore[attr-defined]
     return [b for cell in cells for bits in cell["connections"].values() for b in bits if b not in outside]

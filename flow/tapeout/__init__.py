@@ -1,1 +1,1 @@
-"""A folder that a shuttle accepts: pins, sources, test, documentation and settings of its flow."""
+"""Project folders for chip shuttles: pins, sources, test, documentation and flow settings."""

@@ -1,4 +1,4 @@
-"""The cells of a whole chip in a library: how many tiles it needs, and the netlist for its test."""
+"""Map a whole chip to library cells, to estimate its size and to test its netlist."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SCRIPT = (
 
 @dataclass(frozen=True)
 class Mapped:
-    """A chip as cells.
+    """A chip as library cells.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Mapped:
 
 
 def mapped(sources: dict[str, str], top: str, library: Library) -> Mapped:
-    """Return a chip in cells of a library.
+    """Return a chip mapped to library cells.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The test of the folder: frames of samples, and the events that the golden model gives for them."""
+"""Test case for a shuttle project: frames of samples, and expected events from the golden model."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ACK_EIGHTHS = 4
 
 
 def case(config: ReadoutConfig, seed: int = 1) -> dict[str, Any]:
-    """Return what test.py plays and expects, as plain values."""
+    """Return stimulus and expected events for test.py as a dictionary."""
     rng = np.random.default_rng(seed)
     top = (1 << config.sample_bits - 1) - 1
     walk = np.cumsum(rng.integers(-3 * config.step, 3 * config.step + 1, (FRAMES, config.taxels)), axis=0)
@@ -75,7 +75,7 @@ def case(config: ReadoutConfig, seed: int = 1) -> dict[str, Any]:
 
 
 def _word(config: ReadoutConfig, event: Any) -> list[int]:
-    """Return [clock, request, address] of an event."""
+    """Return an event as [clock, request, address]."""
     address = int(event["x"]) | int(event["y"]) << config.column_bits
     polarity = int(event["p"])
     if config.link == "four_phase_dual":

@@ -1,4 +1,4 @@
-"""Writes the folder of a shuttle."""
+"""Write the project folder for a shuttle."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Tapeout:
     sources: dict[str, str]
 
     def write(self, folder: Path, netlist: Mapped | None) -> list[Path]:
-        """Write the folder, made if need be, and return its files."""
+        """Write the project folder, and return its files."""
         files = {f"src/{name}": text for name, text in self.sources.items()}
         files["docs/info.md"] = self._filled("info.md", **self._facts())
         files["test/tb.v"] = self._filled("tb.v", instance=self._instance())
@@ -104,11 +104,11 @@ class Tapeout:
 
     @property
     def period_ns(self) -> float:
-        """The clock period."""
+        """Clock period in ns."""
         return 1e9 / self.config.clock_hz
 
     def _tiny(self) -> dict[str, str]:
-        """Return the files that Tiny Tapeout asks for."""
+        """Return the files required by Tiny Tapeout."""
         project = {
             "title": self.title,
             "author": self.author,
@@ -130,7 +130,7 @@ class Tapeout:
         return {"info.yaml": "\n".join(lines) + "\n", "src/config.json": json.dumps(settings, indent=2) + "\n"}
 
     def _wafer(self) -> dict[str, str]:
-        """Return the files that go over the template of wafer.space."""
+        """Return the files that replace those in the template of wafer.space."""
         settings: dict[str, Any] = {
             "meta": {"version": 3, "flow": "Chip"},
             "VERILOG_FILES": [f"dir::../src/{name}" for name in ("chip_top.sv", "chip_core.sv", *self.sources)],
@@ -140,14 +140,14 @@ class Tapeout:
         return {"src/chip_core.sv": core, "librelane/eskin.json": json.dumps(settings, indent=2) + "\n"}
 
     def _instance(self) -> str:
-        """Return the instance in the test bench."""
+        """Return the instance of the chip in the testbench."""
         if not self.shuttle.tiny:
             return (TEMPLATES / "pads.v").read_text()
         wires = ".ui_in(ui_in), .uo_out(uo_out), .uio_in(uio_in), .uio_out(uio_out), .uio_oe(uio_oe)"
         return f"  {self.top} chip ({wires}, .ena(ena), .clk(clk), .rst_n(rst_n));\n"
 
     def _facts(self) -> dict[str, Any]:
-        """Return what the documentation states."""
+        """Return the facts for the documentation."""
         clocks = pins.CLOCKS_PER_BIT * self.config.taxels * self.config.sample_bits + pins.CLOCKS_BESIDE
         (identity,) = (register.reset for register in registers(self.config) if register.name == "id")
         return {
@@ -168,7 +168,7 @@ class Tapeout:
 
 
 def sources_of(config: ReadoutConfig, top: str) -> dict[str, str]:
-    """Return the Verilog of a chip by file: its pins, the loader of samples, the readout."""
+    """Return the Verilog of a chip by file name: pins, sample loader, readout."""
     dual = config.link == "four_phase_dual"
     requests = ("aer_req_off", "aer_req_on") if dual else ("aer_req",)
     address = "aer_addr" if config.address_bits else "1'b0"
@@ -200,7 +200,7 @@ def plan(
     author: str,
     title: str,
 ) -> tuple[Tapeout, Mapped | None]:
-    """Return a chip for a shuttle, and its cells if a library is given.
+    """Return a chip for a shuttle, and its mapped cells if a library is given.
 
     Raises
     ------

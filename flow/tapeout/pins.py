@@ -1,4 +1,4 @@
-"""The 24 pins of a chip with few pins, and the readout that they can carry."""
+"""Pin assignment of a shuttle chip with 24 pins, and the readouts that fit."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ ADDRESS_PINS = 8
 
 
 def outputs(config: ReadoutConfig) -> tuple[str, ...]:
-    """Return the names of the outputs."""
+    """Return the names of the output pins."""
     requests = ("aer_req_off", "aer_req_on") if config.link == "four_phase_dual" else ("aer_req", "")
     return ("spi_miso", "interrupt", *requests, "", "", "", "")
 
 
 def addresses(config: ReadoutConfig) -> tuple[str, ...]:
-    """Return the names of the pins that can be either; those without a name stay inputs."""
+    """Return the names of the bidirectional pins used as address outputs."""
     return tuple(f"aer_addr[{bit}]" if bit < config.address_bits else "" for bit in range(ADDRESS_PINS))
 
 
 def readout_for(config: ReadoutConfig, given: frozenset[str], shuttle: Shuttle) -> ReadoutConfig:
-    """Return the readout that goes onto a shuttle: SPI, four-phase link, and clocks enough to load a frame.
+    """Return the readout for a shuttle, with SPI registers, four-phase link, and enough clocks to load a frame.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What shuttles ask for: pins, tiles and their sizes, names of files."""
+"""Requirements of chip shuttles: pins, tile sizes and file names."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ GF = {"1x1": (3048.0, 4238.0)}
 
 @dataclass(frozen=True)
 class Shuttle:
-    """A shuttle.
+    """Requirements of one shuttle.
 
     Attributes
     ----------
@@ -49,11 +49,11 @@ class Shuttle:
 
     @property
     def tiny(self) -> bool:
-        """Whether it is a Tiny Tapeout."""
+        """True for Tiny Tapeout shuttles."""
         return self.name.startswith("tt-")
 
     def smallest(self, area_um2: float) -> str:
-        """Return the smallest size that an area of cells fits into.
+        """Return the smallest size for a given cell area.
 
         Raises
         ------
