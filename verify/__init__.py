@@ -1,1 +1,1 @@
-"""Evidence that the RTL is right: proofs, coverage, faults, mutants, soak, other tools."""
+"""Verification of the RTL: proofs, coverage, fault injection, mutants, random configurations, other tools."""

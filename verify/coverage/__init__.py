@@ -1,1 +1,1 @@
-"""Measure the coverage of the co-simulation: lines, branches and toggles of the Verilog, functional points."""
+"""Coverage of the co-simulation: lines, branches and toggles of the Verilog, and functional points."""

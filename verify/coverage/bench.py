@@ -1,4 +1,4 @@
-"""Add Verilator's counters and functional points to simulations, and collect the counts."""
+"""Add Verilator's coverage counters and functional points to simulations, and collect the counts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ UNCOUNTED = "/* verilator coverage_off */\n"
 
 @dataclass
 class Counts:
-    """What simulations reached.
+    """Coverage counts of several simulations.
 
     Attributes
     ----------
@@ -38,14 +38,14 @@ class Counts:
     texts: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def add(self, counted: str, verilog: str) -> None:
-        """Add the counters that a simulation left."""
+        """Add the coverage counts of one simulation."""
         for construct, count in read(counted, verilog, TEXT).items():
             self.counts[construct] = self.counts.get(construct, 0) + count
         plain = POINT.sub("", verilog)
         self.texts |= {(module.name, module.digest): plain for module in modules(plain)}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as JSON content."""
+        """Return the counts as a dictionary for JSON."""
         texts = list(dict.fromkeys(self.texts.values()))
         return {
             "constructs": [[*astuple(construct), count] for construct, count in sorted(self.counts.items())],
@@ -55,14 +55,14 @@ class Counts:
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Counts:
-        """Return the object that ``to_dict`` stored."""
+        """Return the counts for a dictionary written by ``to_dict``."""
         counts = {Construct(*fields): count for *fields, count in content["constructs"]}
         return cls(counts, {(name, own): content["texts"][at] for name, own, at in content["modules"]})
 
 
 @contextmanager
 def counting(points: Callable[[Config], list[Point]]) -> Iterator[Counts]:
-    """Build simulations with counters; yield the collected coverage.
+    """Build simulations with coverage counters, and yield the collected counts.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Read Verilator's counts: lines, branches and toggles of every module, and the added points."""
+"""Read Verilator's coverage counts: lines, branches and toggles of every module, and added points."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COUNT = re.compile(r"^C '(.*)' (\d+)$", re.MULTILINE)
 
 @dataclass(frozen=True, order=True)
 class Construct:
-    """A place of a module's text that a run reaches or does not; all instances of the module count as one.
+    """A coverable construct in a module: a line, a branch, a toggle or a point.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Construct:
 
     @property
     def signals(self) -> set[str]:
-        """Signal of a toggle, with bit or range if any; signals and terms of a condition; assigned signal."""
+        """Names of the signals in the construct."""
         if self.kind == "toggle":
             bit = self.what.partition(":")[0]
             name = bit.partition("[")[0]
@@ -60,20 +60,20 @@ class Construct:
 
     @property
     def operator(self) -> str:
-        """Edge of a toggle, ``0->1``; result of a condition, ``=> 0``; a branch as Verilator names it."""
+        """Edge of a toggle, ``0->1``, or result of a condition, ``=> 0``."""
         if self.kind == "toggle":
             return self.what.rpartition(":")[2]
         return f"=> {self.what.rpartition(' => ')[2]}" if self.kind == "condition" else self.what
 
     @property
     def said(self) -> str:
-        """The description for a reader."""
+        """Description of the construct for a report."""
         return f"{self.kind} {self.module}:{self.line} {self.what}  | {self.source}"
 
 
 @dataclass(frozen=True)
 class Module:
-    """A module in a text: name, first and last line (from 1), digest, and lines."""
+    """A Verilog module: name, line range, digest and lines."""
 
     name: str
     first: int
@@ -83,7 +83,7 @@ class Module:
 
 
 def modules(verilog: str) -> list[Module]:
-    """Return the modules of a text; added points do not change the digest."""
+    """Return the modules of a Verilog text."""
     found = []
     for match in MODULE.finditer(verilog):
         first = verilog.count("\n", 0, match.start()) + 1
@@ -95,7 +95,7 @@ def modules(verilog: str) -> list[Module]:
 
 
 def read(counts: str, verilog: str, file: str) -> dict[Construct, int]:
-    """Return how often every construct of a Verilog text was reached.
+    """Return the number of times that each construct of a Verilog text was covered.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def read(counts: str, verilog: str, file: str) -> dict[Construct, int]:
 
 
 def with_points(verilog: str, points: Iterable[tuple[str, str, str]]) -> str:
-    """Return a text with cover statements at the end of its modules.
+    """Return a Verilog text with cover statements added at the end of its modules.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Plan the runs: designs that together contain every block, encoder, front end and link."""
+"""Coverage plan: designs that together contain every block, encoder, front end and link."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Run:
     only: tuple[str, ...] = ()
 
     def play(self, folder: Path) -> None:
-        """Simulate it."""
+        """Simulate the design with all its stimuli."""
         self.player(self.config, folder)
 
 
@@ -67,12 +67,12 @@ GATE = ("lcs digital stream", "cw-lcs digital stream")
 
 
 def runs() -> list[Run]:
-    """Return all runs."""
+    """Return all coverage runs."""
     return [*_readouts(), *_frames(), *_hosts(), *_skins(), *_classifiers(), *_boards()]
 
 
 def _readouts() -> Iterator[Run]:
-    """Yield every encoder with both front ends and both links, and every encoder that decides by the sample."""
+    """Yield runs of readouts: every encoder with both front ends, both links and both decision rates."""
     variants = itertools.product(registry.NAMES, ("digital", "analog"), ("stream", "four_phase"))
     for number, (encoding, frontend, link) in enumerate(variants):
         own = {"encoding": encoding, "frontend": frontend, "link": link}
@@ -84,7 +84,7 @@ def _readouts() -> Iterator[Run]:
 
 
 def _frames() -> Iterator[Run]:
-    """Yield frame readouts: several words a frame, one code a word, a word longer than a frame, long settling."""
+    """Yield runs of frame readouts with different word lengths and settling times."""
     for rows, columns, resolution, word_bits, own in (
         (3, 5, 5, 12, {}),
         (3, 2, 6, 6, {"reset": "async"}),
@@ -98,7 +98,7 @@ def _frames() -> Iterator[Run]:
 
 
 def _hosts() -> Iterator[Run]:
-    """Yield readouts with registers, with both front ends, and the blocks of their host alone."""
+    """Yield runs of readouts with registers, and of the blocks of the host interface."""
     for encoding in registry.NAMES:
         config = ReadoutConfig.from_dict(SMALL.to_dict() | {"encoding": encoding, "registers": "spi"})
         yield Run(f"registers {encoding}", config, stimuli.host)
@@ -115,7 +115,7 @@ def _hosts() -> Iterator[Run]:
 
 
 def _skins() -> Iterator[Run]:
-    """Yield skins without and with relay stations (two on each line), and the merge and stations alone."""
+    """Yield runs of skins with and without relay stations, and of merge and relay station alone."""
     for down, across, encoding, reset in ((2, 2, "lcs", "sync"), (1, 3, "nlcs", "async")):
         tile = SMALL.replace(rows=2, columns=2, encoding=encoding)
         config = TilesConfig.of(tile, down, across)
@@ -127,7 +127,7 @@ def _skins() -> Iterator[Run]:
 
 
 def _classifiers() -> Iterator[Run]:
-    """Yield classifiers that saturate, leak, reach a floor or only add, and chips with a classifier."""
+    """Yield runs of classifiers with saturation, leak and floor, and of chips with a classifier."""
     base = {
         "clocks_per_bin": 64 * 4,
         "threshold": 300,
@@ -160,7 +160,7 @@ def _classifiers() -> Iterator[Run]:
 
 
 def _boards() -> Iterator[Run]:
-    """Yield the two designs of a board: their points, and the lines that both share."""
+    """Yield runs of both board designs."""
     for design in ("player", "receiver"):
         own = tuple(f"eskin_board_{part}" for part in ("uart_receiver", "uart_sender", "frames_crc"))
         yield Run(f"board {design}", small_board(design), board, only=own)

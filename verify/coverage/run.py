@@ -1,4 +1,4 @@
-"""Run all simulations one after the other, store results as they come, and sum up the coverage."""
+"""Run all coverage simulations, store their results, and summarise the coverage."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ KINDS = ("line", "branch", "toggle", "condition")
 
 @dataclass
 class Reached:
-    """What some runs reached together.
+    """Coverage of several runs together.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Reached:
     runs: list[str] = field(default_factory=list)
 
     def add(self, name: str, counts: Counts, wanted: Iterable[Point]) -> None:
-        """Add a run."""
+        """Add the coverage counts of a run."""
         self.runs.append(name)
         by_label: Counter[str] = Counter()
         for construct, count in counts.counts.items():
@@ -71,13 +71,13 @@ class Reached:
         return [construct for construct in self.counts if construct.kind == kind]
 
     def unreached(self) -> list[Construct]:
-        """Return the constructs that no run reached, in their order."""
+        """Return the constructs that no run covered, in order."""
         return sorted(construct for construct, count in self.counts.items() if not count)
 
 
 @dataclass
 class Verdict:
-    """The result of a coverage run.
+    """Result of a coverage campaign.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class Verdict:
 
 
 def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], None]) -> Reached:
-    """Play the runs that the folder does not hold for these sources; return the coverage.
+    """Simulate the runs without stored results; return the coverage of all runs.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def _fields(config: Config | BoardConfig) -> dict[str, Any]:
 
 
 def judge(reached: Reached, listed: list[Waiver], whole: bool = True) -> Verdict:
-    """Compare the coverage with the waivers; a partial run (not ``whole``) has no stale waiver."""
+    """Return the coverage result after applying the waivers."""
     found, rest, stale = explained(reached.unreached(), listed)
     problems = [f"not reached: {group}: {name}" for (group, name), count in reached.points.items() if not count]
     problems += [f"not reached, and no reason given: {construct.said}" for construct in rest]
@@ -151,14 +151,14 @@ def judge(reached: Reached, listed: list[Waiver], whole: bool = True) -> Verdict
 
 
 def _became_1(reached: Reached, construct: Construct) -> bool:
-    """Return whether the bit of a toggle was seen to become 1."""
+    """Return True if a simulation set the bit of a toggle construct to 1."""
     bit = construct.what.partition(":")[0]
     rise = Construct(**{**asdict(construct), "what": f"{bit}:0->1"})
     return reached.counts.get(rise, 0) > 0
 
 
 def closing_line(reached: Reached, verdict: Verdict) -> str:
-    """Return the last line of ``make coverage``."""
+    """Return the final message of ``make coverage``."""
     parts = []
     for kind, word in zip(KINDS, ("lines", "branches", "toggles", "conditions"), strict=True):
         own = reached.of(kind)
@@ -170,7 +170,7 @@ def closing_line(reached: Reached, verdict: Verdict) -> str:
 
 
 def summary(reached: Reached, verdict: Verdict) -> dict[str, Any]:
-    """Return the result as JSON content, without its origin."""
+    """Return the result as a dictionary for JSON."""
     constructs = {}
     for kind in KINDS:
         own = reached.of(kind)
@@ -201,5 +201,5 @@ def summary(reached: Reached, verdict: Verdict) -> dict[str, Any]:
 
 
 def write(path: Path, command: str, reached: Reached, verdict: Verdict) -> None:
-    """Write the result with its command, commit and date."""
+    """Write the result with command, commit and date."""
     write_json(path, {**origin(command), **summary(reached, verdict)})

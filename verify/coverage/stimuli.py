@@ -1,4 +1,4 @@
-"""Play the coverage runs: the benches of the co-simulation, with stimuli for rare cases."""
+"""Stimuli of the coverage runs: co-simulation testbenches with additional rare cases."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ AT_REST: dict[str, Any] = {"signal": "hold", "sink": "always", "gap": 300, "mask
 
 
 def readout(config: ReadoutConfig, folder: Path) -> None:
-    """Play every signal with every sink, at all rates of samples and masks, including slow cases."""
+    """Simulate a readout with every kind of signal and sink, at all sample rates and masks."""
     short = [
         {"signal": SIGNALS[number // len(SINKS)], "sink": SINKS[number % len(SINKS)]}
         | {"gap": GAPS[number % len(GAPS)], "masks": MASKS[number % len(MASKS)]}
@@ -71,7 +71,7 @@ def readout(config: ReadoutConfig, folder: Path) -> None:
 
 
 def _words(register: Register) -> Iterator[int]:
-    """Yield words for a register: every field at its limits, just outside and between; all ones; the reset value."""
+    """Yield test words for a register: limits of every field, out-of-range values, all ones, the reset value."""
     resting = {field.name: field.reset for field in register.fields}
     for field in register.fields:
         top = (1 << field.width) - 1
@@ -83,7 +83,7 @@ def _words(register: Register) -> Iterator[int]:
 
 
 def directed_host(config: ReadoutConfig, rng: random.Random) -> list[Any]:
-    """Return the pins of a host that writes every register at its ends, reads all of them, and tests in every mode."""
+    """Return SPI pins of a host that writes and reads every register and runs every test mode."""
     found = {register.name: register for register in registers(config)}
     pins: list[Any] = [Pins()] * 4
 
@@ -125,13 +125,13 @@ def directed_host(config: ReadoutConfig, rng: random.Random) -> list[Any]:
 
 
 def host(config: ReadoutConfig, folder: Path) -> None:
-    """Play a host that changes all settings while the array sends events, with arbitrary comparators."""
+    """Simulate a host that changes all settings while the array sends events."""
     for seed, anything in ((5, False), (6, True))[: 2 if config.frontend == "analog" else 1]:
         play_host(config, VERILATOR, folder, seed, directed_host(config, random.Random(seed)), anything)
 
 
 def alone(block: ModuleType, test: str) -> Callable[[Any, Path], None]:
-    """Return the function that plays a block's co-simulation, with some seeds."""
+    """Return a function that runs the co-simulation of one block with several seeds."""
 
     def play_block(config: Any, folder: Path) -> None:
         for seed in (11, 12, 13):
@@ -141,7 +141,7 @@ def alone(block: ModuleType, test: str) -> Callable[[Any, Path], None]:
 
 
 def frame(config: FrameConfig, folder: Path) -> None:
-    """Play every ADC with every receiver."""
+    """Simulate a frame readout with every kind of ADC and receiver."""
     scale = config.readout.full_scale
     samples = np.random.default_rng(config.taxels).integers(-scale, scale, (400, config.taxels))
     for seed in range(1, 5):
@@ -149,27 +149,27 @@ def frame(config: FrameConfig, folder: Path) -> None:
 
 
 def skin(config: TilesConfig, folder: Path) -> None:
-    """Play a whole skin."""
+    """Simulate a whole skin."""
     play_skin(config, VERILATOR, folder)
 
 
 def relay(config: TilesConfig, folder: Path) -> None:
-    """Play busy and quiet tiles to a single station, with all kinds of sinks."""
+    """Simulate a relay station with busy and quiet tiles and all kinds of sinks."""
     play_relay(config, VERILATOR, folder, 5)
 
 
 def merge(config: MergeConfig, folder: Path) -> None:
-    """Play busy and quiet tiles against all kinds of sinks."""
+    """Simulate a merge with busy and quiet tiles and all kinds of sinks."""
     play_merge(config.skin, VERILATOR, folder, 3)
 
 
 def classifier(config: ClassifierConfig, folder: Path) -> None:
-    """Play random networks, events at all rates, and bins that come too early."""
+    """Simulate random networks with events at all rates, and with bins that end too early."""
     for seed in range(4):
         play_scans(config, VERILATOR, folder, seed)
         play_scans(config, VERILATOR, folder, seed, "scans_begin_at_any_time")
 
 
 def chip(config: ChipConfig, folder: Path) -> None:
-    """Play a texture through readout and classifier."""
+    """Simulate a texture scan on a chip with readout and classifier."""
     noise.play(config, VERILATOR, folder)

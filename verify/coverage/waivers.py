@@ -1,4 +1,4 @@
-"""Explain constructs that no run reaches: ``waivers.toml``, and the proofs that some waivers need."""
+"""Waivers for uncovered constructs (``waivers.toml``), with proofs for the waivers that need them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Names = str | tuple[str, ...]
 
 @dataclass(frozen=True)
 class Waiver:
-    """A reason why constructs are not reached.
+    """Reason why certain constructs are not covered.
 
     Attributes
     ----------
@@ -53,21 +53,21 @@ class Waiver:
     proof: bool = False
 
     def explains(self, construct: Construct) -> bool:
-        """Return whether the waiver covers a construct."""
+        """Return True if the waiver applies to a construct."""
         wanted = (self.kind, self.module, self.signal, self.operator)
         names = ({construct.kind}, {construct.module}, construct.signals, {construct.operator})
         return all(map(_fits, wanted, names))
 
 
 def _fits(wanted: Names, names: Iterable[str]) -> bool:
-    """Return whether a name matches."""
+    """Return True if a name matches a pattern."""
     patterns = (wanted,) if isinstance(wanted, str) else wanted
     regexes = [re.escape(pattern).replace(r"\*", ".*") for pattern in patterns]
     return not regexes or any(re.fullmatch(regex, name) for regex in regexes for name in names)
 
 
 def waivers(text: str | None = None) -> list[Waiver]:
-    """Return the waivers of a file's text, by default those of the project.
+    """Return the waivers in a text, by default those of the project.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def waivers(text: str | None = None) -> list[Waiver]:
 def explained(
     unreached: Iterable[Construct], listed: Iterable[Waiver]
 ) -> tuple[dict[Construct, Waiver], list[Construct], list[Waiver]]:
-    """Return explained constructs with their waivers, unexplained constructs, and waivers without a construct."""
+    """Return waived constructs with their waivers, unwaived constructs, and unused waivers."""
     found: dict[Construct, Waiver] = {}
     rest = []
     listed = list(listed)
@@ -106,7 +106,7 @@ def explained(
 
 
 def claim(construct: Construct, once: bool, verilog: str = "") -> str:
-    """Return an expression that is never true if a construct can never be reached.
+    """Return an expression that is never true if a construct is unreachable.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def guards(lines: Sequence[str], line: int, column: int) -> list[str]:
 
 
 def unproved(verilog: str, module: str, claims: Mapping[Construct, str]) -> list[Construct]:
-    """Return the constructs whose claims are not proved for a module with arbitrary inputs after a reset."""
+    """Return the constructs of a module that are not proved unreachable."""
     if not claims:
         return []
     numbered = list(claims.items())
@@ -189,7 +189,7 @@ def unproved(verilog: str, module: str, claims: Mapping[Construct, str]) -> list
 
 
 def _proved(module: str, commands: list[str], text: dict[str, bytes]) -> set[int]:
-    """Return the numbers of the proofs that succeed."""
+    """Return the indices of the proofs that succeed."""
     marked = "; ".join(f"log proof {number}; {command}" for number, command in enumerate(commands))
     log = yosys.run(READ.format(module=module) + marked, "", "yosys.log", text)
     parts = re.split(r"^proof (\d+)$", log, flags=re.MULTILINE)[1:]

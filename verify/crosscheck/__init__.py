@@ -1,1 +1,1 @@
-"""The delivered text before tools of another kind: a third simulator, and a second front end of SystemVerilog."""
+"""Check the delivered Verilog with independent tools: another simulator, another parser and another solver."""

@@ -1,4 +1,4 @@
-"""Check a readout with a third simulator (CXXRTL) and a second front end (slang)."""
+"""Check a readout with a third simulator (CXXRTL) and a second SystemVerilog front end (slang)."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from eskin.verify.proofs.bind import properties
 
 
 class Mismatch(AssertionError):
-    """The third simulator and the model differ; the text says where."""
+    """Raised if CXXRTL and model differ, with the first difference."""
 
 
 @dataclass(frozen=True)
 class CxxrtlResult:
-    """The runs that CXXRTL played, all equal to the golden model.
+    """Results of runs in CXXRTL that are equal to the golden model.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class CxxrtlResult:
 
 
 def play(config: ReadoutConfig, texture: int = 0, ticks: int | None = None, text: str = "") -> CxxrtlResult:
-    """Play scenarios and the scan of an embedded texture in CXXRTL; compare every event with the golden model.
+    """Simulate scenarios and a texture scan in CXXRTL, and compare every event with the golden model.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def play(config: ReadoutConfig, texture: int = 0, ticks: int | None = None, text
 
 
 def texts(config: ReadoutConfig | FrameConfig) -> dict[str, list[str]]:
-    """Return slang's problems with the Verilog alone, and with the properties bound to the Verilog."""
+    """Return the problems that slang finds in the Verilog, alone and with the bound properties."""
     top = top_block(config).module_name
     text = verilog(config)
     both = {f"{top}.v": text, f"{top}_properties.sv": properties(config)}

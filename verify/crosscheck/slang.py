@@ -1,4 +1,4 @@
-"""Check the delivered text with slang, a front end as strict about SystemVerilog as commercial tools."""
+"""Check the delivered Verilog with slang, a strict SystemVerilog front end."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SAID = re.compile(r"^(\S+:\d+:\d+: (?:error|warning): .*?)(?: \[-W([\w-]+)\])?$"
 
 
 def problems(texts: Mapping[str, str], top: str) -> list[str]:
-    """Return slang's messages about a design without waived ones; empty if there are none.
+    """Return slang's messages about a design, without waived ones.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Test single-flop upsets and hostile surroundings: their effects, and how long the effects last."""
+"""Fault injection: bit flips in every flop, hostile inputs, and their effects."""

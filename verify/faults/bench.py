@@ -1,4 +1,4 @@
-"""A readout with its surroundings: comparators for analog macros, and a receiver for the four-phase link."""
+"""Testbench for fault injection: a block with models of its environment, as one netlist."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ ADC_CLOCKS = 3
 
 
 class Bench(Elaboratable):
-    """The block under test; its ports are the signals that the surroundings do not drive.
+    """The block under test with its environment.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class Bench(Elaboratable):
         return self.inputs[-1]
 
     def _receiver(self, m: Module, inner: dict[str, Value]) -> set[str]:
-        """Add a receiver: ACK follows REQ, and a started handshake completes regardless of REQ."""
+        """Add a four-phase receiver: ACK follows REQ, and a started handshake always completes."""
         if "aer_ack" not in inner:
             return set()
         ack = Signal()
@@ -98,7 +98,7 @@ class Bench(Elaboratable):
         return {"aer_ack"}
 
     def _converter(self, m: Module, inner: dict[str, Value]) -> set[str]:
-        """Add an ADC: each start returns one code some clocks later, derived from the taxel and the input ``salt``."""
+        """Add an ADC whose codes depend on the taxel and on the input ``salt``."""
         if "adc_start" not in inner:
             return set()
         left, code = Signal(range(ADC_CLOCKS + 1)), Signal(len(inner["adc_code"]))
@@ -115,7 +115,7 @@ class Bench(Elaboratable):
         return {"adc_done", "adc_code"}
 
     def _tiles(self, m: Module, inner: dict[str, Value]) -> set[str]:
-        """Add tiles: each gets an event in every clock of its bit of ``offer``, numbered by the event's fields."""
+        """Add event sources for all tiles; each offers a numbered event in every clock of its bit of ``offer``."""
         if "tile_valid" not in inner:
             return set()
         tiles = len(inner["tile_valid"])
@@ -136,7 +136,7 @@ class Bench(Elaboratable):
         return {"tile_valid", *fields}
 
     def _events(self, m: Module, inner: dict[str, Value]) -> set[str]:
-        """Add a source with one more event in every clock of ``offer``, and the bin timer."""
+        """Add an event source with one more event in every clock of ``offer``, and the bin timer."""
         config = self.block.config
         if not isinstance(config, ClassifierConfig):
             return set()
@@ -157,7 +157,7 @@ class Bench(Elaboratable):
         return number, left != 0
 
     def _comparators(self, m: Module, inner: dict[str, Value]) -> set[str]:
-        """Add ideal comparators, which look at the signal that the last sample tick brought."""
+        """Add ideal comparators for the analog front end."""
         config = self.block.config
         if not isinstance(config, ReadoutConfig) or "above" not in inner:
             return set()
@@ -190,12 +190,12 @@ class Bench(Elaboratable):
 
 
 def channel_of(number: Any, inputs: int) -> Any:
-    """Return the channel of an event of some number."""
+    """Return the input channel for the event of a given number."""
     return (number + (number >> 2)) % inputs
 
 
 def bench_gates(block: Block[Any], slow: int = 0) -> Gates:
-    """Return a block with its surroundings as gates; see ``inside`` for its flops."""
+    """Return a block with its environment as gates; see ``inside`` for its flops."""
     made = RtlilModules(async_reset=False)
     made.add(block)
     if isinstance(block.config, ClassifierConfig):
@@ -207,7 +207,7 @@ def bench_gates(block: Block[Any], slow: int = 0) -> Gates:
 
 
 def inside(gates: Gates, pattern: str = "") -> list[int]:
-    """Return the numbers of the block's own flops whose names match a pattern, without the surroundings."""
+    """Return the indices of the block's own flops whose names match a pattern."""
     own = re.compile(rf"({DUT}\.|(?={TIMER}\.)){pattern}")
     return [number for number, name in enumerate(gates.flops) if own.match(name)]
 

@@ -1,4 +1,4 @@
-"""Test hostile surroundings: each case states the expected behaviour and checks it."""
+"""Tests with hostile inputs, each with the expected behaviour."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PHASES = 200
 
 @dataclass(frozen=True)
 class Case:
-    """One kind of hostile surroundings.
+    """A test with one kind of hostile input.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Case:
 
 
 def _play(config: ReadoutConfig, inputs: dict[str, NDArray[np.uint8]]) -> tuple[Gates, Traces, NDArray[np.int16]]:
-    """Simulate runs, some inputs different in each run; return the events of each run."""
+    """Simulate runs with different inputs; return the events of each run."""
     gates = bench_gates(Readout(config))
     traces = simulate(gates, {name: bits for name, bits in inputs.items() if name in gates.inputs}, NO_UPSETS)
     ready = inputs["event_ready"]
@@ -55,19 +55,19 @@ def _play(config: ReadoutConfig, inputs: dict[str, NDArray[np.uint8]]) -> tuple[
 
 
 def _own(bits: NDArray[np.uint8], values: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Return a one-bit input that is inverted in some clocks of some runs, shape (clocks, 1, LANES)."""
+    """Return a one-bit input that is inverted in given clocks of given runs, shape (clocks, 1, LANES)."""
     return (bits[:, :, None] ^ values[:, None, :]).astype(np.uint8)
 
 
 def _from(clocks: int, first: int, length: int) -> NDArray[np.bool_]:
-    """Return for run p >= 1 the clocks ``first + p`` and ``length - 1`` more, shape (clocks, LANES); none for run 0."""
+    """Return True for ``length`` clocks from ``first + p`` in each run p >= 1, shape (clocks, LANES)."""
     since = np.arange(clocks)[:, None] - first - np.arange(LANES)
     mine = (np.arange(LANES) >= 1) & (np.arange(LANES) <= PHASES)
     return (since >= 0) & (since < length) & mine
 
 
 def _equal(config: ReadoutConfig, codes: NDArray[np.int16], stimulus: Stimulus) -> bool:
-    """Return whether a run has events and equals the model."""
+    """Return True if a run has events and equals the model."""
     expected = simulate_model(config, stimulus)
     found = events_of(config, codes)
     last = stimulus.clocks - 1  # of the link's events that at the last edge is seen by nobody
@@ -78,7 +78,7 @@ def _equal(config: ReadoutConfig, codes: NDArray[np.int16], stimulus: Stimulus) 
 def _changed(
     config: ReadoutConfig, changes: Callable[[Stimulus, np.random.Generator], dict[str, object]]
 ) -> tuple[int, int]:
-    """Play the loaded course with changed stimulus and compare with the model."""
+    """Simulate the overload stimulus with changes, and compare it with the model."""
     played = course(config, calm=False)
     stimulus = dataclasses.replace(played.stimulus, **changes(played.stimulus, np.random.default_rng(1)))  # type: ignore[arg-type]
     _, _, codes = _play(config, inputs_of(config, stimulus))
@@ -96,7 +96,7 @@ def every_sample(config: ReadoutConfig) -> tuple[int, int]:
 
 
 def every_mask(config: ReadoutConfig) -> tuple[int, int]:
-    """Compare a run with a new mask in every clock with the model."""
+    """Compare a run with a new random mask in every clock with the model."""
 
     def changes(stimulus: Stimulus, rng: np.random.Generator) -> dict[str, object]:
         masks = rng.random((stimulus.clocks, config.taxels)) < 0.8
@@ -106,7 +106,7 @@ def every_mask(config: ReadoutConfig) -> tuple[int, int]:
 
 
 def reset_at_every_phase(config: ReadoutConfig) -> tuple[int, int]:
-    """Reset for one clock, at a different clock in each run; check the events before and after."""
+    """Reset for one clock, at a different time in each run, and check the events before and after."""
     played = course(config, calm=False)
     stimulus, inputs = played.stimulus, dict(played.inputs)
     inputs["rst"] = _own(inputs["rst"], _from(len(inputs["rst"]), RESET, 1))
@@ -141,7 +141,7 @@ def _rest(stimulus: Stimulus, start: int) -> Stimulus:
 
 
 def sink_stuck(config: ReadoutConfig) -> tuple[int, int]:
-    """Stop the sink from a different clock in each run; compare all events with the model."""
+    """Stop the sink at a different time in each run, and compare all events with the model."""
     played = course(config, calm=False)
     stimulus, inputs = played.stimulus, dict(played.inputs)
     stops = _from(len(inputs["rst"]), RESET, STUCK)
@@ -164,7 +164,7 @@ def sink_stuck(config: ReadoutConfig) -> tuple[int, int]:
 
 
 def ack_never_falls(config: ReadoutConfig) -> tuple[int, int]:
-    """Hold ACK high from a different clock in each run: no REQ meanwhile, and no event is lost."""
+    """Hold ACK high from a different time in each run, and check that no event is lost."""
     played = course(config, calm=True)
     inputs = dict(played.inputs)
     stuck = _from(len(inputs["rst"]), RESET, STUCK)
@@ -178,7 +178,7 @@ def ack_never_falls(config: ReadoutConfig) -> tuple[int, int]:
 
 
 def ack_glitches(config: ReadoutConfig) -> tuple[int, int]:
-    """Invert ACK for one clock, different in each run: every REQ remains one event."""
+    """Invert ACK for one clock at a different time in each run, and check that each REQ carries one event."""
     played = course(config, calm=True)
     inputs = dict(played.inputs)
     inputs["ack_turned"] = _own(inputs["ack_turned"], _from(len(inputs["rst"]), RESET, 1))
@@ -188,7 +188,7 @@ def ack_glitches(config: ReadoutConfig) -> tuple[int, int]:
 
 
 def _balance(config: ReadoutConfig, codes: NDArray[np.int16]) -> NDArray[np.int64]:
-    """Return ON minus OFF events of every taxel, shape (taxels, runs): the movement of its reference."""
+    """Return ON minus OFF events of every taxel, shape (taxels, runs)."""
     kinds = [[(codes == 2 * taxel + on).sum(axis=0) for on in (0, 1)] for taxel in range(config.taxels)]
     return np.array([on - off for off, on in kinds])
 
@@ -210,5 +210,5 @@ CASES = (
 
 
 def cases(config: ReadoutConfig) -> list[Case]:
-    """Return the cases of a configuration."""
+    """Return the tests for a configuration."""
     return [case for case in CASES if case.link in ("", config.link)]

@@ -1,4 +1,4 @@
-"""Test upsets of the classifier: effects until the next scan, and effects that need new weights."""
+"""Bit flips in the classifier: effects until the next scan, and effects that last until new weights are written."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ WATCHED = ("event_ready", "class_valid", "class_index", "evidence", "overrun", "
 
 @dataclass(frozen=True)
 class Scans:
-    """What a classifier goes through.
+    """Stimulus of a classifier: three scans.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Scans:
 
 
 def upsets(config: ClassifierConfig, stride: int = 1, flops: str = "") -> Iterator[Upset]:
-    """Flip every flop of a classifier in every clock of some bins, one in each run; yield the outcomes.
+    """Flip every flop of a classifier in every clock of several bins, one per run; yield the outcomes.
 
     An outcome is "others moved" where all classes and evidences of the scan are right, if at other clocks or from other
     potentials, and "others changed" where they are not, and the next scan is right in every output and clock. It is
@@ -87,7 +87,7 @@ def upsets(config: ClassifierConfig, stride: int = 1, flops: str = "") -> Iterat
 
 
 def _seen(outputs: dict[str, NDArray[np.int64]]) -> list[NDArray[np.int64]]:
-    """Return all outputs; 0 for outputs that are not valid."""
+    """Return all outputs, with 0 for invalid ones."""
     seen = [outputs[name] for name in WATCHED]
     for kind in ("hidden", "output"):
         valid = outputs[f"{kind}_valid"]
@@ -104,7 +104,7 @@ def _bins(outputs: dict[str, NDArray[np.int64]], scan: slice, run: int) -> list[
 
 
 def _scans(config: ClassifierConfig) -> Scans:
-    """Return three scans of a random network, with events until two bins before the end of each."""
+    """Return three scans of a random network."""
     rng = np.random.default_rng(0)
     network = _network(config, rng)
     images = [(0, weight_image(network)), (1, neuron_image(network))]
@@ -134,7 +134,7 @@ def _scans(config: ClassifierConfig) -> Scans:
 
 
 def _network(config: ClassifierConfig, rng: np.random.Generator) -> IntegerNetwork:
-    """Return a network with weights over all their bits."""
+    """Return a network with random weights over their full range."""
 
     def drawn(bits: int, *shape: int) -> NDArray[np.int64]:
         return rng.integers(lowest(bits), highest(bits) + 1, shape)
@@ -143,7 +143,7 @@ def _network(config: ClassifierConfig, rng: np.random.Generator) -> IntegerNetwo
 
 
 def _expected(config: ClassifierConfig, what: Scans) -> list[list[tuple[int, int, int]]]:
-    """Return clock, class and evidence of every bin of each scan, as the golden model has them."""
+    """Return clock, class and evidence of every bin of each scan from the golden model."""
     offers = np.flatnonzero(what.inputs["offer"]).tolist()
     mask = (1 << config.evidence_bits) - 1
     expected: list[list[tuple[int, int, int]]] = []

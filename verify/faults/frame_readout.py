@@ -1,4 +1,4 @@
-"""Test upsets of the frame readout: wrong frames, and whether a correct frame follows."""
+"""Bit flips in the frame readout: wrong frames, and recovery."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FRAMES, UPSET_FRAMES = 7, 3
 
 
 def upsets(config: FrameConfig, stride: int = 1, flops: str = "") -> Iterator[Upset]:
-    """Flip every flop of a frame readout in every clock of some frames, one in each run; yield the outcomes.
+    """Flip every flop of a frame readout in every clock of several frames, one per run; yield the outcomes.
 
     An outcome is "others changed" where words are wrong, with their frames as ``lost``, and "others moved" where they
     are right but come at other clocks. See ``eskin.verify.faults.outcomes.upsets``.
@@ -49,7 +49,7 @@ def upsets(config: FrameConfig, stride: int = 1, flops: str = "") -> Iterator[Up
 
 
 def _inputs(config: FrameConfig, period: int) -> dict[str, NDArray[np.uint8]]:
-    """Return a stimulus: a start in every period, different codes, and a sink that is not always ready."""
+    """Return a stimulus with a frame start in every period, varying codes, and random stalls."""
     rng = np.random.default_rng(0)
     total = RESET + FRAMES * period
     since = np.arange(total) - RESET
@@ -83,7 +83,7 @@ def _model(config: FrameConfig, inputs: dict[str, NDArray[np.uint8]]) -> NDArray
 
 
 def _hashes(words: NDArray[np.int64], period: int) -> NDArray[np.uint64]:
-    """Return a number for the words of each frame, independent of their clocks, shape (FRAMES, runs)."""
+    """Return a hash of the words of each frame, independent of their clocks, shape (FRAMES, runs)."""
     found = np.zeros((FRAMES, words.shape[1]), np.uint64)
     for clock in range(RESET, len(words)):
         row = found[(clock - RESET) // period]

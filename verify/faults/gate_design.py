@@ -1,4 +1,4 @@
-"""A design as gates and flops, in the order in which they are computed."""
+"""A design as gates and flops in order of evaluation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ZERO, ONE = 0, 1
 
 @dataclass(frozen=True)
 class Gates:
-    """A design of one clock as gates; nets are numbers, constants first, then inputs, flops and gates.
+    """Gate-level design with one clock; nets are numbered constants, inputs, flops and gates.
 
     Attributes
     ----------
@@ -53,12 +53,12 @@ class Gates:
 
     @property
     def nets(self) -> int:
-        """How many nets there are."""
+        """Number of nets."""
         return self.first_flop + len(self.flops) + len(self.gates)
 
 
 def gates_of(rtlil: str, top: str) -> Gates:
-    """Return a design, given as RTLIL, as gates."""
+    """Return the gate-level design for RTLIL."""
     module = json.loads(yosys.run(TO_GATES.format(top=top), rtlil, "gates.json"))["modules"][top]
     net_of: dict[Any, int] = {"0": ZERO, "1": ONE, "x": ZERO}
     ports = module["ports"]
@@ -105,7 +105,7 @@ def gates_of(rtlil: str, top: str) -> Gates:
 
 
 def _names(module: dict[str, Any], places: dict[int, str]) -> dict[int, str]:
-    """Return the name of every flop: its block and wire."""
+    """Return the name of every flop from its block and wire."""
     found: dict[int, tuple[int, str]] = {}
     for name, net in module["netnames"].items():
         for number, bit in enumerate(net["bits"]):

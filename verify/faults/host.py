@@ -1,4 +1,4 @@
-"""Test upsets of SPI, registers, test pattern and leak: which pass, and which need a new write."""
+"""Bit flips in SPI slave, registers, test pattern and decay counter, and recovery by new writes."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ ON_THE_WAY = 6
 
 @dataclass(frozen=True)
 class Play:
-    """The stimulus of a readout with registers.
+    """Stimulus of a readout with registers.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Play:
 
 
 def upsets(config: ReadoutConfig, mode: int = 0, stride: int = 1, flops: str = HOST) -> Iterator[Upset]:
-    """Flip every flop of the host's side in every clock of a stretch, one in each run; yield the outcomes.
+    """Flip every flop of the host interface in every clock of a window, one per run; yield the outcomes.
 
     An upset counts as *until written* if the readout is not as ever by itself, but is after the host has written all
     its registers once more and cleared the readout: in every event, and in every bit that is read back.
@@ -119,14 +119,14 @@ def upsets(config: ReadoutConfig, mode: int = 0, stride: int = 1, flops: str = H
 
 
 def _more(config: ReadoutConfig, codes: NDArray[np.int16]) -> NDArray[np.int64]:
-    """Return how many events of each kind the runs have more than run 0, shape (2 * taxels, runs)."""
+    """Return the difference of event counts between all runs and run 0, shape (2 * taxels, runs)."""
     counts = counted(config, codes)
     assert counts[:, 0].any(), "there are no events to be compared"
     return counts - counts[:, :1]
 
 
 def _play(config: ReadoutConfig, mode: int) -> Play:
-    """Return a run: transfers, during which taxels move; swings; all written anew, and read back; swings again."""
+    """Return a stimulus: SPI transfers with moving samples, full-scale swings, new writes, and swings again."""
     rng = np.random.default_rng(0)
     found = {register.name: register for register in registers(config)}
     kept = [register for register in found.values() if any(field.kind == "setting" for field in register.fields)]
@@ -168,19 +168,19 @@ def _moved(config: ReadoutConfig, rng: np.random.Generator) -> NDArray[np.int64]
 
 
 def _transfer(register: Register, words: Sequence[int] = (), reads: int = 0) -> list[Pins]:
-    """Return the pins of a transfer that writes words, or reads some; then CS is high for a while."""
+    """Return the SPI pins of a transfer that writes or reads words."""
     timing = Timing(HIGH_CLOCKS, LOW_CLOCKS_TO_READ if reads else LOW_CLOCKS)
     return list(waveform(transfer(register.address, words or [0] * reads, not reads), timing))
 
 
 def _levels(pins: Sequence[Pins]) -> dict[str, NDArray[np.uint8]]:
-    """Return pins as inputs of the gates, CS high during reset."""
+    """Return SPI pins as inputs of the gates, with CS high during reset."""
     levels = np.array([Pins()] * RESET + list(pins), np.uint8)
     return {f"spi_{name}": levels[:, [place]] for place, name in enumerate(Pins._fields)}
 
 
 def _as_model(config: ReadoutConfig, expected: HostRun, codes: NDArray[np.int16], said: NDArray[np.int64]) -> bool:
-    """Return whether a run has events and reads, and equals the model."""
+    """Return True if a run has events and reads, and equals the model."""
     miso = expected.miso.astype(np.int64) | expected.miso_enable.astype(np.int64) << 1
     events = events_of(config, codes)
     same = np.array_equal(events[events["t"] >= 0], expected.events) and np.array_equal(said[RESET:], miso)

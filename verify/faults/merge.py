@@ -1,4 +1,4 @@
-"""Upsets of the merge of tiles, and of relay stations: which events are lost, repeated or changed, for how long."""
+"""Bit flips in the merge of tiles and in relay stations: lost, repeated and changed events."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LOADED, PAUSE, AGAIN = 160, 120, 120
 
 
 def upsets(config: TilesConfig, stride: int = 1, flops: str = "") -> Iterator[Upset]:
-    """Flip every flop of a merge in every clock of a load, one in each run; yield the outcomes.
+    """Flip every flop of a merge in every clock of a stimulus, one per run; yield the outcomes.
 
     Of a skin with relay stations it is one of those that is upset. Every event of a tile has a number of its own, so
     what is lost and what is added is known one by one. Before the last load tile 0 alone sends an event: then its turn
@@ -63,7 +63,7 @@ def upsets(config: TilesConfig, stride: int = 1, flops: str = "") -> Iterator[Up
 
 
 def _inputs(config: TilesConfig) -> dict[str, NDArray[np.uint8]]:
-    """Return a load: less than the sink takes, then more, then a stopped sink."""
+    """Return a stimulus with low load, overload, and a stalled sink."""
     rng = np.random.default_rng(0)
     total = RESET + LOADED + PAUSE + AGAIN
     since = np.arange(total) - RESET

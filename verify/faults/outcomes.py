@@ -1,4 +1,4 @@
-"""The outcome of an upset: changed events, duration, and whether the readout recovers."""
+"""Outcome of a bit flip: changed events, duration, and recovery of the readout."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ NOTHING, OWN, MOVED, CHANGED, WRITTEN, NEVER = CLASSES
 
 @dataclass(frozen=True)
 class Upset:
-    """One upset and its outcome.
+    """One bit flip and its outcome.
 
     Attributes
     ----------
@@ -74,16 +74,16 @@ class Upset:
 
     @property
     def block(self) -> str:
-        """The block that the flop is in."""
+        """Block that contains the flop."""
         return next((block for pattern, block in PLACES if re.match(pattern, self.flop)), "readout")
 
 
 class UnlikeModel(AssertionError):
-    """The run without upsets differs from the model."""
+    """Raised if the run without bit flips differs from the model."""
 
 
 def upsets(config: ReadoutConfig, calm: bool, slow: int = 0, stride: int = 1, flops: str = "") -> Iterator[Upset]:
-    """Flip every flop of a readout in every clock of a stretch, one in each run; yield the outcomes.
+    """Flip every flop of a readout in every clock of a window, one per run; yield the outcomes.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def upsets(config: ReadoutConfig, calm: bool, slow: int = 0, stride: int = 1, fl
 
 
 def own_taxel(config: ReadoutConfig, flop: str) -> int:
-    """Return the taxel of a flop, ``NOBODY`` for a shared flop."""
+    """Return the taxel of a flop, or ``NOBODY`` for a shared flop."""
     place = TAXEL.match(flop)
     return int(place[1]) * config.columns + int(place[2]) if place else NOBODY
 
@@ -122,7 +122,7 @@ def own_taxel(config: ReadoutConfig, flop: str) -> int:
 def _judged(
     config: ReadoutConfig, gates: Gates, run: tuple[Course, bool], codes: NDArray[np.int16], part: list[tuple[int, int]]
 ) -> Iterator[Upset]:
-    """Compare runs with run 0, which has no upset; in a calm course count events until the swings."""
+    """Return the outcomes of runs by comparison with run 0, which has no bit flip."""
     played, calm = run
     names = [name_of(gates, flop) for _, flop in part]
     own = np.array([own_taxel(config, name) for name in names])
@@ -156,18 +156,18 @@ def _judged(
 
 
 def _answers(config: ReadoutConfig, codes: NDArray[np.int16], played: Course) -> NDArray[np.int64]:
-    """Return how many events of each taxel and polarity follow each sample tick, shape (2 * taxels, ticks, runs)."""
+    """Return the events after each sample tick by taxel and polarity, shape (2 * taxels, ticks, runs)."""
     codes = codes[: played.last]
     return np.stack([np.add.reduceat(codes == kind, played.ticks, axis=0) for kind in range(2 * config.taxels)])
 
 
 def adds_up(config: ReadoutConfig) -> bool:
-    """Return whether ON events less OFF events are the way of the reference, in steps of one size."""
+    """Return True if the reference moves by one fixed step per ON or OFF event."""
     return config.has_polarity and not config.encoder.leaks and not config.closes
 
 
 def slack(config: ReadoutConfig) -> int:
-    """Return how many events of a kind two equally valid answers of a taxel may differ by.
+    """Return the number of events by which two valid responses of a taxel may differ.
 
     The reference of LCS comes to the same level from everywhere. That of CW-LCS need not: it is on the way of the
     signal, but a closing step, or less than a code, beside. So is that of N-LCS, whose leak may have another phase.
@@ -180,5 +180,5 @@ def _taxel(codes: NDArray[np.int16]) -> NDArray[np.int16]:
 
 
 def counted(config: ReadoutConfig, codes: NDArray[np.int16]) -> NDArray[np.int64]:
-    """Return how many events of each taxel and polarity there are, shape (2 * taxels, runs)."""
+    """Return the number of events of each taxel and polarity, shape (2 * taxels, runs)."""
     return np.stack([(codes == kind).sum(axis=0) for kind in range(2 * config.taxels)])

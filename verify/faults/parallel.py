@@ -1,4 +1,4 @@
-"""Simulate gates, 64 runs in one word: the same design with different inputs and upsets."""
+"""Simulate a gate-level design with 64 runs per word, with different inputs and bit flips."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LANES = 64 * WORDS
 
 @dataclass(frozen=True)
 class Traces:
-    """What the runs did.
+    """Recorded outputs of parallel runs.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Traces:
 
 
 def simulate(gates: Gates, inputs: dict[str, NDArray[np.uint8]], upsets: NDArray[np.int64]) -> Traces:
-    """Simulate ``LANES`` runs.
+    """Simulate ``LANES`` runs in parallel.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def simulate(gates: Gates, inputs: dict[str, NDArray[np.uint8]], upsets: NDArray
 def upset_runs(
     gates: Gates, inputs: dict[str, NDArray[np.uint8]], clocks: Iterable[int], flops: Iterable[int]
 ) -> Iterator[tuple[list[tuple[int, int]], dict[str, NDArray[np.int64]]]]:
-    """Flip each of some flops in each of some clocks, one in each run from run 1 on; run 0 has no upset.
+    """Simulate a bit flip of each given flop in each given clock, one per run; run 0 has no bit flip.
 
     Yields
     ------
@@ -96,25 +96,25 @@ def upset_runs(
 
 
 def last_clock(happens: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the last clock with activity in each run, -1 for none."""
+    """Return the last clock with activity in each run, or -1."""
     return np.where(happens.any(axis=0), len(happens) - 1 - happens[::-1].argmax(axis=0), -1)
 
 
 def _packed(bits: NDArray[np.uint8]) -> NDArray[np.uint64]:
-    """Return bits of runs as words, shape (clocks, bits, WORDS)."""
+    """Return bits of runs packed into words, shape (clocks, bits, WORDS)."""
     if bits.ndim == 2:
         return np.where(bits[:, :, None] != 0, ~np.uint64(0), np.uint64(0)).repeat(WORDS, axis=2)
     return np.packbits(bits, axis=2, bitorder="little").view("<u8")
 
 
 def _unpacked(words: NDArray[np.uint64]) -> NDArray[np.uint8]:
-    """Return words of runs as bits, shape (clocks, LANES)."""
+    """Return packed words as bits of runs, shape (clocks, LANES)."""
     return np.unpackbits(np.ascontiguousarray(words).view(np.uint8), axis=1, bitorder="little")
 
 
 @njit(cache=True, nogil=True)
 def _run(gates, after, first_flop, driven, upsets, seen):  # type: ignore[no-untyped-def]
-    """Compute all clocks; record outputs, and the runs whose flops differ from run 0."""
+    """Simulate all clocks; record outputs, and the runs whose flops differ from run 0."""
     inputs, given = driven
     outputs, recorded, astray = seen
     flops, words = len(after), recorded.shape[2]

@@ -1,4 +1,4 @@
-"""Define the upset readouts, and the statements about each of their blocks."""
+"""Designs for fault injection, with limits on the effects of bit flips in each block."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ COURSES = ("host", "pattern of one", "pattern of all")
 
 @dataclass(frozen=True)
 class Trial:
-    """A design whose flops are flipped, one in each run: a readout or another block.
+    """A design whose flops are flipped, one per run.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Trial:
 
     @property
     def name(self) -> str:
-        """The description for a table; the course comes last."""
+        """Name of the trial for tables."""
         c = self.config
         if isinstance(c, FrameConfig):
             return f"{c.rows} x {c.columns}, frames, {c.resolution} in {c.word_bits} bits, calm"
@@ -60,7 +60,7 @@ class Trial:
 
 
 def trials(small: bool = False) -> list[Trial]:
-    """Return all trials, or for the gate one of each encoder, link and block, in every seventh clock or rarer."""
+    """Return all trials, or a small selection."""
     closing, handshake = _with("cw-lcs", FEW), FEW.replace(link="four_phase")
     every = [_with(encoding, FEW) for encoding in registry.NAMES]
     if small:
@@ -86,25 +86,25 @@ def trials(small: bool = False) -> list[Trial]:
 
 
 def _with(encoding: str, config: ReadoutConfig) -> ReadoutConfig:
-    """Return a configuration with an encoder, and a window that closes soon."""
+    """Return a configuration with a given encoder and a short window period."""
     period = 3 if registry.named(encoding).windowed else config.window_period
     return ReadoutConfig.from_dict(config.to_dict() | {"encoding": encoding, "window_period": period})
 
 
 def tiles() -> list[TilesConfig]:
-    """Return skins whose merge is upset, of three tiles and of five; first a tile's relay station, which is upset."""
+    """Return skins with three and five tiles, and a relay station."""
     tile = ReadoutConfig(rows=8, columns=8)
     return [TilesConfig.of(tile, 1, 1, relays=1), *(TilesConfig.of(tile, 1, count) for count in (3, 5))]
 
 
 def hosts() -> list[ReadoutConfig]:
-    """Return readouts with registers; three rows and columns leave numbers that no row and no column has."""
+    """Return readouts with registers, with three rows and columns so that unused addresses exist."""
     config = FEW.replace(rows=3, columns=3, leak_period=5, registers="spi")
     return [_with(encoding, config) for encoding in registry.NAMES]
 
 
 def classifiers() -> list[ClassifierConfig]:
-    """Return classifiers with five hidden neurons: with firing and with non-firing outputs."""
+    """Return classifiers with five hidden neurons, with firing and with non-firing outputs."""
     bits = {"in_bits": 4, "rec_bits": 4, "out_bits": 4, "bias_bits": 4, "membrane_bits": 8, "output_bits": 7}
     both = {"inputs": 4, "classes": 3, "lanes": 2, "clocks_per_bin": 80, "evidence_bits": 6, **bits}
     both |= {"threshold": 12, "out_threshold": 6, "floor": -20, "out_floor": -10}
@@ -116,7 +116,7 @@ def classifiers() -> list[ClassifierConfig]:
 
 
 def frames() -> list[FrameConfig]:
-    """Return frame readouts: codes that do not fit a word, with long settling, and codes of one word."""
+    """Return frame readouts with different word lengths and settling times."""
     shapes = [(2, 3, 4, 1), (2, 3, 8, 3), (3, 2, 2, 1)]
     return [
         FrameConfig(
@@ -129,14 +129,14 @@ def frames() -> list[FrameConfig]:
 
 
 def surroundings(small: bool = False) -> list[ReadoutConfig]:
-    """Return the readouts that meet hostile surroundings."""
+    """Return the readouts to test with hostile inputs."""
     closing, leaky = FEW.replace(encoding="cw-lcs", window_period=3), FEW.replace(encoding="nlcs")
     found = [FEW, closing, leaky, FEW.replace(frontend="analog"), FEW.replace(link="four_phase")]
     return found[-1:] if small else found
 
 
 def most_changed(config: Config, block: str) -> int:
-    """Return how many events of other taxels an upset may remove and add in a calm array.
+    """Return the number of events of other taxels that a bit flip may add or remove at low load.
 
     A taxel has none but its own. The arbiter holds a burst of one row, the link one event, and so does either place of
     the merge and of a relay station. The tick and the counter of the leak are common to all taxels: each may answer by
@@ -151,7 +151,7 @@ def most_changed(config: Config, block: str) -> int:
 
 
 def most_off(config: ReadoutConfig, block: str) -> int:
-    """Return by how many steps an upset may leave the signals of other taxels wrong, whatever the load.
+    """Return the number of steps by which a bit flip may shift the reconstructed signals of other taxels.
 
     The array may lose a burst of the arbiter and add another one, or lose an event of the link and add another one. An
     upset anywhere else changes when events leave, and how a signal is followed, but not where it ends.
@@ -160,7 +160,7 @@ def most_off(config: ReadoutConfig, block: str) -> int:
 
 
 def most_ticks(block: str) -> int | None:
-    """Return the number of sample ticks until all other taxels answer normally in a calm array; None if more.
+    """Return the number of sample ticks until all other taxels respond normally, or None if unlimited.
 
     What an upset of arbiter or link changes leaves before the next tick, or just behind it; of a frame readout it is in
     the frame under way or in the next.

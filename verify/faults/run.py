@@ -1,4 +1,4 @@
-"""Run all trials, count the outcomes of the upsets, and compare them with the statements."""
+"""Run all fault injection trials, and compare the outcomes with the documented limits."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CODE = Needs(packages=("base", "model", "rtl", "verify.faults"))
 
 @dataclass
 class Tally:
-    """The outcomes of the upsets of one block in one trial.
+    """Counts of the outcomes for one block in one trial.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Tally:
     off: int = -1
 
     def add(self, upset: Upset) -> None:
-        """Count an upset."""
+        """Count the outcome of a bit flip."""
         self.outcomes[upset.outcome] += 1
         self.flops.add(upset.flop)
         for name in ("own_clocks", "other_clocks", "ticks", "lost", "added", "off"):
@@ -56,7 +56,7 @@ class Tally:
 
 @dataclass
 class Done:
-    """A campaign.
+    """Results of a fault injection campaign.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Done:
 
 
 def problems_of(trial: Trial, upset: Upset) -> str:
-    """Return how an upset exceeds the statements; empty if it does not."""
+    """Return the ways in which an outcome exceeds the documented limits."""
     if upset.outcome == NEVER:
         return "never recovers"
     if upset.outcome == WRITTEN and not upset.may_stay:
@@ -93,7 +93,7 @@ def problems_of(trial: Trial, upset: Upset) -> str:
 
 
 def run(trial: Trial) -> tuple[list[dict[str, Any]], list[str]]:
-    """Run a trial; return a line for every block, and the upsets that exceed the statements."""
+    """Run a trial; return a result for every block, and the bit flips that exceed the limits."""
     tallies: dict[str, Tally] = {}
     problems: list[str] = []
     for upset in _upsets(trial):
@@ -117,7 +117,7 @@ def _upsets(trial: Trial) -> Iterator[Upset]:
 
 
 def _line(trial: Trial, block: str, tally: Tally) -> dict[str, Any]:
-    """Return the stored results of a block of a trial."""
+    """Return the result of a block in a trial as a dictionary."""
     return {
         "block": block,
         "trial": trial.name,
@@ -134,7 +134,7 @@ def _line(trial: Trial, block: str, tally: Tally) -> dict[str, Any]:
 
 
 def meet(config: ReadoutConfig) -> Iterator[dict[str, Any]]:
-    """Put a readout into hostile surroundings; yield a line for every case."""
+    """Run all tests with hostile inputs on a readout; yield the result of each."""
     for case in cases(config):
         good, runs = case.holds(config)
         said = f"{config.rows} x {config.columns}, {config.encoding}, {config.link}, {config.frontend}"
@@ -142,7 +142,7 @@ def meet(config: ReadoutConfig) -> Iterator[dict[str, Any]]:
 
 
 def campaign(small: bool, out: Path | None, tell: Callable[[str], None]) -> Done:
-    """Run all upset trials and all hostile surroundings.
+    """Run all fault injection trials and all tests with hostile inputs.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def _met(config: ReadoutConfig) -> dict[str, Any]:
 
 
 def closing_line(done: Done) -> str:
-    """Return the last line of ``make faults``."""
+    """Return the final message of ``make faults``."""
     total, never = (sum(line[name] for line in done.blocks) for name in ("upsets", NEVER))
     runs, good = (sum(line[name] for line in done.cases) for name in ("runs", "as stated"))
     wrong = len(done.problems) + runs - good
@@ -192,6 +192,6 @@ def closing_line(done: Done) -> str:
 
 
 def write(path: Path, command: str, done: Done) -> None:
-    """Write all results as JSON; their pieces are needed no more."""
+    """Write all results as JSON, and delete the partial results."""
     write_json(path, {**origin(command), "result": closing_line(done), **vars(done)})
     pieces_of(path).unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""Define the stimuli during upsets: a calm course, or overload, masks and a stuck sink."""
+"""Stimuli for fault injection: low load, or overload with masks and a stuck sink."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SWING = 5
 
 @dataclass(frozen=True)
 class Course:
-    """A run without upsets.
+    """A stimulus and its events without bit flips.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Course:
 
 
 def course(config: ReadoutConfig, calm: bool, slow: int = 0, seed: int = 0) -> Course:
-    """Return a run of a configuration.
+    """Return a stimulus for a configuration.
 
     Parameters
     ----------
@@ -94,12 +94,12 @@ def course(config: ReadoutConfig, calm: bool, slow: int = 0, seed: int = 0) -> C
 
 
 def pause_of(config: ReadoutConfig, per_event: int = 1) -> int:
-    """Return the clocks in which all taxels move from one end of the scale to the other."""
+    """Return the clocks in which all taxels can move from one end of the scale to the other."""
     return (2 * config.full_scale // config.step + 2) * config.taxels * per_event + 40
 
 
 def swings(config: ReadoutConfig, start: int, number: int, pause: int) -> Iterator[tuple[int, NDArray[np.int64]]]:
-    """Yield sample ticks, clock and levels: all taxels go up and down in turn, the last time up, which all answer.
+    """Yield clock and levels of sample ticks that swing all taxels up and down in turn.
 
     Behind each swing they rest so that windows close.
     """
@@ -111,36 +111,36 @@ def swings(config: ReadoutConfig, start: int, number: int, pause: int) -> Iterat
 
 
 def clocks_per_event(config: ReadoutConfig, slow: int) -> int:
-    """Return the clocks that the link takes for an event."""
+    """Return the clocks that the link needs per event."""
     return 7 + 2 * slow if config.handshake else 1
 
 
 def gap_of(config: ReadoutConfig, calm: bool, slow: int) -> int:
-    """Return the clocks from one sample tick to the next while flops are turned."""
+    """Return the clocks between sample ticks during fault injection."""
     return (16 * clocks_per_event(config, slow) if calm else 8) + 8
 
 
 def _calm(config: ReadoutConfig, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return the sample movements: up to three taxels by up to two steps."""
+    """Return samples for low load: up to three taxels move by up to two steps."""
     moves = np.zeros(config.taxels, np.int64)
     moves[rng.integers(config.taxels, size=3)] = config.step * rng.integers(-2, 3, size=3)
     return moves
 
 
 def _loaded(config: ReadoutConfig, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return samples: anywhere."""
+    """Return samples for overload: random levels."""
     return rng.integers(-config.full_scale, config.full_scale, config.taxels)
 
 
 def _quiet_ticks(config: ReadoutConfig) -> int:
-    """Return the number of extra ticks after a swing, in which windows close and references leak."""
+    """Return the number of extra ticks after a swing for windows to close and references to leak."""
     if config.closes:
         return config.window_period << config.closing_levels_log2
     return 12 * config.leak_period if config.encoder.leaks else 0
 
 
 def inputs_of(config: ReadoutConfig, stimulus: Stimulus) -> dict[str, NDArray[np.uint8]]:
-    """Return a stimulus as the readout's input bits in every clock, after ``RESET`` clocks of reset."""
+    """Return a stimulus as input bits of the readout in every clock, after ``RESET`` clocks of reset."""
     clocks = stimulus.clocks
     tick = np.searchsorted(stimulus.sample_clock, np.arange(clocks), side="right") - 1
     codes = np.where(tick[:, None] >= 0, stimulus.samples[np.maximum(tick, 0)], 0)
@@ -159,7 +159,7 @@ def inputs_of(config: ReadoutConfig, stimulus: Stimulus) -> dict[str, NDArray[np
 def codes_of(
     config: ReadoutConfig, outputs: dict[str, NDArray[np.int64]], ready: NDArray[np.uint8]
 ) -> NDArray[np.int16]:
-    """Return the events of runs, shape (clocks, runs): 2 * taxel + polarity in the clock of an event, else -1.
+    """Return the events of runs, shape (clocks, runs): 2 * taxel + polarity, or -1 in clocks without an event.
 
     An event of the four-phase link is in the clock before that in which REQ is first seen high, as in the model.
     """

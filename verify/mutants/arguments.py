@@ -1,4 +1,4 @@
-"""Read written arguments that a mutant cannot be noticed; they are counted separately from proofs."""
+"""Read the written arguments that certain mutants are equivalent."""
 
 from __future__ import annotations
 
@@ -11,6 +11,6 @@ PATH = Path(__file__).with_suffix(".toml")
 
 @cache
 def arguments() -> dict[str, str]:
-    """Return the arguments by the names of the mutants (``Mutant.name``); the tests check that all of these exist."""
+    """Return the written arguments by the name of the mutant."""
     listed = tomllib.loads(PATH.read_text())
     return {f"{file} {construct}": why for file, own in listed.items() for construct, why in own.items()}

@@ -1,4 +1,4 @@
-"""Run a campaign: draw mutants at random, judge each in its own processes, and store each verdict.
+"""Run a mutation campaign: draw mutants at random, test each in separate processes, store the verdicts.
 
 They are judged in the order in which they were drawn, so a stopped campaign has judged a sample too. All co-simulations
 judge at the end what is left of the RTL.
@@ -44,7 +44,7 @@ COSIMULATIONS = ("cocotb_tests",)
 
 @dataclass(frozen=True)
 class Plan:
-    """What is tried.
+    """Parameters of a mutation campaign.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Plan:
 
 @dataclass
 class Finding:
-    """A mutant and what became of it; ``verdict`` and the fields behind it as of ``judge``.
+    """A mutant and its verdict.
 
     ``first`` is the verdict before tests were written for survivors.
     """
@@ -85,18 +85,18 @@ class Finding:
 
     @property
     def name(self) -> str:
-        """As a list shows it."""
+        """Name of the mutant in lists."""
         return f"{self.mutant.file}:{self.mutant.line}: {self.mutant.edit}"
 
     @property
     def why(self) -> str:
-        """Argument that no test can notice it; empty if there is none."""
+        """Written argument that the mutant is equivalent; empty if none."""
         return arguments().get(self.mutant.name, "")
 
 
 @dataclass
 class Done:
-    """A campaign's results: ``places`` of each file, and tests that fail without a mutant."""
+    """Results of a mutation campaign."""
 
     planned: int
     places: dict[str, int]
@@ -105,7 +105,7 @@ class Done:
 
 
 def drawn(plan: Plan) -> tuple[list[Mutant], dict[str, int]]:
-    """Return the mutants of a plan, in an order by chance, and how many places each file has."""
+    """Return the mutants of a campaign in random order, and the number of mutable places in each file."""
     picked: list[Mutant] = []
     places: dict[str, int] = {}
     for file in mutated_files(plan.packages):
@@ -120,7 +120,7 @@ def drawn(plan: Plan) -> tuple[list[Mutant], dict[str, int]]:
 
 
 def run(plan: Plan, out: Path, pool: WorkerPool | None, again: bool, on_finding: Callable[[Finding], None]) -> Done:
-    """Judge the mutants of a plan, except those already judged with this code.
+    """Test the mutants of a campaign, except those with stored verdicts.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def _finding(mutant: Mutant, piece: dict[str, Any]) -> Finding:
 
 
 def counted(findings: list[Finding]) -> dict[str, int]:
-    """Return the number of mutants and their verdicts, without mutants that the generator refuses."""
+    """Return the number of mutants per verdict, without mutants that the generator rejects."""
     verdicts = [finding.verdict for finding in findings]
     count = {name: verdicts.count(name) for name in ("equivalent", "argued", "killed", "alive")}
     quick = sum(finding.quick for finding in findings)
@@ -183,7 +183,7 @@ def counted(findings: list[Finding]) -> dict[str, int]:
 
 
 def summary(done: Done) -> dict[str, Any]:
-    """Return a campaign's results as JSON content, without command, commit and date."""
+    """Return the results as a dictionary for JSON."""
     findings = done.findings
     count = counted(findings)
     low, high = interval(count["killed"], count["killed"] + count["alive"])
@@ -216,12 +216,12 @@ def summary(done: Done) -> dict[str, Any]:
 
 
 def _before_new_tests(finding: Finding) -> Finding:
-    """Return a finding as it was before tests were written for survivors."""
+    """Return a verdict as it was before tests were added for survivors."""
     return replace(finding, verdict="alive", by="", quick=False) if finding.first else finding
 
 
 def closing_line(done: Done) -> str:
-    """Return the last line of ``make mutants``."""
+    """Return the final message of ``make mutants``."""
     count = counted(done.findings)
     rest = count["killed"] + count["alive"]
     low, high = interval(count["killed"], rest)
@@ -237,7 +237,7 @@ def closing_line(done: Done) -> str:
 
 
 def interval(part: int, whole: int, z: float = 1.96) -> tuple[float, float]:
-    """Return Wilson's interval of a share, 95 % (Wilson 1927)."""
+    """Return Wilson's interval of a proportion, 95 % by default (Wilson 1927)."""
     if not whole:
         return 0.0, 1.0
     share = part / whole
@@ -247,7 +247,7 @@ def interval(part: int, whole: int, z: float = 1.96) -> tuple[float, float]:
 
 
 def write(path: Path, command: str, done: Done, part: str) -> None:
-    """Write what a campaign found, with the command, the commit and the date; the other campaign's part stays.
+    """Write the results of a campaign with command, commit and date.
 
     Parameters
     ----------

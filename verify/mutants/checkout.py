@@ -1,4 +1,4 @@
-"""Copy the checkout for each mutant, and run tests and proofs there in processes of their own.
+"""Copy the checkout for each mutant, and run tests and proofs there in separate processes.
 
 One process loads the libraries, and nothing of this project; all others are its forks. So they start at once, which is
 most of the time of a test that fails early.
@@ -45,7 +45,7 @@ JUDGED = (1, 2, 4)
 
 @dataclass(frozen=True)
 class Said:
-    """The result of a command: exit code (None if stopped at its limit), output and seconds."""
+    """Result of a command: exit code (None after a timeout), output and seconds."""
 
     code: int | None
     text: str
@@ -53,7 +53,7 @@ class Said:
 
 
 def original(folder: Path) -> Path:
-    """Return an unchanged copy of the checkout, made if necessary; mutants share its builds.
+    """Return an unchanged copy of the checkout, whose builds all mutants share.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def original(folder: Path) -> Path:
 
 @contextmanager
 def mutated(source: Path, file: str, text: str) -> Iterator[Path]:
-    """Copy a checkout and change one file; compiled kernels of other files are copied, too."""
+    """Copy a checkout and change one file."""
     with scratch_folder(source.parent, "mutant") as place:
         shutil.copytree(source, place, symlinks=True, dirs_exist_ok=True, copy_function=os.link)
         for compiled in (place / file).parent.glob(f"__pycache__/{Path(file).stem}.*"):
@@ -99,7 +99,7 @@ def mutated(source: Path, file: str, text: str) -> Iterator[Path]:
 
 
 def run(place: Path, words: Sequence[str], limit_s: float = MOST_S) -> Said:
-    """Run a Python module in a copy of the checkout; none of its processes may use more than ``limit_s`` seconds."""
+    """Run a Python module in a copy of the checkout, with at most ``limit_s`` seconds per process."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(list(LIBRARIES))
     begun = time.monotonic()
@@ -117,7 +117,7 @@ def run(place: Path, words: Sequence[str], limit_s: float = MOST_S) -> Said:
 
 
 def first_failed(place: Path, tests: Sequence[str], checkout: Path, quick: bool, limit_s: float = MOST_S) -> str:
-    """Return the first test that fails with a mutant and passes without; empty if there is none.
+    """Return the first test that fails with a mutant and passes without; empty if none.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def first_failed(place: Path, tests: Sequence[str], checkout: Path, quick: bool,
 
 
 def passes(checkout: Path, test: str) -> bool:
-    """Return whether a test passes, or a file is read, without a mutant; the answer is stored beside the checkout."""
+    """Return True if a test passes without a mutant."""
     known = checkout.with_name(f"{checkout.name}-tests")
     answers = dict(line.rsplit(" ", 1) for line in known.read_text().splitlines()) if known.exists() else {}
     if test not in answers:
@@ -173,14 +173,14 @@ def passes(checkout: Path, test: str) -> bool:
 
 
 def failing(checkout: Path) -> list[str]:
-    """Return the tests that were found to fail without a mutant."""
+    """Return the tests that fail without a mutant."""
     known = checkout.with_name(f"{checkout.name}-tests")
     lines = known.read_text().splitlines() if known.exists() else []
     return [line.removesuffix(" fails") for line in lines if line.endswith(" fails")]
 
 
 def failed_property(place: Path, block: str, limit_s: float = MOST_S) -> str:
-    """Return the first property of a block that is not proved, as ``block: property``; empty if all are.
+    """Return the first property of a block that fails, as ``block: property``; empty if none.
 
     Raises
     ------

@@ -34,7 +34,7 @@ SET: dict[str, dict[str, Any]] = {
 
 @cache
 def configs(file: str, seed: int) -> tuple[Config, ...]:
-    """Return configurations in which a file takes part, ``rtl/registers/decay.py``, drawn at random."""
+    """Return random configurations that use a given file."""
     name = ".".join(Path(file).with_suffix("").parts[1:])
     rng = np.random.default_rng([seed, sum(map(ord, name))])
     found: list[Config] = []

@@ -1,4 +1,4 @@
-"""Writes the RTLIL of the configurations in which a file takes part: run in a copy of the checkout with a mutant."""
+"""Write the RTLIL of configurations that use a mutated file (runs in a copy of the checkout)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eskin.verify.mutants.configs import configs
 
 
 def designs(file: str, seed: int, count: int) -> dict[str, dict[str, str]]:
-    """Return the RTLIL of all modules by configuration and name; none if the generator refuses.
+    """Return the RTLIL of all modules by configuration and name; empty if the generator raises an error.
 
     Parameters
     ----------

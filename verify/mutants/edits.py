@@ -1,4 +1,4 @@
-"""Make mutants of a source file: small edits by Cosmic Ray and by our own hardware operators."""
+"""Mutants of a source file: small edits by Cosmic Ray and by hardware operators."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NO_HARDWARE = ("_Div", "_FloorDiv", "_Mod", "_Pow")
 
 @dataclass(frozen=True)
 class Mutant:
-    """One edit of one construct.
+    """One edit of one place in a file.
 
     Attributes
     ----------
@@ -58,28 +58,28 @@ class Mutant:
 
     @property
     def name(self) -> str:
-        """Name of the construct; independent of other lines."""
+        """Name of the mutated place, independent of other lines."""
         return f"{self.file} {self.function or 'module'} {self.operator} {self.number}"
 
     @property
     def of_rtl(self) -> bool:
-        """Whether hardware is generated from the file."""
+        """True if hardware is generated from the file."""
         return self.file.startswith("rtl/")
 
     @property
     def kind(self) -> str:
-        """Kind of the operator, independent of its replacement."""
+        """Kind of the mutation operator."""
         return self.operator.partition("_")[0]
 
     @property
     def block(self) -> str:
-        """Block or room that the file belongs to: ``taxel``, ``registers``."""
+        """Block or package of the file, such as ``taxel`` or ``registers``."""
         return Path(self.file).with_suffix("").parts[1]
 
 
 @dataclass(frozen=True)
 class Place:
-    """A construct that an operator can edit: ``occurrence`` counts within the file, ``number`` within the function."""
+    """A place in a file that a mutation operator can edit."""
 
     operator: str
     function: str
@@ -89,7 +89,7 @@ class Place:
 
 
 def places(file: str, text: str) -> dict[tuple[int, int], list[Place]]:
-    """Return the places of a file that operators can edit, by line and column."""
+    """Return the places of a file that mutation operators can edit."""
     nodes = list(ast_nodes(get_ast(text)))
     functions = _functions(text)
     found: dict[tuple[int, int], list[Place]] = {}
@@ -106,7 +106,7 @@ def places(file: str, text: str) -> dict[tuple[int, int], list[Place]]:
 
 
 def sample(file: str, text: str, share: float, fewest: int, seed: int) -> tuple[list[Mutant], int]:
-    """Return a sample of a file's mutants, one from each stretch, and the number of places in the file.
+    """Return a random sample of a file's mutants, and the number of its mutable places.
 
     Which mutants are drawn from a file does not depend on other files. Edits of annotations and decorators are left
     out, as are edits that are no Python.
@@ -126,7 +126,7 @@ def sample(file: str, text: str, share: float, fewest: int, seed: int) -> tuple[
 
 
 def mutated(file: str, text: str, place: Place) -> Mutant | None:
-    """Return the mutant of a place; None if the edit changes nothing that the program does."""
+    """Return the mutant for a place; None if the edit does not change the program."""
     try:
         new = mutate_code(text, _operators(file.startswith("rtl/"))[place.operator], place.occurrence)
         if new is None or _meaning(new) == _meaning(text):
@@ -141,7 +141,7 @@ def mutated(file: str, text: str, place: Place) -> Mutant | None:
 
 @cache
 def _operators(hardware: bool) -> dict[str, Operator]:
-    """Return the operators by name; hardware operators only for the RTL."""
+    """Return the mutation operators by name, with hardware operators only for RTL."""
     found: dict[str, Operator] = {}
     for name in operator_names():
         short = name.partition("/")[2]
@@ -172,7 +172,7 @@ def _around(functions: list[tuple[int, int, str]], line: int) -> str:
 
 @cache
 def _meaning(text: str) -> str:
-    """Return a program's syntax tree without annotations and decorators."""
+    """Return the syntax tree of a program without annotations and decorators."""
     tree = ast.parse(text)
     for node in ast.walk(tree):
         changed: Any = node

@@ -1,4 +1,4 @@
-"""Prove a mutated module equivalent to the original for runs of any length, so no test can tell them apart."""
+"""Prove mutated modules equivalent to the original."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ TO_GATES = (
 
 
 def ports_of(rtlil: str) -> list[tuple[int, str, str]]:
-    """Return bits, direction and name of every port of a module."""
+    """Return width, direction and name of every port of a module."""
     return [(int(bits or 1), way, name) for bits, way, name in PORT.findall(rtlil)]
 
 
 def miter(module: str, ports: list[tuple[int, str, str]]) -> str:
-    """Return Verilog with one output that is high if the two modules differ; ``ports`` are (bits, direction, name)."""
+    """Return a Verilog miter of two modules, with one output that is high if they differ."""
     guards = GUARDS.get(module, {})
     lines = [f"  input [{bits - 1}:0] {name};" for bits, way, name in ports if way == "input"]
     differences, wires = ["1'b0"], {"gold": [], "gate": []}  # type: tuple[list[str], dict[str, list[str]]]
@@ -69,7 +69,7 @@ def miter(module: str, ports: list[tuple[int, str, str]]) -> str:
 
 
 def same(module: str, original: Mapping[str, str], mutated: Mapping[str, str], limit_s: int = 30) -> bool | None:
-    """Return whether a module behaves equally in two designs after any reset; None without an answer.
+    """Return whether a module behaves equally in two designs after any reset; None if undecided.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def within(module: str, modules: Mapping[str, str]) -> dict[str, str]:
 
 
 def difference(original: Path, mutated: Path) -> str:
-    """Return the modules that are not proved equal, empty if none; each file holds the output of ``designs``."""
+    """Return the modules that are not proved equal."""
     sides: list[dict[str, dict[str, str]]] = [json.loads(path.read_text()) for path in (original, mutated)]
     proved: set[tuple[str, ...]] = set()
     for config, before in sides[0].items():

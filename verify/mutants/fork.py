@@ -1,4 +1,4 @@
-"""Run a Python module in a process that has loaded libraries, but nothing of this project."""
+"""Run a Python module in a forked process with preloaded libraries."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ OURS = ("eskin", "tests", "cocotb_tests", "conftest")
 
 
 def play(place: str, words: list[str], log: str, limit_s: int) -> None:
-    """Run a module with its arguments in a folder, as ``python -m`` does; the output goes to a file.
+    """Run a module in a folder, as ``python -m`` does, with its output in a file.
 
     Parameters
     ----------

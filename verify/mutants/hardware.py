@@ -1,4 +1,4 @@
-"""Define mutation operators for Amaranth: dropped assignments, stuck conditions, exchanged choices."""
+"""Mutation operators for Amaranth: dropped assignments, constant conditions, swapped values."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ Edit = tuple[Any, str]
 
 
 class HardwareOperator(Operator):
-    """Replace a part of a node by other code."""
+    """Mutation operator that replaces a part of a syntax tree node."""
 
     @abstractmethod
     def edits(self, node: Any) -> Iterator[Edit]:
         """Yield the edits of a node."""
 
     def mutation_positions(self, node: Any) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
-        """Yield start and end of each edit."""
+        """Yield start and end position of each edit."""
         for part, _ in list(self.edits(node)):
             yield part.start_pos, part.end_pos
 
     def mutate(self, node: Any, index: int) -> Any:
-        """Make an edit and return the node."""
+        """Apply an edit to a node and return the node."""
         part, code = list(self.edits(node))[index]
         siblings = part.parent.children
         siblings[siblings.index(part)] = parso.parse(part.get_first_leaf().prefix + code)
@@ -34,12 +34,12 @@ class HardwareOperator(Operator):
 
     @classmethod
     def examples(cls) -> tuple[()]:
-        """Return no examples: the tests have some."""
+        """Return no examples, because the tests contain examples."""
         return ()
 
 
 def arguments(node: Any, *names: str) -> Any:
-    """Return the arguments of a call of given names; None for other nodes."""
+    """Return the arguments of a call with a given function name; None for other nodes."""
     children = getattr(node, "children", [])
     if node.type != "atom_expr" or len(children) < 2 or children[-1].type != "trailer":
         return None
@@ -48,10 +48,10 @@ def arguments(node: Any, *names: str) -> Any:
 
 
 class DropAssignment(HardwareOperator):
-    """Drops an assignment of ``m.d.comb += ...`` or ``m.d.sync += [..., ...]``."""
+    """Operator that drops an assignment from ``m.d.comb += ...`` or ``m.d.sync += [..., ...]``."""
 
     def edits(self, node: Any) -> Iterator[Edit]:
-        """Yield each assignment."""
+        """Yield one edit for each assignment."""
         if node.type != "expr_stmt" or not node.get_code(include_prefix=False).startswith("m.d."):
             return
         value = node.children[-1]
@@ -64,7 +64,7 @@ class DropAssignment(HardwareOperator):
 
 
 class StickCondition(HardwareOperator):
-    """Makes the condition of ``m.If`` or ``m.Elif`` always true, never true, or the opposite."""
+    """Operator that makes the condition of ``m.If`` or ``m.Elif`` true, false or inverted."""
 
     def edits(self, node: Any) -> Iterator[Edit]:
         """Yield the three edits of a condition."""
@@ -73,10 +73,10 @@ class StickCondition(HardwareOperator):
 
 
 class SwapChoice(HardwareOperator):
-    """Exchanges the two values of a ``Mux``."""
+    """Operator that swaps the two values of a ``Mux``."""
 
     def edits(self, node: Any) -> Iterator[Edit]:
-        """Yield the exchange."""
+        """Yield the edit that swaps the values."""
         chosen = arguments(node, "Mux")
         if chosen is not None and chosen.type == "arglist":
             condition, yes, no = (part.get_code().strip() for part in chosen.children[::2][:3])
@@ -84,10 +84,10 @@ class SwapChoice(HardwareOperator):
 
 
 class SwapReduction(HardwareOperator):
-    """Replace ``all`` by ``any`` and the other way round."""
+    """Operator that swaps the reductions ``all`` and ``any``."""
 
     def edits(self, node: Any) -> Iterator[Edit]:
-        """Yield the exchange."""
+        """Yield the edit that swaps the reduction."""
         if node.type == "trailer" and node.children[0].value == "." and node.children[1].value in ("any", "all"):
             yield node.children[1], {"any": "all", "all": "any"}[node.children[1].value]
 

@@ -1,4 +1,4 @@
-"""Judge one mutant: killed by a test or a property, equivalent, refused by the generator, or alive."""
+"""Determine the verdict of a mutant: killed, equivalent, rejected by the generator, or surviving."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MAKE_S, COMPARE_S, PROVE_S = 300, 900, 1800
 
 @dataclass(frozen=True)
 class Asked:
-    """The tests and proofs for all mutants of a file.
+    """Tests and proofs for all mutants of a file.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Asked:
 
 
 def judge(mutant: Mutant, asked: Asked) -> dict[str, Any]:
-    """Return ``verdict``: stillborn (the generator refuses it), killed, with ``by`` and ``quick``, equivalent or left.
+    """Return the verdict of a mutant: stillborn (rejected by the generator), killed, equivalent or left.
 
     The cheap questions come first: the tests of ``make check``, the comparison with the original, the properties of the
     block, the other tests of the file.
@@ -65,7 +65,7 @@ def judge(mutant: Mutant, asked: Asked) -> dict[str, Any]:
 
 
 def ask_all_cosimulations(mutant: Mutant, asked: Asked) -> dict[str, Any]:
-    """Return ``verdict`` of a mutant of the RTL that is left: killed, with ``by``, or alive."""
+    """Return the verdict of a surviving RTL mutant after all co-simulations: killed or alive."""
     with mutated(asked.checkout, mutant.file, mutant.text) as place:
         if by := first_failed(place, asked.questions.tests, asked.checkout, quick=False):
             return {"verdict": "killed", "by": by}
@@ -73,13 +73,13 @@ def ask_all_cosimulations(mutant: Mutant, asked: Asked) -> dict[str, Any]:
 
 
 def _made(checkout: Path, file: str, seed: int, out: Path, count: int) -> bool:
-    """Write the designs of a checkout to a file; return whether at least one could be made."""
+    """Write the designs of a checkout to a file; return True if at least one was generated."""
     said = run(checkout, ["eskin.verify.mutants.designs", file, str(seed), str(count), str(out)], MAKE_S)
     return said.code == 0 and "module" in out.read_text()
 
 
 def _originals(file: str, asked: Asked) -> Path:
-    """Return the designs of the original, which all mutants of a file share."""
+    """Return the designs of the original file, shared by all its mutants."""
     kept = asked.checkout.with_name(f"{asked.checkout.name}-{file.replace('/', '.')}-{asked.seed}-{asked.designs}.json")
     if not kept.exists():
         with scratch_folder(kept.parent, "designs") as folder:
@@ -90,7 +90,7 @@ def _originals(file: str, asked: Asked) -> Path:
 
 
 def _difference(place: Path, file: str, asked: Asked) -> str:
-    """Return the modules of a mutant that are not proved equal to the original; empty if none."""
+    """Return the modules of a mutant that are not proved equal to the original."""
     before, after = _originals(file, asked), place / "after.json"
     if not _made(place, file, asked.seed, after, asked.designs):
         return "the generator is too slow"

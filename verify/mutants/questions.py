@@ -1,4 +1,4 @@
-"""Which files are mutated, and which tests and proofs are asked about each: by names and imports, not by a list."""
+"""Select the files to mutate, and the tests and proofs for each file, by names and imports."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NO_LOGIC = {"block", "yosys", "verilog", "delivery", "gates", "ports"}
 
 @dataclass(frozen=True)
 class Questions:
-    """The tests and proofs for the mutants of a file.
+    """Tests and proofs for the mutants of a file.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Questions:
 
 
 def mutated_files(packages: tuple[str, ...], root: Path = ROOT) -> list[str]:
-    """Return the mutated files of some packages: tested files with results or logic."""
+    """Return the files of packages to mutate: files with results or logic that have tests."""
     found = []
     for path in sorted(file for package in packages for file in (root / package).rglob("*.py")):
         parts = set(path.relative_to(root).with_suffix("").parts)
@@ -68,7 +68,7 @@ def _tests(file: str, root: Path) -> tuple[str, ...]:
 
 
 def _own(file: str, root: Path) -> list[str]:
-    """Return the tests named after a file or its folder, and tests that import it if there are few."""
+    """Return the tests named after a file or its folder, and a few tests that import the file."""
     package, *names = Path(file).with_suffix("").parts
     imports = _imports(root)
     tests = [path for path in imports if Path(path).stem.startswith("test_")]
@@ -85,19 +85,19 @@ def _own(file: str, root: Path) -> list[str]:
 
 @cache
 def _commands(root: Path, file: str) -> set[str]:
-    """Return the names of the commands that may be in a file: of its functions."""
+    """Return the command names that a file may implement."""
     return set(re.findall(r"^def ([a-z][\w-]*)\(", (root / file).read_text().replace("_", "-"), re.MULTILINE))
 
 
 @cache
 def _calls(root: Path, test: str) -> set[str]:
-    """Return the words that may be names of commands in a test file."""
+    """Return the words in a test file that may be command names."""
     return set(re.findall(r'"([a-z][a-z0-9-]+)"', (root / test).read_text()))
 
 
 @cache
 def _proofs(file: str, root: Path) -> tuple[str, ...]:
-    """Return the proof blocks named after a file, or else after the files that import it."""
+    """Return the proof blocks named after a file, or after the files that import it."""
     names = Path(file).with_suffix("").parts
     blocks = dict.fromkeys(proof.block for proof in proofs())
     own = [block for block in blocks if any(block == name or block.startswith(f"{name}_") for name in names)]
@@ -105,7 +105,7 @@ def _proofs(file: str, root: Path) -> tuple[str, ...]:
 
 
 def _users(file: str, root: Path) -> list[str]:
-    """Return the files of the same package that import a file, except files that only write its texts."""
+    """Return the files of the same package that import a file, except files that only write texts."""
     package, imports = file.partition("/")[0], _imports(root)
     users = [path for path in imports if path.startswith(f"{package}/") and _module(file) in imports[path]]
     return [user for user in users if Path(user).stem not in NO_LOGIC]

@@ -1,4 +1,4 @@
-"""Join a block and its checker in one design for a solver."""
+"""Join a block and its checker to one design for a solver."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CONSTANTS = ("watch", "rival")
 
 
 class Bench(Elaboratable):
-    """The block under proof and its checker; every input is free unless the checker drives it.
+    """Block under proof with its checker; all inputs are free unless the checker drives them.
 
     Parameters
     ----------
@@ -83,19 +83,19 @@ class Bench(Elaboratable):
 
     @property
     def ports(self) -> list[Signal]:
-        """Inputs and outputs; the outputs have the order of ``bad``, then of ``seen``."""
+        """Input ports, then output ports in the order of ``bad`` and ``seen``."""
         return [*self.free, *self.bad.values(), *self.seen.values()]
 
 
 def netlist(checker: Checker[Any]) -> str:
-    """Return the RTLIL of a checker's block and its submodules, from which the Verilog is made."""
+    """Return the RTLIL of a checker's block and its submodules."""
     made = RtlilModules(async_reset=False)
     made.add(checker.block(checker.config))
     return made.text
 
 
 def design(checker: Checker[Any], blocks: Callable[[Checker[Any]], str] = netlist) -> tuple[str, Bench]:
-    """Return the RTLIL of block, checker and bench, top module ``bench``, and the bench.
+    """Return the RTLIL of block, checker and bench (top module ``bench``), and the bench.
 
     The first clock of a run stands for the one that ends a reset. Later resets are free, at any time.
     """
@@ -107,7 +107,7 @@ def design(checker: Checker[Any], blocks: Callable[[Checker[Any]], str] = netlis
 
 
 def exposing(checker: Checker[Any]) -> str:
-    """Return the command of Yosys that makes outputs of the registers that a checker looks at."""
+    """Return the Yosys command that exposes the registers observed by a checker."""
     name = checker.block.module_name
     return "".join(
         f"expose {name}/w:{register}; " for register in inputs(checker) if register in checker.inner(checker.config)
@@ -115,5 +115,5 @@ def exposing(checker: Checker[Any]) -> str:
 
 
 def cutting(checker: Checker[Any]) -> str:
-    """Return the command of Yosys that leaves open what some modules give."""
+    """Return the Yosys command that makes the outputs of given modules free."""
     return "".join(f"delete {module}/c:* {module}/p:*; " for module in checker.cut)

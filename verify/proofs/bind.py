@@ -1,4 +1,4 @@
-"""Write the properties as a SystemVerilog file that binds them to the delivered Verilog."""
+"""Write the properties as SystemVerilog assertions bound to the delivered Verilog."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ReadoutOrFrame = ReadoutConfig | FrameConfig
 
 
 def checkers(config: ReadoutOrFrame) -> Iterator[tuple[Checker[Any], str, dict[str, str]]]:
-    """Yield each checker of a readout, its module, and the signals at its inputs there.
+    """Yield each checker of a readout, its module, and the signals connected to its inputs.
 
     Inputs that are not named have their own name in that module.
     """
@@ -48,7 +48,7 @@ def checkers(config: ReadoutOrFrame) -> Iterator[tuple[Checker[Any], str, dict[s
 
 
 def watched(checker: Checker[Any]) -> int:
-    """Return the number of values of a checker's free constants; each value gets an instance."""
+    """Return the number of values of a checker's free constants, each of which gets an instance."""
     if not checker.has("watch"):
         return 1
     config = checker.config
@@ -56,7 +56,7 @@ def watched(checker: Checker[Any]) -> int:
 
 
 def properties(config: ReadoutOrFrame) -> str:
-    """Return the SystemVerilog text: a checker for every block, its properties as assertions, and the bindings."""
+    """Return the SystemVerilog text with checkers, assertions and bindings."""
     parts = [
         header(config, "//"),
         "// Properties of the blocks, proved of the RTL (make formal); read it beside the Verilog.\n",
@@ -77,7 +77,7 @@ def _ports(checker: Checker[Any]) -> dict[str, int]:
 
 
 def _assertions(checker: Checker[Any]) -> str:
-    """Return the module with a checker's assertions, for every value of its free constants."""
+    """Return the module with a checker's assertions."""
     name = checker.module_name.replace("_properties", "_assertions")
     outputs = [f"{kind}_{item.name}" for item in checker.proved for kind in ("ok", "seen")]
     outputs += [f"holds_{assumption}" for assumption in checker.assumptions]
@@ -105,7 +105,7 @@ def _assertions(checker: Checker[Any]) -> str:
 
 
 def _binding(checker: Checker[Any], module: str, places: dict[str, str]) -> str:
-    """Return the line that binds a checker to a module."""
+    """Return the SystemVerilog line that binds a checker to a module."""
     name = checker.module_name.replace("_properties", "_assertions")
     wires = [f".{port}({places.get(port, port)})" for port in ("clk", "rst", *_ports(checker))]
     line = f"bind {module} {name} {name.removeprefix('eskin_')}({', '.join(wires)});"

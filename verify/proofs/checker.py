@@ -1,4 +1,4 @@
-"""Watch a block of the readout and report, clock by clock, which of its properties hold.
+"""Base class of checkers, which observe a block and report violated properties in every clock.
 
 A checker is a block of its own. A solver proves that its outputs never fall (``eskin.verify.proofs.bench``), and its
 Verilog is bound to the delivered text (``eskin.verify.proofs.bind``). Both watch the same ports and registers.
@@ -22,7 +22,7 @@ Config = TypeVar("Config")
 
 @dataclass(frozen=True)
 class Property:
-    """A sentence about a block that never fails.
+    """A property: a sentence about a block that must always hold.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class Property:
 
 
 class Checker(Block[Config]):
-    """Watches one block.
+    """Checker of one block.
 
     Attributes
     ----------
@@ -76,15 +76,15 @@ class Checker(Block[Config]):
         return ports | self.inner(config)
 
     def inner(self, config: Config) -> dict[str, Any]:
-        """Return the registers of the block that are looked at, as inputs by their names."""
+        """Return the registers of the block that the checker observes."""
         return {}
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
-        """Drive some inputs of the block from free inputs; return their names. The others are free themselves."""
+        """Drive constrained inputs of the block; return their names, all others are free."""
         return set()
 
     def promise(self, m: Module, name: str, ok: Any, seen: Any) -> None:
-        """Define when a property holds and when its case occurs; do nothing if it does not apply."""
+        """Define when a property holds and when its case occurs."""
         if any(p.name == name for p in self.proved):
             m.d.comb += [getattr(self, f"ok_{name}").eq(ok), getattr(self, f"seen_{name}").eq(seen)]
             self._said.add(name)
@@ -95,14 +95,14 @@ class Checker(Block[Config]):
         self._said.add(name)
 
     def finish(self, m: Module) -> Module:
-        """Return the module; refuse a checker with an undefined property or assumption."""
+        """Return the module; raise an error for an undefined property or assumption."""
         left = {p.name for p in self.proved} | set(self.assumptions)
         if left - self._said:
             raise AssertionError(f"{type(self).__name__} says nothing of {', '.join(sorted(left - self._said))}")
         return m
 
     def has(self, name: str) -> bool:
-        """Return whether the checker has an input or output of that name."""
+        """Return True if the checker has an input or output of that name."""
         return name in self.signature.members
 
 
@@ -115,12 +115,12 @@ def before(m: Module, value: Any, name: str) -> Signal:
 
 
 def at_most_one(bits: Value) -> Value:
-    """Return whether at most one bit is set."""
+    """Return an expression that is true if at most one bit is set."""
     return (bits & (bits - 1)[: len(bits)]) == 0
 
 
 def within(bits: Value, others: Value) -> Value:
-    """Return whether ``others`` has every set bit."""
+    """Return an expression that is true if ``others`` contains every set bit."""
     return (bits & ~others) == 0
 
 
@@ -130,12 +130,12 @@ def implies(condition: Any, then: Any) -> Value:
 
 
 def bit_of(word: Any, index: Signal) -> Any:
-    """Return a bit of a word, 0 beyond its end."""
+    """Return the bit of a word at an index, 0 beyond its end."""
     return Array([*word, *[Const(0, 1)] * ((1 << len(index)) - len(word))])[index]
 
 
 def cyclic(m: Module, asks: Any, taken: Any) -> tuple[Signal, Any]:
-    """Return the last chosen index, and whether the current choice skips a request in round-robin order.
+    """Return the last chosen index, and whether the current choice violates round-robin order.
 
     Parameters
     ----------

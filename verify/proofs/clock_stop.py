@@ -1,4 +1,4 @@
-"""Prove that a low ``awake`` allows stopping a block's clock, and that idle blocks stop their clocks.
+"""Prove that the clock of a block may stop while ``awake`` is low, and that idle blocks stop their clocks.
 
 Asked of every state and all inputs, reachable or not, so one clock is all there is to look at.
 """
@@ -43,7 +43,7 @@ PATH = re.compile(r"\\([^.\\]+)\.")
 
 
 def stands_still(block: Block[Any], awake: int = 0, mutant: str = "") -> bool:
-    """Return whether all registers of a block are stable when ``awake`` is low, except in reset.
+    """Return True if all registers of a block are stable while ``awake`` is low, except in reset.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def stands_still(block: Block[Any], awake: int = 0, mutant: str = "") -> bool:
 
 @dataclass(frozen=True)
 class Clocked:
-    """The registers that get a clock in an idle block.
+    """Registers that receive a clock in an idle block.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ def clocked(
     held: Mapping[str, int] | None = None,
     mutant: str = "",
 ) -> Clocked:
-    """Return the registers of an idle block that get a clock unexpectedly.
+    """Return the registers of an idle block that unexpectedly receive a clock.
 
     A block is at rest where no register of it would change. A register gets a clock where its enable is high, and so is
     ``awake`` of every block that it is in, as far as these have such a signal.
@@ -162,7 +162,7 @@ def clocked(
 
 
 def _flat(block: Block[Any], script: str, mutant: str) -> Any:
-    """Return a block as one module of simple Yosys cells and flops."""
+    """Return a block as one flat module of simple Yosys cells and flops."""
     made = RtlilModules(async_reset=False)
     made.add(block)
     top = block.module_name
@@ -170,7 +170,7 @@ def _flat(block: Block[Any], script: str, mutant: str) -> Any:
 
 
 def _flops(module: Any, kinds: tuple[str, ...]) -> list[tuple[str, Any]]:
-    """Take the flops out of a module; return them by their names."""
+    """Remove the flops from a module; return them by name."""
     found = [(name, cell) for name, cell in module["cells"].items() if cell["type"] in kinds]
     for name, _ in found:
         del module["cells"][name]
@@ -187,7 +187,7 @@ def _add_ports(module: Any, ports: Mapping[str, tuple[str, list[Any]]]) -> None:
 
 
 def _name(nets: Any, flop: str, cell: Any) -> str:
-    """Return the path and the name of the register that a flop is a part of."""
+    """Return path and name of the register that contains a flop."""
     path = "".join(f"{part}." for part in PATH.findall(flop))
     held = cell["connections"]["Q"][0]
     known = [
@@ -197,7 +197,7 @@ def _name(nets: Any, flop: str, cell: Any) -> str:
 
 
 def _stops(signal: str, register: str) -> bool:
-    """Return whether a signal ``awake`` stops the clock of a register."""
+    """Return True if a signal ``awake`` stops the clock of a register."""
     path = signal.removesuffix(AWAKE)
     return register.startswith(path) and not (path == "" and register.partition(".")[0] in LISTENS)
 

@@ -1,4 +1,4 @@
-"""Prove the delivered Verilog equal, module by module, to the RTLIL of all other proofs.
+"""Prove the delivered Verilog equivalent, module by module, to the RTLIL used in the other proofs.
 
 Modules, ports, instances and memories of both must have the same names. Within a module every output, every input of
 an instance or memory, and every register of the same name on both sides is a point. Yosys proves each point equal for
@@ -38,11 +38,11 @@ Design = dict[str, Any]
 
 
 class Different(AssertionError):
-    """The Verilog is not proved equal to the RTLIL; the text names the place."""
+    """Raised if the Verilog is not proved equivalent to the RTLIL."""
 
 
 def prove(gold_rtlil: str, gate_verilog: str, initial: bool = False) -> dict[str, int]:
-    """Return the points that are proved equal, by module.
+    """Return the proved points of each module.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def prove(gold_rtlil: str, gate_verilog: str, initial: bool = False) -> dict[str
 
 
 def prove_config(config: Config) -> dict[str, int]:
-    """Return the points of the Verilog of a configuration that are proved equal to its RTLIL, by module."""
+    """Return the proved points of each module for the Verilog of a configuration."""
     return prove(rtlil(config), verilog(config))
 
 
@@ -112,7 +112,7 @@ def _ports(module: Design) -> dict[str, tuple[str, int]]:
 
 
 def _cells(design: Design, name: str) -> dict[str, Any]:
-    """Return the instances and memories of a module by name, each with its type or its parameters."""
+    """Return the instances and memories of a module by name, with type or parameters."""
     found: dict[str, Any] = {}
     for cell_name, cell in design[name]["cells"].items():
         if cell["type"] == MEMORY:
@@ -130,7 +130,7 @@ def _initial(module: Design) -> dict[str, Any]:
 
 
 def _opened(design: Design, name: str) -> Design:
-    """Return a module with each instance and memory cut out: its inputs are outputs of the module, and vice versa."""
+    """Return a module with its instances and memories removed and their pins made ports."""
     module = json.loads(json.dumps(design[name]))
     highest = max(
         (bit for net in module["netnames"].values() for bit in net["bits"] if isinstance(bit, int)), default=1
@@ -154,6 +154,6 @@ def _opened(design: Design, name: str) -> Design:
 
 
 def _memory_ports(cell: Design) -> dict[str, tuple[str, int]]:
-    """Return the ports of a memory but for the clock of its reads, which have none."""
+    """Return the ports of a memory, without read clocks."""
     pins = cell["connections"].items()
     return {name: (cell["port_directions"][name], len(bits)) for name, bits in pins if name != "RD_CLK"}

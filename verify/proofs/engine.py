@@ -40,7 +40,7 @@ MAPPED_GATE = b".model netlist\n.inputs a b\n.outputs y\n.names a b y\n11 1\n.en
 
 @dataclass(frozen=True)
 class Verdict:
-    """The solvers' results for a block.
+    """Results of the solvers for a block.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Verdict:
 def solve(
     checker: Checker[Any], depth: int, limit_s: int = 120, blocks: Callable[[Checker[Any]], str] = netlist
 ) -> Verdict:
-    """Search for failures and for the cases of the properties, then prove the properties.
+    """Search for counterexamples and covered cases, then prove the properties.
 
     Parameters
     ----------

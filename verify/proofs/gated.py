@@ -1,4 +1,4 @@
-"""Prove that Verilog with clock gates equals the RTL: every flop and output, for every input."""
+"""Prove that Verilog with clock gates is equivalent to the RTL."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ READ = (
 
 
 def prove_gated(config: Config, text: str = "") -> int:
-    """Return the number of flops and outputs of a gated readout that are proved equal to its RTLIL.
+    """Return the number of flops and outputs of a clock-gated readout proved equal to its RTLIL.
 
     A clock gate lets the rising edge through where its enable was high before: a flop behind it is a flop with that
     enable, all those in its way. ``test_enable`` is low. Nothing is assumed about which states can be reached.

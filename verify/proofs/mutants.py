@@ -1,4 +1,4 @@
-"""Generate mutants with Yosys' ``mutate`` from a block's RTLIL, each in one pin of one cell.
+"""Generate mutants of a block with Yosys' ``mutate``, each in one pin of one cell.
 
 A mutant inverts a bit of a pin, ties it to a constant, or makes it depend on another bit of the same pin. The checker
 and the bench stay as they are.
@@ -41,12 +41,12 @@ class Mutant:
     rtlil: str
 
     def instead(self, checker: Checker[Any]) -> str:
-        """Return the mutated block, in place of ``eskin.verify.proofs.bench.netlist``."""
+        """Return the mutated block as RTLIL."""
         return self.rtlil
 
 
 def mutants(checker: Checker[Any], count: int, seed: int, only: str = "") -> list[Mutant]:
-    """Return mutants of the block that a checker watches.
+    """Return mutants of the block that a checker observes.
 
     Parameters
     ----------

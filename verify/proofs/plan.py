@@ -1,4 +1,4 @@
-"""Which block is proved in which configurations."""
+"""Blocks and configurations to prove."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Proof:
 
     @property
     def size(self) -> str:
-        """What distinguishes the configuration, for a table."""
+        """Distinctive parameters of the configuration, for tables."""
         config = self.config
         if self.block in ("arbiter", "link"):
             return f"{config.rows} x {config.columns}{'' if config.has_polarity else ' unipolar'}"
@@ -91,7 +91,7 @@ NEAR_THE_END = ReadoutConfig(reference_reset=2048 - 2 * 16)
 
 
 def arbiters() -> list[Proof]:
-    """Return the proofs of the arbiter; the depth reaches the bound on waiting."""
+    """Return the proofs of the arbiter, with depths that reach the bound on waiting."""
     sizes = [(1, 1, "lcs"), (2, 2, "lcs"), (1, 4, "lcs"), (4, 1, "lcs"), (3, 5, "lcs"), (3, 5, "nlcs")]
     configs = [ReadoutConfig(rows=rows, columns=columns, encoding=encoding) for rows, columns, encoding in sizes]  # type: ignore[arg-type]
     return [
@@ -101,7 +101,7 @@ def arbiters() -> list[Proof]:
 
 
 def links() -> list[Proof]:
-    """Return the proofs of the link: no address bits, one, and more."""
+    """Return the proofs of the link with different address widths."""
     configs = [
         ReadoutConfig(rows=1, columns=1, encoding="nlcs", link="four_phase"),
         ReadoutConfig(rows=2, columns=2, link="four_phase"),
@@ -113,7 +113,7 @@ def links() -> list[Proof]:
 
 
 def taxels() -> list[Proof]:
-    """Return the proofs of taxel and window: both front ends and decision rates, few bits and default widths."""
+    """Return the proofs of taxel and window: both front ends and decision rates, several bit widths."""
     ends: tuple[Any, ...] = ("digital", "analog")
     codes: tuple[Any, ...] = registry.NAMES
     window = SMALL.replace(encoding="cw-lcs", sample_bits=8)
@@ -137,7 +137,7 @@ def taxels() -> list[Proof]:
 
 
 def readouts() -> list[Proof]:
-    """Return the proofs of whole readouts: few bits, since every taxel of the array is in them."""
+    """Return the proofs of whole small readouts."""
     links: tuple[Any, ...] = ("stream", "four_phase")
     few = ReadoutConfig(frontend="analog", sample_bits=4, resolution=2)
     spiking = [few.replace(rows=side, columns=side, link=link) for side in (1, 2) for link in links]
@@ -158,7 +158,7 @@ def readouts() -> list[Proof]:
 
 
 def hosts() -> list[Proof]:
-    """Return the proofs of the host's settings: masks of less and of more than one word."""
+    """Return the proofs of the host interface."""
     base = ReadoutConfig(registers="spi")
     few = base.replace(rows=2, columns=2, encoding="nlcs", sample_bits=8, resolution=3, leak_period=5)
     more = base.replace(rows=5, columns=8, encoding="cw-lcs", window_period=5)
@@ -171,7 +171,7 @@ def hosts() -> list[Proof]:
 
 
 def leaks() -> list[Proof]:
-    """Return the proofs of the decay ticks: rows with a common phase, rows with their own, and a host's period."""
+    """Return the proofs of the decay ticks, with fixed and settable periods."""
     base = ReadoutConfig(columns=1, encoding="nlcs")
     built = [base.replace(rows=rows, leak_period=period) for rows, period in ((1, 3), (3, 2), (3, 5))]
     given = [base.replace(rows=rows, leak_period=period, registers="spi") for rows, period in ((1, 3), (3, 5))]
@@ -182,7 +182,7 @@ def leaks() -> list[Proof]:
 
 
 def merges() -> list[Proof]:
-    """Return the proofs of the merge: one tile, two, tiles without address bits, counts other than powers of two."""
+    """Return the proofs of the merge with different numbers of tiles and address widths."""
     few = ReadoutConfig(rows=2, columns=2)
     bare = ReadoutConfig(rows=1, columns=1, encoding="nlcs")
     sizes = [(few, 1, 1), (few, 1, 2), (bare, 1, 2), (few, 3, 1), (bare, 1, 5), (few, 2, 2)]
@@ -191,7 +191,7 @@ def merges() -> list[Proof]:
 
 
 def relays() -> list[Proof]:
-    """Return the proofs of the relay station: no bits, few bits, and the bits of a 64 x 64 tile."""
+    """Return the proofs of the relay station with different payload widths."""
     tiles = [
         ReadoutConfig(rows=1, columns=1, encoding="nlcs"),
         ReadoutConfig(rows=2, columns=2),
@@ -201,7 +201,7 @@ def relays() -> list[Proof]:
 
 
 def classifiers() -> list[Proof]:
-    """Return the proofs of the classifier: one neuron, rows of one word and of two, with leaks, floors and neither."""
+    """Return the proofs of the classifier: small networks with and without leak and floor."""
     few = ClassifierConfig(
         inputs=1,
         hidden=1,
@@ -242,7 +242,7 @@ def classifiers() -> list[Proof]:
 
 
 def fields() -> list[Proof]:
-    """Return the proofs of the receptive fields: by name, chosen by a host, and lists, with one taxel off."""
+    """Return the proofs of the receptive fields: named, chosen by a host, and listed."""
     listed: Any = ([[0, 1, 2, 3], 1], [[1], 0], [[0, 0, 3], 2], [[], 0])
     few = SMALL.replace(rows=2, columns=2, sample_bits=4, fields=listed)
     named = [
@@ -253,7 +253,7 @@ def fields() -> list[Proof]:
 
 
 def proofs() -> list[Proof]:
-    """Return all proofs, in the order in which they run."""
+    """Return all proofs in order of execution."""
     return [
         *(*arbiters(), *links(), *merges(), *relays(), *leaks(), *fields(), *taxels(), *readouts(), *hosts()),
         *classifiers(),

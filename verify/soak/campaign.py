@@ -1,4 +1,4 @@
-"""Run random configurations for hours; the soak can be resumed, and processes can share a folder."""
+"""Run random configurations for hours, resumably, in several processes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SMALL_CLOCKS = 20_000
 
 @dataclass(frozen=True)
 class Plan:
-    """What is soaked.
+    """Parameters of a soak test.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Plan:
 
 
 class SoakFailed(Exception):  # the outcome that is looked for, not a defect of the program
-    """RTL and model differ; the text gives the place and the smallest command that shows the difference."""
+    """Raised if RTL and model differ, with the smallest command that reproduces the difference."""
 
 
 PIECE = {
@@ -70,7 +70,7 @@ PIECE = {
 
 
 def soak(plan: Plan, on_piece: Callable[[dict[str, Any]], None]) -> None:
-    """Soak until the time is over, with at least one more run if any is left.
+    """Test random configurations until the time is over.
 
     A configuration that the end of the time has cut off keeps the runs that are done, and goes on there.
 
@@ -100,7 +100,7 @@ def soak(plan: Plan, on_piece: Callable[[dict[str, Any]], None]) -> None:
 
 
 def draws_of(plan: Plan, seed: int) -> list[Draw]:
-    """Return the runs of a configuration, so long that their samples fit the memory."""
+    """Return the runs of a configuration whose samples fit into memory."""
     draws: list[Draw] = []
     left = plan.clocks
     while left > 0:
@@ -113,7 +113,7 @@ def draws_of(plan: Plan, seed: int) -> list[Draw]:
 
 
 def _piece(plan: Plan, seed: int, before: dict[str, Any], end: float) -> dict[str, Any]:
-    """Play a configuration after its finished runs until the time is over; return the totals."""
+    """Test a configuration after its finished runs until the time is over; return the totals."""
     draws = draws_of(plan, seed)
     total = Counter({name: before.get(name, 0) for name in ("runs", "clocks", "events")})
     began = time.monotonic()
@@ -131,7 +131,7 @@ def _piece(plan: Plan, seed: int, before: dict[str, Any], end: float) -> dict[st
 
 
 def _kept(plan: Plan, found: Failure) -> str:
-    """Shrink a failure, write its text to a file, and return it."""
+    """Shrink a failure, write its description to a file, and return it."""
 
     def fails(draw: Draw) -> Failure | None:
         return failure(draw, "icarus" if draw.clocks <= SMALL_CLOCKS else plan.simulator)
@@ -144,7 +144,7 @@ def _kept(plan: Plan, found: Failure) -> str:
 
 @contextlib.contextmanager
 def _claimed(piece: Path, plan: Plan) -> Iterator[bool]:
-    """Return whether this process should run a piece: not done with these sources, and not in progress elsewhere."""
+    """Return True if this process should test a configuration."""
     handle = os.open(piece.with_suffix(".lock"), os.O_RDWR | os.O_CREAT)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -156,18 +156,18 @@ def _claimed(piece: Path, plan: Plan) -> Iterator[bool]:
 
 
 def _kept_piece(piece: Path) -> dict[str, Any]:
-    """Return the result of a piece with these sources; empty if none."""
+    """Return the stored result of a configuration for the current sources, or an empty one."""
     kept = read_shaped(piece, "the soaked piece", PIECE) if piece.exists() else {}
     return dict(kept) if kept.get("sources") == SOURCES else {}
 
 
 def _pieces(folder: Path) -> list[dict[str, Any]]:
-    """Return all that was soaked in a folder."""
+    """Return the results of all configurations in a folder."""
     return [read_shaped(path, "the soaked piece", PIECE) for path in sorted((folder / "pieces").glob("*.json"))]
 
 
 def summary(folder: Path) -> dict[str, Any]:
-    """Return the totals of a folder, for these sources and for others.
+    """Return the totals of a folder, for the current sources and for others.
 
     Raises
     ------

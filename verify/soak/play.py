@@ -1,4 +1,4 @@
-"""Play draws in a simulator and compare the RTL with the model."""
+"""Simulate random runs, and compare the RTL with the model."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from eskin.model.readout import simulate
 
 
 def command(draw: Draw, simulator: Simulator) -> str:
-    """Return the function that plays a single draw."""
+    """Return the make command that repeats a single run."""
     words = ["make soak", f"ONLY={draw.seed}", f"RUN={draw.run}", f"CLOCKS={draw.clocks}", f"SIM={simulator}"]
     parts = dict(draw.set)
     if draw.most_taxels != MOST_TAXELS:
@@ -34,7 +34,7 @@ def command(draw: Draw, simulator: Simulator) -> str:
 
 
 def play(draws: Sequence[Draw], simulator: Simulator, on_run: Callable[[Any], None] | None = None) -> Tally:
-    """Play draws of one configuration one after the other, and return the compared totals.
+    """Simulate random runs of one configuration, and return the comparison totals.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def play(draws: Sequence[Draw], simulator: Simulator, on_run: Callable[[Any], No
 
 
 def _prepare(draw: Draw, simulator: Simulator, place: Path) -> dict[str, Any]:
-    """Write stimulus and expected events of a draw into a folder; return the player's parameters."""
+    """Write stimulus and expected events of a run into a folder; return the parameters of the testbench."""
     place = place.resolve()
     place.mkdir()
     stimulus = draw.stimulus
@@ -61,7 +61,7 @@ def _prepare(draw: Draw, simulator: Simulator, place: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Failure:
-    """A draw in which RTL and model differ.
+    """A run in which RTL and model differ.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Failure:
 
 
 def failure(draw: Draw, simulator: Simulator) -> Failure | None:
-    """Return the first difference of RTL and model in a draw, or None."""
+    """Return the first difference between RTL and model in a run, or None."""
     try:
         play([draw], simulator)
     except MismatchFound as found:
@@ -86,7 +86,7 @@ def failure(draw: Draw, simulator: Simulator) -> Failure | None:
 
 
 def failure_of(draw: Draw, text: str) -> Failure:
-    """Return the failure described by a mismatch."""
+    """Return the failure described by a mismatch message."""
     said = re.search(r"before the clocks up to (\d+)", text)
     return Failure(draw, int(said[1]) if said else draw.clocks - 1, text)
 
@@ -110,7 +110,7 @@ SIMPLER: dict[str, tuple[Any, ...]] = {
 
 
 def shrink(found: Failure, fails: Callable[[Draw], Failure | None], tries: int = 60) -> Failure:
-    """Return a smaller draw that still fails: stopped after its first difference, with every part simplified.
+    """Return a smaller run that still fails, with every parameter simplified.
 
     Parameters
     ----------
@@ -134,12 +134,12 @@ def shrink(found: Failure, fails: Callable[[Draw], Failure | None], tries: int =
 
 
 def _now(draw: Draw, name: str) -> Any:
-    """Return the value of a part of a draw, if known without drawing the stimulus."""
+    """Return the value of a parameter of a run, if known before the stimulus is drawn."""
     return draw.set[name] if name in draw.set else getattr(draw.config, name, None)
 
 
 def _tried(draw: Draw, fails: Callable[[Draw], Failure | None]) -> Failure | None:
-    """Play a draw; a draw with incompatible parts does not fail."""
+    """Return the failure of a run, or None; a run with incompatible parameters does not fail."""
     try:
         return fails(draw)
     except InputError:
@@ -147,6 +147,6 @@ def _tried(draw: Draw, fails: Callable[[Draw], Failure | None]) -> Failure | Non
 
 
 def _cut(found: Failure, fails: Callable[[Draw], Failure | None]) -> Failure:
-    """Return the failure with the run stopped after its first difference, if the run still fails."""
+    """Return the failing run stopped after its first difference, if it still fails."""
     shorter = dataclasses.replace(found.draw, clocks=min(found.clock + 2, found.draw.clocks))
     return _tried(shorter, fails) or found

@@ -1,1 +1,1 @@
-"""Cover the board: its Verilog, a bit-level host, and the checks of its records."""
+"""Coverage of the board: its Verilog, a bit-level host, and checks of its records."""

@@ -1,4 +1,4 @@
-"""A host at a board's serial line in the simulator: its frames, and the records that must follow."""
+"""Host on the serial line of a simulated board: sends frames and checks the records."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ QUIET_BITS = 700
 
 
 class Mismatch(AssertionError):
-    """The board's records differ from its reference (docs/reference/board.md)."""
+    """Raised if the records of the board differ from the expected ones (docs/reference/board.md)."""
 
 
 class Host:
-    """A host, and the records that the board must send to it.
+    """A host with the records that it expects from the board.
 
     Attributes
     ----------
@@ -58,16 +58,16 @@ class Host:
     # -- the line --------------------------------------------------------------------------------
 
     async def bits(self, count: float) -> None:
-        """Let bit times pass."""
+        """Wait for a number of bit times."""
         await Timer(round(count * self.bit_ns), "ns")
 
     async def level(self, value: int, count: float) -> None:
-        """Hold the line to the board at a level for some bit times."""
+        """Drive the serial line to the board to a level for a number of bit times."""
         self.dut.rx.value = value
         await self.bits(count)
 
     async def put(self, data: bytes) -> None:
-        """Send bytes, one right behind the other."""
+        """Send bytes without gaps."""
         for byte in data:
             for bit in (0, *(byte >> n & 1 for n in range(8)), 1):
                 await self.level(bit, 1)
@@ -88,7 +88,7 @@ class Host:
                 self._hand_on(frame)
 
     def _hand_on(self, frame: Frame | Damaged) -> None:
-        """Take a frame; before a session has begun there may be the rest of another."""
+        """Process a frame from the board; skip frames of an earlier session."""
         if not self.begun:
             if isinstance(frame, Damaged) or frame.sequence or frame.payload[3] >> 4 != Tag.HELLO:
                 return
@@ -103,14 +103,14 @@ class Host:
             self.counted["lost"] += record.count if isinstance(record, Lost) else 0
 
     async def quiet(self) -> None:
-        """Wait until nothing comes any more."""
+        """Wait until the board sends nothing more."""
         before = -1
         while before != self.came:
             before = self.came
             await self.bits(QUIET_BITS)
 
     async def expect(self, *records: Record) -> None:
-        """Hold what the board says, until it is quiet, to what it must say."""
+        """Receive until the board is quiet, and compare the records with the expected ones."""
         await self.quiet()
         said, self.said = self.said, []
         if said != list(records):
@@ -119,7 +119,7 @@ class Host:
     # -- sessions --------------------------------------------------------------------------------
 
     async def reset(self, clocks: int = 5) -> None:
-        """Reset the board by its pin: it says what it is, and waits for a session."""
+        """Reset the board by its pin, and wait for its first records."""
         if self.listening is not None:
             self.listening.cancel()
         self.dut.rst.value = 1
@@ -133,7 +133,7 @@ class Host:
 
     @property
     def hello_words(self) -> Words:
-        """The description that the board must send."""
+        """Return the expected description of the board."""
         serial, chip = self.config.serial, self.config.chip
         values = {"version": VERSION, "design": DESIGNS.index(self.config.design) + 1}
         values |= {"identity": self.config.identity, "clock_hz": serial.clock_hz, "buffer_bytes": serial.buffer_bytes}
@@ -144,7 +144,7 @@ class Host:
         return Words(Tag.HELLO, values | {"channels": channels, "classes": self.classes, "word_bytes": -(-size // 8)})
 
     async def hello(self, number: int = 0, wait: bool = True) -> None:
-        """Begin a session."""
+        """Start a session."""
         await self.put(Frame(Kind.HELLO, number, b"").encode())
         self._begin()
         self.sequence = (number + 1) % 256
@@ -154,7 +154,7 @@ class Host:
     # -- frames ----------------------------------------------------------------------------------
 
     async def send(self, kind: int, payload: bytes = b"") -> Ack:
-        """Send a good frame; return what acknowledges it."""
+        """Send a valid frame, and return the expected acknowledgement."""
         number, self.sequence = self.sequence, (self.sequence + 1) % 256
         await self.put(Frame(kind, number, payload).encode())
         self.taken += 1
@@ -163,17 +163,17 @@ class Host:
         return Ack(number)
 
     async def carry_out(self, kind: int, payload: bytes = b"") -> None:
-        """Send a good frame, and see it acknowledged."""
+        """Send a valid frame, and check its acknowledgement."""
         await self.expect(await self.send(kind, payload))
 
     async def unknown(self, kind: int, payload: bytes = b"") -> None:
-        """Send a frame that is none of the board's, or of a wrong length."""
+        """Send a frame of unknown kind or of wrong length, and check its rejection."""
         number = (await self.send(kind, payload)).sequence
         self.refused += 1
         await self.expect(Refused(number, number, 4))
 
     async def bad(self, data: bytes, reason: int, number: int | None = None) -> None:
-        """Send what is no frame that is due; the number that is told counts only where it is given."""
+        """Send an invalid frame, and check its rejection."""
         await self.put(data)
         self.refused += 1
         await self.quiet()
@@ -184,7 +184,7 @@ class Host:
             raise Mismatch(f"the board says {said}; it must refuse {number} for {reason}, due is {self.sequence}")
 
     async def status(self, **values: int) -> dict[str, int]:
-        """Ask what the board counts; hold it to what is known."""
+        """Query the counters of the board, and check them."""
         ack = await self.send(Kind.STATUS)
         await self.quiet()
         said, self.said = self.said, []
@@ -198,7 +198,7 @@ class Host:
 
 
 def damaged(frame: Frame, at: Iterable[int] = (8,)) -> bytes:
-    """Return the bytes of a frame with a bit of some of them flipped, none of which becomes a flag or an escape."""
+    """Return the bytes of a frame with bits flipped, without creating flag or escape bytes."""
     data = bytearray(frame.encode())
     for place in at:
         data[place] ^= next(bit for bit in (1, 2, 4) if data[place] ^ bit not in (0x7E, 0x7D))
@@ -206,6 +206,6 @@ def damaged(frame: Frame, at: Iterable[int] = (8,)) -> bytes:
 
 
 async def wait_for(signal: Any, value: int = 1) -> None:
-    """Wait until a pin has a level."""
+    """Wait until a pin has a given level."""
     while int(signal.value) != value:
         await (RisingEdge(signal) if value else FallingEdge(signal))

@@ -1,4 +1,4 @@
-"""Build a board's Verilog with counters and points, play the script, and compare the records with the models."""
+"""Simulate a board's Verilog with coverage counters, and compare its records with the models."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from eskin.verify.coverage.points.board import board as points
 
 
 def text(config: BoardConfig) -> str:
-    """Return a board's Verilog in the style of the delivered text: the same netlist, without initial values.
+    """Return the Verilog of a board, without initial values.
 
     That of ``eskin.board.gateware.top`` is for tools, and has a wire for every gate. Names that SystemVerilog keeps for
     itself become others.
@@ -43,7 +43,7 @@ def text(config: BoardConfig) -> str:
 
 
 def small_board(design: str) -> BoardConfig:
-    """Return a board with a quick line and small memories, ``player`` or ``receiver``."""
+    """Return a ``player`` or ``receiver`` board with a fast serial line and small memories."""
     serial = SerialConfig(clocks_per_bit=4, buffer_bytes=512, idle_bits=64, records=128)
     readout = ReadoutConfig(rows=2, columns=3, sample_bits=8, resolution=5, clocks_per_sample=64)
     network = ClassifierConfig(
@@ -63,7 +63,7 @@ def small_board(design: str) -> BoardConfig:
 
 
 def board(config: BoardConfig, folder: Path) -> None:
-    """Play all scripts to a board; compare events and classes with the models or the foreign chip."""
+    """Simulate all test scripts on a board, and compare events and classes with the models."""
     whole = with_points(text(config), ((p.module, p.label, p.expression) for p in points(config)))
     named = config.chip or small_board("player").chip
     assert named is not None
@@ -85,7 +85,7 @@ def board(config: BoardConfig, folder: Path) -> None:
 
 
 def scans_of(chip: ChipConfig) -> dict[str, NDArray[np.int16]]:
-    """Return samples, shape (ticks, taxels): a walk, codes from end to end, all taxels at once, and a skin at rest."""
+    """Return test samples, shape (ticks, taxels): random walk, full-scale steps, all taxels at once, and rest."""
     rng, taxels, high = np.random.default_rng(2), chip.readout.taxels, chip.readout.full_scale
     walk = np.cumsum(rng.integers(-high // 8, high // 8 + 1, (60, taxels)), axis=0).clip(-high, high - 1)
     square = np.where(np.arange(40) // 4 % 2, high - 1, -high)[:, None].repeat(taxels, axis=1)

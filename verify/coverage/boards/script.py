@@ -1,4 +1,4 @@
-"""The script for a board: all frames and their faults, sessions and resets at any time, full memories."""
+"""Test script for a board: all frames, transmission errors, sessions, resets and full memories."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST_SAMPLES = MOST_PAYLOAD // 2 * 2
 
 
 def load() -> tuple[BoardConfig, dict[str, Any]]:
-    """Return the design to build, and the rest of the job."""
+    """Return the design under test, and the test data."""
     job = json.loads(Path(os.environ[JOB]).read_text())
     chip = ChipConfig.from_dict(job["chip"]) if job["chip"] else None
     return BoardConfig(chip=chip, serial=SerialConfig(**job["serial"])), job
@@ -35,7 +35,7 @@ def load() -> tuple[BoardConfig, dict[str, Any]]:
 
 @cocotb.test()
 async def host_does_everything(dut: Any) -> None:
-    """Play all that a host may do and all that may befall it, and hold every answer to the reference."""
+    """Run all host actions and disturbances, and check every response."""
     config, job = load()
     rng = random.Random(job["seed"])
     host = Host(dut, config, rng)
@@ -61,7 +61,7 @@ async def host_does_everything(dut: Any) -> None:
 
 
 async def the_line(host: Host) -> None:
-    """Noise shorter than a start bit, a line that stays low, which is a byte, and flags one behind the other."""
+    """Test noise on the line, a line stuck low, and repeated flags."""
     await host.hello()
     for low in (0.2, 0.3, 0.4):
         await host.level(0, low)
@@ -74,7 +74,7 @@ async def the_line(host: Host) -> None:
 
 
 async def frames(host: Host) -> None:
-    """Refuse what is damaged, out of turn, too long or unknown, each with its reason; take what is good behind it."""
+    """Test the rejection of damaged, out-of-order, too long and unknown frames, each followed by a valid frame."""
     await host.hello(number=host.rng.randrange(256))
     await host.carry_out(Kind.RESTART)
     due = Frame(Kind.RESTART, host.sequence, b"")
@@ -107,14 +107,14 @@ async def frames(host: Host) -> None:
 
 
 def with_crc(body: bytes) -> bytes:
-    """Return the escaped bytes of a frame with its CRC."""
+    """Return a frame body with CRC, escaped."""
     whole = body + zlib.crc32(body).to_bytes(4, "little")
     stuffed = (bytes([ESCAPE, byte ^ 0x20]) if byte in (FLAG, ESCAPE) else bytes([byte]) for byte in whole)
     return b"".join(stuffed)
 
 
 async def a_whole_round(host: Host) -> None:
-    """Send more frames than there are numbers, so that both sides begin with 0 again, and every byte is a number."""
+    """Send frames until all sequence numbers have wrapped around."""
     await host.hello()
     for number in range(300):
         await host.put(Frame(Kind.RESTART, host.sequence, b"").encode())
@@ -132,7 +132,7 @@ async def a_whole_round(host: Host) -> None:
 
 
 async def full(host: Host) -> None:
-    """Ask so often that the memory for words is full; all is answered, in its order."""
+    """Send queries until the output memory is full, and check that all are answered in order."""
     await host.hello()
     acks = [await host.send(Kind.STATUS) for _ in range(25)]
     for _ in range(4):  # the first waits to be told; those behind it may be counted alone
@@ -159,7 +159,7 @@ async def full(host: Host) -> None:
 
 
 async def sessions(host: Host) -> None:
-    """Begin sessions, and reset, while the board speaks, listens and works."""
+    """Start sessions and resets while the board sends, receives and runs."""
     longest = LONGEST_RUN.to_bytes(4, "little")
     for pause in (1, 3, 11, 25, 60, 130, 260):
         await host.hello(wait=False)
@@ -182,7 +182,7 @@ async def sessions(host: Host) -> None:
 
 
 async def player(host: Host, job: dict[str, Any]) -> None:
-    """Load weights, play samples as fast as the line and slower, run, and leave what came for the model."""
+    """Load weights, play samples at several rates, and save the responses for comparison with the model."""
     chip = host.config.chip
     assert chip is not None
     scans = dict(np.load(job["scans"]))
@@ -206,7 +206,7 @@ async def player(host: Host, job: dict[str, Any]) -> None:
 
 
 async def _play(host: Host, chip: ChipConfig, samples: np.ndarray, number: int) -> None:
-    """Play samples from reset on, a few taxels or many in a frame, and the clocks behind the last."""
+    """Play samples after a reset, with few or many taxels per frame."""
     await host.carry_out(Kind.RESTART)
     codes = samples.astype("<i2").ravel()
     at, acks = 0, []
@@ -224,7 +224,7 @@ async def _play(host: Host, chip: ChipConfig, samples: np.ndarray, number: int) 
 
 
 async def _leave(host: Host, name: str, clocks: int) -> None:
-    """Hold the status to what came, and leave it for the model."""
+    """Check the counters, and save the responses for comparison with the model."""
     await host.status(time_low=clocks, time_high=0)
     events = [[one.time, one.address] for one in host.data if isinstance(one, Event)]
     classes = [[c.time, c.winner, c.overrun, list(c.evidence)] for c in host.data if isinstance(c, Class)]
@@ -232,7 +232,7 @@ async def _leave(host: Host, name: str, clocks: int) -> None:
 
 
 async def _no_room(host: Host) -> None:
-    """While a long run goes on, frames fill the memory: that which has no room is refused, and the rest carried out."""
+    """Fill the input memory during a long run, and check which frames are rejected."""
     await host.hello()
     run = await host.send(Kind.RUN, (70_000).to_bytes(4, "little"))
     status = await host.send(Kind.STATUS)
@@ -255,7 +255,7 @@ async def _no_room(host: Host) -> None:
 
 
 async def foreign(host: Host) -> None:
-    """Send addresses at all rates: alone, many at once, more than the memory holds, over a session and a reset."""
+    """Send events of another chip at all rates, across a full memory, a session and a reset."""
     rng, most = host.rng, (1 << ADDRESS_BITS) - 1
     await host.hello()
     await host.carry_out(Kind.RESTART)
@@ -291,7 +291,7 @@ async def foreign(host: Host) -> None:
 
 
 async def _sent(host: Host, events: list[tuple[int, int]], lossless: bool) -> None:
-    """Send (clocks to wait, address), and hold what is recorded to it."""
+    """Send events as (clocks to wait, address), and compare the records with them."""
     host.data = []
     dut, times = host.dut, []
     for wait, address in events:

@@ -1,1 +1,1 @@
-"""Define functional points: cases of the specification, as expressions over Verilog names."""
+"""Functional coverage points: cases of the specification as expressions over Verilog signals."""

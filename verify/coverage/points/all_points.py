@@ -1,4 +1,4 @@
-"""List all functional points by design."""
+"""Functional coverage points of every design."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from eskin.verify.coverage.points.registers import registers
 
 
 def points(config: Config | BoardConfig) -> list[Point]:
-    """Return the points of a configuration."""
+    """Return the coverage points of a configuration."""
     if isinstance(config, BoardConfig):
         return list(board(config))
     if isinstance(config, TilesConfig):  # a readout too, of tiles

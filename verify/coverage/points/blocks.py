@@ -1,4 +1,4 @@
-"""Define points of the frame readout, the merge of tiles, and the lines to the merge."""
+"""Coverage points of the frame readout, the merge of tiles, and the relay stations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eskin.verify.coverage.points.point import Named, Point, began
 
 
 def frames(config: FrameConfig) -> Iterator[Point]:
-    """Yield the points of a frame readout."""
+    """Yield the coverage points of a frame readout."""
     group = f"frames {config.rows} x {config.columns}, {config.resolution} in {config.word_bits} bits"
     for part in (_scans, _codes, _words):
         for name, expression in part(config):
@@ -20,7 +20,7 @@ def frames(config: FrameConfig) -> Iterator[Point]:
 
 
 def _scans(config: FrameConfig) -> Named:
-    """Points of the sequencer: frame requests and resets in each state."""
+    """Yield the points of the sequencer: frame requests and resets in each state."""
     ends = "sequencer.taken && sequencer.frame_ends"
     yield "frame begun at rest", "frame_start && !sequencer.scanning && !packer.awake && !word_valid"
     yield "frame begun while words of the one before wait", "frame_start && !sequencer.scanning && word_valid"
@@ -38,7 +38,7 @@ def _scans(config: FrameConfig) -> Named:
 
 
 def _codes(config: FrameConfig) -> Named:
-    """Points of the converter: its times, and both ends of its scale."""
+    """Yield the points of the ADC: conversion times, and both ends of the scale."""
     bits = config.resolution
     yield "lowest code", f"sequencer.taken && adc_code == {bits}'d{1 << bits - 1}"
     yield "highest code", f"sequencer.taken && adc_code == {bits}'d{(1 << bits - 1) - 1}"
@@ -55,7 +55,7 @@ def _codes(config: FrameConfig) -> Named:
 
 
 def _words(config: FrameConfig) -> Named:
-    """The packer: places of a code, rests, and the sink."""
+    """Yield the points of the packer: bit positions, partial words, and stalls."""
     yield "word waits for the sink", "word_valid && !word_ready"
     yield "first word of a frame taken", "word_valid && word_ready && word_sync"
     yield "sink ready without a word", "!word_valid && word_ready"
@@ -82,7 +82,7 @@ def _words(config: FrameConfig) -> Named:
 
 
 def merge(config: TilesConfig) -> Iterator[Point]:
-    """Yield the points of a merge."""
+    """Yield the coverage points of a merge."""
     tiles = config.tiles
     group = f"merge of {tiles} tiles"
 
@@ -112,7 +112,7 @@ def merge(config: TilesConfig) -> Iterator[Point]:
 
 
 def lines(config: TilesConfig) -> Iterator[Point]:
-    """Yield the points of relay stations, and of the lines that are made of them."""
+    """Yield the coverage points of relay stations and lines."""
     kind = f"{config.tile.encoding}, reset {config.reset}"
     for part, module, group in (
         (_station, "eskin_relay", f"relay station {kind}"),
@@ -123,7 +123,7 @@ def lines(config: TilesConfig) -> Iterator[Point]:
 
 
 def _station(config: TilesConfig) -> Named:
-    """Points of a station: each place filled and emptied, a stall travelling back, a reset in each state."""
+    """Yield the points of one relay station: full and empty entries, stalls, and resets in each state."""
     leaves = "event_valid && event_ready"
     yield "at rest", "!event_valid && !tile_valid && !rst"
     yield "ready without an event", "!event_valid && event_ready && !rst"
@@ -149,7 +149,7 @@ def _station(config: TilesConfig) -> Named:
 
 
 def _stations(config: TilesConfig) -> Named:
-    """Points of all lines together: stalls that travel back, and tiles that overtake each other."""
+    """Yield the points of all lines together: stalls, and tiles that overtake each other."""
     tiles, relays = range(config.tiles), range(config.relays)
     whole = [[f"relay_{tile}_{stage}" for stage in relays] for tile in tiles]
     for tile, line in enumerate(whole):

@@ -1,4 +1,4 @@
-"""Define points of a board: line, frames and faults, requests, records, and a foreign chip."""
+"""Coverage points of a board: serial line, frames, errors, queries, records, and another chip."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eskin.verify.coverage.points.point import Named, Point, began
 
 
 def board(config: BoardConfig) -> Iterator[Point]:
-    """Yield the points of a board's design."""
+    """Yield the coverage points of a board design."""
     group = f"board, {config.design}"
     for module, found in (
         ("eskin_board_uart_receiver", _line()),
@@ -27,7 +27,7 @@ def board(config: BoardConfig) -> Iterator[Point]:
 
 
 def _line() -> Named:
-    """The serial line to the board."""
+    """Yield the points of the serial line to the board."""
     yield "lowest byte", "valid && data == 8'h00"
     yield "highest byte", "valid && data == 8'hff"
     yield "noise shorter than a start bit", "fsm_state == 0 && $past(fsm_state) == 1 && !rst"
@@ -37,7 +37,7 @@ def _line() -> Named:
 
 
 def _frames() -> Named:
-    """Frames taken, and refused for each reason."""
+    """Yield the points of accepted frames, and of frames rejected for each reason."""
     yield "frame taken", "taken && !session"
     yield "session begun", "session"
     for reason in (Reason.DAMAGED, Reason.SEQUENCE, Reason.OVERRUN):
@@ -53,7 +53,7 @@ def _frames() -> Named:
 
 
 def _core(config: BoardConfig) -> Named:
-    """Points of requests, waiting refusals, sessions, and resets at any time."""
+    """Yield the points of queries, pending rejections, sessions, and resets at any time."""
     yield "restart", "restart"
     yield "status asked for", "status_valid && status_ready"
     for end in (0, 255):
@@ -77,7 +77,7 @@ def _core(config: BoardConfig) -> Named:
 
 
 def _player(config: BoardConfig) -> Named:
-    """Points of samples, clocks and weights, and their results."""
+    """Yield the points of samples, clocks and weights, and of their results."""
     assert config.chip is not None
     yield "event alone", "event_valid && !class_valid && idle"
     yield "class alone", "class_valid && !event_valid && idle"
@@ -93,7 +93,7 @@ def _player(config: BoardConfig) -> Named:
 
 
 def _receiver() -> Named:
-    """Points of events from a foreign chip, stored and lost."""
+    """Yield the points of stored and lost events from another chip."""
     yield "event kept", "event_valid && idle"
     yield "event waits for a record", "event_valid && !idle"
     yield "event lost", "aer.lost_now"
@@ -112,7 +112,7 @@ def _receiver() -> Named:
 
 
 def _records(config: BoardConfig) -> Named:
-    """Words that wait for the line."""
+    """Yield the points of words that wait for the serial line."""
     yield "a word finds no room", "w_en && !w_rdy"
     yield "memory full", f"level == {config.serial.records}"
     yield "memory empty", "level == 0 && !rst"
@@ -121,7 +121,7 @@ def _records(config: BoardConfig) -> Named:
 
 
 def _sender() -> Named:
-    """Frames to the host."""
+    """Yield the points of frames to the host."""
     yield "frame of one word", "words == 1 && $past(words) == 0"
     yield "longest frame", f"words == {MOST_PAYLOAD // 4}"
     yield "flag stuffed", "valid && ready && byte_ == 8'h7d"

@@ -1,4 +1,4 @@
-"""Define points of the classifier, and of the chip with a classifier behind its readout."""
+"""Coverage points of the classifier, and of the chip with readout and classifier."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STATES = (
 
 
 def classifier(config: ClassifierConfig) -> Iterator[Point]:
-    """Yield the points of a classifier."""
+    """Yield the coverage points of a classifier."""
     kind = f"{config.neuron_reset}, {config.membrane_bits} bits, {config.classes} classes"
     group = f"classifier {config.readout}, reset to {kind}"
     for part in (_events, _bins, _ends, _classes):
@@ -29,7 +29,7 @@ def classifier(config: ClassifierConfig) -> Iterator[Point]:
 
 
 def _events(config: ClassifierConfig) -> Named:
-    """Events in every state, and the memories."""
+    """Yield the points of events in every state, and of the memories."""
     yield "event taken at rest", "event_valid && event_ready && state == 0"
     yield "event taken as the one before ends", "event_valid && event_ready && state == 1"
     for state, name in enumerate(STATES[1:], 1):
@@ -41,7 +41,7 @@ def _events(config: ClassifierConfig) -> Named:
 
 
 def loads(config: ClassifierConfig) -> Named:
-    """Points of both ends of both weight memories, as a host writes them."""
+    """Yield the points of first and last words of both weight memories."""
     for memory, words, chosen in (
         ("rows", config.weight_words, "!load_neurons"),
         ("neurons", config.neuron_words, "load_neurons"),
@@ -51,7 +51,7 @@ def loads(config: ClassifierConfig) -> Named:
 
 
 def _bins(config: ClassifierConfig) -> Named:
-    """Ends of bins and beginnings of scans in every state."""
+    """Yield the points of bin ends and scan starts in every state."""
     for state, name in enumerate(STATES):
         yield f"bin ends while {name}", f"bin_end && state == {state} && !scan_start"
         yield f"scan begins while {name}", f"scan_start && state == {state}"
@@ -64,7 +64,7 @@ def _bins(config: ClassifierConfig) -> Named:
 
 
 def _ends(config: ClassifierConfig) -> Named:
-    """Potentials at their ends, and at the floor."""
+    """Yield the points of potentials at their limits and at the floor."""
     parts = [("hidden", config.membrane_bits, config.floor, config.saturates)]
     if config.readout == "spikes":
         parts += [("output", config.output_bits, config.out_floor, config.output_saturates)]
@@ -96,7 +96,7 @@ def _classes(config: ClassifierConfig) -> Named:
 
 
 def chip(config: ChipConfig) -> Iterator[Point]:
-    """Yield the points of a chip."""
+    """Yield the coverage points of a chip."""
     group = f"chip {config.readout.encoding}"
     for name, expression in (
         ("event of the readout taken by the classifier", "event_valid && event_ready"),

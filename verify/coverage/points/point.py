@@ -1,4 +1,4 @@
-"""A functional point."""
+"""A functional coverage point."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Named = Iterator[tuple[str, str]]
 
 @dataclass(frozen=True)
 class Point:
-    """Something that a run is to reach.
+    """A condition that at least one simulation should reach.
 
     Attributes
     ----------
@@ -32,15 +32,15 @@ class Point:
 
     @property
     def label(self) -> str:
-        """A name for Verilator, the same in all designs of the group."""
+        """Name of the point for Verilator, equal in all designs of a group."""
         return re.sub(r"\W+", "_", f"{self.group} {self.name}")
 
 
 def any_of(terms: Iterable[str]) -> str:
-    """Return an expression: true if any of some expressions is true."""
+    """Return an expression that is true if any of the given expressions is true."""
     return "(" + " || ".join(f"({term})" for term in terms) + ")"
 
 
 def began(state: str) -> str:
-    """Return an expression: true in the first clock of a reset if a condition held before."""
+    """Return an expression that is true in the first clock of a reset that interrupts a given state."""
     return f"rst && !$past(rst) && $past({state})"

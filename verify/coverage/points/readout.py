@@ -1,4 +1,4 @@
-"""Points of the spiking readout: for every encoder with every front end and link."""
+"""Coverage points of the spiking readout, for every encoder, front end and link."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from eskin.verify.coverage.points.point import Named, Point, any_of, began
 
 
 def readout(config: ReadoutConfig) -> Iterator[Point]:
-    """Yield the points of a readout."""
+    """Yield the coverage points of a readout."""
     group = f"{config.encoding} {config.frontend} {config.link}"
     if config.decide_every == "sample":
         group += " by the sample"
@@ -26,12 +26,12 @@ def _taxels(config: ReadoutConfig) -> list[tuple[int, int, str]]:
 
 
 def _kinds(config: ReadoutConfig) -> dict[str, str]:
-    """Return the kinds of events, with the expression that identifies each kind."""
+    """Return the kinds of events, each with an expression that detects it."""
     return {"ON": "{}.polarity", "OFF": "!{}.polarity"} if config.has_polarity else {"event": "1'b1"}
 
 
 def _holds(config: ReadoutConfig) -> Named:
-    """Points of each encoder: kind of event x reason for which its request waits."""
+    """Yield the points of each encoder: every kind of event with every reason for waiting."""
     served = "arbiter.event_valid && arbiter.event_ready"
     causes = {
         "the sink": "arbiter.event_valid && !arbiter.event_ready",
@@ -57,7 +57,7 @@ def _holds(config: ReadoutConfig) -> Named:
 
 
 def _arbiter(config: ReadoutConfig) -> Named:
-    """Points of the arbiter: bursts of every size in every row, every order of two rows, the latch."""
+    """Yield the points of the arbiter: burst sizes, orders of rows, and the burst latch."""
     rows, columns = range(config.rows), range(1, config.columns + 1)
     for row in rows:
         for size in columns:
@@ -79,7 +79,7 @@ def _arbiter(config: ReadoutConfig) -> Named:
 
 
 def _taxel(config: ReadoutConfig) -> Named:
-    """Points of a new request in the clock in which the old one is taken, with samples at any time."""
+    """Yield the points of new requests in the clock in which the old request is granted."""
     kinds = _kinds(config)
     for old, was in kinds.items():
         for new, is_now in kinds.items():
@@ -143,7 +143,7 @@ def _requested(config: ReadoutConfig) -> str:
 
 
 def _link(config: ReadoutConfig) -> Named:
-    """Points of the four-phase link: everything that can coincide with ACK."""
+    """Yield the points of the four-phase link: conditions that coincide with an ACK edge."""
     if not config.handshake:
         return
     news = any_of(f"{t}.pending && !$past({t}.pending)" for *_, t in _taxels(config))
@@ -162,7 +162,7 @@ def _link(config: ReadoutConfig) -> Named:
 
 
 def _ends(config: ReadoutConfig) -> Named:
-    """Points of both ends of the scale, for samples and reference."""
+    """Yield the points of samples and references at both ends of the scale."""
     taxels, bits = [t for *_, t in _taxels(config)], config.sample_bits
     if config.frontend == "digital":
         codes = [f"sample[{index * bits} +: {bits}]" for index in range(config.taxels)]
@@ -202,7 +202,7 @@ def _ends(config: ReadoutConfig) -> Named:
 
 
 def _window(config: ReadoutConfig) -> Named:
-    """Points of CW-LCS: every window width, and each coincidence with a tick."""
+    """Yield the points of CW-LCS: every window width, and conditions that coincide with a tick."""
     if not config.closes:
         return
     taxels = [t for *_, t in _taxels(config)]
@@ -222,7 +222,7 @@ def _window(config: ReadoutConfig) -> Named:
 
 
 def _leak(config: ReadoutConfig) -> Named:
-    """Points of the leaks of every row, and each coincidence with a leak."""
+    """Yield the points of the leaks of every row, and of conditions that coincide with a leak."""
     if not config.encoder.leaks:
         return
     taxels = [t for *_, t in _taxels(config)]

@@ -1,4 +1,4 @@
-"""Define points of a host's settings: every field at its limits, refused words, test pattern, SPI."""
+"""Coverage points of the registers: field limits, rejected words, test pattern and SPI."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from eskin.verify.coverage.points.point import Named, Point, any_of, began
 
 
 def registers(config: ReadoutConfig) -> Iterator[Point]:
-    """Yield the points of a readout with registers, and of its host's blocks."""
+    """Yield the coverage points of a readout with registers, and of the host interface."""
     group = f"registers {config.encoding}"
     for register in description.registers(config):
         for name, expression in _register(register):
@@ -31,7 +31,7 @@ def _plain(register: Register) -> str:
 
 
 def _register(register: Register) -> Named:
-    """Points of a register: read, written and refused, with every field at its limits and every bit."""
+    """Yield the points of a register: reads, writes and rejected writes, with every field limit and every bit."""
     here = f"at_{_plain(register)}"
     name = register.key.replace("[", " ").replace("]", "")
     if not register.writable:
@@ -80,7 +80,7 @@ def _file(config: ReadoutConfig) -> Named:
 
 
 def _pattern(config: ReadoutConfig) -> Named:
-    """Points of the test pattern: modes, rates, both ends of the array, restarts."""
+    """Yield the points of the test pattern: modes, rates, first and last taxel, restarts."""
     for mode in (1, 2):
         yield f"mode {mode}: request taken", f"taken && mode == {mode}"
         yield f"mode {mode}: request waits", f"request && !taken && mode == {mode} && !restart"
@@ -108,7 +108,7 @@ def _pattern(config: ReadoutConfig) -> Named:
 
 
 def _spi() -> Named:
-    """Transfers whole, broken off and locked out."""
+    """Yield the points of complete, aborted and blocked SPI transfers."""
     ends = "spi_miso_enable && cs_n[1]"
     yield "transfer begins", "starts"
     yield "word written", "write"
@@ -129,7 +129,7 @@ def _spi() -> Named:
 
 
 def _beyond(config: ReadoutConfig) -> Named:
-    """Return the directions of a step off the scale; only comparators can request one, digital samples cannot."""
+    """Return the directions in which a step can be requested beyond the scale."""
     if config.frontend == "digital":
         return
     taxels = [f"row_{r}.taxel_{c}" for r in range(config.rows) for c in range(config.columns)]
@@ -141,7 +141,7 @@ def _beyond(config: ReadoutConfig) -> Named:
 
 
 def _array(config: ReadoutConfig) -> Named:
-    """Points of a setting that changes in each state of the array."""
+    """Yield the points of settings that change in each state of the array."""
     waits = "arbiter.event_valid && !arbiter.event_ready"
     file = "host.registers"
     for bits in range(1, config.resolution + 1):

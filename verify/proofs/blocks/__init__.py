@@ -1,1 +1,1 @@
-"""Define the properties of every block: one checker in each file."""
+"""Properties of every block, one checker per file."""

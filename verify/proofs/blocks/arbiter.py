@@ -1,4 +1,4 @@
-"""Check the arbiter: grants, transferred events, and the longest wait."""
+"""Properties of the arbiter: grants, transferred events, and longest wait."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, 
 
 
 class ArbiterChecker(Checker[ReadoutConfig]):
-    """Checker of the arbiter and of all taxels' requests.
+    """Checker of the arbiter and of the requests of all taxels.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         return super().observed(config) | own | ({"polarity": In(config.taxels)} if config.has_polarity else {})
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
-        """Drive the lines as ``eskin.rtl.taxel.Row`` does, from arbitrary requests."""
+        """Drive the row and column lines as ``eskin.rtl.taxel.Row`` does, from arbitrary requests."""
         m.d.comb += self.request.eq(free("request", self.config.taxels))
         rows, columns = self._lines(self.request)
         m.d.comb += [self.row_request.eq(rows), self.column_request.eq(columns)]
@@ -84,7 +84,7 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         return {"row_request", "column_request", "column_polarity", "request", "polarity"}
 
     def _lines(self, taxels: Signal) -> tuple[Any, Any]:
-        """Return the row lines and the column lines, gated by ``select``, of a bit for each taxel."""
+        """Return the row lines and the gated column lines for a bit per taxel."""
         rows, columns = self.config.rows, self.config.columns
         words = [taxels[row * columns : (row + 1) * columns] for row in range(rows)]
         gated = [word & self.select[row].replicate(columns) for row, word in enumerate(words)]
@@ -148,7 +148,7 @@ class ArbiterChecker(Checker[ReadoutConfig]):
             self.promise(m, "column_order", implies(again & ~fresh, rises), again & ~fresh)
 
     def _watched(self, m: Module) -> None:
-        """Follow one taxel's requests from the clock in which they rise to their events."""
+        """Track the requests of one taxel until their events leave."""
         columns = self.config.columns
         bound = (self.config.rows + 1) * columns
         requests, grants = bit_of(self.request, self.watch), Cat(grant.replicate(columns) for grant in self.granted)
@@ -210,13 +210,13 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         self.promise(m, "fairness", ~(owed & takes & bit_of(self.request, self.rival) & ~rival), owed & rival)
 
     def _names(self, taxel: Signal) -> Any:
-        """Return whether the event's address is the taxel's."""
+        """Return whether the address of the event is that of a taxel."""
         row = self.event_row if self.has("event_row") else Const(0)
         column = self.event_col if self.has("event_col") else Const(0)
         return row * self.config.columns + column == taxel
 
     def _exists(self) -> Any:
-        """Return whether the event's address belongs to a taxel of the array."""
+        """Return whether the address of the event belongs to the array."""
         row = self.event_row if self.has("event_row") else Const(0)
         column = self.event_col if self.has("event_col") else Const(0)
         return ~self.event_valid | ((row < self.config.rows) & (column < self.config.columns))

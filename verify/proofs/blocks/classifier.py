@@ -1,4 +1,4 @@
-"""The classifier: every event is added once, no sum leaves its bits, every bin is answered in time or reported.
+"""Properties of the classifier: every event added once, no overflow, every bin answered or reported.
 
 Two checkers share the work. ``ScheduleChecker`` looks at when something is added, with any potentials; ``SumsChecker``
 looks at what is added, and takes from the other how much there is of it in a bin.
@@ -23,7 +23,7 @@ MEMORIES = ("eskin_weights", "eskin_neuron_weights")
 
 
 class _ClassifierChecker(Checker[ClassifierConfig]):
-    """Watches the whole classifier. The words of both memories are any words, another in every clock.
+    """Common checker of the classifier; the words of both memories are free in every clock.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         return {"event_valid"}
 
     def _look(self, m: Module) -> None:
-        """Name what both checkers look at."""
+        """Define the signals that both checkers use."""
         config = self.config
         clears = config.hidden + config.classes + 2
         self.taken = self.event_valid & self.event_ready
@@ -98,7 +98,8 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
             m.d.sync += self.turn.eq(Mux(self.turn == config.classes - 1, 0, self.turn + 1))
 
     def _added(self, m: Module, neuron: Any, name: str) -> tuple[Value, Value, Signal, Signal]:
-        """Return whether a neuron gets a weight, whether it is set, and how many rows and events it got in this bin."""
+        """Return whether a neuron receives a weight, whether it is preset, and the rows and events added in this
+        bin."""
         config = self.config
         place = config.lanes.bit_length() - 1
         adds = self.lane_0_add_valid & (self.read[: config.row_bits] == neuron >> place)
@@ -108,12 +109,12 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         return adds, sets, rows, events
 
     def _weights(self, m: Module, number: Any, name: str) -> Signal:
-        """Return how many weights an output got in this bin."""
+        """Return the number of weights that an output received in this bin."""
         own = self.turn == number
         return self._count(m, self.spike & own, self.output & own, self.config.hidden, f"weights_added{name}")
 
     def _count(self, m: Module, more: Value, ends: Value, most: int, name: str) -> Signal:
-        """Return how often something was added in a bin, up to one more than it may be."""
+        """Return the number of additions in a bin, counted up to one above the limit."""
         count = Signal(range(most + 2), name=name)
         with m.If(ends | self.scan_start):
             m.d.sync += count.eq(0)
@@ -123,7 +124,7 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
 
 
 class ScheduleChecker(_ClassifierChecker):
-    """Looks at addresses and clocks; the potentials of the lanes are any."""
+    """Checker of addresses and timing; the potentials in the lanes are free."""
 
     cut = (*MEMORIES, "eskin_lane")
     properties = (
@@ -150,7 +151,7 @@ class ScheduleChecker(_ClassifierChecker):
         return self.finish(m)
 
     def _rows(self, m: Module) -> None:
-        """Follow the watched word of weights: how often it is owed to the potentials."""
+        """Track how often a watched word of weights must be added to the potentials."""
         config = self.config
         group = self.rival[: config.row_bits]
         real = (group < config.groups) & (self.watch < config.hidden + config.inputs)
@@ -175,7 +176,7 @@ class ScheduleChecker(_ClassifierChecker):
         self.promise(m, "rows_fit", fits | (self.watch >= config.hidden), events == config.events_per_bin)
 
     def _outputs(self, m: Module) -> None:
-        """Follow the output weight of the watched neuron to the watched class, and the order of the classes."""
+        """Track the output weight of a watched neuron and class, and the order of the classes."""
         config = self.config
         address = Cat(_wide(self.rival, config.neuron_row_bits), self.watch)
         adds = self.spike & (self.word == address) & (self.watch < config.hidden)
@@ -194,7 +195,7 @@ class ScheduleChecker(_ClassifierChecker):
         self.promise(m, "outputs_in_turn", ordered & aligned & fits, self.spike & (self.turn == config.classes - 1))
 
     def _bins(self, m: Module) -> None:
-        """Count bins that are not answered, and the clocks in which the oldest of them waits."""
+        """Count unanswered bins, and the waiting time of the oldest."""
         longest = self._longest
         bins, more = Signal(3), Signal(4)
         m.d.comb += more.eq(bins + self.bin_end - (self.class_valid & (bins != 0)))
@@ -216,7 +217,7 @@ class ScheduleChecker(_ClassifierChecker):
 
     @property
     def _longest(self) -> int:
-        """Clocks from a bin's end to its class at most: every neuron has fired, in the bin before and in this one."""
+        """Largest number of clocks from the end of a bin to its class."""
         config = self.config
         hidden, classes, groups = config.hidden, config.classes, config.groups
         return groups + 1 + hidden * groups + hidden + 2 + hidden * classes + classes + 2
@@ -240,7 +241,7 @@ class ScheduleChecker(_ClassifierChecker):
 
 
 class SumsChecker(_ClassifierChecker):
-    """Adds along with the classifier; ``rows_fit`` and ``outputs_in_turn`` say how often something is added."""
+    """Checker of sums: a reference adder beside the classifier."""
 
     properties = (
         Property("neuron_exact", "a neuron is compared with the sum of all that was added to it: its bits suffice"),
@@ -274,7 +275,7 @@ class SumsChecker(_ClassifierChecker):
         return self.finish(m)
 
     def _begun(self, m: Module, begins: Value, name: str) -> Signal:
-        """Return whether something has happened since the scan began."""
+        """Return whether a given condition has occurred since the start of the scan."""
         begun = Signal(name=f"{name}_begun")
         with m.If(self.scan_start):
             m.d.sync += begun.eq(0)
@@ -317,7 +318,7 @@ class SumsChecker(_ClassifierChecker):
         self.promise(m, "neuron_exact", implies(self.fits, good), fires)
 
     def _outputs(self, m: Module, weights: list[Signal]) -> list[Signal]:
-        """Follow the outputs; return the evidence of each."""
+        """Track the output potentials; return the evidence of each class."""
         config = self.config
         bits, fires = config.output_bits, config.readout == "spikes"
         threshold, floor = (config.out_threshold, config.out_floor) if fires else (None, None)
@@ -373,13 +374,13 @@ class SumsChecker(_ClassifierChecker):
         return found
 
     def _in_turn(self, ring: Value, bits: int, number: int, turn: Signal) -> Value:
-        """Return the word of a class in a ring that has turned some times."""
+        """Return the word of a class in a ring after a number of rotations."""
         count = self.config.classes
         words = [ring.word_select((number - turned) % count, bits) for turned in range(count)]
         return Array([*words, *words[:1] * ((1 << len(turn)) - count)])[turn].as_signed()
 
     def _class(self, m: Module, evidence: list[Signal]) -> None:
-        """Look at the class when it is there and until the next one, and at the best one while outputs pass."""
+        """Check the reported class, and the class with the most evidence so far."""
         config = self.config
 
         def first(index: Value, most: Value, passed: Any) -> Value:
@@ -403,7 +404,7 @@ class SumsChecker(_ClassifierChecker):
     def _fired(
         self, m: Module, v: Signal, threshold: int | None, floor: int | None, reset: str, leak_shift: int, name: str
     ) -> tuple[Value, Value, Value]:
-        """Return a potential as it is compared, whether it fires, and what is left after reset and leak."""
+        """Return the clipped potential, its spike, and the potential after reset and leak."""
         held = Signal(v.shape(), name=f"{name}_held")
         rest = Signal(v.shape(), name=f"{name}_rest")
         m.d.comb += held.eq(v if floor is None else Mux(v < floor, floor, v))
@@ -413,12 +414,12 @@ class SumsChecker(_ClassifierChecker):
 
 
 def _wide(value: Value, bits: int) -> Value:
-    """Return the lowest bits of an unsigned value, with zeros in front where it has fewer."""
+    """Return an unsigned value truncated or zero-extended to a width."""
     return Cat(value, Const(0, bits))[:bits] if bits else Cat()
 
 
 def _limited(value: Value, bits: int, saturates: bool) -> tuple[Value, Value]:
-    """Return a signed value in some bits, where it stops at their end or loses the others, and whether it is right."""
+    """Return a signed value limited or truncated to a width, and whether it is unchanged."""
     low, high = -(1 << bits - 1), (1 << bits - 1) - 1
     if saturates:
         return Mux(value < low, low, Mux(value > high, high, value)), Const(1)

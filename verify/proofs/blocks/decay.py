@@ -1,4 +1,4 @@
-"""The decay ticks: every row leaks once in a period, at its phase."""
+"""Properties of the decay ticks: every row leaks once per period, at its phase."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eskin.verify.proofs.checker import Checker, Property, before
 
 
 class DecayChecker(Checker[ReadoutConfig]):
-    """Watches the decay ticks as they are built.
+    """Checker of decay ticks with a fixed period.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class DecayChecker(Checker[ReadoutConfig]):
         return self.finish(m)
 
     def _surroundings(self, m: Module) -> None:
-        """Define when the assumptions hold."""
+        """Define the assumptions."""
 
     def _period(self) -> tuple[Any, Any]:
         """Return the period, and whether it restarts in this clock."""
@@ -74,13 +74,13 @@ class DecayChecker(Checker[ReadoutConfig]):
 
 
 class SettableDecayChecker(DecayChecker):
-    """Checker of the decay ticks with a host's period, which changes only together with a restart."""
+    """Checker of decay ticks with a period set by a host."""
 
     block = SettableDecayTicks
     assumptions: ClassVar = {"period_in_range": "a period is at least the number of rows, and changes with a restart"}
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
-        """Let the period change only together with a restart, as in the register file."""
+        """Drive the period, which changes only together with a restart."""
         low, high = self.config.rows, self.config.leak_period
         begins, new = free("restart", 1), free("period", len(self.period))
         kept = Signal(len(self.period), init=high, name="kept_period")

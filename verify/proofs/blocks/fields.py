@@ -1,4 +1,4 @@
-"""The receptive fields: sums that are rounded, kept on the scale, and never wrap."""
+"""Properties of the receptive fields: rounding, saturation, and no overflow."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 def _all(config: ReadoutConfig) -> list[tuple[int, int | None, Field]]:
-    """Return every taxel with its field; where a host chooses, with each of them and its number."""
+    """Return every taxel with each of its possible fields and their numbers."""
     if config.fields != SETTABLE:
         return [(taxel, None, field) for taxel, field in enumerate(fields_of(config))]
     named: list[tuple[int, int | None, Field]] = [
@@ -34,7 +34,7 @@ def _gains(field: Field) -> bool:
 
 
 class FieldsChecker(Checker[ReadoutConfig]):
-    """Watches the signals of all taxels beside the plain sums of their fields."""
+    """Checker of the field signals of all taxels against plain sums."""
 
     block = Fields
     properties = (

@@ -1,4 +1,4 @@
-"""The frame readout: taxels in order, no word lost, an overrun reported exactly."""
+"""Properties of the frame readout: order of taxels, no lost word, exact overrun flag."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 class FrameChecker(Checker[FrameConfig]):
-    """Watches the whole frame readout. The converter answers when it likes, the sink takes words when it likes.
+    """Checker of the frame readout; ADC and sink are free.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class FrameChecker(Checker[FrameConfig]):
         return self.finish(m)
 
     def _words(self, m: Module, taken: Signal, last: Signal, row: Signal, column: Signal) -> None:
-        """Follow one bit of a frame from its code to its word; two frames may be in progress."""
+        """Track one bit of a frame from its code to its word."""
         config = self.config
         bits, width, count = config.resolution, config.word_bits, config.words_per_frame
         leaves = self.word_valid & self.word_ready

@@ -1,4 +1,4 @@
-"""The four-phase link: its protocol under any ACK, and that every event crosses once."""
+"""Properties of the four-phase link: protocol for any ACK, and exactly one transfer per event."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 class LinkChecker(Checker[ReadoutConfig]):
-    """Watches the four-phase link; ACK is free, at any time and of any length."""
+    """Checker of the four-phase link; ACK is free."""
 
     block = FourPhaseLink
     properties = (

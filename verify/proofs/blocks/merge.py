@@ -1,4 +1,4 @@
-"""Check the merge of tiles (choice of the tile, transferred events, longest wait) and the relay stations before it."""
+"""Properties of merge and relay stations: choice of the tile, transferred events, longest wait."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DEPTH = 2
 
 
 class MergeChecker(Checker[TilesConfig]):
-    """Checker of the merge; tile streams are free, and some properties assume that they follow the rules.
+    """Checker of the merge; the event streams of the tiles are free.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class MergeChecker(Checker[TilesConfig]):
         return self.finish(m)
 
     def _watched(self, m: Module, taken: Any, leaves: Any, kept: Any, offers: list[Any]) -> None:
-        """Follow one tile's events: those in the merge, oldest first, and the offered event."""
+        """Track the events of one tile: those in the merge, and the offered event."""
         tiles = self.config.tiles
         given = bit_of(taken, self.watch)
         mine = leaves & self._names(self.watch)
@@ -136,7 +136,7 @@ class MergeChecker(Checker[TilesConfig]):
             self.promise(m, "fairness", ~(owed & given & asks), owed & other)
 
     def _payload(self, stream: str, index: int, with_tile: bool = False) -> Any:
-        """Return the payload of a tile's stream, or of the merge's."""
+        """Return the payload of a tile's stream or of the merged stream."""
         words = [getattr(self, f"{stream}_{name}") for name in ("col", "row", "polarity") if self.has(f"event_{name}")]
         parts = self.config.tiles if stream == "tile" else 1
         bits = [len(word) // parts for word in words]
@@ -152,7 +152,7 @@ class MergeChecker(Checker[TilesConfig]):
 
 
 class RelayChecker(Checker[TilesConfig]):
-    """Checker of a relay station: events pass once and in order, one per clock; both sides are free."""
+    """Checker of a relay station; both sides are free."""
 
     block = Relay
     properties = (
@@ -205,6 +205,6 @@ class RelayChecker(Checker[TilesConfig]):
         return self.finish(m)
 
     def _payload(self, stream: str) -> Any:
-        """Return the payload of a side."""
+        """Return the payload of one side."""
         names = [f"{stream}_{name}" for name in ("col", "row", "polarity")]
         return Cat(getattr(self, name) for name in names if self.has(name))

@@ -1,4 +1,4 @@
-"""Check the test pattern: one request after the other, with the right taxel, polarity and interval."""
+"""Properties of the test pattern: order of requests, taxel, polarity and interval."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, 
 
 
 class PatternChecker(Checker[ReadoutConfig]):
-    """Watches the pattern; its register changes at any time, and any row is granted."""
+    """Checker of the test pattern; its register and the granted row are free."""
 
     block = TestPattern
     properties = (
@@ -41,7 +41,7 @@ class PatternChecker(Checker[ReadoutConfig]):
         return {**places, "count": In((1 << dict(fields(config))["interval"]) - 1)}
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
-        """Let the register change only together with a restart, as in the register file; mode 3 is refused."""
+        """Drive the register, which changes only together with a restart."""
         names = {*fields(self.config), "restart"}
         begins = free("restart", 1)
         m.d.sync += self.restart.eq(begins)
@@ -96,7 +96,7 @@ class PatternChecker(Checker[ReadoutConfig]):
         return self.finish(m)
 
     def _following(self, taxel: Any) -> Any:
-        """Return the next taxel, for sides that are powers of two: the address is then the index."""
+        """Return the next taxel, for arrays whose sides are powers of two."""
         return (taxel + 1)[: len(taxel)]
 
     def _pace(self, m: Module, asks: Signal, taken: Signal, quiet: Any) -> None:

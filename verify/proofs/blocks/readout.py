@@ -1,4 +1,4 @@
-"""Check the whole readout at its ports: one event for every step of a reference, none of a masked taxel."""
+"""Properties of the whole readout at its ports: one event per step of a reference, no event of a masked taxel."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 class ReadoutChecker(Checker[ReadoutConfig]):
-    """Watches the readout with the analog front end and LCS: its references are ports. Comparators decide at random.
+    """Checker of the readout with analog front end and LCS; the comparator outputs are free.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         return event, polarity
 
     def _queue(self, m: Module, enable: Signal, step: Signal, up: Any, event: Signal, polarity: Any) -> None:
-        """Store the signs of steps whose events have not left, while the taxel is not masked."""
+        """Queue the signs of steps whose events have not left yet."""
         depth = 2 if self.config.link == "stream" else 3
         steady, count, signs = Signal(init=1), Signal(range(depth + 2)), Signal(depth + 1)
         m.d.sync += steady.eq(steady & enable)
@@ -147,5 +147,5 @@ class ReadoutChecker(Checker[ReadoutConfig]):
 
 
 def _shift(word: Signal, taken: Signal) -> Any:
-    """Return a queue of bits without its first bit, if that bit is taken."""
+    """Return a queue of bits after removal of its first bit, if taken."""
     return Cat(Array([word, Cat(word[1:], Const(0, 1))])[taken])

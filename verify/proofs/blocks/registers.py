@@ -1,4 +1,4 @@
-"""Check the register file: words read back as written, no other change, and every event counted once."""
+"""Properties of the register file: reads return written words, no other changes, and exact event counts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 class RegistersChecker(Checker[ReadoutConfig]):
-    """Checker of the register file; the bus and the counted signals are free.
+    """Checker of the register file; bus and counted signals are free.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
         return self.finish(m)
 
     def _words(self, m: Module, found: list[Register]) -> None:
-        """Store the word of the watched register, and check every setting."""
+        """Track the word of the watched register, and check every setting."""
         address, reset, described, allowed = (
             self._of_watched(list(values))
             for values in (
@@ -81,7 +81,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
         return or_tree([value & (self.watch == i).replicate(len(value)) for i, value in enumerate(values)])
 
     def _allowed(self, register: Register) -> Value:
-        """Return whether the data may be written into a register."""
+        """Return whether the write data are allowed in a register."""
         data = [(self.write_data[f.low :][: f.width], f) for f in register.fields]
         return Cat([(value >= f.least) & (value <= f.most) for value, f in data]).all()
 
@@ -101,7 +101,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
         self.promise(m, "holes_read_zero", implies(free, self.read_data == 0), free & after)
 
     def _mask(self, m: Module, found: list[Register]) -> None:
-        """Store the bit of the watched taxel."""
+        """Track the mask bit of the watched taxel."""
         bit = Signal(init=1)
         start = 0
         shown: list[Value] = []

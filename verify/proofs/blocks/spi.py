@@ -1,4 +1,4 @@
-"""Check the SPI slave: only complete transfers write, and reads return the addressed word."""
+"""Properties of the SPI slave: only complete transfers write, and reads return the addressed word."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 class SpiChecker(Checker[ReadoutConfig]):
-    """Watches the slave; pins and data are free, at any time."""
+    """Checker of the SPI slave; pins and data are free."""
 
     block: ClassVar[type[SpiSlave]] = SpiSlave
     properties = (
@@ -77,7 +77,7 @@ class SpiChecker(Checker[ReadoutConfig]):
         return found
 
     def _reading(self, m: Module, rise: Signal, fall: Signal, first: Value, reads: Value) -> None:
-        """The word is looked at once, with the fall of SCK before its first bit."""
+        """Check that the slave samples the word to read once, at the falling SCK edge before its first bit."""
         kept = Signal(self.block.word_bits)
         with m.If(fall & reads & first):
             m.d.sync += kept.eq(self.read_data)
@@ -89,6 +89,6 @@ class SpiChecker(Checker[ReadoutConfig]):
 
 
 class NarrowSpiChecker(SpiChecker):
-    """The SPI slave with short addresses and words."""
+    """Checker of the SPI slave with short addresses and words."""
 
     block = NarrowSlave

@@ -1,4 +1,4 @@
-"""Check the taxel: its requests, the movement of its reference, masks and waiting requests."""
+"""Properties of the taxel: requests, reference movement, masks and waiting requests."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _leaks(config: ReadoutConfig) -> bool:
 
 @dataclass
 class Now:
-    """The next step of a taxel by the specification; references in codes with all fraction bits.
+    """Next state of a taxel by the specification; references in codes with all fraction bits.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Now:
 
 
 class TaxelChecker(Checker[ReadoutConfig]):
-    """Watches one taxel. Leave samples, comparator decisions, grants, mask, ticks and settings free."""
+    """Checker of one taxel; samples, comparators, grants, mask, ticks and settings are free."""
 
     block = Taxel
     properties = (
@@ -105,7 +105,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
         super().__init__(config)
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
-        """Let a host change any setting in any clock, within the ranges of its registers."""
+        """Drive the settings with any values in the ranges of their registers."""
         if self.config.registers == "none":
             return set()
         coarser = free("coarser", len(self.step))
@@ -118,7 +118,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
         return {"step", *filter(self.has, names)}
 
     def inner(self, config: ReadoutConfig) -> dict[str, Any]:
-        """Return the reference and the half-width, unless ports show all of their bits."""
+        """Return reference and half-width if no ports show all their bits."""
         if _leaks(config):
             bits = config.sample_bits + config.fraction_bits
             return {"charge": In(signed(bits) if config.has_polarity else bits - 1)}
@@ -145,7 +145,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
         return self.config.reference_reset << self._fraction
 
     def _settings(self, m: Module) -> None:
-        """Return D in codes and the shift of the leak, now and one clock ago."""
+        """Return D in codes and the leak shift, now and one clock ago."""
         config = self.config
         if config.registers == "none":
             self._d, self._d_before, self._k, self._k_before = (
@@ -171,7 +171,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
         self.suppose(m, "settings_in_range", holds)
 
     def _shifted(self, value: Any, shift: Any) -> Any:
-        """Return a value shifted right by k, with the built or the host's k."""
+        """Return a value shifted right by k, fixed or set by a host."""
         if isinstance(shift, int):
             return value >> shift
         found: Any = value >> 1
@@ -214,7 +214,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
         return 1 << (shift - 1) if isinstance(shift, int) else (Const(1) << shift) >> 1
 
     def _comparators(self, m: Module, reference: Signal, half_width: Signal) -> tuple[Any, Any]:
-        """Return the comparators' decisions; digital ones see every bit of the newest sample."""
+        """Return the comparator decisions by the specification."""
         config = self.config
         if _analog(config):
             return self.above, self.below if config.has_polarity else Const(0)

@@ -1,4 +1,4 @@
-"""The closing window of CW-LCS."""
+"""Properties of the closing window of CW-LCS."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 class WindowChecker(Checker[ReadoutConfig]):
-    """Checker of one taxel's window; the host's period may change at any time."""
+    """Checker of one taxel's window; the period set by a host is free."""
 
     block = ClosingWindow
     properties = (
@@ -31,7 +31,7 @@ class WindowChecker(Checker[ReadoutConfig]):
     )
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
-        """Let a host set any period in range, in any clock."""
+        """Drive the period with any value in range."""
         if self.config.registers == "none":
             return set()
         value, most = free("period", len(self.period)), self.config.window_period
@@ -55,7 +55,7 @@ class WindowChecker(Checker[ReadoutConfig]):
         return self.finish(m)
 
     def _built(self, m: Module, levels: int, period: int) -> tuple[Any, Any]:
-        """Return the due closing steps, and whether these are all, from the quiet ticks since the window opened."""
+        """Return the due closing steps, and whether the window is fully closed, from the number of quiet ticks."""
         quiet = Signal(range(period * levels + 1))
         with m.If(self.open):
             m.d.sync += quiet.eq(0)
@@ -67,7 +67,7 @@ class WindowChecker(Checker[ReadoutConfig]):
         return due, quiet == period * (levels - 1)
 
     def _set(self, m: Module, levels: int) -> tuple[Any, Any]:
-        """Return the closing steps with a host's period: quiet ticks count from the last closing step."""
+        """Return the due closing steps for a period set by a host."""
         quiet, due = Signal(range(self.config.window_period)), Signal(range(levels))
         closes = (quiet + 1 >= self.period) & (due != levels - 1)
         with m.If(self.open):
