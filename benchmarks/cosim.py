@@ -1,4 +1,4 @@
-"""Co-simulation and cycle model against a bare Verilator loop and a testbench that wakes every clock.
+"""Compare the speed of co-simulation and model with a bare Verilator loop and a clock-by-clock testbench.
 
 All play the same texture scan through the same Verilog and must give the same number of events.
 """
@@ -82,7 +82,7 @@ def _stimulus(ticks: int | None = None) -> Stimulus:
 
 @cocotb.test()
 async def whole_runs(dut: Any) -> None:
-    """Time runs of the harness, from the samples to the events in memory."""
+    """Time runs of the harness, from samples to events in memory."""
     bench = Bench(dut, CONFIG, Path.cwd())
     stimulus = _stimulus()
     await bench.check("warm-up", stimulus)
@@ -95,7 +95,7 @@ async def whole_runs(dut: Any) -> None:
 
 @cocotb.test()
 async def every_clock(dut: Any) -> None:
-    """Time a testbench of the usual kind: Python drives and samples in every clock."""
+    """Time a common testbench, in which Python drives and samples in every clock."""
     stimulus = _stimulus(TICKS_PER_CLOCK_TEST)
     weights = 1 << (np.arange(CONFIG.taxels, dtype=object) * CONFIG.sample_bits)
     words = [int(((row & (1 << CONFIG.sample_bits) - 1).astype(object) * weights).sum()) for row in stimulus.samples]
@@ -125,7 +125,7 @@ async def every_clock(dut: Any) -> None:
 
 
 def _bare_program() -> tuple[Path, int]:
-    """Build the bare loop, with the flags of the co-simulation; return it and the words per sample."""
+    """Build the bare loop with the flags of the co-simulation; return it and the words per sample."""
     program = build(CONFIG, "verilator")
     folder = BUILD / "bench" / f"bare-{program.folder.name}"
     executable = folder / "Veskin_readout"
@@ -163,7 +163,7 @@ def main(
     rounds: Annotated[int, typer.Option(help="rounds; every contender plays once in each")] = 7,
     out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS,
 ) -> None:
-    """Measure, check that all candidates give the same events, print a table and write JSON."""
+    """Run the benchmark, check for equal events, print a table and write JSON."""
     stimulus, short = _stimulus(), _stimulus(TICKS_PER_CLOCK_TEST)
     executable, words = _bare_program()
 

@@ -1,4 +1,4 @@
-"""Measure taxel-samples per second of the functional encoders on one core, against a plain copy.
+"""Measure taxel-samples per second of the encoders on one core, relative to a plain copy.
 
 ``python benchmarks/encoder.py --json benchmarks/results/encoder.json``
 
@@ -47,7 +47,7 @@ Codes = NDArray[np.int16]
 
 @dataclass
 class Candidate:
-    """Something to time.
+    """A function to time.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ def texture_like(samples: int, signals: int, config: ReadoutConfig, seed: int) -
 
 
 def numpy_lcs(config: ReadoutConfig, samples: Codes, counts: Codes) -> None:
-    """Write the LCS events of every sample into counts: NumPy over the taxels, Python over time."""
+    """Write the LCS events of every sample into counts, with NumPy over taxels and a Python loop over time."""
     shift, cap = config.step.bit_length() - 1, config.decisions_per_tick
     u = np.full(samples.shape[1], config.reference_reset // config.step, np.int16)
     difference = np.empty_like(u)
@@ -99,7 +99,7 @@ def numpy_lcs(config: ReadoutConfig, samples: Codes, counts: Codes) -> None:
 
 
 def snntorch_delta(config: ReadoutConfig, samples: Codes) -> Candidate | None:
-    """Return snnTorch's delta modulation of the samples (as float32 beforehand), or None if not installed."""
+    """Return the result of snnTorch's delta modulation, or None if it is not installed."""
     try:
         import torch  # type: ignore[import-not-found]  # optional, and not part of the project
         from snntorch import spikegen
@@ -117,7 +117,7 @@ def snntorch_delta(config: ReadoutConfig, samples: Codes) -> Candidate | None:
 
 
 def candidates(config: ReadoutConfig, samples: Codes) -> list[Candidate]:
-    """Return all that is timed, the copy first."""
+    """Return all functions to time, the copy first."""
     out, loop = np.zeros_like(samples), np.zeros_like(samples)
     columns = min(64, samples.shape[1])
     array = config.replace(rows=min(64, samples.shape[1] // columns), columns=columns)
@@ -128,7 +128,7 @@ def candidates(config: ReadoutConfig, samples: Codes) -> list[Candidate]:
         return lambda: sum(int(np.abs(line).sum(dtype=np.int64)) for line in counts)
 
     def of(encoder: Encoder) -> Candidate:
-        """Return an encoder; an encoder with staggered leaks takes the signals of a whole array."""
+        """Return the candidate for an encoder; an encoder with staggered leaks takes the signals of a whole array."""
         base, codes, counts = (array, part, part_out) if encoder.leaks else (config, samples, out)
         own = base.replace(encoding=encoder.name)
         return Candidate(encoder.name, lambda: encode(own, codes, out=counts), codes.size, magnitude(counts))
@@ -152,7 +152,7 @@ def candidates(config: ReadoutConfig, samples: Codes) -> list[Candidate]:
 
 
 def summary(candidate: Candidate, copy: Candidate, events: int | None) -> dict[str, Any]:
-    """Return one candidate's times per taxel-sample, as ratios within the same round."""
+    """Return the time of a candidate per taxel-sample, relative to the copy in the same round."""
     per_sample = copy.taxel_samples / candidate.taxel_samples
     ratios = [a / b * per_sample for a, b in zip(candidate.seconds, copy.seconds, strict=True)]
     median = statistics.median(candidate.seconds)
@@ -167,7 +167,7 @@ def summary(candidate: Candidate, copy: Candidate, events: int | None) -> dict[s
 
 
 def versions() -> dict[str, Any]:
-    """Return the machine and the versions of the measurement."""
+    """Return machine and versions of the measurement."""
     found = {"python": platform.python_version(), "numpy": np.__version__, "numba": numba.__version__}
     found["scipy"] = scipy.__version__
     if "snntorch" in sys.modules:
@@ -177,7 +177,7 @@ def versions() -> dict[str, Any]:
 
 
 def writable(path: Path | None) -> Path | None:
-    """Return the path, or refuse it before the measurement."""
+    """Return a path after checking that it is writable."""
     if path is not None:
         try:
             check_file(path)
@@ -187,7 +187,7 @@ def writable(path: Path | None) -> Path | None:
 
 
 def write_report(path: Path, report: dict[str, Any]) -> None:
-    """Write a report as JSON, completely or not at all."""
+    """Write a report as JSON."""
     with atomic_write(path) as file:
         file.write((json.dumps(report, indent=2) + "\n").encode())
 
@@ -205,7 +205,7 @@ def main(
     rounds: Annotated[int, typer.Option(min=1, help="how often everything is timed")] = 7,
     seed: Annotated[int, typer.Option(help="of the signals")] = 0,
 ) -> None:
-    """Time the functional encoders on one core against a plain copy of the samples."""
+    """Compare the speed of the encoders on one core with a plain copy of the samples."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     config = ReadoutConfig(encoding="lcs")

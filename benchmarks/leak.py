@@ -1,4 +1,4 @@
-"""Measure how close the integer leak of N-LCS is to float models: event rates, differences in percent.
+"""Measure the difference between the integer leak of N-LCS and float models, in % of the event rate.
 
 ``python benchmarks/leak.py --json benchmarks/results/leak.json`` prints the tables of docs/reference/encoders.md.
 
@@ -30,7 +30,7 @@ LEAKS = ((6, 63), (5, 127))
 
 @njit
 def float_events(x: Any, step: float, keep: float, period: int) -> int:
-    """Return the events of a float N-LCS taxel, with its reference multiplied by ``keep`` once in every period."""
+    """Return the events of a float N-LCS taxel whose reference is multiplied by ``keep`` once per period."""
     u, events = 0.0, 0
     for tick in range(len(x)):
         leak = u * (1.0 - keep) if tick % period == 0 else 0.0
@@ -45,7 +45,7 @@ def float_events(x: Any, step: float, keep: float, period: int) -> int:
 
 
 def leaky(resolution: int, shift: int, period: int, **parameters: Any) -> ReadoutConfig:
-    """Return a single N-LCS taxel that always has clocks enough."""
+    """Return the configuration of one N-LCS taxel."""
     return ReadoutConfig(
         rows=1,
         columns=1,
@@ -59,7 +59,7 @@ def leaky(resolution: int, shift: int, period: int, **parameters: Any) -> Readou
 
 
 def constant_inputs(resolution: int, shift: int, leaks: int) -> dict[str, Any]:
-    """Return the differences for constant inputs; every tick counts as one leak, because nothing happens in between."""
+    """Return the differences for constant inputs."""
     config = leaky(resolution, shift, 1)
     levels = np.unique(np.geomspace(1.5 * config.step, config.full_scale - 1, 25).round().astype(np.int16))
     worst = dict.fromkeys(FRACTIONS, 0.0)
@@ -76,7 +76,7 @@ def constant_inputs(resolution: int, shift: int, leaks: int) -> dict[str, Any]:
 
 
 def moving_inputs(resolution: int, shift: int, period: int, ticks: int) -> float:
-    """Return the difference to a leak at every sample for texture-like signals, percent of all events."""
+    """Return the difference to a leak at every sample for texture-like signals, in % of all events."""
     config = leaky(resolution, shift, period)
     signals = texture_like(ticks, 16, config, seed=1)
     keep = math.exp(-1 / (config.tau_s * config.sample_rate_hz))

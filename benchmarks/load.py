@@ -1,4 +1,4 @@
-"""Measure five arbiters under the same loads: throughput, waits, fairness between addresses.
+"""Measure throughput, waiting time and fairness of five arbiters at equal loads.
 
 ``python benchmarks/load.py --json benchmarks/results/load.json`` prints the table of docs/results/load.md.
 
@@ -40,7 +40,7 @@ OURS, FIXED, FLAT, TREE, GREEDY = range(5)
 
 @njit
 def choose(kind: int, pending: Any, last: int, toggles: Any, columns: int) -> int:
-    """Return the taxel chosen by an arbiter of one event a clock, or -1.
+    """Return the taxel chosen by an arbiter that sends one event per clock, or -1.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def choose(kind: int, pending: Any, last: int, toggles: Any, columns: int) -> in
 
 @njit
 def serve(kind: int, due: Any, first: Any, clocks: int, state: Any, rows: Any) -> Any:
-    """Return, for every event of a load, the clock of its request and the clock of its transfer.
+    """Return the clocks of request and transfer of every event of a load.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ Load = tuple[str, float, list[NDArray[np.int64]]]
 
 
 def loads(side: int, clocks: int, seed: int) -> list[Load]:
-    """Return loads: name, requested share of the link's capacity, and the event times of every taxel."""
+    """Return the loads: name, share of the link's capacity, and event times of every taxel."""
     rng = np.random.default_rng(seed)
     n = side * side
 
@@ -165,7 +165,7 @@ def loads(side: int, clocks: int, seed: int) -> list[Load]:
 
 
 def recorded(side: int, clocks: int, share: float) -> Load:
-    """Return the events of a scan over an embedded photograph (LCS, 6 bits) at the speed that gives a load."""
+    """Return the events of a scan over an embedded photograph at the speed that gives a load."""
     config = ReadoutConfig(rows=side, columns=side, clocks_per_sample=2**20)
     counts, late = encode_timed(config, scan(side, side, config.sample_bits, 0))
     events = uncontended_events(config, counts, late)
@@ -179,7 +179,7 @@ def recorded(side: int, clocks: int, share: float) -> Load:
 
 
 def run(load: Load, kind: int, side: int, clocks: int) -> dict[str, Any]:
-    """Return the results of an arbiter under a load."""
+    """Return the results of an arbiter at a load."""
     name, share, lists = load
     due = np.concatenate(lists)
     first = np.concatenate([[0], np.cumsum([len(times) for times in lists])])
@@ -216,7 +216,7 @@ def main(
     side: Annotated[int, typer.Option(min=4, max=64, help="rows, and columns, a power of two")] = SIDE,
     seed: Annotated[int, typer.Option(help="of the random loads")] = 0,
 ) -> None:
-    """Compare five arbiters under the same loads."""
+    """Compare five arbiters at equal loads."""
     results = []
     print("| load | arbiter | events per clock | mean | 99 % | worst | Jain | mean by address |")
     print("|---" * 8 + "|")

@@ -1,4 +1,4 @@
-"""Measure CPU time of a training step of the spiking network on one core, against libraries and dense products.
+"""Measure CPU time of a training step of the spiking network, compared with other libraries.
 
 ``python benchmarks/network.py --json benchmarks/results/network.json``
 
@@ -51,7 +51,7 @@ Forward = Callable[[Tensor, Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]
 
 
 class Spike(torch.autograd.Function):
-    """A step above 0 with the derivative 1 / (1 + |x|)**2, for libraries that take a function."""
+    """Step function at 0 with surrogate derivative 1 / (1 + |x|)**2, for other libraries."""
 
     @staticmethod
     def forward(ctx: Any, x: Tensor) -> Tensor:  # type: ignore[override]
@@ -65,10 +65,10 @@ class Spike(torch.autograd.Function):
 
 
 class SpikeModule(nn.Module):
-    """The same as a module."""
+    """The step function as a torch module."""
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return the spikes of v - 1."""
+        """Return the spikes for v - 1."""
         return Spike.apply(x)
 
 
@@ -76,7 +76,7 @@ class SpikeModule(nn.Module):
 
 
 def ours(rule: NeuronRule, function: Callable[..., Tensor], **options: Any) -> Forward:
-    """Return two layers of this project: in the kernel, in torch, or as the plain loop."""
+    """Return two layers of this project with a given implementation."""
     zeros, ones = torch.zeros(HIDDEN), torch.ones(HIDDEN)
 
     def forward(x: Tensor, w_in: Tensor, w_rec: Tensor, w_out: Tensor) -> tuple[Tensor, Tensor]:
@@ -87,7 +87,7 @@ def ours(rule: NeuronRule, function: Callable[..., Tensor], **options: Any) -> F
 
 
 def norse() -> Forward:
-    """Return Norse's recurrent and feed-forward integrate-and-fire steps, with Norse's surrogate."""
+    """Return recurrent and feed-forward integrate-and-fire steps of Norse."""
     from norse.torch.functional.iaf import (
         IAFFeedForwardState,
         IAFParameters,
@@ -113,7 +113,7 @@ def norse() -> Forward:
 
 
 def spikingjelly(container: bool) -> Forward:
-    """Return SpikingJelly's integrate-and-fire node in a loop, or in its recurrent container."""
+    """Return the integrate-and-fire node of SpikingJelly, in a loop or in its recurrent container."""
     from spikingjelly.activation_based import functional as sj
     from spikingjelly.activation_based import layer as sj_layer
     from spikingjelly.activation_based import neuron
@@ -143,7 +143,7 @@ def spikingjelly(container: bool) -> Forward:
 
 
 def snntorch() -> Forward:
-    """Return snnTorch's recurrent and plain leaky neurons without a leak."""
+    """Return recurrent and plain neurons of snnTorch without leak."""
     import snntorch as snn_torch
 
     options = {"threshold": 1.0, "spike_grad": Spike.apply, "reset_mechanism": "zero", "reset_delay": False}
@@ -207,13 +207,13 @@ class Step:
         self.adam = torch.optim.Adam(self.weights, lr=1e-3)
 
     def gradients(self) -> tuple[list[int], list[Tensor]]:
-        """Return the counts of hidden and output spikes, and the gradients, before any step."""
+        """Return spike counts and gradients before the first training step."""
         s, o = self.forward(self.x, *self.weights)
         gradients = torch.autograd.grad(functional.cross_entropy(o.sum(0), self.labels), self.weights)
         return [int(s.detach().sum()), int(o.detach().sum())], list(gradients)
 
     def run(self) -> None:
-        """Train once, forward and backward and Adam."""
+        """Run one training step: forward, backward and Adam."""
         _, o = self.forward(self.x, *self.weights)
         loss = functional.cross_entropy(o.sum(0), self.labels)
         self.adam.zero_grad()
@@ -221,7 +221,7 @@ class Step:
         self.adam.step()
 
     def timed(self) -> None:
-        """Train once from the initial weights, so that all rounds see the same spikes."""
+        """Run one training step from the initial weights."""
         with torch.no_grad():
             for weight, first in zip(self.weights, make_weights(), strict=True):
                 weight.copy_(first)
@@ -240,14 +240,14 @@ def make_weights() -> list[Tensor]:
 
 
 def make_input(steps: int, batch: int, rate: float) -> tuple[Tensor, Tensor]:
-    """Return event counts that are Poisson distributed around a rate, and labels."""
+    """Return Poisson-distributed event counts, and labels."""
     generator = torch.Generator().manual_seed(1)
     x = torch.poisson(torch.full((steps, batch, INPUTS), rate), generator=generator)
     return x, torch.arange(batch) % CLASSES
 
 
 def product_limit(steps: int, batch: int) -> Callable[[], None]:
-    """Return the dense products of one training step, and nothing else."""
+    """Return a function that computes only the dense products of one training step."""
     generator = torch.Generator().manual_seed(2)
 
     def random(*shape: int) -> Tensor:
@@ -275,7 +275,7 @@ def product_limit(steps: int, batch: int) -> Callable[[], None]:
 
 
 def peak_mib(name: str, steps: int, batch: int, rate: float) -> float | None:
-    """Return by how much a candidate's training raises the peak memory of a fresh process, in MiB."""
+    """Return the increase of peak memory by a candidate's training in a new process, in MiB."""
     if sys.platform != "linux":
         return None
     command = [sys.executable, __file__, "--memory-of", name, "--steps", str(steps)]
@@ -285,7 +285,7 @@ def peak_mib(name: str, steps: int, batch: int, rate: float) -> float | None:
 
 
 def print_memory(name: str, steps: int, batch: int, rate: float) -> None:
-    """Train three times and print the growth of the peak resident memory in MiB (Linux)."""
+    """Print the increase of peak memory over three training steps in MiB (Linux)."""
     small = Step(CANDIDATES[name][0](), *make_input(2, batch, rate))
     small.run()  # libraries are loaded
     step = Step(CANDIDATES[name][0](), *make_input(steps, batch, rate))
@@ -306,7 +306,7 @@ def resident_kib(name: str) -> int:
 
 
 def measure(steps: int, batch: int, rate: float, rounds: int, memory: bool) -> dict[str, Any]:
-    """Return the numbers of all installed candidates for one length of sequence."""
+    """Return the results of all installed candidates for one sequence length."""
     x, labels = make_input(steps, batch, rate)
     made: dict[str, Step] = {}
     for name, (make, _, _) in CANDIDATES.items():
@@ -350,7 +350,7 @@ def measure(steps: int, batch: int, rate: float, rounds: int, memory: bool) -> d
 
 
 def fastest_library(results: dict[str, dict[str, Any]]) -> dict[str, Any] | None:
-    """Return the fastest other candidate by median, and its time as a multiple of the kernel's."""
+    """Return the fastest other candidate, and its time relative to the kernel's."""
     libraries = {name: found["cpu_s"]["median"] for name, found in results.items() if found["library"]}
     if not libraries:
         return None
@@ -359,7 +359,7 @@ def fastest_library(results: dict[str, dict[str, Any]]) -> dict[str, Any] | None
 
 
 def print_table(report: dict[str, Any]) -> None:
-    """Print the numbers of one length of sequence."""
+    """Print the results for one sequence length."""
     print(
         f"{report['steps']} steps, {report['input_density']:.0%} of the inputs not zero, "
         f"{report['spikes_per_step']:.1%} of the hidden neurons fire in a step"
@@ -375,7 +375,7 @@ def print_table(report: dict[str, Any]) -> None:
 
 
 def versions() -> dict[str, Any]:
-    """Return the machine and the versions of the measurement."""
+    """Return machine and versions of the measurement."""
     found: dict[str, Any] = {"python": platform.python_version(), "cpus": os.cpu_count()}
     for name in ("torch", "norse", "spikingjelly", "snntorch"):
         try:

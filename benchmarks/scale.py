@@ -1,4 +1,4 @@
-"""Measure how generation, lint, build and simulation grow with the array, and a skin of 65,536 taxels.
+"""Measure generation, lint, build and simulation time against array size, and a skin of 65,536 taxels.
 
 ``python benchmarks/scale.py arrays`` and ``... skins``, each into a file of its own in ``benchmarks/results``.
 
@@ -58,7 +58,7 @@ def _children_s() -> float:
 
 @contextmanager
 def measured(results: dict[str, Any], name: str) -> Iterator[None]:
-    """Note the processor seconds that child processes take meanwhile."""
+    """Store the processor seconds of child processes in ``results``."""
     start = _children_s()
     yield
     results[name] = round(_children_s() - start, 2)
@@ -69,7 +69,7 @@ def measured(results: dict[str, Any], name: str) -> Iterator[None]:
 
 @cocotb.test()
 async def play(dut: Any) -> None:
-    """Play the scan, hold it to the model, and time it once more."""
+    """Play a scan, compare it with the model, and time it again."""
     fields = json.loads(os.environ[CONFIG])
     config, ticks = ReadoutConfig.from_dict(fields["config"]), fields["ticks"]
     stimulus = Stimulus.from_samples(config, scan(config.rows, config.columns, config.sample_bits, 0)[:ticks])
@@ -87,7 +87,7 @@ async def play(dut: Any) -> None:
 
 
 def _speed(config: ReadoutConfig, simulator: Simulator, ticks: int, hierarchical: bool) -> dict[str, Any]:
-    """Build an array without the cache and play it; return build seconds, clocks per second, and events."""
+    """Build and simulate an array; return build seconds, clocks per second, and events."""
     result: dict[str, Any] = {"simulator": simulator, "row_by_row": hierarchical}
     kept = programs.BUILD
     with tempfile.TemporaryDirectory() as folder:
@@ -106,7 +106,7 @@ def _speed(config: ReadoutConfig, simulator: Simulator, ticks: int, hierarchical
 
 
 def array(side: int) -> dict[str, Any]:
-    """Return all that is measured of a square array."""
+    """Return all measurements of a square array."""
     config = ReadoutConfig(rows=side, columns=side)
     result: dict[str, Any] = {"side": side, "taxels": config.taxels}
     with tempfile.TemporaryDirectory() as folder:
@@ -127,7 +127,7 @@ def array(side: int) -> dict[str, Any]:
 
 
 def skin(resolution: int, clocks_per_sample: int) -> dict[str, Any]:
-    """Return the results of 16 tiles of 64 x 64 taxels that send through one merge, sliding over a photograph."""
+    """Return the results of 16 tiles of 64 x 64 taxels with one merge."""
     tile = ReadoutConfig(rows=64, columns=64, resolution=resolution, clocks_per_sample=clocks_per_sample)
     config = TilesConfig.of(tile, 4, 4)
     width = math.ceil(PhysicalScan().taxel_pitch_px * (config.columns - 1)) + TRAVEL_PX
@@ -156,12 +156,12 @@ def skin(resolution: int, clocks_per_sample: int) -> dict[str, Any]:
 
 
 def _bubbles(events: Events) -> int:
-    """Return the clocks without an event between the first and the last."""
+    """Return the number of clocks without an event between the first and the last event."""
     return int(events["t"][-1] - events["t"][0]) + 1 - len(events)
 
 
 def _measure(name: str, command: str, out: Path, parts: list[tuple[str, Callable[[], dict[str, Any]]]]) -> None:
-    """Measure part after part, and write the JSON anew after each."""
+    """Measure several parts, and write the JSON file after each."""
     found: list[dict[str, Any]] = []
     said = {"benchmark": name, **origin(f"python benchmarks/scale.py {command}"), "cpus": os.cpu_count()}
     for part, measure in parts:
@@ -177,14 +177,14 @@ def arrays(
     sides: Annotated[str, typer.Option(help="sides of the arrays, separated by commas")] = SIDES,
     out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS / "scale_arrays.json",
 ) -> None:
-    """Measure generation, lint, building and simulation of one array after the other."""
+    """Measure generation, lint, build and simulation of several arrays."""
     parts = [(f"{side} x {side}", functools.partial(array, int(side))) for side in sides.split(",")]
     _measure("scale of arrays", f"arrays --sides {sides}", out, parts)  # type: ignore[arg-type]
 
 
 @app.command()
 def skins(out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS / "scale_skins.json") -> None:
-    """Measure a skin of 65,536 taxels: at the clock of a small array, at 100 MHz, and with few events."""
+    """Measure a skin of 65,536 taxels at several clock frequencies and event rates."""
     parts = [(f"{bits} b", functools.partial(skin, bits, clocks)) for bits, clocks in ((6, 64), (6, 5000), (2, 5000))]
     _measure("scale of skins", "skins", out, parts)  # type: ignore[arg-type]
 

@@ -1,4 +1,4 @@
-"""Loss and latency of events on their way from a serial port to another program over UDP, on this machine.
+"""Measure loss and latency of events from a serial port over UDP to another program on this machine.
 
 ``python benchmarks/udp.py --json benchmarks/results/udp.json`` plays random events of an 8 x 8 array in real time: a
 simulated receiver in a process of its own, the host program of ``eskin listen --udp`` with the state of its page, and
@@ -37,7 +37,7 @@ SILENCE_S = 2.0
 
 
 def send(pipe: Connection, rate_hz: int, seconds: int) -> None:
-    """Simulate a board with random events at its pins."""
+    """Simulate a board that sends random events."""
     config, rng = ReadoutConfig(), np.random.default_rng(0)
     events = np.zeros(rate_hz * seconds, EVENT_DTYPE)
     events["t"] = np.sort(rng.integers(0, config.clock_hz * seconds, len(events)))
@@ -49,7 +49,7 @@ def send(pipe: Connection, rate_hz: int, seconds: int) -> None:
 
 
 def receive(pipe: Connection) -> None:
-    """Receive as the other program: count events, and missing datagrams."""
+    """Receive UDP datagrams; count events and missing datagrams."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
         listener.bind(("127.0.0.1", 0))
         pipe.send(listener.getsockname()[1])
@@ -65,7 +65,7 @@ def receive(pipe: Connection) -> None:
 
 
 def measure(rate_hz: int, seconds: int) -> dict[str, Any]:
-    """Return the numbers sent, received and lost, and the latency on the host."""
+    """Return numbers of sent, received and lost events, and the latency on the host."""
     spawn = multiprocessing.get_context("spawn")
     (board, board_end), (other, other_end) = spawn.Pipe(), spawn.Pipe()
     processes = [
@@ -115,7 +115,7 @@ def main(
     seconds: Annotated[int, typer.Option(help="duration")] = 20,
     json_file: JsonFile = None,
 ) -> None:
-    """Measure, print, and write JSON."""
+    """Run the benchmark, print the results, and write JSON."""
     report = origin(f"python benchmarks/udp.py --rate {rate} --seconds {seconds}")
     report |= {"cores": os.cpu_count(), "load_average": os.getloadavg()[0], "result": measure(rate, seconds)}
     print(report["result"])

@@ -1,1 +1,1 @@
-"""Co-simulation: the RTL against the golden model, event by event and clock by clock."""
+"""Co-simulation: comparison of the RTL with the golden model in every event and clock."""

@@ -1,4 +1,4 @@
-"""Skip tests that need Icarus if it is missing, and report this; in CI nothing may be missing."""
+"""Skip tests that need Icarus if it is not installed, except in CI."""
 
 from __future__ import annotations
 

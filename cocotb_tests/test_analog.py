@@ -1,4 +1,4 @@
-"""Test comparators with offset, noise, hysteresis and overdrive: the RTL equals a model with their decisions."""
+"""Compare RTL and model for comparators with offset, noise, hysteresis and overdrive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The arbiter's RTL against the plain arbiter in every clock, and against its contract, property by property."""
+"""Compare the arbiter's RTL with the reference arbiter in every clock, and check every property of its contract."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Want = Callable[[int, int], bool]
 
 
 class RowsAgent:
-    """The rows of taxels: drive the request lines, and the column lines when selected.
+    """Model of the taxel rows: drives request lines, and column lines of selected rows.
 
     Attributes
     ----------
@@ -38,11 +38,11 @@ class RowsAgent:
         self.clear()
 
     def clear(self) -> None:
-        """Drop all requests, as a reset does."""
+        """Clear all requests, as a reset does."""
         self.requests = [[None] * self.config.columns for _ in range(self.config.rows)]
 
     def raise_requests(self, want: Want) -> Iterator[AddressEvent]:
-        """Raise wanted requests that are not pending; yield them."""
+        """Raise requests that are not yet pending; yield them."""
         for row, line in enumerate(self.requests):
             for column, pending in enumerate(line):
                 if pending is None and want(row, column):
@@ -50,7 +50,7 @@ class RowsAgent:
                     yield AddressEvent(row, column, bool(line[column]))
 
     def withdraw(self, share: float) -> Iterator[AddressEvent]:
-        """Withdraw a share of the requests, as a mask does; yield them."""
+        """Withdraw a fraction of the requests, as a mask does; yield them."""
         for row, line in enumerate(self.requests):
             for column, pending in enumerate(line):
                 if pending is not None and self.rng.random() < share:
@@ -58,11 +58,11 @@ class RowsAgent:
                     yield AddressEvent(row, column, pending)
 
     def row_lines(self) -> int:
-        """Return row_request."""
+        """Return the level of row_request."""
         return bits([any(polarity is not None for polarity in line) for line in self.requests])
 
     def column_lines(self, select: int) -> tuple[int, int]:
-        """Return column_request and column_polarity of the selected rows; a polarity without a request is noise."""
+        """Return column_request and column_polarity of the selected rows."""
         request = polarity = 0
         for row, line in enumerate(self.requests):
             if select >> row & 1:
@@ -74,7 +74,7 @@ class RowsAgent:
 
 
 class ArbiterContract:
-    """Check the arbiter's contract at its ports, for any microarchitecture: one method for each property.
+    """Checker of the arbiter's contract at its ports, one method per property.
 
     Assumptions on the environment: a request stays until its row is granted or it is withdrawn, and a selected row
     drives the column lines in the same clock.
@@ -95,7 +95,7 @@ class ArbiterContract:
         self.always_ready = True
 
     def raise_request(self, event: AddressEvent) -> None:
-        """Note a request."""
+        """Record a request."""
         self.raised[event.row, event.column].append((event.polarity, self.accepted, self.check.block.time))
 
     def withdraw(self, event: AddressEvent) -> None:
@@ -103,14 +103,14 @@ class ArbiterContract:
         self.raised[event.row, event.column].pop()
 
     def grant(self, granted: int, select: int, row_request: int) -> None:
-        """CheckOneHotGrant, GrantImpliesRequest, GrantImpliesSelect."""
+        """Check CheckOneHotGrant, GrantImpliesRequest and GrantImpliesSelect."""
         for name, word in (("granted", granted), ("select", select)):
             self.check.holds("CheckOneHotGrant", word & (word - 1) == 0, f"{name} is {word:#x}")
         self.check.holds("GrantImpliesRequest", granted & ~row_request == 0, f"{granted:#x} of {row_request:#x}")
         self.check.holds("GrantImpliesSelect", granted & ~select == 0, f"{granted:#x} of {select:#x}")
 
     def stream(self, valid: bool, ready: bool, fields: tuple[int, ...]) -> None:
-        """Check ValidStableUntilReady, PayloadStable and FullRate for the offered event of this clock."""
+        """Check ValidStableUntilReady, PayloadStable and FullRate."""
         if self.offered is not None:
             self.check.holds("ValidStableUntilReady", valid, f"{self.offered} vanished")
             self.check.holds("PayloadStable", fields == self.offered, f"{self.offered} became {fields}")
@@ -119,7 +119,7 @@ class ArbiterContract:
         self.offered = fields if valid and not ready else None
 
     def transfer(self, event: AddressEvent) -> None:
-        """NoDuplicate, InOrder, NoStarvation, NoStarvationClocks: an event leaves."""
+        """Check NoDuplicate, InOrder, NoStarvation and NoStarvationClocks for an event."""
         self.accepted += 1
         taxel = event.row, event.column
         self.check.holds("NoDuplicate", bool(self.raised[taxel]), f"{event} was not requested, or left before")
@@ -134,22 +134,22 @@ class ArbiterContract:
         self.check.counts["transfers"] += 1
 
     def end_of_clock(self) -> None:
-        """Note whether anything that was requested has not left yet."""
+        """Record whether requests are outstanding."""
         self.outstanding = any(self.raised.values())
 
     def fair(self, wanting: list[tuple[int, int]]) -> None:
-        """Check fairness: steady requesters get equal service, up to the current round."""
+        """Check Fairness: rows that always request get equal service."""
         shares = [self.served[taxel] for taxel in wanting]
         self.check.holds("Fairness", max(shares) - min(shares) <= 1 and min(shares) > 1, shares)
 
     def empty(self) -> None:
-        """NoLoss: all that was requested has left."""
+        """Check NoLoss: all requests have been sent."""
         left = {taxel: requests for taxel, requests in self.raised.items() if requests}
         self.check.holds("NoLoss", not left, left)
 
 
 class ArbiterBench:
-    """An arbiter, its rows and sink, its reference and its contract."""
+    """An arbiter with rows, sink, reference arbiter and contract checker."""
 
     def __init__(self, dut: Any, config: ReadoutConfig, rng: random.Random) -> None:
         self.config, self.rng = config, rng
@@ -161,11 +161,11 @@ class ArbiterBench:
         self.block.drive(row_request=0, column_request=0, column_polarity=0, event_ready=0)
 
     def fields(self) -> tuple[int, ...]:
-        """Return the payload on the ports."""
+        """Return the payload at the ports."""
         return tuple(self.block.read(name) for name in payload(self.config, 0, 0, False))
 
     async def ready_changes_nothing(self) -> None:
-        """NoCombinationalReadyToValid: event_valid, payload and select are the same whatever event_ready is."""
+        """Check NoCombinationalReadyToValid: outputs do not depend on event_ready."""
         seen = []
         for ready in (0, 1, 0):
             self.block.drive(event_ready=ready)
@@ -174,7 +174,7 @@ class ArbiterBench:
         self.check.holds("NoCombinationalReadyToValid", seen[0] == seen[1] == seen[2], seen)
 
     async def clock(self, want: Want, ready: bool, withdraw: float = 0.0) -> None:
-        """Raise requests, drive, check everything, and make the edge."""
+        """Raise requests, check all outputs, and generate a clock edge."""
         config, block, contract = self.config, self.block, self.contract
         for event in self.rows.withdraw(withdraw):
             contract.withdraw(event)
@@ -205,7 +205,7 @@ class ArbiterBench:
                 self.rows.requests[row] = [None] * config.columns
 
     def event(self) -> AddressEvent:
-        """Return the event on the ports."""
+        """Return the event at the ports."""
         read = self.block.read
         polarity = bool(read("event_polarity")) or not self.config.has_polarity
         return AddressEvent(read("event_row"), read("event_col"), polarity)
@@ -223,13 +223,13 @@ class ArbiterBench:
                 self.check.equal(name, value, read(name), state)
 
     async def drain(self, clocks: int) -> None:
-        """Let all that is pending leave."""
+        """Wait until all pending requests have been sent."""
         for _ in range(clocks):
             await self.clock(lambda row, column: False, ready=True)
         self.contract.empty()
 
     async def reset(self) -> None:
-        """Reset during activity: latched requests are dropped, and row 0 comes first again."""
+        """Reset the arbiter during activity."""
         self.rows.clear()
         self.contract.reset()
         self.reference.reset()
@@ -243,7 +243,7 @@ class ArbiterBench:
 
 @cocotb.test()
 async def arbiter_keeps_its_contract(dut: Any) -> None:
-    """Play all kinds of demand against all kinds of sinks, each ended by draining or by a reset in mid-stream."""
+    """Play all kinds of demand against all kinds of sinks, and end each run by draining or a reset."""
     config, rng = job()
     bench = ArbiterBench(dut, config, rng)
     await bench.block.reset()

@@ -1,4 +1,4 @@
-"""Test the delivered chip, the ends of its bins, and refused configurations; ``test_touch.py`` plays scans."""
+"""Test the chip: its bins and refused configurations; ``test_touch.py`` plays scans."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from eskin.rtl.delivery import write
 
 
 def chip(rows: int, columns: int, channels: int, hidden: int, **own: Any) -> ChipConfig:
-    """Return a chip whose clock is as slow as the network allows, so that bursts must wait."""
+    """Return a chip with the slowest possible clock, so that bursts must wait."""
     readout = ReadoutConfig(rows=rows, columns=columns, resolution=6, clocks_per_sample=64, **own)
     fields: dict[str, Any] = {
         "threshold": 200,
@@ -45,7 +45,7 @@ SCANS = 12
 
 @cocotb.test()
 async def bins_begin_anew(dut: Any) -> None:
-    """Begin scans without events by a reset or by ``scan_start``, at any clock, and note when classes come."""
+    """Start scans without events by a reset or by ``scan_start``, and record the clocks of the classes."""
     job = json.loads(os.environ[JOB])
     config, rng = ChipConfig.from_dict(job["config"]), random.Random(job["seed"])
     block = Block(dut)

@@ -1,4 +1,4 @@
-"""The classifier's RTL against the model: every potential, spike, class and clock, for random networks and events."""
+"""Compare the classifier's RTL with the model in every clock, for random networks and events."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PROPERTIES = (
 
 
 def network_of(inputs: int, hidden: int, classes: int, lanes: int, **own: Any) -> ClassifierConfig:
-    """Return a configuration in one line, with thresholds at which some neurons fire."""
+    """Return a classifier configuration with thresholds at which several neurons fire."""
     base = {"threshold": 300, "out_threshold": 200, "clocks_per_bin": 64 * hidden}
     return ClassifierConfig(**(base | own), inputs=inputs, hidden=hidden, classes=classes, lanes=lanes)
 

@@ -1,4 +1,4 @@
-"""The decay counter's RTL against the plain rule: row r leaks at sample ticks j with j mod P = floor(r P / rows)."""
+"""Test the decay counter: row r leaks at sample ticks j with j mod P = floor(r P / rows)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CLOCKS = 1000
 
 @cocotb.test()
 async def decay_ticks_at_its_phases(dut: Any) -> None:
-    """Play sample ticks, dense and rare, with resets between them."""
+    """Play dense and rare sample ticks with resets between them."""
     config, rng = job()
     block = Block(dut)
     check = Checker(block)

@@ -1,4 +1,4 @@
-"""The frame readout's RTL against the model in every clock and word, with ADCs and receivers of all kinds."""
+"""Compare the frame readout's RTL with the model in every clock, for all kinds of ADCs and receivers."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PROPERTIES = (
 
 
 def frame_config(rows: int, columns: int, resolution: int, reset: str = "sync", **own: Any) -> FrameConfig:
-    """Return a configuration in one line."""
+    """Return a frame readout configuration."""
     shared = {"rows": rows, "columns": columns, "resolution": resolution, "reset": reset}
     return FrameConfig.from_dict(shared | own)
 

@@ -20,7 +20,7 @@ TOP = "eskin_frame_readout"
 
 
 def frame_config(rows: int, columns: int, resolution: int, reset: str, word_bits: int) -> FrameConfig:
-    """Return a configuration in one line."""
+    """Return a frame readout configuration."""
     shared = {"rows": rows, "columns": columns, "resolution": resolution, "reset": reset}
     return FrameConfig.from_dict(shared | {"word_bits": word_bits})
 

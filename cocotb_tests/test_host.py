@@ -1,4 +1,4 @@
-"""The readout with registers against the golden model in every clock, while a host changes everything at any time."""
+"""Compare a readout with registers with the golden model in every clock, under random host access."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def name(config: ReadoutConfig) -> str:
 
 
 def run(config: ReadoutConfig, simulator: Simulator, folder: Path, seed: int) -> None:
-    """Play in a simulator, and see that everything happened that is to be compared."""
+    """Run the test, and check that all kinds of activity occurred."""
     counts, happens = play(config, simulator, folder, seed)
     assert counts["events"] == happens["events"] > 200
     assert counts["ones read"] > 50

@@ -1,4 +1,4 @@
-"""The four-phase link's RTL against the plain link in every clock, with a receiver that knows no clock."""
+"""Compare the four-phase link's RTL with the reference link in every clock, with an asynchronous receiver."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ BEFORE_EDGE_PS = 10  # when everything is compared
 
 
 def now_ps() -> int:
-    """Return the time in picoseconds."""
+    """Return the simulated time in picoseconds."""
     return round(get_sim_time("ps"))
 
 
 def event_of(config: ReadoutConfig, event: AddressEvent) -> AerEvent:
-    """Return an event as its wires carry it: {polarity, row, column}, or the polarity as the choice of the request."""
+    """Return the address word of an event, or the polarity that selects its request line."""
     address = event.column | event.row << config.column_bits
     if config.link == "four_phase_dual":
         return AerEvent(address, int(event.polarity))
@@ -40,7 +40,7 @@ def event_of(config: ReadoutConfig, event: AddressEvent) -> AerEvent:
 
 
 class LinkBench:
-    """A link between a source of events and a receiver, with its reference."""
+    """A link with event source, receiver and reference link."""
 
     def __init__(self, dut: Any, config: ReadoutConfig, rng: random.Random) -> None:
         self.dut, self.config, self.rng = dut, config, rng
@@ -54,7 +54,7 @@ class LinkBench:
         self.block.drive(event_valid=0, event_row=0, event_col=0, event_polarity=0, aer_ack=0, rst=1)
 
     async def start(self) -> None:
-        """Start clock, receiver and monitors, and reset."""
+        """Start clock, receiver and monitors, and reset the link."""
         Clock(self.dut.clk, PERIOD_PS, "ps").start(start_high=True)
         delay = self.receiver_delay
         self.receiver = AerSink(self.bus, ack_delay=delay, release_delay=delay, unit="ps")
@@ -64,7 +64,7 @@ class LinkBench:
         await self.reset(2)
 
     async def clock(self, offer: float, rst: bool = False) -> None:
-        """Drive a clock from its falling edge on, compare just before the rising edge, and pass that."""
+        """Drive a clock, and compare all outputs just before its rising edge."""
         await FallingEdge(self.dut.clk)
         if self.event is None and self.rng.random() < offer:
             row, column = self.rng.randrange(self.config.rows), self.rng.randrange(self.config.columns)
@@ -104,24 +104,24 @@ class LinkBench:
         self.check.equal("aer_addr", event.address, self.block.read("aer_addr"), state)
 
     def request(self) -> int:
-        """Return whether there is a request."""
+        """Return True if a request line is active."""
         return int(any(self.bus.read(request) for request in self.bus.requests))
 
     def receiver_delay(self) -> float:
-        """Return a random delay in picoseconds that does not end just before a clock edge or at one."""
+        """Return a random delay in picoseconds that does not end near a clock edge."""
         delay = self.rng.randint(1, self.longest_ps) if self.longest_ps else 1
         to_edge = -(now_ps() + delay) % PERIOD_PS  # rising edges are at multiples of the period
         return delay + to_edge + 1 if to_edge <= 2 * BEFORE_EDGE_PS else delay
 
     async def reset(self, clocks: int) -> None:
-        """Reset for some clocks."""
+        """Reset the link for a number of clocks."""
         self.event = None
         for _ in range(clocks):
             await self.clock(offer=0, rst=True)
         self.check.counts["resets"] += 1
 
     async def finish(self) -> None:
-        """Let the last event arrive, and see that all did, once and in order."""
+        """Wait for the last event, and check that all events arrived once and in order."""
         while self.event is not None or self.receiver.busy or not self.reference.ready:
             await self.clock(offer=0)
         received = [self.monitor.recv_nowait() for _ in range(self.monitor.count())]
@@ -132,7 +132,7 @@ class LinkBench:
 
 @cocotb.test()
 async def link_keeps_the_protocol(dut: Any) -> None:
-    """Receivers from immediate to slow, sources from rare to always, resets while idle and within a handshake."""
+    """Play fast and slow receivers, rare and dense events, and resets in all states."""
     config, rng = job()
     bench = LinkBench(dut, config, rng)
     await bench.start()
@@ -162,7 +162,7 @@ async def link_keeps_the_protocol(dut: Any) -> None:
 
 @cocotb.test()
 async def immediate_receiver_takes_seven_clocks(dut: Any) -> None:
-    """REQ rises every seven clocks if ACK follows at once and an event is always offered."""
+    """Check that REQ rises every seven clocks if ACK follows immediately and events are always offered."""
     config, rng = job()
     bench = LinkBench(dut, config, rng)
     await bench.start()
@@ -177,7 +177,7 @@ async def immediate_receiver_takes_seven_clocks(dut: Any) -> None:
 
 
 async def until(bench: LinkBench, req: int, offer: float = 1) -> None:
-    """Wait until REQ has a level."""
+    """Wait until REQ has a given level."""
     for _ in range(20):
         if bench.request() == req:
             return
@@ -187,7 +187,7 @@ async def until(bench: LinkBench, req: int, offer: float = 1) -> None:
 
 @cocotb.test()
 async def what_a_receiver_sees_of_a_reset(dut: Any) -> None:
-    """Break handshakes off at each of their steps, with an ACK that the test itself drives."""
+    """Reset the link in each phase of a handshake, with ACK driven by the test."""
     config, rng = job()
     bench = LinkBench(dut, config, rng)
     Clock(dut.clk, PERIOD_PS, "ps").start(start_high=True)

@@ -1,4 +1,4 @@
-"""Compare the weight memories with a list: a word follows its address by a clock, and a write reads nothing."""
+"""Compare the weight memories with a list, including one clock of latency and reads during writes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TOPS = {"eskin_weights": CONFIG.weight_words, "eskin_neuron_weights": CONFIG.neu
 
 @cocotb.test()
 async def memory_is_a_list(dut: Any) -> None:
-    """Fill the memory, then read and write at random, often at one address; what was read stays during a write."""
+    """Fill the memory, then read and write at random addresses."""
     job = json.loads(os.environ[JOB])
     rng, words = random.Random(job["seed"]), job["words"]
     block = Block(dut)

@@ -1,4 +1,4 @@
-"""The merge's RTL against a plain queue in every clock, against its contract, and against the golden model."""
+"""Compare the merge's RTL with a queue in every clock, with its contract, and with the golden model."""
 
 from __future__ import annotations
 

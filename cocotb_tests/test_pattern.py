@@ -1,4 +1,4 @@
-"""The test pattern's RTL against its model in every clock: modes, paces, restarts, and grants at random."""
+"""Compare the test pattern's RTL with its model in every clock: modes, rates, restarts, random grants."""
 
 from __future__ import annotations
 

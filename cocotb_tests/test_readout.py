@@ -1,4 +1,4 @@
-"""The whole readout against the model: encoders, arrays, resolutions, links, front ends, sinks, masks, resets."""
+"""Compare the whole readout with the model: encoders, arrays, links, front ends, sinks, masks and resets."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ VARIANTS = list(
 
 
 def play(config: ReadoutConfig, program: Build, folder: Path, seed: int = 0) -> None:
-    """Play the scenarios of a seed; some must end with nothing outstanding, and some in mid-stream."""
+    """Play the scenarios of a seed; runs must end both with and without outstanding requests."""
     job = Job(config.to_dict(), reproduce(config, program.simulator, seed), seed=seed)
     tally = run_job(program, job, folder)
     assert tally.runs == scenario_count(config)
@@ -38,7 +38,7 @@ def play(config: ReadoutConfig, program: Build, folder: Path, seed: int = 0) -> 
 
 
 def breadth() -> list[ReadoutConfig]:
-    """Test every encoding on every array; resolution, link, front end, reset and decision rate vary.
+    """Return configurations with every encoding on every array; other fields vary.
 
     Any two values of any two of these meet: a third of the runs of a full product, of which few bugs need three.
     """
@@ -82,7 +82,7 @@ def test_any_two_values_of_two_settings_meet() -> None:
 
 
 def halves() -> list[tuple[tuple[str, str, str, str], int]]:
-    """Every variant with every second encoding, by number from 1: each encoding meets any two settings together."""
+    """Return every variant with every second encoding."""
     found = []
     for variant in VARIANTS:
         link, frontend, reset, _ = variant

@@ -1,4 +1,4 @@
-"""Test ``sim --data`` and ``replay --data``: a user's own recordings through RTL and model."""
+"""Test ``sim --data`` and ``replay --data`` with a user's recordings."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 def simulation_of(process: int) -> int | None:
-    """Return a simulation that a process runs, or None."""
+    """Return the simulation that a process runs, or None."""
     with contextlib.suppress(OSError):  # a thread or a child that is just going
         for thread in Path(f"/proc/{process}/task").iterdir():  # a child belongs to the thread that began it
             for child in map(int, (thread / "children").read_text().split()):

@@ -1,4 +1,4 @@
-"""The register file's RTL against its model in every clock: every register and hole, refused words, counters."""
+"""Compare the register file's RTL with its model in every clock: registers, unused addresses, counters."""
 
 from __future__ import annotations
 

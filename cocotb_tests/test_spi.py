@@ -1,4 +1,4 @@
-"""Compare the SPI slave's RTL with its model in every clock, and with a host that has its own clock."""
+"""Compare the SPI slave's RTL with its model in every clock, and test it with an asynchronous host."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Test the build cache: an entry is rebuilt if any of its inputs changes, and only then."""
+"""Test the build cache: an entry is rebuilt if and only if one of its inputs has changed."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ print(runs, program.folder)
 
 
 def copy_packages(folder: Path) -> None:
-    """Copy the sources that a build is made of."""
+    """Copy the sources that a build needs."""
     for package in ("base", "model", "rtl", "skin", "cocotb_tests"):
         shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
 
@@ -50,7 +50,7 @@ def checkout(folder: Path) -> Path:
 
 
 def build_in(folder: Path) -> tuple[int, Path]:
-    """Build a readout in a separate process; return how often Yosys ran, and the program's folder."""
+    """Build a readout in a separate process; return the number of Yosys runs, and the folder of the program."""
     done = subprocess.run(
         [sys.executable, "-c", COUNT_YOSYS],
         cwd=folder,
@@ -149,7 +149,7 @@ simulator.build(ReadoutConfig(rows=1, columns=1), "verilator")
 
 
 def running_in(folder: Path) -> list[str]:
-    """Return the command lines of all processes whose current folder is below a folder."""
+    """Return the command lines of all processes whose working directory is below a folder."""
     found = []
     for process in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):

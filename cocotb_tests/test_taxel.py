@@ -1,4 +1,4 @@
-"""The taxel's RTL against the plain taxel in every clock: thresholds, requests, freezing, masks and resets."""
+"""Compare the taxel's RTL with the reference taxel in every clock: thresholds, requests, masks and resets."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PHASES, CLOCKS = 14, 160
 
 
 class SampleSource:
-    """Critical codes: levels and their neighbours, walks, jumps, and rest."""
+    """Generator of critical sample codes: levels and their neighbours, walks, jumps, and rest."""
 
     KINDS = ("threshold", "near", "walk", "jump", "rest", "full", "over")
 
@@ -52,7 +52,7 @@ class SampleSource:
 
 
 class TaxelBench:
-    """A taxel and its reference, side by side."""
+    """A taxel with its reference model."""
 
     def __init__(self, dut: Any, config: ReadoutConfig, rng: random.Random) -> None:
         self.config, self.rng = config, rng
@@ -68,7 +68,7 @@ class TaxelBench:
         self.block.drive(step=1, leak_shift=config.leak_shift, window_period=config.window_period)
 
     def compare(self, enable: bool) -> None:
-        """Compare all outputs with the reference, the polarity only during a request."""
+        """Compare all outputs with the reference; the polarity only during a request."""
         reference, block = self.reference, self.block
         state = {**vars(reference), "enable": enable}
         del state["config"]
@@ -83,13 +83,13 @@ class TaxelBench:
                 self.check.equal("half_width", reference.half_width, block.read("half_width"), state)
 
     def compare_reset(self) -> None:
-        """Compare all outputs with the reference while rst is high; an asynchronous reset acts at once."""
+        """Compare all outputs with the reference during a reset."""
         if self.config.reset == "async":
             self.reference.reset()
         self.compare(True)
 
     async def clock(self, *, enable: bool, granted: bool, sample: int | None, rst: bool = False) -> None:
-        """Drive the inputs of a clock, compare, and make its edge."""
+        """Drive the inputs, compare the outputs, and generate a clock edge."""
         config, block, reference = self.config, self.block, self.reference
         # One decay tick per leak_period, at a phase that is not 0, as in a higher row.
         decay = self.tick and self.ticks % config.leak_period == 2 % config.leak_period
@@ -126,7 +126,7 @@ class TaxelBench:
         self.ticks += self.tick
 
     def decide(self, code: int) -> tuple[bool, bool]:
-        """Return the comparators' decisions, random if they are only noise."""
+        """Return the comparator decisions for a code, or random ones in a noise phase."""
         if self.noisy:
             return self.rng.random() < 0.5, self.config.has_polarity and self.rng.random() < 0.5
         width = self.block.read("half_width") if self.config.closes else self.config.step
@@ -134,7 +134,7 @@ class TaxelBench:
         return above, self.config.has_polarity and self.signal < code - width
 
     def _count(self, enable: bool, granted: bool, decision: tuple[bool, bool] | None) -> None:
-        """Count the cases that occurred, so that a test can require them."""
+        """Count the cases that occurred."""
         counts, reference = self.check.counts, self.reference
         if decision is not None:
             rise = reference.half_width * reference.unit
@@ -151,7 +151,7 @@ class TaxelBench:
         counts["charged"] += self.config.encoder.leaks and self.reference.reference != 0
 
     async def pulse_reset(self) -> None:
-        """Pulse rst between two edges: only an asynchronous reset may act on it."""
+        """Pulse rst between two clock edges, which affects only asynchronous resets."""
         self.block.drive(rst=1, enable=1, granted=0)
         await self.block.settle()
         self.compare_reset()
@@ -163,7 +163,7 @@ class TaxelBench:
             self.tick = False
 
     async def hold_reset(self) -> None:
-        """Hold rst over a few edges in mid-stream."""
+        """Assert rst for a few clocks during activity."""
         for _ in range(self.rng.randint(1, 3)):
             await self.clock(enable=True, granted=self.rng.random() < 0.5, sample=self.source.next("jump"), rst=True)
         self.check.counts["resets"] += 1
@@ -195,7 +195,7 @@ async def taxel_follows_its_reference(dut: Any) -> None:
 
 @cocotb.test()
 async def overloaded_taxel_raises_a_request_every_clock(dut: Any) -> None:
-    """Step to full scale and take every request at once: no bubble until the reference has caught up."""
+    """Step to full scale, and check that a request is raised in every clock."""
     config, _ = job()
     bench = TaxelBench(dut, config, random.Random(0))
     bench.block.drive(enable=0, granted=0, tick=0, decay=0, sample=0, sample_valid=0, above=0, below=0)
@@ -214,7 +214,7 @@ async def overloaded_taxel_raises_a_request_every_clock(dut: Any) -> None:
 
 
 def breadth() -> list[ReadoutConfig]:
-    """Test every encoding, front end and resolution; reset and decision rate vary."""
+    """Return configurations with every encoding, front end and resolution."""
     configs = []
     for number, (encoding, frontend, resolution) in enumerate(
         itertools.product(registry.NAMES, ["digital", "analog"], [1, 5, 10])

@@ -1,4 +1,4 @@
-"""A whole skin, tiles and merge, against its golden model: every event, its clock and its address."""
+"""Compare a whole skin with its golden model: clock and address of every event."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The whole chain, samples to class: the chip in its harness against the models, and the command touch."""
+"""Test the whole chip from samples to class, and the command touch."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ RESOLUTIONS = [1, 6, 10]
 
 
 def configurations() -> list[ReadoutConfig]:
-    """Test every encoding on every array; variant and resolution vary."""
+    """Return configurations with every encoding on every array; variant and resolution vary."""
     fields = ("encoding", "rows", "columns", "link", "frontend", "reset", "resolution")
     return [
         ReadoutConfig.from_dict(
@@ -41,7 +41,7 @@ def configurations() -> list[ReadoutConfig]:
 
 
 def with_registers() -> list[ReadoutConfig]:
-    """Registers in front of every encoder, front end and link, and arrays with masks of all kinds of words."""
+    """Return configurations with registers for every encoder, front end and link."""
     base = ReadoutConfig(rows=3, columns=5, registers="spi", leak_period=9)
     variants = [
         base.replace(encoding=encoding, frontend=frontend, link=link, reset=reset)
@@ -57,7 +57,7 @@ def with_registers() -> list[ReadoutConfig]:
 
 
 def extremes() -> list[dict[str, object]]:
-    """Test every encoder at the limits of its fields, with both front ends and both decision rates."""
+    """Return configurations with every encoder at the limits of its fields."""
     windows = [{"window_period": 1}, {"closing_shift": 0}, {"closing_shift": 16, "window_period": 2**16}]
     leaks = [{"leak_period": 1, "leak_shift": 16, "fraction_bits": 0}, {"leak_period": 2**20, "leak_shift": 1}]
     own: dict[str, Any] = {e.name: windows if e.windowed else leaks if e.leaks else [{}] for e in registry.ENCODERS}
@@ -80,7 +80,7 @@ def extremes() -> list[dict[str, object]]:
 
 
 def with_fields() -> list[ReadoutConfig]:
-    """Fields of names, and of lists in which taxels are off or in no field, with both front ends."""
+    """Return configurations with named and listed receptive fields, and with both front ends."""
     base = ReadoutConfig(rows=2, columns=2, sample_bits=7, resolution=2)
     listed: Any = [[[0, 1], 0], [[1, 1, 3], 2], [[], 0], [[3], 0]]
     return [
@@ -98,7 +98,7 @@ def name(config: ReadoutConfig) -> str:
 
 
 def lint(path: Path) -> str:
-    """Return all messages of the two linters."""
+    """Return all messages of both linters."""
     require_programs("icarus")
     top = path.stem
     said = ""

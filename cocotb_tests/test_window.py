@@ -1,4 +1,4 @@
-"""Compare the RTL of the closing window with the plain window in every clock: opening, closing and resets."""
+"""Compare the closing window's RTL with a reference in every clock: opening, closing and resets."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ CLOCKS = 1200
 
 
 class WindowReference:
-    """The window: half-width in closing steps, and sample ticks since its last change."""
+    """Reference model of the window: half-width in closing steps, and ticks since its last change."""
 
     def __init__(self, config: ReadoutConfig) -> None:
         self.widest, self.period = 2**config.closing_levels_log2, config.window_period
         self.reset()
 
     def reset(self) -> None:
-        """Open fully."""
+        """Open the window fully."""
         self.half_width, self.quiet = self.widest, 0
 
     def clock(self, *, opens: bool, tick: bool) -> None:
-        """Take a rising edge."""
+        """Apply a rising edge."""
         if opens:
             self.reset()
         elif tick:

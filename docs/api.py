@@ -1,5 +1,4 @@
-"""Hook of the site: the pages that have no file in docs/. A reference page for every module of the packages, from its
-docstrings, and a list of them; the files at the top that a reader of the site needs; the tutorial as a notebook.
+"""MkDocs hook that generates pages: an API page for every module, a list of modules, and the tutorial notebook.
 
 The pages are made from the folders, so a file that moves or comes anew is on the site without an entry here.
 Command lines have no page: docs/reference/commands.md is theirs.
@@ -45,7 +44,7 @@ PAGES_A_LINE = 100
 
 
 def rooms() -> dict[str, list[Path]]:
-    """Return the public modules of every folder, by its dotted name: ``model.events`` and so on."""
+    """Return the public modules of every folder, keyed by dotted name such as ``model.events``."""
     found: dict[str, list[Path]] = {}
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
@@ -56,13 +55,13 @@ def rooms() -> dict[str, list[Path]]:
 
 
 def imported_as(path: Path) -> str:
-    """Return the name by which a module is imported."""
+    """Return the import name of a module."""
     place = path.relative_to(ROOT)
     return CALLED.get(place.as_posix(), ".".join(("eskin", *place.with_suffix("").parts)))
 
 
 def row_of(path: Path) -> str:
-    """Return a row of the list: the module with a link to its page, its classes, and its first sentence."""
+    """Return a table row for a module: link to its page, classes, and first sentence."""
     tree, name = ast.parse(path.read_text()), imported_as(path)
     classes = [node.name for node in tree.body if isinstance(node, ast.ClassDef) and not node.name.startswith("_")]
     shown = ", ".join(f"`{found}`" for found in classes[:4]) + (", ..." if len(classes) > 4 else "")
@@ -71,7 +70,7 @@ def row_of(path: Path) -> str:
 
 
 def order_of(path: Path) -> str:
-    """Return the order of a module's members on its page: classes, functions, then constants."""
+    """Return the order of the members on a module's page: classes, functions, then constants."""
     body = ast.parse(path.read_text()).body
     called = [n.name for kind in (ast.ClassDef, ast.FunctionDef) for n in body if isinstance(n, kind)]
     targets = [
@@ -86,7 +85,7 @@ def order_of(path: Path) -> str:
 
 
 def list_of_modules() -> str:
-    """Return the page that lists all modules: first those that users call, then the others by their folders."""
+    """Return the page that lists all modules, those for users first."""
     head = "| module | classes | what it is |\n|---|---|---|\n"
     called = [ROOT / place for place in (*CALLED, *FIRST) if (ROOT / place).exists()]
     parts = ["# Python modules", "## What users call", head + "\n".join(map(row_of, called))]
@@ -105,7 +104,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages themselves."""
+    """Add the generated pages to the site."""
     files.append(File.generated(config, f"{API}/index.md", content=list_of_modules()))
     called = [ROOT / place for place in CALLED if (ROOT / place).exists()]
     for path in [*called, *(path for paths in rooms().values() for path in paths)]:
@@ -124,7 +123,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
-    """Offer the notebook above the tutorial."""
+    """Add a link to the notebook above the tutorial."""
     if page.file.src_uri != "tutorial.md":
         return markdown
     title, _, rest = markdown.partition("\n")
@@ -136,7 +135,7 @@ READ: list[str] = []
 
 
 def on_page_content(html: str, page: Page, files: Files, **_: object) -> str:
-    """Report how many pages have been read, on standard error."""
+    """Report the progress of page generation on standard error."""
     READ.append(page.url)
     total = len(files.documentation_pages())
     if len(READ) % PAGES_A_LINE == 0 or len(READ) == total:

@@ -1,4 +1,4 @@
-"""Run the cells of docs/tutorial.py and write them with their output and pictures to docs/tutorial.md.
+"""Run the cells of docs/tutorial.py, and write docs/tutorial.md with their output and pictures.
 
 ``python docs/tutorial_page.py`` from the top of the project; does nothing where the page was made from this source,
 and makes the page all the same with ``--again``. The notebook of the site is made from the same source.
@@ -29,13 +29,13 @@ def mark() -> str:
 
 
 def cells() -> Iterator[tuple[bool, str]]:
-    """Yield the cells: whether each is code, and its text."""
+    """Yield the cells of the tutorial: code flag and text."""
     for cell in jupytext.read(SOURCE).cells:
         yield cell.cell_type == "code", cell.source
 
 
 def run(pictures: Path) -> str:
-    """Run all cells in one namespace, write their pictures into a folder, and return the text of the page.
+    """Run all cells, write their pictures into a folder, and return the page.
 
     Parameters
     ----------

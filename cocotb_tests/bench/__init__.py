@@ -1,1 +1,1 @@
-"""Code that runs inside the simulator: pins, drivers, receivers, scoreboards, references, stimuli."""
+"""Code that runs inside the simulator: drivers, receivers, scoreboards, reference models, stimuli."""

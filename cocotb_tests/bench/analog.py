@@ -1,4 +1,4 @@
-"""Model the comparators of the analog front end in the harness: their faults and their decisions."""
+"""Comparators of the analog front end in the harness, with offset, noise and hysteresis."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FRACTION_BITS, SIGNAL_BITS_MORE = 4, 6
 
 @dataclass(frozen=True)
 class Comparators:
-    """Comparators with faults, all in 1/16 code; ideal by default.
+    """Comparators with non-ideal parameters in 1/16 code; ideal by default.
 
     Attributes
     ----------
@@ -36,20 +36,20 @@ class Comparators:
     seed: int = 1
 
     def write(self, config: ReadoutConfig, folder: Path, record: bool) -> None:
-        """Write comparators.bin (see harness.v); with ``record`` the harness writes their decisions."""
+        """Write comparators.bin for the harness (see harness.v)."""
         offset = np.zeros((2, config.taxels), np.int64) if self.offset is None else self.offset
         words = np.concatenate([[self.noise, self.hysteresis, self.seed, record], offset.ravel()])
         (folder / "comparators.bin").write_bytes(words.astype(">i4").tobytes())
 
 
 def signal_of(samples: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Return analog signals at random positions between each sample's code and the next, in 1/16 code."""
+    """Return analog signals between each sample's code and the next, in 1/16 code."""
     fraction = np.random.default_rng(samples.size).integers(0, 1 << FRACTION_BITS, samples.shape)
     return (samples.astype(np.int64) << FRACTION_BITS) + fraction
 
 
 def read_decisions(config: ReadoutConfig, folder: Path) -> NDArray[np.uint8]:
-    """Return the comparators' decisions in every clock, shape (clocks, taxels), as ``Stimulus.decisions``."""
+    """Return the recorded decisions of the comparators in every clock, shape (clocks, taxels)."""
     words = (folder / "decisions.txt").read_text().split()
     digits = -(-config.taxels // 4)
     nibbles = np.array([[int(digit, 16) for digit in word.zfill(digits)] for word in words], np.uint8)

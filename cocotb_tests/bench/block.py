@@ -1,4 +1,4 @@
-"""Common parts of block-level tests: pins and clock, a checker, and the connection to the simulator."""
+"""Common parts of block-level testbenches: pins, clock, checker, and link to pytest."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ JOB = "ESKIN_BLOCK_JOB"
 
 
 class BlockMismatch(AssertionError):
-    """A block differs from its reference or violates its contract; the text gives time, place and cause."""
+    """Raised if a block differs from its reference or violates a property."""
 
 
 class Block:
-    """A block under test: its pins, and the clock made by the bench.
+    """A block under test with its pins and clock.
 
     Everything has a fixed place within a clock, so that all simulators behave equally: inputs change after the
     falling edge, settle, are checked, and only then comes the rising edge.
@@ -45,19 +45,19 @@ class Block:
         self.dut.clk.value = 0
 
     def pin(self, name: str) -> Any:
-        """Return the handle of a port, or None if this configuration lacks it."""
+        """Return the handle of a port, or None if the configuration lacks the port."""
         if name not in self.pins:  # looked for once: the simulator takes long to answer, above all to say no
             self.pins[name] = getattr(self.dut, name, None)
         return self.pins[name]
 
     def drive(self, **values: int) -> None:
-        """Set inputs; ignore inputs that this configuration lacks."""
+        """Set input ports; ports that the configuration lacks are ignored."""
         for name, value in values.items():
             if (pin := self.pin(name)) is not None:
                 pin.value = int(value) & (1 << len(pin)) - 1
 
     def read(self, name: str) -> int:
-        """Return an output as an unsigned number; 0 if this configuration lacks it."""
+        """Return an output as an unsigned number; 0 if the configuration lacks the port."""
         if (pin := self.pin(name)) is None:
             return 0
         value = str(pin.value)  # a text costs nothing, an array of logic values most of the run
@@ -72,11 +72,11 @@ class Block:
         return value - (value >> (bits - 1) << bits)
 
     async def settle(self) -> None:
-        """Let inputs reach the outputs."""
+        """Wait until outputs follow the inputs."""
         await Timer(self.SETTLE_PS, "ps")
 
     async def edge(self) -> None:
-        """Make the rising edge, and the falling one."""
+        """Generate a rising and a falling clock edge."""
         self.dut.clk.value = 1
         await Timer(self.HALF_PS, "ps")
         self.dut.clk.value = 0
@@ -84,7 +84,7 @@ class Block:
         self.time += 1
 
     async def reset(self, clocks: int = 2) -> None:
-        """Hold the reset over some edges."""
+        """Assert the reset for a number of clocks."""
         self.drive(rst=1)
         await self.settle()
         for _ in range(clocks):
@@ -94,14 +94,14 @@ class Block:
 
 
 class Checker:
-    """Compare a block with its expected behaviour, and count every check by name."""
+    """Checker that compares outputs with expected values and counts checks by name."""
 
     def __init__(self, block: Block) -> None:
         self.block = block
         self.counts: Counter[str] = Counter()
 
     def equal(self, name: str, expected: int, got: int, state: object = "") -> None:
-        """Compare a signal in this clock."""
+        """Compare a signal with its expected value."""
         self.counts["checks"] += 1
         if expected != got:
             raise BlockMismatch(f"clock {self.block.time}: {name}: expected {expected}, got {got}; {state}")
@@ -114,7 +114,7 @@ class Checker:
 
 
 class Sink:
-    """Ready pattern of a receiver: ``always``, ``random``, ``slow`` (every seventh clock) or ``stuck`` (one stall)."""
+    """Ready pattern of a sink: ``always``, ``random``, ``slow`` (every seventh clock) or ``stuck`` (one long stall)."""
 
     NAMES = ("always", "random", "slow", "stuck")
 
@@ -122,7 +122,7 @@ class Sink:
         self.name, self.rng, self.clock = name, rng, 0
 
     def ready(self) -> bool:
-        """Return event_ready of the next clock."""
+        """Return the level of event_ready in the next clock."""
         self.clock += 1
         if self.name == "slow":
             return self.clock % 7 == 0
@@ -132,12 +132,12 @@ class Sink:
 
 
 def bits(values: Sequence[object]) -> int:
-    """Return true values as set bits, the first in the least significant one."""
+    """Return Booleans as bits of an integer, the first in the least significant bit."""
     return sum(1 << index for index, value in enumerate(values) if value)
 
 
 def payload(config: ReadoutConfig, row: int, column: int, polarity: bool) -> dict[str, int]:
-    """Return the payload of an event as values of the ports that a configuration has."""
+    """Return the payload fields of an event, limited to existing ports."""
     fields = {"event_row": row, "event_col": column, "event_polarity": int(polarity)}
     present = {
         "event_row": config.row_bits > 0,
@@ -148,11 +148,11 @@ def payload(config: ReadoutConfig, row: int, column: int, polarity: bool) -> dic
 
 
 def job() -> tuple[ReadoutConfig, random.Random]:
-    """Return, within the simulator, the configuration of the test and its source of randomness."""
+    """Return the configuration of the test and its random generator."""
     fields = json.loads(os.environ[JOB])
     return config_of(fields["config"]), random.Random(fields["seed"])
 
 
 def report(counts: Counter[str]) -> None:
-    """Write the counts for pytest."""
+    """Write the check counts for pytest."""
     Path("counts.json").write_text(json.dumps(counts))

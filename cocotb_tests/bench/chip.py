@@ -32,7 +32,7 @@ OF_A_BIN = "clock, class, overrun, stalls, sum of hidden potentials and spikes, 
 
 @dataclass(frozen=True)
 class ChipRun:
-    """The outputs of a chip during a scan.
+    """Outputs of a chip during a scan.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class ChipRun:
 
     @classmethod
     def read(cls, config: ClassifierConfig, folder: Path, left: int) -> ChipRun:
-        """Return the harness's records in a folder; ``left`` is its signal."""
+        """Return the outputs recorded by the harness in a folder."""
         events = np.fromfile(folder / "events.txt", np.int64, sep=" ").reshape(-1, 3)
         spikes = np.fromfile(folder / "spikes.txt", np.int64, sep=" ").reshape(-1, 2)
         classes = []
@@ -75,12 +75,12 @@ class ChipRun:
         return (change.cumsum()[:clocks] == 0).astype(np.uint8)
 
     def events(self, config: ChipConfig) -> Events:
-        """Return the events with the addresses of their channels."""
+        """Return the events with the addresses of their input channels."""
         return events_of(config, self.taken, self.channel)
 
 
 class ChipBench:
-    """A chip in its harness, compared with the models of readout and classifier in every scan."""
+    """A chip in the harness, compared with the models in every scan."""
 
     def __init__(self, dut: Any, config: ChipConfig, network: IntegerNetwork, folder: Path) -> None:
         self.dut, self.config, self.folder = dut, config, folder
@@ -140,7 +140,7 @@ class ChipBench:
 
 
 def counts_of(config: ChipConfig, events: Events, whole: int) -> NDArray[np.int64]:
-    """Return the events of every whole bin, shape (bins, channels), each in the bin of its clock."""
+    """Return the event counts of every complete bin, shape (bins, channels)."""
     counts = np.zeros((whole, config.classifier.inputs), np.int64)
     step = events["t"] // config.classifier.clocks_per_bin
     inside = step < whole
@@ -149,7 +149,7 @@ def counts_of(config: ChipConfig, events: Events, whole: int) -> NDArray[np.int6
 
 
 def network_of(chip: ChipConfig) -> IntegerNetwork:
-    """Return a network of random weights for which neurons and classes change often."""
+    """Return a random network whose spikes and classes change often."""
     rng, config = np.random.default_rng(1), chip.classifier
     return IntegerNetwork(
         config,
@@ -162,13 +162,13 @@ def network_of(chip: ChipConfig) -> IntegerNetwork:
 
 
 def write_weights(network: IntegerNetwork, folder: Path) -> None:
-    """Write both memory images as the harness loads them."""
+    """Write both memory images for the harness."""
     for name, image in (("weights", weight_image(network)), ("neurons", neuron_image(network))):
         (folder / f"{name}.hex").write_text("".join(f"{word:x}\n" for word in image))
 
 
 def hold(config: ChipConfig, network: IntegerNetwork, stimulus: Stimulus, run: ChipRun, again: str) -> ClassifierRun:
-    """Compare a run with both models and return the classifier's run; raise Mismatch at the first difference.
+    """Compare a run with both models; raise Mismatch at the first difference.
 
     The readout's model receives the clocks in which the classifier was not ready. These clocks are compared with the
     classifier's model, which receives the clocks in which the readout offered its events.
@@ -205,7 +205,7 @@ def mixed(potentials: NDArray[np.int64], spikes: NDArray[np.int64]) -> int:
 
 
 def _same(what: str, expected: list[Any], got: list[Any], again: str) -> None:
-    """Raise Mismatch at the first difference of two lists."""
+    """Raise Mismatch at the first difference between two lists."""
     if expected == got:
         return
     at = next((n for n, (a, b) in enumerate(zip(expected, got, strict=False)) if a != b), min(len(expected), len(got)))

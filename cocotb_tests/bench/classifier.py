@@ -1,4 +1,4 @@
-"""Drive and watch the classifier in the simulator: a source of events, ends of bins, and the model."""
+"""Testbench of the classifier: event source, bin timer, and comparison with the model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STALL_END = 2**24 - 1
 
 @dataclass
 class Stimulus:
-    """A scan: events (clock from which each is offered, channel), clocks of ``bin_end``, and length."""
+    """Stimulus of a scan: events with clock and channel, clocks of ``bin_end``, length."""
 
     events: list[tuple[int, int]]
     ends: list[int]
@@ -28,7 +28,7 @@ class Stimulus:
 
 @dataclass
 class Seen:
-    """The outputs of the classifier during a scan.
+    """Outputs of the classifier during a scan.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Seen:
 
 
 class ClassifierBench:
-    """A classifier with a source of events and bin ends; every scan is compared with the model."""
+    """A classifier with event source and bin timer, compared with the model in every scan."""
 
     def __init__(self, dut: Any, config: ClassifierConfig, rng: random.Random) -> None:
         self.config, self.rng = config, rng
@@ -63,7 +63,7 @@ class ClassifierBench:
         self.block.drive(event_valid=0, event_channel=0, bin_end=0, scan_start=0)
 
     async def load(self, network: IntegerNetwork) -> None:
-        """Write all weights."""
+        """Write all weights of a network."""
         self.network = network
         await load_words(self.block, network, self.rng)
 
@@ -144,7 +144,7 @@ class ClassifierBench:
 
     @staticmethod
     def _stalls(stimulus: Stimulus, run: ClassifierRun) -> list[int]:
-        """Return the stall count in every clock, from the waits before it."""
+        """Return the expected stall count in every clock."""
         waits = np.zeros(stimulus.clocks + 1, np.int64)
         begin = 0
         for (offered, _), taken in zip(stimulus.events, [*run.accepted, stimulus.clocks], strict=False):
@@ -156,7 +156,7 @@ class ClassifierBench:
 
 
 async def load_words(block: Block, network: IntegerNetwork, rng: random.Random) -> None:
-    """Write all weights of a network, in any order of words."""
+    """Write all weights of a network in random order of words."""
     words = [(0, address, word) for address, word in enumerate(weight_image(network))]
     words += [(1, address, word) for address, word in enumerate(neuron_image(network))]
     rng.shuffle(words)

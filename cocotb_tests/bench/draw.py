@@ -1,4 +1,4 @@
-"""Draw configurations and stimuli from a seed; every part can also be set.
+"""Random configurations and stimuli from a seed, with optional fixed parts.
 
 Every part has its own stream of random numbers, so that setting a part, for example to simplify a failure, does not
 change the others.
@@ -39,7 +39,7 @@ Set = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Draw:
-    """A random run; a shorter run is the beginning of a longer one.
+    """A random run; a shorter run is a prefix of a longer one.
 
     Attributes
     ----------
@@ -60,11 +60,11 @@ class Draw:
     most_taxels: int = MOST_TAXELS
 
     def rng(self, part: str) -> np.random.Generator:
-        """Return the random numbers for a part of the stimulus."""
+        """Return the random generator for a part of the stimulus."""
         return np.random.default_rng([self.seed, self.run, zlib.crc32(part.encode())])
 
     def _drawn(self, part: str, values: Any) -> Any:
-        """Return the set value of a part, or a random one of some values, for all runs or for this one."""
+        """Return the fixed value of a part, or a random choice from given values."""
         if part in self.set:
             return self.set[part]
         rng = np.random.default_rng([self.seed, zlib.crc32(part.encode())]) if part in FIELDS else self.rng(part)
@@ -73,7 +73,7 @@ class Draw:
 
     @property
     def config(self) -> ReadoutConfig:
-        """The configuration."""
+        """Random configuration."""
         ReadoutConfig.from_dict({"resolution": 1} | {name: self.set[name] for name in SIZES if name in self.set})
         sides = [1, 1, 2, 3, 4, 5, 7, 8, 16, 33]
         rows = self._drawn("rows", [side for side in sides if side <= self.most_taxels])
@@ -114,7 +114,7 @@ class Draw:
         return config.replace(reference_reset=self._drawn("reference_reset", np.concatenate([levels, at_zero])))
 
     def _listed(self, taxels: int) -> list[dict[str, Any]]:
-        """Return a field of any taxels for every taxel; some are off."""
+        """Return a random receptive field for every taxel; several taxels are off."""
         rng = np.random.default_rng([self.seed, zlib.crc32(b"listed")])
         sizes = np.maximum(rng.integers(0, 7, taxels), np.arange(taxels) == 0)
         return [
@@ -124,12 +124,12 @@ class Draw:
 
     @property
     def mean_gap(self) -> float:
-        """Mean clocks from one sample tick to the next."""
+        """Mean number of clocks between sample ticks."""
         return (self._drawn("gap", GAPS) + 1) / 2
 
     @property
     def stimulus(self) -> Stimulus:
-        """The inputs."""
+        """Random stimulus for the configuration."""
         config, clocks = self.config, self.clocks
         gap = self._drawn("gap", GAPS)
         signal = self._drawn("signal", SIGNALS)
@@ -160,7 +160,7 @@ class Draw:
         )
 
     def _samples(self, config: ReadoutConfig, signal: str, ticks: int) -> NDArray[np.int32]:
-        """Return codes of all ticks and taxels; an analog signal may leave the scale by an offset."""
+        """Return codes of all ticks and taxels; analog signals may exceed full scale."""
         scale = config.full_scale * (ANALOG_RANGE if config.frontend == "analog" else 1)
         samples = _MAKERS[signal](config, ticks, self.rng("samples"))
         if config.frontend == "analog":
@@ -174,7 +174,7 @@ def _noise(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArr
 
 
 def _walk(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArray[np.integer]:
-    """Return walks by steps of up to two D, folded at the ends of the scale."""
+    """Return random walks in steps of up to two D, folded at the ends of the scale."""
     steps = rng.integers(-2 * config.step, 2 * config.step + 1, (ticks, config.taxels), dtype=np.int32)
     turn = 4 * config.full_scale
     place = np.cumsum(steps, axis=0, dtype=np.int64) % turn
@@ -191,13 +191,13 @@ def _hold(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArra
 
 
 def _near(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArray[np.integer]:
-    """Return codes beside the thresholds around the reference's reset value."""
+    """Return codes next to the thresholds around the reference's reset value."""
     steps, beside = np.divmod(rng.integers(0, 15, (ticks, config.taxels)), 3)
     return config.reference_reset + config.step * (steps - 2) + beside - 1
 
 
 def _rare(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArray[np.integer]:
-    """Return a skin at rest on which a single taxel moves now and then."""
+    """Return mostly constant codes in which single taxels move occasionally."""
     moves = np.where(rng.random((ticks, config.taxels)) < 0.3 / config.taxels, 1, 0)
     return np.cumsum(moves, axis=0) * 3 * config.step % config.full_scale
 

@@ -1,4 +1,4 @@
-"""Drive and watch the frame readout in the simulator: a behavioural ADC, a receiver, and the model."""
+"""Testbench of the frame readout: behavioural ADC, receiver, and comparison with the model."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from eskin.model.frame_words import adc_code, unpack
 
 
 class SarAdc:
-    """A behavioural SAR: samples at the edge that ends ``adc_start``, then answers after some clocks.
+    """Behavioural SAR ADC: samples at the end of ``adc_start``, then answers after a number of clocks.
 
     Parameters
     ----------
@@ -36,13 +36,13 @@ class SarAdc:
         self.code: int | None = None
 
     def outputs(self) -> tuple[int, int]:
-        """Return adc_done and adc_code of this clock."""
+        """Return adc_done and adc_code in this clock."""
         if self.remaining == 0 and self.code is not None:
             return 1, self.code
         return 0, self.rng.getrandbits(self.config.resolution)
 
     def clock(self, start: bool, sample: int) -> None:
-        """Pass a rising edge; ``sample`` is the signal at the multiplexer's output."""
+        """Apply a rising edge; ``sample`` is the signal at the multiplexer's output."""
         if self.remaining:
             self.remaining -= 1
             if start:
@@ -55,7 +55,7 @@ class SarAdc:
             self.remaining = (self.rng.randint(1, 2 * bits) if self.timing == "random" else bits + 1) - 1
 
     def convert(self, sample: int) -> int:
-        """Return the code as N bits: one comparison of the held sample with the DAC for each, from the top."""
+        """Return the N-bit code, by one comparison of the sample with the DAC per bit."""
         weight = self.config.readout.full_scale
         dac, code = -weight, 0
         for _ in range(self.config.resolution):
@@ -91,7 +91,7 @@ class FrameBench:
         self.block.drive(frame_start=0, adc_done=0, adc_code=0, word_ready=0, rst=1)
 
     def begin(self, timing: str, sink: str) -> None:
-        """Take another ADC and another receiver in an idle state."""
+        """Change ADC and receiver while the readout is idle."""
         self.adc = SarAdc(self.config, timing, self.rng)
         self.sink = Sink(sink, self.rng)
         self.words: list[tuple[int, int]] = []
@@ -100,7 +100,7 @@ class FrameBench:
         self.offered: tuple[int, int] | None = None
 
     async def clock(self, start: bool = False, rst: bool = False) -> None:
-        """Drive a clock, compare all outputs just before its rising edge, and pass that."""
+        """Drive a clock, and compare all outputs just before its rising edge."""
         done, code = self.adc.outputs()
         inputs = Inputs(int(start), done, code, int(self.sink.ready()))
         self.block.drive(rst=rst, **inputs._asdict())
@@ -136,7 +136,7 @@ class FrameBench:
         )
 
     def watch(self, outputs: Outputs, inputs: Inputs) -> int:
-        """Check the contracts of the wires; return the signal at the multiplexer's output."""
+        """Check the signals to multiplexer and ADC; return the signal at the multiplexer's output."""
         row, column = outputs.row_select, outputs.column_select
         one_hot = row & (row - 1) == 0 and column & (column - 1) == 0 and bool(row) == bool(column)
         self.check.holds("OneTaxelSelected", one_hot, f"row {row:#x}, column {column:#x}")
@@ -162,7 +162,7 @@ class FrameBench:
         return sample
 
     async def reset(self, clocks: int = 2) -> None:
-        """Reset readout and ADC for some clocks; drop unfinished work."""
+        """Reset readout and ADC for a number of clocks."""
         self.begin(self.adc.timing, self.sink.name)
         for _ in range(clocks):
             await self.clock(start=True, rst=True)
@@ -170,7 +170,7 @@ class FrameBench:
         self.check.counts["resets"] += 1
 
     async def finish(self) -> None:
-        """Let all words leave, and check that every sample of every frame left once and in order."""
+        """Wait until all words have left, and check that every sample left once and in order."""
         config = self.config
         limit = self.block.time + 40 * config.frame_clocks + 500
         while not self.model.idle:

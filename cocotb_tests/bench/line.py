@@ -1,4 +1,4 @@
-"""Connect a board's serial line, bit by bit, to a pseudo-terminal with a real host program."""
+"""Connection of a simulated board's serial line, bit by bit, to a pseudo-terminal for the host program."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def as_it_is(number: int, byte: int) -> int | None:
 
 
 class Line:
-    """Carries bytes between a pseudo-terminal and the pins ``rx`` and ``tx`` of a board.
+    """Converter between bytes at a pseudo-terminal and the pins ``rx`` and ``tx`` of a board.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class Line:
     async def run(
         self, host: subprocess.Popen[str], pull_after: int | None = None, sender: Any = None, wait_bits: int = 0
     ) -> None:
-        """Carry bytes until the host ends.
+        """Transfer bytes until the host program ends.
 
         Parameters
         ----------

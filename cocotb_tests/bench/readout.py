@@ -1,4 +1,4 @@
-"""Driver, monitor and scoreboard of the readout harness, inside the simulator."""
+"""Driver, monitor and scoreboard of the readout harness."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ RECORDS = 64
 
 @dataclass
 class StimulusDriver:
-    """Write a stimulus in the format of the harness (see harness.v)."""
+    """Writer of stimulus files for the harness (see harness.v)."""
 
     FILES = ("stimulus.bin", "ready.bin", "ack.bin", "comparators.bin")
 
@@ -38,7 +38,7 @@ class StimulusDriver:
     folder: Path
 
     def write(self, stimulus: Stimulus, comparators: Comparators | None = None) -> None:
-        """Write ``FILES``; record the decisions of non-ideal comparators."""
+        """Write the stimulus files."""
         stimulus.check(self.config)
         clocks = np.unique(np.concatenate([stimulus.sample_clock, stimulus.enable_clock, [0]]))
         clocks = clocks[clocks < stimulus.clocks]
@@ -56,7 +56,7 @@ class StimulusDriver:
         (self.folder / "ack.bin").write_bytes(_repeat(stimulus.ack_delay, PATTERN // 16).astype(">u2").tobytes())
 
     def _records(self, stimulus: Stimulus, clocks: NDArray[np.int64], gap: NDArray[np.int64]) -> NDArray[np.uint8]:
-        """Return the records that begin at some clocks, shape (clocks, bytes); ``gap`` is the length of each."""
+        """Return the stimulus records that begin at given clocks, shape (clocks, bytes)."""
         tick = np.searchsorted(stimulus.sample_clock, clocks)
         tick_here = np.minimum(tick, max(len(stimulus.sample_clock) - 1, 0))
         if len(stimulus.sample_clock):
@@ -95,13 +95,13 @@ def _repeat(pattern: NDArray[Any], length: int) -> NDArray[Any]:
 
 @dataclass
 class EventMonitor:
-    """Read the events recorded by the harness."""
+    """Reader of the events recorded by the harness."""
 
     config: ReadoutConfig
     folder: Path
 
     def read(self) -> Events:
-        """Return the events of events.txt."""
+        """Return the events recorded in events.txt."""
         config = self.config
         numbers = np.fromfile(self.folder / "events.txt", dtype=np.int64, sep=" ")
         if config.handshake:
@@ -117,12 +117,12 @@ class EventMonitor:
 
 
 class Mismatch(AssertionError):
-    """RTL and model differ; the text gives the place, the difference, and the command to repeat it."""
+    """Raised if RTL and model differ; the message gives place, difference and repeat command."""
 
 
 @dataclass
 class Scoreboard:
-    """Compare the events of RTL and model, and count the equal ones.
+    """Scoreboard that compares the events of RTL and model, and counts equal ones.
 
     Attributes
     ----------
@@ -139,7 +139,7 @@ class Scoreboard:
     def check(
         self, name: str, clocks: int, expected: Events, rtl: Events, errors: int, again: Callable[[], Stimulus]
     ) -> None:
-        """Compare the events of a run with the model's, and count them; raise Mismatch at the first difference.
+        """Compare the events of a run with those of the model; raise Mismatch at the first difference.
 
         ``again`` returns the stimulus of the run, for the description of a difference.
         """
@@ -153,7 +153,7 @@ class Scoreboard:
         self.events += len(rtl)
 
     def _describe(self, name: str, stimulus: Stimulus, difference: Difference) -> str:
-        """Return the first difference, the model's state there, and the command to repeat it."""
+        """Return a text with the first difference, the model state at that clock, and the repeat command."""
         from eskin.model.readout import state_at
 
         clock, row, column, _ = min(event for event in (difference.a, difference.b) if event is not None)
@@ -172,7 +172,7 @@ class Scoreboard:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A run with stimulus and events computed outside, so that the simulator needs no model.
+    """A run whose stimulus and expected events were computed outside the simulator.
 
     Attributes
     ----------
@@ -196,13 +196,13 @@ class Prepared:
 
     @property
     def expected(self) -> Events:
-        """The model's events."""
+        """Expected events from the model."""
         events: Events = np.load(Path(self.folder) / "expected.npy")
         return events
 
 
 class Bench:
-    """A readout in its harness, for one run after another."""
+    """A readout in the harness, for consecutive runs."""
 
     def __init__(self, dut: Any, config: ReadoutConfig, folder: Path) -> None:
         self.dut = dut
@@ -212,7 +212,7 @@ class Bench:
         self.scoreboard = Scoreboard(config)
 
     async def play(self, stimulus: Stimulus) -> tuple[Events, int]:
-        """Play a stimulus from reset on; return the RTL's events and the protocol violations."""
+        """Play a stimulus after a reset; return the RTL's events and protocol violations."""
         self.driver.write(stimulus)
         return await self._go()
 
@@ -226,7 +226,7 @@ class Bench:
         return int(self.dut.errors.value)
 
     async def play_chip(self, stimulus: Stimulus) -> int:
-        """Play a stimulus to a chip; return the protocol violations between readout and classifier."""
+        """Play a stimulus on a chip; return protocol violations between readout and classifier."""
         self.driver.write(stimulus)
         return await self._done()
 
@@ -240,7 +240,7 @@ class Bench:
         return events
 
     async def check_given(self, name: str, stimulus: Stimulus, comparators: Comparators) -> tuple[Events, Stimulus]:
-        """Compare the RTL with the model for the comparators' decisions; return the events and that stimulus."""
+        """Compare RTL and model for recorded comparator decisions; return the events and the stimulus."""
         from eskin.model.readout import simulate
 
         self.driver.write(stimulus, comparators)

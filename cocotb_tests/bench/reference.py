@@ -1,4 +1,4 @@
-"""The readout in plain Python, one clock at a time: simple rather than fast.
+"""Simple reference model of the readout in plain Python, one clock at a time.
 
 Written only from docs/specification.md and docs/design/microarchitecture.md, as a reference for the clock-skipping
 model and the RTL. Properties and methods give the outputs of a block just before a rising edge, and ``clock`` applies
@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # importing it would compile the fast model in every simulato
 
 
 class AddressEvent(NamedTuple):
-    """The address of an event; events of a unipolar encoder are ON."""
+    """Address of an event; events of a unipolar encoder are ON."""
 
     row: int
     column: int
@@ -27,7 +27,7 @@ class AddressEvent(NamedTuple):
 
 
 class TimedEvent(NamedTuple):
-    """An address event and the clock of its transfer."""
+    """Address event with the clock of its transfer."""
 
     clock: int
     row: int
@@ -40,7 +40,7 @@ Requests = Sequence[Sequence[bool | None]]
 
 
 class TaxelReference:
-    """One taxel.
+    """Reference model of one taxel.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class TaxelReference:
         self.reset()
 
     def reset(self) -> None:
-        """Take the reset state."""
+        """Reset the taxel."""
         self.sample = 0
         self.reference = self.config.reference_reset * self.unit
         self.pending = False
@@ -71,37 +71,37 @@ class TaxelReference:
         self.quiet_ticks = 0
 
     def request(self, enable: bool) -> bool:
-        """Return the request line; the line of a disabled taxel is low in the same clock."""
+        """Return the level of the request line."""
         return self.pending and enable
 
     @property
     def half_width(self) -> int:
-        """h in codes: D minus the closing steps taken (CW-LCS)."""
+        """h in codes: D minus the closing steps (CW-LCS)."""
         return self.step - self.closed * self.closing_step
 
     @property
     def upper(self) -> int:
-        """The smallest code that is ON."""
+        """Smallest code that causes an ON event."""
         return self.reference // self.unit + self.half_width + self.config.encoder.strict
 
     @property
     def lower(self) -> int:
-        """The smallest code that is not OFF."""
+        """Smallest code that causes no OFF event."""
         return self.reference // self.unit - self.half_width
 
     def on_scale(self, reference: int) -> bool:
-        """Return whether a reference lies between the ends of the scale."""
+        """Return True if a reference is within full scale."""
         full_scale = 2 ** (self.config.sample_bits - 1)
         return -full_scale <= reference // self.unit < full_scale
 
     def compare(self, x: int) -> tuple[bool, bool]:
-        """Return whether a code is ON and whether it is OFF, by the inequalities of the specification."""
+        """Return whether a code causes an ON event, and whether it causes an OFF event."""
         difference, h = x - self.reference // self.unit, self.half_width
         above = difference > h if self.config.encoder.strict else difference >= h
         return above, self.config.has_polarity and difference < -h
 
     def comparators(self, x: int) -> tuple[bool, bool]:
-        """Return the decisions of the analog comparators: x >= upper, and with polarity x < lower."""
+        """Return the outputs of the analog comparators: x >= upper, and with polarity x < lower."""
         return x >= self.upper, self.config.has_polarity and x < self.lower
 
     def clock(
@@ -114,7 +114,7 @@ class TaxelReference:
         sample: int | None = None,
         decision: tuple[bool, bool] | None = None,
     ) -> None:
-        """Take a rising edge.
+        """Apply a rising edge.
 
         Parameters
         ----------
@@ -144,7 +144,7 @@ class TaxelReference:
             self.sample = sample
 
     def _move(self, on: bool, off: bool, tick: bool, decay: bool) -> None:
-        """Move reference and window according to a decision."""
+        """Move reference and window after a decision."""
         if self.config.encoder.leaks:
             divisor = 2**self.config.leak_shift
             inward = off if self.reference >= 0 else on  # a step towards zero takes the place of the leak
@@ -166,7 +166,7 @@ class TaxelReference:
 
 
 class ArbiterReference:
-    """Rows round robin, all requests of a row latched at once, one event per clock in rising column order.
+    """Reference model of the arbiter: round robin over rows, one event per clock in rising column order.
 
     Attributes
     ----------
@@ -181,17 +181,17 @@ class ArbiterReference:
         self.reset()
 
     def reset(self) -> None:
-        """Take the reset state."""
+        """Reset the arbiter."""
         self.last: int | None = None
         self.latch: list[AddressEvent] = []
 
     @property
     def event(self) -> AddressEvent | None:
-        """The event offered, or None."""
+        """The offered event, or None."""
         return self.latch[0] if self.latch else None
 
     def selected(self, requests: Requests) -> int | None:
-        """Return the next row to grant: the first requesting row after the last granted one, cyclically."""
+        """Return the row to grant next: round robin, starting behind the last granted row."""
         rows = self.config.rows
         start = 0 if self.last is None else self.last + 1
         for row in [*range(start, rows), *range(min(start, rows))]:
@@ -200,13 +200,13 @@ class ArbiterReference:
         return None
 
     def granted(self, requests: Requests, ready: bool) -> int | None:
-        """Return the row granted in this clock; only if the latch is empty or sends its last event."""
+        """Return the row granted in this clock, or None."""
         if not self.latch or (len(self.latch) == 1 and ready):
             return self.selected(requests)
         return None
 
     def clock(self, requests: Requests, ready: bool) -> None:
-        """Take a rising edge."""
+        """Apply a rising edge."""
         row = self.granted(requests, ready)
         if self.latch and ready:
             self.latch.pop(0)
@@ -218,7 +218,7 @@ class ArbiterReference:
 
 
 class LinkReference:
-    """The four-phase link: set up the address, raise REQ, wait for ACK, lower REQ, wait for ACK low.
+    """Reference model of the four-phase link.
 
     Attributes
     ----------
@@ -231,23 +231,23 @@ class LinkReference:
         self.reset()
 
     def reset(self) -> None:
-        """Take the reset state."""
+        """Reset the link."""
         self.state: Literal["idle", "set up", "request"] = "idle"
         self.address: AddressEvent | None = None
         self.flops = [True, True]  # of the synchroniser; the last one is what the link sees
 
     @property
     def ready(self) -> bool:
-        """Whether an event is taken in this clock."""
+        """True if the link accepts an event in this clock."""
         return self.state == "idle" and not self.flops[-1]
 
     @property
     def req(self) -> bool:
-        """aer_req."""
+        """Level of aer_req."""
         return self.state == "request"
 
     def clock(self, event: AddressEvent | None, ack: bool) -> None:
-        """Take a rising edge with an event offered, or None, and the level of aer_ack."""
+        """Apply a rising edge with the offered event, or None, and the level of aer_ack."""
         if self.ready:
             if event is not None:
                 self.address = event
@@ -260,7 +260,7 @@ class LinkReference:
 
 
 class ReceiverReference:
-    """An asynchronous receiver: ACK follows every edge of REQ after a delay.
+    """Reference model of an asynchronous receiver: ACK follows every edge of REQ after a delay.
 
     Parameters
     ----------
@@ -275,13 +275,13 @@ class ReceiverReference:
         self.at = 0  # when ACK follows, in 1/8 clock
 
     def ack_at(self, clock: int) -> bool:
-        """Return ACK just before the edge of a clock."""
+        """Return the level of ACK just before a clock edge."""
         if self.ack != self.req and 8 * clock > self.at:
             self.ack = self.req
         return self.ack
 
     def see(self, req: bool, clock: int) -> None:
-        """Sample REQ just after the edge of a clock."""
+        """Sample REQ just after a clock edge."""
         if req != self.req:
             self.req = req
             self.at = 8 * clock + self.delays[self.edges % len(self.delays)]
@@ -289,7 +289,7 @@ class ReceiverReference:
 
 
 class ReadoutReference:
-    """The array, its arbiter and its link.
+    """Reference model of array, arbiter and link.
 
     Attributes
     ----------
@@ -318,13 +318,13 @@ class ReadoutReference:
         self.accepted: list[TimedEvent] = []
 
     def seen(self, sample: Sequence[int]) -> list[int]:
-        """Return the signals of the receptive fields: mean or sum, rounded half even, within the scale."""
+        """Return the inputs of the encoders: mean or sum of each field, rounded half to even, saturated."""
         most = 2 ** (self.config.sample_bits - 1) * (ANALOG_RANGE if self.config.frontend == "analog" else 1)
         exact = [Fraction(sum(sample[i] for i in field.taxels), 2**field.shift) for field in self.fields]
         return [min(max(round(value), -most), most - 1) for value in exact]
 
     def requests(self, enable: Sequence[bool]) -> Requests:
-        """Return the pending requests under a mask of rows * columns bits."""
+        """Return the pending requests of enabled taxels."""
         columns = self.config.columns
         return [
             [
@@ -337,7 +337,7 @@ class ReadoutReference:
         ]
 
     def decays(self, row: int) -> bool:
-        """Return whether the sample tick compared in this clock is a decay tick of a row."""
+        """Return True if the current sample tick is a decay tick of a row."""
         number, period = self.ticks - 1, self.config.leak_period
         return self.tick and number % period == row * period // self.config.rows
 
@@ -348,7 +348,7 @@ class ReadoutReference:
         ready: bool,
         decisions: Sequence[tuple[bool, bool]] | None = None,
     ) -> None:
-        """Take a rising edge.
+        """Apply a rising edge.
 
         Parameters
         ----------
@@ -403,7 +403,7 @@ class ReadoutReference:
 def play(
     config: ReadoutConfig, stimulus: Stimulus, clocks: int | None = None
 ) -> tuple[ReadoutReference, list[TimedEvent]]:
-    """Play a stimulus, or its first clocks; return the final readout and its events.
+    """Play a stimulus; return the final state of the readout and its events.
 
     An event's clock is the clock of its transfer (stream), or the clock whose edge raises REQ (four-phase); REQ is
     visible in the next clock.

@@ -1,4 +1,4 @@
-"""Generate the pins of an SPI host clock by clock, for correct and faulty transfers."""
+"""SPI pins of a host, clock by clock, for correct and faulty transfers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eskin.model.registers.spi import GAP_CLOCKS, LAG_CLOCKS, LEAD_CLOCKS, Pins,
 
 @dataclass(frozen=True)
 class Timing:
-    """The delays of a host, in clocks of the readout.
+    """Timing of an SPI host in clocks of the readout.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class Timing:
 
 
 def waveform(bits: Iterable[int], timing: Timing) -> Iterator[Pins]:
-    """Yield the pins of a transfer, and of the gap after it, clock by clock."""
+    """Yield the pins of a transfer and of the pause after it, clock by clock."""
     yield from [Pins(cs_n=0)] * timing.lead
     for bit in bits:
         yield from [Pins(1, 0, bit)] * timing.high
@@ -40,13 +40,13 @@ def waveform(bits: Iterable[int], timing: Timing) -> Iterator[Pins]:
 
 
 def glitched(pins: Sequence[Pins], rng: random.Random) -> list[Pins]:
-    """Return a transfer with CS high for one clock at a random place."""
+    """Return the pins of a transfer with a one-clock glitch on CS."""
     place = rng.randrange(len(pins) - 1)
     return [*pins[:place], pins[place]._replace(cs_n=1), *pins[place + 1 :]]
 
 
 def cut(pins: Sequence[Pins], rng: random.Random) -> list[Pins]:
-    """Return a transfer aborted at a random place; SCK may be high then."""
+    """Return the pins of a transfer aborted at a random place."""
     place = rng.randrange(len(pins))
     return [*pins[:place], *[Pins(pins[max(place - 1, 0)].sck)] * (GAP_CLOCKS + 2), *[Pins()] * 2]
 
@@ -57,7 +57,7 @@ def noise(clocks: int, rng: random.Random) -> list[Pins]:
 
 
 def traffic(addresses: Sequence[int], words: Sequence[int], rng: random.Random, calm: bool = False) -> Iterator[Pins]:
-    """Yield the pins of hosts of all kinds, without end.
+    """Yield random correct and faulty SPI traffic without end.
 
     Parameters
     ----------
@@ -85,10 +85,10 @@ def traffic(addresses: Sequence[int], words: Sequence[int], rng: random.Random, 
 
 
 def next_address(address: int) -> int:
-    """Return the address after another."""
+    """Return the address after a given one."""
     return (address + WORD_BYTES) % (1 << 15)
 
 
 def any_word(rng: random.Random) -> int:
-    """Return a word, often the smallest or largest."""
+    """Return a random word, often the smallest or largest."""
     return rng.choice([0, 1, (1 << WORD_BITS) - 1, rng.getrandbits(WORD_BITS), rng.getrandbits(6)])

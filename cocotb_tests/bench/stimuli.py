@@ -1,4 +1,4 @@
-"""Generate stimuli, sinks and masks of the tests from a seed."""
+"""Random stimuli, sinks and masks for tests."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LARGE = 512
 
 
 def step(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
-    """Every taxel steps to its own level, once."""
+    """Return one step per taxel to a random level."""
     level = rng.integers(-config.full_scale, config.full_scale, config.taxels)
     level[0] = config.full_scale - 1  # one at least is seen at any resolution
     start = rng.integers(1, max(ticks // 2, 2), config.taxels)
@@ -31,13 +31,13 @@ def step(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples
 
 
 def ramp(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
-    """Every taxel rises or falls through the whole range."""
+    """Return ramps through the whole range, rising or falling."""
     up = np.linspace(-config.full_scale, config.full_scale - 1, ticks).astype(np.int64)[:, None]
     return np.where(rng.random(config.taxels) < 0.5, up, up[::-1])
 
 
 def sine(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
-    """Sines of random phase, frequency and amplitude."""
+    """Return sines of random phase, frequency and amplitude."""
     phase = rng.random(config.taxels) * 2 * np.pi
     turns = rng.uniform(1, 4, config.taxels)
     amplitude = rng.uniform(0.05, 1, config.taxels) * (config.full_scale - 1)
@@ -47,18 +47,18 @@ def sine(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples
 
 
 def noise(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
-    """A new random code in every sample of every taxel."""
+    """Return a new random code for every sample and taxel."""
     return rng.integers(-config.full_scale, config.full_scale, (ticks, config.taxels))
 
 
 def square(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
-    """All taxels jump from one end of the range to the other."""
+    """Return full-scale square waves of all taxels."""
     high = (np.arange(ticks) // max(ticks // 6, 1)) % 2 == 0
     return np.where(high, config.full_scale - 1, -config.full_scale)[:, None].repeat(config.taxels, axis=1)
 
 
 def constant(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
-    """Every taxel holds its own level, near its first thresholds or far from them."""
+    """Return a constant level for every taxel, near to its thresholds or far from them."""
     near = config.step + rng.integers(-1, 2, config.taxels)
     far = rng.integers(-config.full_scale, config.full_scale, config.taxels)
     level = np.where(rng.random(config.taxels) < 0.5, near, far)
@@ -67,7 +67,7 @@ def constant(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Sam
 
 
 def together(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
-    """All taxels cross the same levels in the same clock, a few at a time, with rests in between."""
+    """Return signals that cross the same levels in the same clock in all taxels, with pauses."""
     walk = np.cumsum(rng.integers(-2, 3, max(ticks // 4, 1))) * config.step
     walk[[0, -1]] = 4 * config.step
     walk = np.clip(walk, -config.full_scale, config.full_scale - 1)
@@ -75,7 +75,7 @@ def together(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Sam
 
 
 def texture(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
-    """A scan over an embedded photograph, from a random place on."""
+    """Return a scan over an embedded photograph, starting at a random place."""
     from eskin.cocotb_tests.bench.textures import random_scan
 
     return random_scan(config, ticks, rng)
@@ -113,7 +113,7 @@ READY = {"always": _ready_always, "random": _ready_random, "slow": _ready_slow, 
 
 
 def ack_delays(sink: str, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return the delays of a four-phase receiver, shape (4096,), in 1/8 clock, for the names of READY."""
+    """Return the delays of a four-phase receiver, shape (4096,), in 1/8 clock."""
     high = {"always": 2, "random": 60, "slow": 200, "stuck": 40}[sink]
     delays = rng.integers(1, high, SINK_PERIOD)
     if sink == "stuck":
@@ -122,7 +122,7 @@ def ack_delays(sink: str, rng: np.random.Generator) -> NDArray[np.int64]:
 
 
 def masks(config: ReadoutConfig, clocks: int, changes: int, rng: np.random.Generator) -> tuple[NDArray, NDArray]:
-    """Return clocks, shape (changes + 1,), and masks, shape (changes + 1, taxels), that switch taxels off and on."""
+    """Return clocks, shape (changes + 1,), and random masks, shape (changes + 1, taxels)."""
     at = np.unique(np.concatenate([[0], rng.integers(1, max(clocks, 2), changes)]))
     mask = rng.random((len(at), config.taxels)) < 0.7
     mask[-1] = True
@@ -131,7 +131,7 @@ def masks(config: ReadoutConfig, clocks: int, changes: int, rng: np.random.Gener
 
 @dataclass(frozen=True)
 class Scenario:
-    """One run: its name, its stimulus, and the requests outstanding at its end.
+    """A test run: name, stimulus, and number of outstanding requests at its end.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ CUT_OFF, FEW = "noise, cut off", "few taxels"
 
 
 def few(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
-    """A new random level in every sample of every taxel, two to eight steps high."""
+    """Return random levels two to eight steps high for every sample and taxel."""
     return np.minimum(rng.integers(2, 9, (ticks, config.taxels)) * config.step, config.full_scale - 1)
 
 
@@ -160,12 +160,12 @@ def _more(config: ReadoutConfig) -> dict[str, Maker]:
 
 
 def scenario_count(config: ReadoutConfig) -> int:
-    """Return how many scenarios ``scenarios`` yields."""
+    """Return the number of scenarios that ``scenarios`` yields."""
     return len(STIMULI) + len(_more(config))
 
 
 def scenarios(config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 3000) -> Iterator[Scenario]:
-    """Yield every stimulus with a sink and a mask, and a run with noise that the next reset interrupts.
+    """Yield every kind of stimulus with a sink and a mask, and a noise run interrupted by a reset.
 
     Every stimulus has another sink for every seed, and half of them switch taxels off and on during the run. A run ends
     ``MARGIN`` clocks after its last event, or at the latest after ``limit`` clocks. Large arrays have an additional run
@@ -212,7 +212,7 @@ def scenarios(config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 30
 
 
 def settled(config: ReadoutConfig, samples: NDArray[np.integer[Any]]) -> Stimulus:
-    """Return a scan whose run continues after its last sample until the model is silent.
+    """Return a stimulus of a scan, extended until the model sends no more events.
 
     A leaky taxel may fire forever on the last sample. The run therefore ends after 5,000 more clocks, or for arrays
     larger than 12 x 16 after 26 clocks per taxel.
@@ -225,13 +225,13 @@ def settled(config: ReadoutConfig, samples: NDArray[np.integer[Any]]) -> Stimulu
 
 
 def outstanding(config: ReadoutConfig, stimulus: Stimulus, clock: int | None = None) -> int:
-    """Return the number of requests that wait in taxels or latch just before a clock, by default the run's end."""
+    """Return the number of requests that wait in taxels and latch just before a clock."""
     state = state_at(config, stimulus, stimulus.clocks if clock is None else clock)
     return int(state.pending.sum()) + state.latch_columns.bit_count()
 
 
 def _busy_clock(config: ReadoutConfig, stimulus: Stimulus, times: NDArray[np.int64]) -> int:
-    """Return a clock from the middle of a run on, just after an event, at which requests wait."""
+    """Return a clock after the middle of a run, just after an event, at which requests wait."""
     for time in times[len(times) // 2 :].tolist():
         if outstanding(config, stimulus, time + 1):
             return int(time) + 1

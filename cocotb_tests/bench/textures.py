@@ -1,4 +1,4 @@
-"""Scans over the embedded photographs, for tests."""
+"""Scans over the embedded photographs for tests."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eskin.skin.textures.physical import PhysicalScan, large_enough
 
 @functools.lru_cache(maxsize=4)
 def scan(rows: int, columns: int, sample_bits: int, number: int) -> NDArray[np.int32]:
-    """Return the codes of the scan of one embedded texture, shape (ticks, taxels)."""
+    """Return the codes of a scan of one embedded texture, shape (ticks, taxels)."""
     config = ReadoutConfig(rows=rows, columns=columns, sample_bits=sample_bits)
     dataset = embedded_dataset()
     samples, _ = PhysicalScan().samples(config, large_enough(dataset[number % len(dataset)].load(), config))
@@ -22,7 +22,7 @@ def scan(rows: int, columns: int, sample_bits: int, number: int) -> NDArray[np.i
 
 
 def random_scan(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return some ticks of a scan over an embedded photograph, from a random place on, shape (ticks, taxels).
+    """Return a random section of a scan over an embedded photograph, shape (ticks, taxels).
 
     Signals are scaled to 90 % of full scale, so that even the coarsest resolution detects them.
     """

@@ -1,1 +1,1 @@
-"""Co-simulations of blocks: bench, test inside the simulator, and caller."""
+"""Co-simulations of blocks: testbench, cocotb test, and pytest interface."""

@@ -1,4 +1,4 @@
-"""Test comparators with offset, noise, hysteresis and overdrive: the RTL equals a model with their decisions."""
+"""Compare RTL and model for comparators with offset, noise, hysteresis and overdrive."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CLOCKS = 4000
 
 
 def drive(config: ReadoutConfig, samples: np.ndarray, seed: int) -> Stimulus:
-    """Return a stimulus with one sample tick in eight clocks, and a sink that is not always ready."""
+    """Return a stimulus with a sample tick every eight clocks, and a sink with random stalls."""
     from eskin.cocotb_tests.bench.stimuli import READY, ack_delays
     from eskin.model.readout import Stimulus
 
@@ -35,7 +35,7 @@ def drive(config: ReadoutConfig, samples: np.ndarray, seed: int) -> Stimulus:
 
 
 def never_off_the_scale(config: ReadoutConfig, events: Events, check: Checker) -> None:
-    """Compute the references of LCS from the events alone."""
+    """Check from the events that the references of LCS stay within full scale."""
     for y, x in np.ndindex(config.rows, config.columns):
         own = events["p"][(events["y"] == y) & (events["x"] == x)]
         levels = config.reference_reset + config.step * np.cumsum(np.where(own, 1, -1))
@@ -47,7 +47,7 @@ def never_off_the_scale(config: ReadoutConfig, events: Events, check: Checker) -
 
 @cocotb.test()
 async def comparators_with_faults(dut: Any) -> None:
-    """Play signals beyond both ends, a slow one under noise and offset, and nothing but noise."""
+    """Play signals beyond full scale, slow signals with noise and offset, and pure noise."""
     config, rng = job()
     bench = Bench(dut, config, Path.cwd())
     check = Checker(bench)  # type: ignore[arg-type]
@@ -77,7 +77,7 @@ async def comparators_with_faults(dut: Any) -> None:
 
 @cocotb.test()
 async def one_code_over_the_ends(dut: Any) -> None:
-    """Hold a signal just beyond each end of the scale: as many events as there are steps to it, and then none."""
+    """Hold a signal just beyond each end of the scale, and check the number of events."""
     config, _ = job()
     bench = Bench(dut, config, Path.cwd())
     check = Checker(bench)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""The classifier's RTL against the model: every potential, spike, class and clock, for random networks and events."""
+"""Compare the classifier's RTL with the model in every clock, for random networks and events."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ SCANS = 120
 
 
 def job() -> tuple[ClassifierConfig, random.Random]:
-    """Return, within the simulator, the configuration of the test and its source of randomness."""
+    """Return the configuration of the test and its random generator."""
     fields = json.loads(os.environ[JOB])
     return ClassifierConfig.from_dict(fields["config"]), random.Random(fields["seed"])
 
 
 def random_network(config: ClassifierConfig, rng: random.Random) -> IntegerNetwork:
-    """Return a network with weights over all their bits, some rows at the ends of them, all biases."""
+    """Return a network with random weights, including extreme rows."""
     generator = np.random.default_rng(rng.getrandbits(32))
 
     def drawn(bits: int, *shape: int) -> Any:
@@ -47,7 +47,7 @@ def random_network(config: ClassifierConfig, rng: random.Random) -> IntegerNetwo
 
 
 def random_scan(config: ClassifierConfig, rng: random.Random, bins: int, rate: str) -> Stimulus:
-    """Return a scan with events ``seldom``, in ``bursts`` or ``always``, and with bins long enough or too short."""
+    """Return a random scan with events ``seldom``, in ``bursts`` or ``always``."""
     work = 3 * config.hidden + config.hidden * (config.groups + config.classes) // 2 + config.classes
     clock, ends = config.hidden + config.classes, []
     for _ in range(bins):
@@ -67,7 +67,7 @@ def random_scan(config: ClassifierConfig, rng: random.Random, bins: int, rate: s
 
 @cocotb.test()
 async def scans_equal_the_model(dut: Any) -> None:
-    """Play scans with new networks, after resets and scan_start, during work, at all rates of events."""
+    """Play scans with random networks at all event rates, after resets and scan_start."""
     config, rng = job()
     bench = ClassifierBench(dut, config, rng)
     bins = 6 if config.hidden > 4 else 24
@@ -80,7 +80,7 @@ async def scans_equal_the_model(dut: Any) -> None:
 
 @cocotb.test()
 async def scans_begin_at_any_time(dut: Any) -> None:
-    """Play scans of one or two bins, each begun by scan_start at any point of the previous scan."""
+    """Play scans of one or two bins, each started at any point of the previous scan."""
     config, rng = job()
     bench = ClassifierBench(dut, config, rng)
     await bench.load(random_network(config, rng))
@@ -94,7 +94,7 @@ async def scans_begin_at_any_time(dut: Any) -> None:
 
 
 def spaced(network: IntegerNetwork, counts: NDArray[Any]) -> Stimulus:
-    """Return a scan with given events, shape (bins, inputs), in bins that are just long enough for their work."""
+    """Return a scan with given events, shape (bins, inputs), in bins of minimum length."""
     config, state = network.config, State(network)
     clock, before = first_ready(config, -1), 0
     events, ends = [], []
@@ -112,7 +112,7 @@ def spaced(network: IntegerNetwork, counts: NDArray[Any]) -> Stimulus:
 
 @cocotb.test()
 async def given_scans(dut: Any) -> None:
-    """Play the scans of a file through the network of a file."""
+    """Play the scans of a file with the network of a file."""
     fields = json.loads(os.environ[JOB])
     network = IntegerWeights.load(Path(fields["network"])).network
     bench = ClassifierBench(dut, network.config, random.Random(0))
@@ -125,7 +125,7 @@ async def given_scans(dut: Any) -> None:
 
 
 def play_scans(made: IntegerWeights, scans: NDArray[Any], simulator: Simulator, folder: Path) -> Counter[str]:
-    """Play events of shape (scans, bins, inputs) through a network's RTL, and count where it matches the model.
+    """Run events, shape (scans, bins, inputs), through a network's RTL; return the number of matches with the model.
 
     Raises
     ------

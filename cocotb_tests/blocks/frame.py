@@ -1,4 +1,4 @@
-"""The frame readout's RTL against the model in every clock and word, with ADCs and receivers of all kinds."""
+"""Compare the frame readout's RTL with the model in every clock, for all kinds of ADCs and receivers."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 
 
 def job() -> tuple[FrameConfig, random.Random]:
-    """Return, within the simulator, the configuration of the test and its source of randomness."""
+    """Return the configuration of the test and its random generator."""
     fields = json.loads(os.environ[JOB])
     return FrameConfig.from_dict(fields["config"]), random.Random(fields["seed"])
 
 
 @cocotb.test()
 async def frames_equal_the_model(dut: Any) -> None:
-    """All receivers and ADCs, frame starts that come early or late, moving signals, resets in mid-stream."""
+    """Play all receivers and ADCs with early and late frame starts, moving signals, and resets."""
     config, rng = job()
     bench = FrameBench(dut, config, rng)
     texture = np.load("samples.npy")
@@ -69,13 +69,13 @@ async def frames_equal_the_model(dut: Any) -> None:
 
 
 def scanned_frames(config: FrameConfig) -> int:
-    """Return how many frames of a scan are played: fewer of a large array."""
+    """Return the number of frames to play, fewer for a large array."""
     return 24 if config.taxels < 20 else 6
 
 
 @cocotb.test()
 async def texture_scan_gives_its_codes(dut: Any) -> None:
-    """A scan over an embedded photograph at the frame rate: the words and their clocks are those of ``simulate``."""
+    """Play a scan over an embedded photograph, and compare words and their clocks with ``simulate``."""
     config, rng = job()
     bench = FrameBench(dut, config, rng)
     samples = np.load("samples.npy")
@@ -102,7 +102,7 @@ async def texture_scan_gives_its_codes(dut: Any) -> None:
 def cosimulate(
     config: FrameConfig, simulator: Simulator, test: str, folder: Path, seed: int, samples: NDArray[np.int64]
 ) -> Counter[str]:
-    """Run one cocotb test of the frame readout on samples of a scan, and return its counts."""
+    """Run one cocotb test of the frame readout, and return its counts."""
     from eskin.cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
 
     np.save(folder / "samples.npy", samples)

@@ -1,4 +1,4 @@
-"""Compare the readout with registers and the golden model in every clock, while a host sets everything at any time."""
+"""Compare a readout with registers with the golden model in every clock, under random host access."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ CLOCKS = 6000
 
 
 class Comparators:
-    """Comparator macros of an array without offset or noise."""
+    """Ideal comparators of the array."""
 
     def __init__(self, config: ReadoutConfig, block: Block) -> None:
         self.config, self.block = config, block
 
     def look(self, samples: list[int]) -> None:
-        """Drive their decisions."""
+        """Drive the comparator outputs."""
         config, bits = self.config, self.config.sample_bits
         if config.fields == SETTABLE:
             samples = self._selected(samples)
@@ -56,7 +56,7 @@ class Comparators:
         self.block.drive(above=above, below=below)
 
     def _selected(self, samples: list[int]) -> list[int]:
-        """Return the output of the multiplexers: nothing if no line is selected."""
+        """Return the outputs of the input multiplexers, 0 without a selected line."""
         lines = self.block.read("field_select")
         found = []
         for taxel, sample in enumerate(samples):
@@ -74,7 +74,7 @@ class Comparators:
 
 @cocotb.test()
 async def readout_follows_its_model(dut: Any) -> None:
-    """Play a prepared run, and compare events, MISO and its pad with the model in every clock."""
+    """Play a prepared run, and compare events, MISO and its pad enable with the model in every clock."""
     config, _ = job()
     block = Block(dut)
     check = Checker(block)
@@ -118,7 +118,7 @@ async def readout_follows_its_model(dut: Any) -> None:
 
 
 def word_for(register: Register, rng: random.Random, mode: int) -> int:
-    """Return a word that the register accepts; a mask silences few taxels."""
+    """Return a random word that a register accepts; masks disable only few taxels."""
     word = 0
     for field in register.fields:
         value = rng.randint(field.least, field.most)
@@ -133,7 +133,7 @@ def word_for(register: Register, rng: random.Random, mode: int) -> int:
 
 
 def pins_of(config: ReadoutConfig, clocks: int, rng: random.Random) -> list[Any]:
-    """Return the pins of a host: complete valid writes, reads, and traffic of faulty hosts."""
+    """Return SPI pins of a host: valid writes, reads, and faulty transfers."""
     from eskin.model.registers.spi import Pins, transfer
 
     pins: list[Any] = [Pins()] * 5
@@ -153,7 +153,7 @@ def pins_of(config: ReadoutConfig, clocks: int, rng: random.Random) -> list[Any]
 
 
 def whatever(config: ReadoutConfig, clocks: int, draw: np.random.Generator) -> np.ndarray:
-    """Return decisions of arbitrary comparators: none, above, below, both or random, each for a while."""
+    """Return arbitrary comparator decisions: none, above, below, both or random."""
     shape = (clocks, config.taxels)
     while_ = np.repeat(draw.integers(0, 5, (clocks // 40 + 1, config.taxels)), 40, axis=0)[:clocks]
     found = np.where(while_ == 4, draw.integers(0, 4, shape), while_).astype(np.uint8)
@@ -161,14 +161,14 @@ def whatever(config: ReadoutConfig, clocks: int, draw: np.random.Generator) -> n
 
 
 def rows(bits: np.ndarray) -> list[str]:
-    """Return rows of bits as texts, the first bit of each last."""
+    """Return rows of bits as texts, most significant bit first."""
     return ["".join("1" if on else "0" for on in row[::-1]) for row in bits]
 
 
 def prepare(
     config: ReadoutConfig, folder: Path, seed: int, given: list[Any] | None = None, anything: bool = False
 ) -> tuple[Path, Counter[str]]:
-    """Write a run and the model's results; return the file, and the counts of its activities.
+    """Write a run with the expected results; return the file, and the counts of its activities.
 
     The host's pins are given, with frequent mask changes, or come from ``pins_of``. An analog signal exceeds both ends
     of the scale, or the comparators follow ``anything`` instead of the signal.
@@ -232,7 +232,7 @@ def play(
     given: list[Any] | None = None,
     anything: bool = False,
 ) -> tuple[Counter[str], Counter[str]]:
-    """Prepare and play a run (see ``prepare``); return its counts, and the counts of its activities."""
+    """Prepare and play a run; return its counts, and the counts of its activities."""
     path, happens = prepare(config, folder, seed, given, anything)
     env = {JOB: json.dumps({"config": config.to_dict(), "seed": seed}), "ESKIN_HOST": str(path)}
     build(config, simulator, top="eskin_readout").test(__name__, folder, "readout_follows_its_model", env)

@@ -1,4 +1,4 @@
-"""The merge's RTL against a plain queue in every clock, against its contract, and against the golden model."""
+"""Compare the merge's RTL with a queue in every clock, with its contract, and with the golden model."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ Payload = tuple[int, int, int]
 
 
 class MergeReference:
-    """The merge in plain Python, from its specification: a queue of two events, filled by the tiles in turn."""
+    """Reference model of the merge: a queue of two events, filled by the tiles in turn."""
 
     def __init__(self, tiles: int) -> None:
         self.tiles = tiles
         self.reset()
 
     def reset(self) -> None:
-        """Forget all events; tile 0 comes first again."""
+        """Reset the queue and the tile order."""
         self.queue: deque[tuple[int, Payload]] = deque()
         self.last = self.tiles - 1
 
@@ -42,7 +42,7 @@ class MergeReference:
         return asking[0] if asking and len(self.queue) < 2 else None
 
     def clock(self, offers: list[Payload | None], ready: bool) -> None:
-        """Advance by a clock."""
+        """Apply a rising edge."""
         tile = self.taken(offers)
         if ready and self.queue:
             self.queue.popleft()
@@ -54,7 +54,7 @@ class MergeReference:
 
 
 class MergeBench:
-    """A merge with its tiles, sink and reference, and a log for the golden model.
+    """A merge with tiles, sink and reference model, and a log for the golden model.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class MergeBench:
         self.clear()
 
     def clear(self) -> None:
-        """Begin a run."""
+        """Clear the log for a new run."""
         tiles = self.config.tiles
         self.offers: list[Payload | None] = [None] * tiles
         self.first_offered: list[list[int]] = [[] for _ in range(tiles)]
@@ -85,7 +85,7 @@ class MergeBench:
         self.reference.reset()
 
     def offer(self, demand: float, members: list[int]) -> None:
-        """Let idle tiles offer a new event, each with a probability."""
+        """Let idle tiles offer a new event with a given probability."""
         tile_config = self.config.tile
         for tile in members:
             if self.offers[tile] is None and self.rng.random() < demand:
@@ -109,13 +109,13 @@ class MergeBench:
         self.block.drive(**words)
 
     def seen(self) -> tuple[int, int, int, Payload]:
-        """Return tile_ready, event_valid, event_tile and the payload."""
+        """Return the outputs: tile_ready, event_valid, event_tile and the payload."""
         read = self.block.read
         fields = (read("event_row"), read("event_col"), read("event_polarity"))
         return read("tile_ready"), read("event_valid"), read("event_tile"), fields
 
     async def clock(self, demand: float, members: list[int], ready: bool) -> None:
-        """Offer events, drive the pins, compare all outputs with the reference, and make the edge."""
+        """Offer events, compare all outputs with the reference, and generate a clock edge."""
         self.offer(demand, members)
         self.drive_tiles()
         found = []
@@ -142,7 +142,7 @@ class MergeBench:
             self.offers[taken] = None
 
     async def reset(self) -> None:
-        """Reset during activity, which drops all held events."""
+        """Reset the merge during activity, which drops all its events."""
         self.clear()
         self.drive_tiles()
         self.block.drive(rst=1)
@@ -155,7 +155,7 @@ class MergeBench:
 
 @cocotb.test()
 async def merge_keeps_its_contract(dut: Any) -> None:
-    """Play busy and quiet tiles against all kinds of sinks; the last run is left for the golden model."""
+    """Play busy and quiet tiles against all kinds of sinks."""
     config, rng = job()
     assert isinstance(config, TilesConfig)
     bench = MergeBench(dut, config, rng)
@@ -190,7 +190,7 @@ async def merge_keeps_its_contract(dut: Any) -> None:
 
 
 def play(config: TilesConfig, simulator: Simulator, folder: Path, seed: int) -> Counter[str]:
-    """Play the merge of a skin, compare its last run with the golden model too, and return the counts."""
+    """Run the merge test of a skin, compare its last run with the golden model, and return the counts."""
     from eskin.model.tiles.merge import merge
 
     counts = cosimulate(config, simulator, "eskin_merge", "merge_keeps_its_contract", folder, seed, __name__)

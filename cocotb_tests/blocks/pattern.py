@@ -1,4 +1,4 @@
-"""The test pattern's RTL against its model in every clock: modes, paces, restarts, and grants at random."""
+"""Compare the test pattern's RTL with its model in every clock: modes, rates, restarts, random grants."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CLOCKS = 2500
 
 @cocotb.test()
 async def pattern_follows_its_model(dut: Any) -> None:
-    """Every mode at several paces, with rows that are granted early, late, and when they do not ask."""
+    """Play every mode at several rates, with early, late and spurious grants."""
     config, rng = job()
     block = Block(dut)
     check = Checker(block)

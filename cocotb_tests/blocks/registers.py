@@ -1,4 +1,4 @@
-"""The register file's RTL against its model in every clock: every register and hole, refused words, counters."""
+"""Compare the register file's RTL with its model in every clock: registers, unused addresses, counters."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CLOCKS = 1500
 
 @cocotb.test()
 async def file_follows_its_model(dut: Any) -> None:
-    """Words in and out of range to every address, counts and clears at random."""
+    """Write words in and out of range to every address, with random counter inputs."""
     config, rng = job()
     block = Block(dut)
     check = Checker(block)

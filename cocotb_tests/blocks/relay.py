@@ -1,4 +1,4 @@
-"""The relay station's RTL against a plain queue in every clock, its contract, and the golden model."""
+"""Compare the relay station's RTL with a queue in every clock, with its contract, and with the golden model."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FIELDS = ("row", "col", "polarity")
 
 
 class RelayBench:
-    """A station with a queue in plain Python, and a log for the golden model.
+    """A relay station with a queue as reference, and a log for the golden model.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class RelayBench:
         self.clear()
 
     def clear(self) -> None:
-        """Begin a run."""
+        """Clear the log for a new run."""
         self.queue: deque[tuple[int, ...]] = deque()
         self.offer: tuple[int, ...] | None = None
         self.offered: list[int] = []
@@ -64,7 +64,7 @@ class RelayBench:
         return read("tile_ready"), read("event_valid"), tuple(read(f"event_{name}") for name in FIELDS)
 
     async def clock(self, demand: float, ready: bool) -> None:
-        """Offer an event, compare every output with the queue, and make the edge."""
+        """Offer an event, compare every output with the queue, and generate a clock edge."""
         if self.offer is None and self.rng.random() < demand:
             self.offer = self._word()
             self.offered.append(len(self.ready))
@@ -94,7 +94,7 @@ class RelayBench:
         await self.block.edge()
 
     async def reset(self) -> None:
-        """Reset during activity, which drops all held events."""
+        """Reset the relay station during activity, which drops all its events."""
         self.clear()
         self.block.drive(rst=1)
         await self.block.settle()
@@ -106,7 +106,7 @@ class RelayBench:
 
 @cocotb.test()
 async def relay_keeps_its_contract(dut: Any) -> None:
-    """Play busy and quiet tiles against all kinds of sinks; the last run is left for the golden model."""
+    """Play busy and quiet tiles against all kinds of sinks."""
     config, rng = job()
     assert isinstance(config, TilesConfig)
     bench = RelayBench(dut, config, rng)
@@ -136,7 +136,7 @@ async def relay_keeps_its_contract(dut: Any) -> None:
 
 
 def play(config: TilesConfig, simulator: Simulator, folder: Path, seed: int) -> Counter[str]:
-    """Play a station, compare its last run with the golden model too, and return the counts."""
+    """Run the relay station test, compare its last run with the golden model, and return the counts."""
     from eskin.model.tiles.relay import relay
 
     counts = cosimulate(config, simulator, "eskin_relay", "relay_keeps_its_contract", folder, seed, __name__)

@@ -1,4 +1,4 @@
-"""A whole skin, tiles and merge, against its golden model: every event, its clock and its address."""
+"""Compare a whole skin with its golden model: clock and address of every event."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @cocotb.test()
 async def skin_plays_its_stimulus(dut: Any) -> None:
-    """Play stimulus.npz and compare the events that leave the merge with the expected ones."""
+    """Play stimulus.npz, and compare the output events of the merge with the expected ones."""
     config, _ = job()
     assert isinstance(config, TilesConfig)
     block = Block(dut)
@@ -52,7 +52,7 @@ async def skin_plays_its_stimulus(dut: Any) -> None:
 
 
 def play(config: TilesConfig, simulator: Simulator, folder: Path) -> Counter[str]:
-    """Play random walks on a skin, with a sink that is not always ready; return the counts."""
+    """Play random walks on a skin with a stalling sink; return the counts."""
     from eskin.model.readout import Stimulus
     from eskin.model.tiles.run import simulate_skin
 

@@ -1,4 +1,4 @@
-"""Compare the SPI slave's RTL with its model in every clock, and with a host that has its own clock."""
+"""Compare the SPI slave's RTL with its model in every clock, and test it with an asynchronous host."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ CLOCKS = 6_000
 
 
 def drive(block: Block, pins: Pins) -> None:
-    """Set the pins of the host."""
+    """Drive the SPI pins."""
     block.drive(spi_sck=pins.sck, spi_cs_n=pins.cs_n, spi_mosi=pins.mosi)
 
 
 @cocotb.test()
 async def slave_follows_its_model(dut: Any) -> None:
-    """Whole transfers, broken ones, glitches on CS, edges at random, and resets anywhere."""
+    """Play complete and aborted transfers, glitches on CS, random edges, and resets."""
     config, rng = job()
     block = Block(dut)
     check = Checker(block)
@@ -68,17 +68,17 @@ async def slave_follows_its_model(dut: Any) -> None:
 
 
 class Host:
-    """A host without the readout's clock: its times are in picoseconds."""
+    """SPI host that is asynchronous to the readout's clock."""
 
     def __init__(self, block: Block, period_ps: int, rng: random.Random) -> None:
         self.block, self.period_ps, self.rng = block, period_ps, rng
 
     async def wait(self, clocks: float) -> None:
-        """Wait for some clocks of the readout, plus a time between two clocks."""
+        """Wait for a number of clocks of the readout, plus a random fraction."""
         await Timer(round(clocks * self.period_ps) + self.rng.randrange(1, self.period_ps), "ps")
 
     async def transfer(self, address: int, words: list[int], write: bool) -> list[int]:
-        """Make a transfer at the fastest pace that is stated; return the words that came back."""
+        """Make a transfer at the highest specified rate; return the words read."""
         pins, found = self.block.dut, 0
         pins.spi_cs_n.value = 0
         await self.wait(LEAD_CLOCKS)
@@ -99,7 +99,7 @@ class Host:
 
 @cocotb.test()
 async def host_of_another_clock_reads_what_it_wrote(dut: Any) -> None:
-    """A memory behind the slave, words of random transfers to it and from it."""
+    """Write and read random words of a memory behind the slave, and compare them."""
     _, rng = job()
     block = Block(dut)
     check = Checker(block)

@@ -1,1 +1,1 @@
-"""Build simulators, run jobs in them, and follow their progress from outside."""
+"""Build simulation programs, run jobs in them, and follow their progress."""

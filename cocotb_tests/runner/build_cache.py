@@ -1,4 +1,4 @@
-"""Cache Verilog texts and simulation programs in ``build/``, named by a digest of their inputs."""
+"""Cache of Verilog texts and simulation programs in ``build/``, keyed by a digest of their inputs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ KEPT_S = 3600
 
 
 def sources(places: Iterable[tuple[Any, str]]) -> str:
-    """Return a digest of source files: paths and contents.
+    """Return a digest of source files.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def sources(places: Iterable[tuple[Any, str]]) -> str:
 
 
 def digest(recipe: Any) -> str:
-    """Return a short name for the inputs of a build, given as JSON content."""
+    """Return a short digest of the inputs of a build."""
     return hashlib.sha256(json.dumps(recipe).encode()).hexdigest()[:12]
 
 
@@ -68,7 +68,7 @@ SOURCES = digest(_VERILOG_IS_MADE_OF)
 
 
 def verilog_text(config: Config) -> str:
-    """Return the Verilog of a configuration, from the cache if sources and tools are unchanged.
+    """Return the Verilog of a configuration, from the cache if possible.
 
     A text is stored with its digest, so that a damaged text is generated again. It is written atomically, so that two
     processes may generate the same text.
@@ -94,7 +94,7 @@ def _stamp(text: str) -> str:
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Lock a folder against all other processes; the system releases the lock when this process ends."""
+    """Lock a folder against other processes."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)
@@ -105,7 +105,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
-    """Create a folder for this process, removed at its end; also remove folders of killed processes.
+    """Create a temporary folder for this process; also remove those of killed processes.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def _remove_if_abandoned(folder: Path) -> None:
 
 
 def trim(folder: Path, limit: int = MOST_BYTES) -> None:
-    """Remove the least recently used entries until a cache folder is within its limit.
+    """Remove the least recently used entries of a cache folder until its size limit is met.
 
     Entries used within the last hour stay. The time of use is that of a file, or of the file ``built`` in a folder.
     """

@@ -1,4 +1,4 @@
-"""Play a part of the material, as one piece of work of a pool."""
+"""Simulate a part of the inputs as one task of a worker pool."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class PartResult:
-    """The results of a part.
+    """Result of one task.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class PartResult:
 
 
 def job_of(material: Material, names: Sequence[str], config: ReadoutConfig, program: Build, again: str) -> Job:
-    """Return the job for a part of the material; ``again`` is the command that repeats a mismatch."""
+    """Return the job for a part of the inputs; ``again`` is the command that repeats a mismatch."""
     said = material.said(names)
     return Job(
         config.to_dict(),
@@ -59,7 +59,7 @@ def play_here(
     folder: Path,
     on_run: Callable[[dict[str, Any]], None] | None = None,
 ) -> Tally:
-    """Play a job with its images or samples in a folder, and return the totals."""
+    """Run a job in a folder, and return the totals."""
     arrays_at = write_arrays(folder, arrays)
     return run_job(program, dataclasses.replace(job, arrays=str(arrays_at.resolve())), folder, on_run)
 
@@ -73,7 +73,7 @@ def write_arrays(folder: Path, arrays: dict[str, NDArray[Any]]) -> Path:
 
 
 def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> PartResult:
-    """Play a job on this machine and return its event files; restart a simulation that dies.
+    """Run a job on this machine and return its event files; restart a crashed simulation.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> PartResult:
 
 
 def until_it_lives(name: str, play: Callable[[Path], T]) -> T:
-    """Return the result of a simulation in a fresh folder; restart a simulation that dies.
+    """Return the result of a simulation, restarted in a new folder after a crash.
 
     Raises
     ------

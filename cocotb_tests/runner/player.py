@@ -1,4 +1,4 @@
-"""The cocotb test that plays complete runs of the readout harness: scenarios and texture scans."""
+"""Cocotb test that plays scenarios and texture scans on the readout harness."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ JOB = "ESKIN_JOB"
 
 @dataclass(frozen=True)
 class Job:
-    """The runs of a simulation.
+    """The runs of one simulation.
 
     Attributes
     ----------
@@ -63,13 +63,13 @@ class Job:
     keep: str = ""
 
     def write(self, path: Path) -> None:
-        """Write the job as JSON."""
+        """Write the job to a JSON file."""
         path.write_text(json.dumps(asdict(self)))
 
 
 @dataclass(frozen=True)
 class Scan:
-    """The scan of a texture: its stimulus, the requests outstanding at its end, and the file for its events."""
+    """A texture scan: its stimulus, outstanding requests at its end, and event file."""
 
     name: str
     stimulus: Stimulus
@@ -98,7 +98,7 @@ def _scans(job: Job, config: ReadoutConfig) -> Iterator[Scan]:
 
 
 def _samples_of(job: Job, config: ReadoutConfig, image: Any) -> tuple[Any, dict[str, Any]]:
-    """Return the samples of the scan of an image, and the metadata of its recording."""
+    """Return the samples of an image scan, and the metadata of its event file."""
     from eskin.cocotb_tests.bench.textures import large_enough
     from eskin.skin.textures.presets import preset
 
@@ -110,7 +110,7 @@ def _samples_of(job: Job, config: ReadoutConfig, image: Any) -> tuple[Any, dict[
 
 @contextlib.contextmanager
 def told_to_the_caller() -> Iterator[None]:
-    """Write the text of a mismatch to mismatch.txt, and that of bad input to refused.txt."""
+    """Write the message of a mismatch to mismatch.txt, and that of an input error to refused.txt."""
     try:
         yield
     except Mismatch as mismatch:
@@ -157,7 +157,7 @@ async def _play_scans(bench: Bench, job: Job, config: ReadoutConfig) -> AsyncIte
 
 @cocotb.test()
 async def play(dut: Any) -> None:
-    """Play all runs of a job and compare them with the model; write a line of progress.jsonl for each."""
+    """Play all runs of a job, compare them with the model, and write progress to progress.jsonl."""
     job = Job(**json.loads(Path(os.environ[JOB]).read_text()))
     config = ReadoutConfig.from_dict(job.config)
     bench = Bench(dut, config, Path.cwd())

@@ -1,4 +1,4 @@
-"""Run a job in a simulator from outside, and follow its progress."""
+"""Run a job in a simulator process, and follow its progress."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ POLL_S = 0.2
 
 
 class MismatchFound(Exception):  # the outcome that is looked for, not a defect of the program
-    """RTL and model differ; the text is the scoreboard's."""
+    """Raised if RTL and model differ, with the scoreboard's message."""
 
 
 @dataclass
 class Tally:
-    """The totals of a comparison.
+    """Totals of a comparison.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Tally:
 
 
 def run_job(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, Any]], None] | None = None) -> Tally:
-    """Play a job in a simulator and return the totals.
+    """Run a job in a simulator and return the totals.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def follow(
     folder: Path,
     on_run: Callable[[dict[str, Any]], None] = lambda run: None,
 ) -> Tally:
-    """Start the player ``module`` in a folder, report each finished run, and return the totals.
+    """Start the cocotb test ``module`` in a folder, report each finished run, and return the totals.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def follow(
 
 
 def _prepare(job: Job, folder: Path) -> list[dict[str, Any]]:
-    """Write stimulus and expected events of each scenario of a job into a folder; return the data for the player."""
+    """Write stimulus and expected events of each scenario into a folder; return their description."""
     from eskin.cocotb_tests.bench.stimuli import scenarios
     from eskin.model.readout import simulate
 

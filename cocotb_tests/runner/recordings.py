@@ -1,4 +1,4 @@
-"""Play a user's recordings through RTL and model, for ``sim --data`` and ``eskin.run_rtl``."""
+"""Run a user's recordings through RTL and model, for ``sim --data`` and ``eskin.run_rtl``."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from eskin.skin.recordings.quality import link_warning
 
 @dataclass(frozen=True)
 class OwnPlan:
-    """The recordings to play.
+    """The recordings to simulate.
 
     Attributes
     ----------
@@ -54,16 +54,16 @@ class OwnPlan:
 
     @property
     def config(self) -> ReadoutConfig:
-        """A configuration that suits the recordings."""
+        """Configuration suitable for the recordings."""
         return self.material.recordings.config
 
     @property
     def picture(self) -> Path:
-        """The picture of the first recording."""
+        """Path of the picture of the first recording."""
         return self.out / self.folder / PICTURE
 
     def warning(self) -> str:
-        """Return the link's losses for the first recording, with the option that helps; empty without losses."""
+        """Warning about link losses for the first recording; empty without losses."""
         return link_warning(self.config, self.material.arrays(self.names[:1])[self.names[0]][: self.ticks])
 
     @property
@@ -74,14 +74,14 @@ class OwnPlan:
 
 
 def check(simulator: str, count: int, ticks: int | None) -> None:
-    """Refuse an impossible plan before the recordings are read."""
+    """Check the simulation parameters before recordings are read."""
     require_programs(simulator)  # type: ignore[arg-type]
     if count < 1 or (ticks is not None and ticks < 1):
         raise InputError(f"textures and ticks must be at least 1 with --data, not {count}, {ticks}")
 
 
 def play(plan: OwnPlan, on_run: Callable[[Any], None]) -> Tally:
-    """Play the recordings of a plan, store the RTL's events, and draw the first recording above the model's.
+    """Simulate the recordings, store the RTL's events, and draw the first recording.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def play(plan: OwnPlan, on_run: Callable[[Any], None]) -> Tally:
 
 
 def play_samples(config: ReadoutConfig, codes: NDArray[np.int32], simulator: Simulator = "verilator") -> Events:
-    """Return the RTL's events for some samples, compared with the model's.
+    """Return the RTL's events for samples, after comparison with the model.
 
     Parameters
     ----------

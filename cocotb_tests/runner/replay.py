@@ -1,4 +1,4 @@
-"""Run the command replay: the missing scans of a dataset, or the missing recordings of a user."""
+"""Run the command replay: simulate all scans of a dataset, or all recordings of a user."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ MOST_IN_A_PART = 8
 
 @dataclass(frozen=True)
 class Plan:
-    """The material to play, and the folder for the events.
+    """The inputs to simulate, and the folder for the events.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Plan:
 
     @property
     def array(self) -> str:
-        """Name of the configuration for people."""
+        """Name of the configuration for messages."""
         return f"{self.config.rows}x{self.config.columns}-{self.config.encoding}-{self.config.resolution}b"
 
     @property
@@ -78,16 +78,16 @@ class Plan:
 
     @functools.cached_property
     def program(self) -> Build:
-        """The simulation program, built if necessary."""
+        """Simulation program, built if necessary."""
         return build(self.config, "verilator")
 
     @functools.cached_property
     def proofs(self) -> dict[str, str]:
-        """The digest stored with every recording."""
+        """Digest stored in every event file."""
         return {name: self.material.proof(name, self.program) for name in self.names}
 
     def finished(self, name: str) -> Recording | None:
-        """Return a recording if the current RTL and model made it from the same image or samples."""
+        """Return a stored recording if it was made by the current RTL and model from the same input."""
         try:
             found = Recording.load(self.events / f"{name}.npz")
         except InputError:
@@ -95,11 +95,11 @@ class Plan:
         return found if found.metadata.get("proof") == self.proofs[name] else None
 
     def missing(self) -> list[str]:
-        """Return the names that have not been played yet."""
+        """Names without a valid event file."""
         return [name for name in self.names if self.finished(name) is None]
 
     def job(self, names: list[str]) -> Job:
-        """Return the job that plays some of the names."""
+        """Return the job for given names."""
         again = " ".join(["make replay", *variables(self.config), *self.material.again])
         return job_of(self.material, names, self.config, self.program, again)
 
@@ -113,7 +113,7 @@ def plan_textures(
     only: str | None,
     out: Path,
 ) -> Plan:
-    """Return a user's plan: all textures, ``limit`` of them, or ``only`` one by name."""
+    """Return the plan for textures: all of them, ``limit`` of them, or ``only`` one."""
     require_programs("verilator")
     material = Textures(open_dataset(dataset), dataset, preset, start_row)
     config = scan_of(preset).configure(config, config.tau_s if config.encoder.leaks else None)
@@ -121,7 +121,7 @@ def plan_textures(
 
 
 def play(plan: Plan, missing: list[str], pool: WorkerPool, on_run: Callable[[], object]) -> Tally:
-    """Play the missing material in parallel simulations, store the events, and return the totals.
+    """Simulate the missing inputs in parallel, store the events, and return the totals.
 
     Raises
     ------

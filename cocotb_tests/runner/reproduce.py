@@ -1,4 +1,4 @@
-"""Return make commands that repeat a run."""
+"""Make commands that repeat a run."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from eskin.skin.recordings.options import Preparation
 
 
 def reproduce(config: ReadoutConfig, simulator: str, seed: int) -> str:
-    """Return the command that repeats the scenarios of a configuration and writes a waveform."""
+    """Return the command that repeats the scenarios of a configuration with a waveform."""
     return " ".join(["make sim", *variables(config), f"SIM={simulator}", f"SEED={seed}", "TEXTURES=0", "WAVES=1"])
 
 
 def variables(config: ReadoutConfig | FrameConfig, without: Collection[str] = ()) -> list[str]:
-    """Return make variables for a configuration: its non-default fields, but not those without effect."""
+    """Return make variables for the non-default fields of a configuration."""
     idle = {"readout", *without, *(config.idle_fields if isinstance(config, ReadoutConfig) else ())}
     return [
         f"{option_of(field)[2:].replace('-', '_').upper()}={_text(getattr(config, field.name))}"
@@ -29,14 +29,14 @@ def variables(config: ReadoutConfig | FrameConfig, without: Collection[str] = ()
 
 
 def _text(value: Any) -> str:
-    """Return a value as make takes it; lists of receptive fields are JSON."""
+    """Return a value as text for make."""
     if not isinstance(value, tuple):
         return str(value)
     return shlex.quote(json.dumps([one.to_dict() for one in value], separators=(",", ":")))
 
 
 def own_variables(options: Preparation, scale: float) -> list[str]:
-    """Return make variables for the preparation of recordings, with the resulting scale."""
+    """Return make variables for the preparation of recordings."""
     names = {field.name: option_of(field) for field in dataclasses.fields(Preparation) if field.metadata}
     chosen = options.chosen() | {"scale": repr(scale)}
     return [f"{names[name][2:].replace('-', '_').upper()}={value}" for name, value in chosen.items() if name in names]

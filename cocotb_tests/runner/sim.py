@@ -1,4 +1,4 @@
-"""Run the command sim: scenarios and texture scans, one configuration after the other."""
+"""Run the command sim: simulate scenarios and texture scans, one configuration after the other."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Plan:
         return f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b"
 
     def running(self, config: ReadoutConfig) -> Path:
-        """Return the folder in which the simulation runs and writes its log."""
+        """Return the working folder of the simulation."""
         return self.out / self.place(config) / "run"
 
     def image(self, config: ReadoutConfig, name: str) -> NDArray[Any]:
@@ -93,15 +93,15 @@ class Plan:
         return PhysicalScan().samples(config, self.image(config, name))[0][: self.ticks]
 
     def warning(self, config: ReadoutConfig) -> str:
-        """Return the link's losses for the first scan, with the option that helps; empty without losses."""
+        """Return a warning about link losses for the first scan; empty without losses."""
         return link_warning(config, self.samples(config, self.textures[0])) if self.textures else ""
 
     def picture(self, config: ReadoutConfig) -> Path | None:
-        """Return the picture of the first scan, or None without scans."""
+        """Return the path of the picture of the first scan, or None without scans."""
         return self.out / self.place(config) / PICTURE if self.textures else None
 
     def waveform(self, config: ReadoutConfig) -> Path:
-        """Return the waveform of a configuration."""
+        """Return the path of the waveform of a configuration."""
         return self.running(config) / ("waves.vcd" if self.simulator == "verilator" else "waves.fst")
 
 
@@ -115,7 +115,7 @@ def plan(
     dataset: str | None,
     out: Path,
 ) -> Plan:
-    """Return a user's plan; ``textures`` is their number, ``only`` the name of a single one."""
+    """Return the plan for the options of the command."""
     require_programs(simulator)  # type: ignore[arg-type]
     if textures < 0 or seed < 0 or (ticks is not None and ticks < 1):
         raise InputError(f"textures and seed must be at least 0 and ticks at least 1, not {textures}, {seed}, {ticks}")
@@ -130,7 +130,7 @@ def plan(
 
 
 def with_netlist(plan: Plan, netlist: Path, cells: Path) -> Plan:
-    """Return a plan that plays a netlist with its cells instead of the RTL."""
+    """Return a plan that simulates a netlist instead of the RTL."""
     texts = []
     for path, what in ((netlist, "netlist"), (cells, "cells")):
         try:
@@ -143,7 +143,7 @@ def with_netlist(plan: Plan, netlist: Path, cells: Path) -> Plan:
 
 
 def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_stage: Callable[[str], None]) -> Tally:
-    """Play all runs of a configuration and return the totals.
+    """Simulate all runs of a configuration, and return the totals.
 
     Parameters
     ----------

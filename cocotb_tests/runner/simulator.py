@@ -64,7 +64,7 @@ CHIP_WIDTHS = {
 
 
 class SimulationDied(AssertionError):  # it may be done again
-    """A simulation was killed or crashed before it could report its tests."""
+    """Raised if a simulation crashed or was killed."""
 
 
 class Build:
@@ -133,7 +133,7 @@ class Build:
 
 @dataclass(frozen=True)
 class Instruments:
-    """Verilator instruments: coverage counters.
+    """Instrumentation by Verilator, such as coverage counters.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ _instruments: ContextVar[Instruments | None] = ContextVar("instruments", default
 
 @contextmanager
 def instrumented(instruments: Instruments) -> Iterator[None]:
-    """Build with instruments inside this context, without optimising the C++, which would take longer than the runs."""
+    """Build with instrumentation inside this context, without C++ optimisation."""
     token = _instruments.set(instruments)
     try:
         yield
@@ -251,14 +251,14 @@ def build(
 
 
 def _control(simulator: Simulator, top: str, hierarchical: bool, bare: bool) -> str:
-    """Return Verilator's control file for a design; the harness marks its public signals itself."""
+    """Return Verilator's control file for a design."""
     if hierarchical:
         return HIERARCHY
     return PORTS.format(top) if simulator == "verilator" and top != "harness" and not bare else ""
 
 
 def _write_sources(folder: Path, text: str, harness: str, control: str) -> list[Path]:
-    """Write the sources of a program into a folder and return the files; skip empty texts."""
+    """Write the non-empty sources of a program into a folder, and return the files."""
     texts = {"control.vlt": control, "eskin_readout.v": text, "harness.v": harness}
     for name, content in texts.items():
         if content:
@@ -267,7 +267,7 @@ def _write_sources(folder: Path, text: str, harness: str, control: str) -> list[
 
 
 def _failure(log: Path, what: str, given: bool) -> Exception:
-    """Return the error for a failed build: InputError for Verilog given by the user."""
+    """Return the exception for a failed build: InputError for Verilog given by the user."""
     tail = log.read_text(errors="replace")[-4000:] if log.exists() else ""
     if not given:
         return RuntimeError(f"{what}\n{tail}")
@@ -277,7 +277,7 @@ def _failure(log: Path, what: str, given: bool) -> Exception:
 
 
 def _name(config: Config) -> str:
-    """Return a folder name by which people recognise a configuration."""
+    """Return a readable folder name for a configuration."""
     if isinstance(config, ClassifierConfig):
         return f"{config.inputs}-{config.hidden}-{config.classes}-{config.lanes}l"
     if isinstance(config, ChipConfig):
@@ -290,11 +290,11 @@ def _name(config: Config) -> str:
 
 
 class MissingProgram(InputError):  # the sentence a user reads
-    """A system program for a simulator is not installed."""
+    """Raised if a system program for a simulator is not installed."""
 
 
 def require_programs(simulator: Simulator) -> None:
-    """Refuse to continue without the simulator's system programs, with the remedy in one sentence."""
+    """Check that the system programs of a simulator are installed."""
     if simulator not in get_args(Simulator):
         raise InputError(f"SIM must be one of {', '.join(get_args(Simulator))}, not {simulator!r}")
     needed = ["iverilog"] if simulator == "icarus" else ["g++", "make", "perl"]

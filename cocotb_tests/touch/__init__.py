@@ -1,1 +1,1 @@
-"""Play the whole chain: textures or recordings through readout and classifier as one chip."""
+"""Simulate textures or recordings on a chip with readout and classifier."""

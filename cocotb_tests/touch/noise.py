@@ -1,4 +1,4 @@
-"""Play a moving random texture through a chip with random weights, compared with the models."""
+"""Play a moving random texture on a chip with random weights, and compare it with the models."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def network_of(chip: ChipConfig) -> IntegerWeights:
 
 
 def play(chip: ChipConfig, program: Simulator, folder: Path, network: IntegerWeights | None = None) -> dict[str, Any]:
-    """Play a moving texture through a chip in its harness and return its result."""
+    """Play a moving texture on a chip in its harness, and return the result."""
     (network or network_of(chip)).save(folder / "network.npz")
     np.savez(folder / "arrays.npz", **{"array/noise": random_scan(chip.readout, 60, np.random.default_rng(2))})  # type: ignore[arg-type]
     job = Job(

@@ -1,4 +1,4 @@
-"""Draw the picture of touch: one scan from texture to class, from the RTL's outputs."""
+"""Draw the picture of touch: one scan from texture to class, with the outputs of the RTL."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from eskin.skin.textures.presets import preset
 
 
 def draw(plan: Plan, summary: dict[str, Any], path: Path) -> Path | None:
-    """Draw the first scan with a known class, from texture to class; everything below its signals is from the RTL.
+    """Draw the first scan with a known class, from texture to class.
 
     The numbers of each step above the panels are of all that was played.
     """
@@ -60,7 +60,7 @@ def draw(plan: Plan, summary: dict[str, Any], path: Path) -> Path | None:
 
 
 def numbers(chip: ChipConfig, summary: dict[str, Any]) -> dict[str, str]:
-    """Return rates and sizes of each step from touch to class, in words, from the totals."""
+    """Return a text with rates and sizes of each step from touch to class."""
     readout, classifier = chip.readout, chip.classifier
     seconds = summary["clocks"] / readout.clock_hz
     samples_bps = readout.taxels * readout.sample_rate_hz * readout.sample_bits

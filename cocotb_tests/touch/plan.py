@@ -1,4 +1,4 @@
-"""Run the command touch: scans through a chip, each with a network that was not trained on the image."""
+"""Run the command touch: scans on a chip, with networks that were not trained on the image."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ MOST_IN_A_PART = 8
 
 @dataclass(frozen=True)
 class Network:
-    """An integer network, with its notes on the training.
+    """An integer network with the notes on its training.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Network:
 
     @classmethod
     def load(cls, path: Path) -> Network:
-        """Return the network of a file; refuse one without notes on its training.
+        """Return the network from a file; raise an error without notes on the training.
 
         What it says is described at ``eskin.snn.experiments.trained.said_of_training``.
         """
@@ -88,7 +88,7 @@ class Network:
 
 @dataclass(frozen=True)
 class Plan:
-    """The material, and its networks.
+    """The inputs to simulate, and the networks.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class Plan:
 
     @property
     def names(self) -> list[str]:
-        """Names of all items."""
+        """Names of all inputs."""
         return list(self.networks)
 
     @property
@@ -117,18 +117,18 @@ class Plan:
 
     @functools.cached_property
     def programs(self) -> dict[Path, Build]:
-        """The simulation programs by network file, built if necessary; most networks share one."""
+        """Simulation programs by network file, built if necessary."""
         return {one.path: build(one.chip, "verilator") for one in {n.path: n for n in self.networks.values()}.values()}
 
     def proof(self, name: str) -> str:
-        """Return the digest stored with a result: RTL and harness, models, network, and material."""
+        """Return the digest stored with a result: RTL, harness, models, network and input."""
         network = self.networks[name]
         found = hashlib.sha256(self.material.proof(name, self.programs[network.path]).encode())
         found.update(network.path.read_bytes())
         return found.hexdigest()
 
     def finished(self, name: str) -> dict[str, Any] | None:
-        """Return a result if the current RTL and network made it from the same image or samples."""
+        """Return a stored result if it was made by the current RTL and network from the same input."""
         try:
             said = result_of(self.folder / f"{name}.npz")
         except InputError:
@@ -136,7 +136,7 @@ class Plan:
         return said if said.get("proof") == self.proof(name) else None
 
     def parts(self, workers: int) -> Iterator[tuple[Job, dict[str, NDArray[Any]]]]:
-        """Yield jobs for missing results, each with a limited number of names and one network."""
+        """Yield jobs for missing results, each with one network."""
         missing: dict[Path, list[str]] = {}
         for name, network in self.networks.items():
             if self.finished(name) is None:
@@ -168,7 +168,7 @@ class Plan:
         return {name: self.samples(name, arrays[name]) for name in names}
 
     def samples(self, name: str, array: NDArray[Any]) -> NDArray[Any]:
-        """Return the codes to play for an image, or for a recording."""
+        """Return the codes for an image or a recording."""
         if not self.material.preset:
             return array
         network = self.networks[name]
@@ -176,12 +176,12 @@ class Plan:
         return scan.samples(network.chip.readout, self.image(name, array), self.material.start_row)[0]
 
     def image(self, name: str, array: NDArray[Any]) -> NDArray[Any]:
-        """Return the image to scan; embedded ones are repeated for large arrays."""
+        """Return the image to scan, large enough for the array."""
         return large_enough(array, self.networks[name].chip.readout) if self.material.name == EMBEDDED else array
 
 
 def plan(weights: Path | None, data: Path | None, dataset: str, limit: int | None, only: str | None, out: Path) -> Plan:
-    """Return a user's plan: all or some of the textures or recordings."""
+    """Return the plan for the options of the command."""
     require_programs("verilator")
     if data is None:
         textures = open_dataset(dataset)
@@ -204,13 +204,13 @@ def plan(weights: Path | None, data: Path | None, dataset: str, limit: int | Non
 
 
 def not_learned(material: Material, networks: Sequence[Network]) -> list[str]:
-    """Return the names that a network has not learned; all names if every network has learned all."""
+    """Return the names that at least one network was not trained on, or all names."""
     found = [name for name in material.names if any(n.dataset != material.name or name in n.tested for n in networks)]
     return found or material.names
 
 
 def _load(place: Path) -> list[Network]:
-    """Return the integer network of a file, or those of a folder."""
+    """Return the integer networks of a file or folder."""
     paths = sorted(place.glob("*.npz")) if place.is_dir() else [place]
     if place.parent == SHIPPED and not place.exists():
         raise InputError(f"no networks for {place.name} come with the project; give --weights, from eskin quantise")
@@ -220,7 +220,7 @@ def _load(place: Path) -> list[Network]:
 
 
 def _own(network: Network, place: Path) -> Own:
-    """Return a user's recordings, prepared as for the training."""
+    """Return a user's recordings, prepared as in the training."""
     if network.own is None:
         raise InputError(f"{network.path} was trained on textures; leave --data out, or train on recordings")
     return Own(network.own.read(place), place)
@@ -251,7 +251,7 @@ def choose(material: Material, names: Sequence[str], networks: Sequence[Network]
 
 
 def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> dict[str, bytes]:
-    """Play a job on this machine and return its result files; restart a simulation that dies.
+    """Run a job on this machine and return its result files; restart a crashed simulation.
 
     Raises
     ------
@@ -273,7 +273,7 @@ def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> dict[str, bytes]:
 
 
 def play(plan: Plan, pool: WorkerPool, on_run: Callable[[], object]) -> None:
-    """Play the missing material in parallel simulations, and store the results.
+    """Simulate the missing inputs in parallel, and store the results.
 
     Raises
     ------
@@ -290,7 +290,7 @@ def play(plan: Plan, pool: WorkerPool, on_run: Callable[[], object]) -> None:
 
 
 def result_of(path: Path) -> dict[str, Any]:
-    """Return the text part of a result; ``read_arrays`` returns the rest."""
+    """Return the metadata of a result file."""
     try:
         said: dict[str, Any] = json.loads(str(read_arrays(path, "a result of touch", "play it again")["metadata"]))
     except (KeyError, ValueError):
@@ -299,7 +299,7 @@ def result_of(path: Path) -> dict[str, Any]:
 
 
 def summarise(plan: Plan) -> dict[str, Any]:
-    """Return the totals of all results, with the answer for every image."""
+    """Return the totals of all results, with the predicted class of every image."""
     found = {name: plan.finished(name) for name in plan.names}
     there = [said for said in found.values() if said]
     known = [said for said in there if said["true"] is not None]

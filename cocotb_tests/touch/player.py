@@ -1,4 +1,4 @@
-"""The cocotb test that plays scans through a chip and compares them with both models."""
+"""Cocotb test that plays scans on a chip and compares them with both models."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ JOB = "ESKIN_TOUCH_JOB"
 
 @dataclass(frozen=True)
 class Job:
-    """The scans of a simulation.
+    """The scans of one simulation.
 
     Attributes
     ----------
@@ -44,13 +44,13 @@ class Job:
     reproduce: str = ""
 
     def write(self, path: Path) -> None:
-        """Write the job as JSON."""
+        """Write the job to a JSON file."""
         path.write_text(json.dumps(asdict(self)))
 
 
 @cocotb.test()
 async def play(dut: Any) -> None:
-    """Play all scans of a job and compare them with the models; write a line of progress.jsonl for each."""
+    """Play all scans of a job, compare them with the models, and write progress to progress.jsonl."""
     import numpy as np
 
     from eskin.base.files import write_arrays

@@ -1,4 +1,4 @@
-"""Benches on bare wires: what is sent arrives, and every rule names the fault that breaks it."""
+"""Testbenches on bare signals: all events arrive, and every rule detects its violation."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ FOUR_PHASE = {
 
 
 class Ends:
-    """A source, a sink, a monitor and a checker of one bus."""
+    """Source, sink, monitor and checker of one bus."""
 
     def __init__(
         self, dut: Any, prefix: str = "", stop: bool = True, timeout: float | None = 1000, **sink: Any
@@ -148,7 +148,7 @@ async def a_reset_gives_the_handshake_up(dut: Any) -> None:
 
 
 async def broken(ends: Ends, events: int = 3) -> set[Rule]:
-    """Send events and return the rules that were broken."""
+    """Send events and return the violated rules."""
     for address in range(events):
         ends.source.send_nowait(AerEvent(2 * address, 1) if ends.source.bus.dual else 2 * address)
     await Timer(events * 100, "ns")
@@ -205,7 +205,7 @@ async def unknown_levels_break_rules(dut: Any) -> None:
 
 
 class Stream:
-    """A source, a sink, a monitor and a checker of the stream."""
+    """Source, sink, monitor and checker of a stream."""
 
     def __init__(self, dut: Any, stop: bool = True) -> None:
         Clock(dut.clk, 10, "ns").start(start_high=False)

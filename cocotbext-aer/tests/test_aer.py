@@ -1,4 +1,4 @@
-"""Plays the benches on Icarus, or on the simulator that SIM names."""
+"""Run the testbenches on Icarus, or on the simulator in the variable SIM."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw docs/figures/signal_path.png and house.png: the way of a signal, and the rooms with their imports.
+"""Draw docs/figures/signal_path.png and house.png: the signal path, and the packages with their imports.
 
 ``python docs/figures/architecture.py`` from the top of the project. Names of signals are the ports of the RTL, arrows
 between rooms are the imports. networkx comes with scikit-image.
@@ -31,7 +31,7 @@ ORANGE, GREEN = PALETTE["orange"], PALETTE["green"]
 
 
 def plane(title: str, width: float, height: float, inches: float = 0.5) -> tuple[Any, Axes]:
-    """Return a figure and its empty plane."""
+    """Return a figure with empty axes."""
     figure = new_figure(inches * width, inches * height, title)
     axis = figure.add_subplot(xlim=(0, width), ylim=(0, height))
     axis.axis("off")
@@ -39,7 +39,7 @@ def plane(title: str, width: float, height: float, inches: float = 0.5) -> tuple
 
 
 def box(axis: Axes, x: float, y: float, width: float, height: float, text: str, colour: str = "blue") -> None:
-    """Draw a box around a text."""
+    """Draw a text in a box."""
     edge = PALETTE[colour]
     style = "round,pad=0,rounding_size=0.1"
     axis.add_patch(FancyBboxPatch((x, y), width, height, style, fc=edge + "22", ec=edge, lw=1.2))
@@ -49,7 +49,7 @@ def box(axis: Axes, x: float, y: float, width: float, height: float, text: str, 
 def arrow(
     axis: Axes, start: tuple[float, float], end: tuple[float, float], names: Collection[str] = (), **style: Any
 ) -> None:
-    """Draw an arrow below the names of its signals."""
+    """Draw an arrow with the names of its signals."""
     axis.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 2} | style)
     label(axis, (start[0] + end[0]) / 2, start[1] + 0.1, "\n".join(sorted(names)))
 
@@ -66,7 +66,7 @@ def ports(block: type, direction: str) -> set[str]:
 
 
 def draw_signal_path() -> None:
-    """Draw the way of a signal from the texture to the class: above through the array, below to the left."""
+    """Draw the signal path from texture to class."""
     figure, axis = plane("From signal to class", 16, 12.5)
     lines = ports(Arbiter, "In") - ports(FourPhaseLink, "Out")
     for row in range(3):
@@ -102,7 +102,7 @@ def draw_signal_path() -> None:
 
 
 def house() -> nx.DiGraph:
-    """Return the rooms, with an edge from each to every room that it imports."""
+    """Return the graph of imports between packages."""
     rooms = {path.parent.name for path in ROOT.glob("*/__init__.py")} - NO_ROOMS
     graph = nx.DiGraph()
     graph.add_nodes_from(sorted(rooms))
@@ -114,7 +114,7 @@ def house() -> nx.DiGraph:
 
 
 def places_of(graph: nx.DiGraph) -> dict[str, tuple[float, float]]:
-    """Return column and floor of every room, such that the fewest arrows pass over rooms and the arrows are short."""
+    """Return column and row of every package, with few arrow crossings and short arrows."""
     floors = list(map(sorted, nx.topological_generations(graph.reverse())))
     columns = max(map(len, floors))
     best: tuple[tuple[float, float], dict[str, tuple[float, float]]] = ((np.inf, np.inf), {})
@@ -136,7 +136,7 @@ def places_of(graph: nx.DiGraph) -> dict[str, tuple[float, float]]:
 
 
 def draw_house() -> None:
-    """Draw the rooms, with their folders, above those that they import; an arrow that others imply is left out."""
+    """Draw the packages above those that they import, without redundant arrows."""
     graph = nx.transitive_reduction(house())  # raises if imports run in a circle
     places = {room: (5.0 * column + 2.5, 2.5 * floor + 1) for room, (column, floor) in places_of(graph).items()}
     width, height = (max(ends) for ends in zip(*places.values(), strict=True))

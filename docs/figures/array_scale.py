@@ -1,4 +1,4 @@
-"""Draw docs/figures/array_scale.png: area and highest clock as the array grows, from docs/data/asic.
+"""Draw docs/figures/array_scale.png: area and highest clock frequency against array size.
 
 ``python docs/figures/array_scale.py`` from the top of the project.
 """

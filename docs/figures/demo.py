@@ -1,4 +1,4 @@
-"""Record the page of ``eskin demo`` in a browser: ``python -m docs.figures.demo`` writes docs/figures/demo.gif."""
+"""Record the page of ``eskin demo`` in a browser as docs/figures/demo.gif (``python -m docs.figures.demo``)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SPEED = 0.01
 
 
 def shades() -> list[tuple[int, ...]]:
-    """Return the colours of the recording."""
+    """Return the colour palette of the recording."""
     back, card = ImageColor.getrgb("#0d1117"), ImageColor.getrgb("#161b22")
     found: list[tuple[int, ...]] = [back, card]
     for name, levels in LEVELS.items():

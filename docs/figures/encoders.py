@@ -1,4 +1,4 @@
-"""Draw docs/figures/encoders.png: one signal, and the events of every encoder.
+"""Draw docs/figures/encoders.png: one signal with the events of every encoder.
 
 ``python docs/figures/encoders.py`` from the top of the project.
 """

@@ -1,4 +1,4 @@
-"""Draw docs/figures/load.png: waits at five arbiters, from benchmarks/results/load.json.
+"""Draw docs/figures/load.png: waiting times at five arbiters, from benchmarks/results/load.json.
 
 ``python docs/figures/load.py`` from the top of the project.
 """

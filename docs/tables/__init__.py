@@ -1,4 +1,4 @@
-"""Tables and sentences of results. cog calls these functions in the pages: ``<!-- [[[cog accuracy_paper() ]]] -->``.
+"""Tables and sentences of results, which cog inserts into the pages.
 
 ``make docs`` writes every page anew; a test runs ``cog --check``. Data: ``docs/data``, ``snn/figures``,
 ``benchmarks/results``. Every function prints Markdown.

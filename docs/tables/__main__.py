@@ -1,4 +1,4 @@
-"""``python -m docs.tables``: write the README and the pages anew with cog, or compare (``--check``)."""
+"""Regenerate the tables in README and pages with cog, or check them: ``python -m docs.tables [--check]``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def main(options: list[str], pages: list[str] | None = None) -> int:
-    """Run cog, and return its exit code: 0 if all is well, 5 if ``--check`` finds a page that would change."""
+    """Run cog, and return its exit code: 0 for success, 5 if ``--check`` finds an outdated page."""
     prologue = ["-P", "-p", "from docs.tables import *", "--verbosity=1"]
     return Cog().main(["cog", *(options or ["-r"]), *prologue, *(pages or map(str, PAGES))])
 

@@ -1,4 +1,4 @@
-"""Accuracies by encoder, network, data rate, noise and time."""
+"""Tables of accuracies by encoder, network, data rate, noise and time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def sweep(name: str) -> list[dict[str, Any]]:
 
 
 def accuracy_paper() -> None:
-    """Print accuracies of the paper's network on the paper's scans."""
+    """Print accuracies of the paper's network on scans of preset ``paper``."""
     table(
         "encoder | normalised rate | published | last epoch | selected epoch",
         sweep("paper-network"),
@@ -29,7 +29,7 @@ def accuracy_paper() -> None:
 
 
 def accuracy_physical() -> None:
-    """Print accuracies of the tuned network on physical scans, one point with bins of 2 ms."""
+    """Print accuracies of the tuned network on scans of preset ``physical``."""
     points = [p | {"bins": ""} for p in sweep("tuned")] + [p | {"bins": ", bins of 2 ms"} for p in sweep("tuned-2ms")]
     table(
         "encoder | normalised rate | last epoch | selected epoch",
@@ -39,7 +39,7 @@ def accuracy_physical() -> None:
 
 
 def frame_points() -> dict[str, dict[str, Any]]:
-    """Return the points of frames by the kind of network."""
+    """Return the points of frames by kind of network."""
     published = only(read("snn/figures/published_fig9.json")["points"], readout="frame", resolution=10)["accuracy"]
     rnn, cnn = (next(p for p in sweep("reference-frames") if kind in p["name"]) for kind in ("rnn", "cnn"))
     return {
@@ -65,7 +65,7 @@ NETWORKS = {"leaky": "leaky", "leaky-2ms": "leaky, 2 ms", "convolutions": "convo
 
 
 def frontier_points(preset: str) -> list[dict[str, Any]]:
-    """Return the points of the frontier of a scan, with words for readout and network."""
+    """Return the frontier points of a preset, with readout and network as text."""
     points = read("docs/data/frontier.json")["points"]
     return [
         p | {"of": NETWORKS[p["network"]], "count": len(p["taxels"]), "events": not p["readout"].startswith("frame")}
@@ -75,7 +75,7 @@ def frontier_points(preset: str) -> list[dict[str, Any]]:
 
 
 def frontier(preset: str) -> None:
-    """Print the points of the frontier of a scan."""
+    """Print the frontier points of a preset."""
     rows = [
         p | {"rate": f"{p['rate_hz']:,.0f}" if p["events"] else "frames"}
         for p in sorted(frontier_points(preset), key=lambda p: (p["network"], p["bits_per_s"]))
@@ -90,7 +90,7 @@ def frontier(preset: str) -> None:
 
 
 def frontier_inner() -> None:
-    """Print the candidates that inner validation judged."""
+    """Print the candidates compared by inner validation."""
     rows = [
         one | dict(zip("snrt", one["name"].split("/"), strict=True)) for one in read("docs/data/frontier.json")["inner"]
     ]
@@ -102,12 +102,12 @@ def frontier_inner() -> None:
 
 
 def at(name: str) -> dict[str, Any]:
-    """Return a point of the frontier by its name."""
+    """Return the frontier point of a given name."""
     return only(read("docs/data/frontier.json")["points"], name=name)
 
 
 def less(first: str, second: str) -> dict[str, Any]:
-    """Return by how many points the second point of a pair is less accurate, with interval, and its share of power."""
+    """Return the accuracy loss of the second point of a pair, with interval, and its relative power."""
     pair = only(read("docs/data/frontier.json")["pairs"], first=first, second=second)
     power = {"ratio": at(second)["power_w"] / at(first)["power_w"]} if at(second)["power_w"] else {}
     low, high = sorted(0.0 - bound for bound in pair["interval"])
@@ -115,7 +115,7 @@ def less(first: str, second: str) -> dict[str, Any]:
 
 
 def frontier_targets() -> None:
-    """Print the targets of the frontier beside what was reached."""
+    """Print targets and results of the frontier."""
     reached = "{verdict}: {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f})"
     reached += " at {rate_hz:,.0f} events/s, seeds: {seeds}"
     rows = []
@@ -132,7 +132,7 @@ def frontier_targets() -> None:
 
 
 def frontier_pairs() -> None:
-    """Print LCS against others of about the same rate, the same scan and network, image by image."""
+    """Print comparisons of LCS with other readouts at similar data rate, image by image."""
     data = read("docs/data/frontier.json")
     by_name = {point["name"]: point for point in data["points"]}
     rows = []
@@ -176,7 +176,7 @@ def nlcs_explained() -> None:
 
 
 def nlcs_epochs() -> None:
-    """Print fold accuracies of N-LCS 8 b: published, ours in the last epoch, ours in the best test epoch."""
+    """Print fold accuracies of N-LCS 8 b: published, last epoch, and best test epoch."""
     folds = read(f"{TEXTURES}nlcs/test-epochs.json")["folds"]
     rows = {
         "published": [62.5, 82.5, 85.0, 87.5, 65.0, 75.0],
@@ -190,7 +190,7 @@ def nlcs_epochs() -> None:
 
 
 def precision() -> None:
-    """Print accuracies of integer networks by bits of their weights."""
+    """Print accuracies of integer networks by weight bits."""
     report = read(f"{TEXTURES}precision.json")
     points: dict[str, dict[str, Any]] = {}
     for point in report["points"]:
@@ -208,7 +208,7 @@ def precision() -> None:
 
 
 def nir_networks() -> None:
-    """Print how often integer networks of other programs give the class of their float networks, and the RTL's run."""
+    """Print the agreement of integer networks with float networks from other programs."""
     report = read(f"{TEXTURES}nir.json")
     bits = [point["bits"] for point in report["networks"][0]["points"]]
     rows = [
@@ -226,7 +226,7 @@ def nir_networks() -> None:
 
 
 def robustness() -> None:
-    """Print the accuracy of both networks under every disturbance, in per cent."""
+    """Print the accuracy of both networks under every disturbance, in %."""
     rows: dict[str, dict[str, Any]] = {}
     for point in read(f"{TEXTURES}robustness.json")["points"]:
         name = point["disturbance"]
@@ -238,7 +238,7 @@ def robustness() -> None:
 
 
 def merits_latency() -> None:
-    """Print the accuracy of two networks over the time since the touch."""
+    """Print the accuracy of two networks against the time since the touch."""
     data = read(f"{TEXTURES}merits.json")
     rows = []
     for pair in data["latency_pairs"]:
@@ -254,7 +254,7 @@ def merits_latency() -> None:
 
 
 def merits_rest() -> None:
-    """Print the data rate while a touch moves and while it rests, as sent and coded."""
+    """Print the data rate during a moving and a resting touch, as sent and compressed."""
     data = read(f"{TEXTURES}merits.json")["rest"]
     columns = (("moving", 0.0), ("resting", 0.0), ("resting", 0.001), ("resting", 0.01))
     rows = []
@@ -265,7 +265,7 @@ def merits_rest() -> None:
 
 
 def merits_timing() -> None:
-    """Print the timing error of a crossing, for events and frames."""
+    """Print the timing error of level crossings for events and frames."""
     rows = read(f"{TEXTURES}merits.json")["timing"]
     table(
         "known from | normalised rate | crossings found | median error, us | 95 % below, us",
@@ -275,7 +275,7 @@ def merits_timing() -> None:
 
 
 def noise_power() -> None:
-    """Print accuracy, rate and power at one noise, in both modes."""
+    """Print accuracy, rate and power at one noise level, in both modes."""
     points = read(f"{TEXTURES}noise_power.json")["points"]
     modes = ("paper", "consistent")
     rows: dict[Any, dict[str, Any]] = {}
@@ -291,7 +291,7 @@ def noise_power() -> None:
 
 
 def touch() -> None:
-    """Print how much data leaves each step from touch to class, and at what rate, for a whole dataset."""
+    """Print data rate and data volume of each step from touch to class."""
     report = read("docs/data/touch.json")
     chip = report["chip"]
     taxels = chip["rows"] * chip["columns"]
@@ -323,7 +323,7 @@ stalls | the classifier stalls the readout in {waiting:.0%} of the clocks | """
 
 
 def headline() -> None:
-    """Print the results of the README."""
+    """Print the result table of the README."""
     paper = only(sweep("paper-network"), readout="lcs", resolution=6)
     (best,) = sweep("tuned-2ms")
     replays, chip = replayed(), read("docs/data/touch.json")
@@ -378,7 +378,7 @@ def results() -> None:
 
 
 def finger() -> None:
-    """Print accuracies of the network and of regressions on recordings of a robot finger."""
+    """Print accuracies of networks and regressions on recordings of a robot finger."""
     report = read("docs/data/finger.json")
     folds = [
         run | {"total": len(run["labels"])} | {name.replace(" ", "_"): one for name, one in run["references"].items()}
@@ -394,7 +394,7 @@ def finger() -> None:
 
 
 def finger_encoders() -> None:
-    """Print accuracies with each encoder on recordings of a robot finger, compared with LCS recording by recording."""
+    """Print accuracies of each encoder on recordings of a robot finger, compared with LCS."""
     report = read("docs/data/finger.json")
     lcs = only(report["folds"], fold="repetition 1")
     total = len(lcs["labels"])
@@ -412,7 +412,7 @@ def finger_encoders() -> None:
 
 
 def finger_chip() -> None:
-    """Print how many recordings of the robot finger are right in float, in integers and in the RTL."""
+    """Print the number of correct finger recordings in float, in integers and in RTL."""
     report = read("docs/data/finger.json")
     float_ = only(report["folds"], fold="repetition 1")
     rows = [

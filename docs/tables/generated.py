@@ -1,4 +1,4 @@
-"""The command reference, from ``--help``, and the page of the registers, from their description."""
+"""The command reference from ``--help``, and the register page from the register description."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def commands() -> None:
 
 
 def registers() -> None:
-    """Print every register that some encoder has, with the values of the default array."""
+    """Print every register that any encoder has, with the values for the default array."""
     from eskin.model.config import ReadoutConfig
     from eskin.model.registers.export import page_of_all
 

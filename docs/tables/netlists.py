@@ -1,4 +1,4 @@
-"""Area, timing and power of netlists, layouts, and designs for an FPGA."""
+"""Tables of area, timing and power of netlists, layouts and FPGA designs."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ CLOCKS_AN_EVENT = 7
 
 
 def reports(folder: str, pattern: str = "*.json") -> dict[str, dict[str, Any]]:
-    """Return the reports of a folder of ``docs/data``, by name."""
+    """Return the reports in a folder of ``docs/data``, by name."""
     paths = sorted((ROOT / "docs/data" / folder).glob(pattern))
     return {path.stem: read(str(path.relative_to(ROOT))) for path in paths}
 
 
 def named(result: dict[str, Any]) -> dict[str, Any]:
-    """Return a result with its readout, array and cells in words, and the agreement of the two ways to power."""
+    """Return a result with names of readout, array and cells, and the agreement of both power methods."""
     ratios = [stretch["agreement"] for stretch in result.get("scenarios", {}).values()]
     return result | {
         "name": f"{filled('{readout:E}', result)} {result['frontend'] or ''}".strip(),
@@ -36,7 +36,7 @@ def named(result: dict[str, Any]) -> dict[str, Any]:
 
 @cache
 def netlists() -> dict[str, dict[str, Any]]:
-    """Return the reports of ``make asic``, by name, in the order of library, size and readout."""
+    """Return the reports of ``make asic`` by name."""
     found = {}
     for name, report in reports("asic", "*-*x*-*.json").items():
         config = report["configuration"]  # reports without power have these names there alone
@@ -55,7 +55,7 @@ def netlists() -> dict[str, dict[str, Any]]:
 
 
 def asic_netlists() -> None:
-    """Print size, speed and proofs of the netlists."""
+    """Print area, speed and proofs of the netlists."""
     rows = []
     for report in netlists().values():
         fmax = [report["fmax_hz"][corner] for corner in ("slow", "typical", "fast") if corner in report["fmax_hz"]]
@@ -71,7 +71,7 @@ def asic_netlists() -> None:
 
 
 def intuitive() -> None:
-    """Print our netlists of the array of the INTUITIVE chip, which is analog, beside that chip."""
+    """Print our netlists for the array of the INTUITIVE chip beside that analog chip."""
     print("| | process | contains | idle, nW a taxel | um2 a taxel | pJ an event, busy | ns an event at least |")
     print("|---|---|---|---|---|---|---|")
     print("| INTUITIVE | 180 nm | taxels with their analog parts, arbiter, bus | 12.33 | 40,000 | | 600 |")
@@ -84,7 +84,7 @@ def intuitive() -> None:
 
 
 def asic_power() -> None:
-    """Print the power of the same netlists, and the number of compared events."""
+    """Print the power of the netlists, and the number of compared events."""
     table(
         "readout | array | cells | leakage, nW a taxel | idle | idle, with wires | "
         + EVENT_TITLES
@@ -100,7 +100,7 @@ def asic_power() -> None:
 
 
 def asic_windows() -> None:
-    """Print the cost of closing windows: netlists of CW-LCS."""
+    """Print the cost of closing windows in netlists of CW-LCS."""
     table(
         "readout | array | cells | idle, nW a taxel | closing | idle, with wires | closing | pJ a closed window"
         " | with wires",
@@ -112,7 +112,7 @@ def asic_windows() -> None:
 
 
 def asic_glitches() -> None:
-    """Print what an event costs with and without a delay of every cell."""
+    """Print the energy of an event with and without cell delays."""
     rows = []
     for report in reports("asic/glitches").values():
         costs = [f"{1e12 * report[way][name]:.2f}" for name in SCENARIOS for way in ("no_delay", "delay")]
@@ -124,7 +124,7 @@ def asic_glitches() -> None:
 
 
 def asic_targets() -> None:
-    """Print the aims and the results of 8 x 8 LCS in 130 nm."""
+    """Print targets and results for 8 x 8 LCS in 130 nm."""
     both = {"digital": netlists()["lcs-digital-8x8-ihp"], "analog": netlists()["lcs-analog-8x8-ihp"]}
     asked = [
         ("idle, digital", 60e-9, "digital", "idle_w_per_taxel", 1e9, "nW per taxel"),
@@ -144,7 +144,7 @@ def asic_targets() -> None:
 
 
 def parity() -> None:
-    """Print the area of one flop as a share of a taxel, in netlists of real cells."""
+    """Print the area of one flip-flop as a fraction of a taxel."""
     rows = []
     for name in ("lcs-digital", "lcs-analog", "nlcs-digital"):
         netlist = netlists()[f"{name}-8x8-ihp"]
@@ -155,7 +155,7 @@ def parity() -> None:
 
 
 def layout() -> None:
-    """Print layouts in 130 nm rules, and their checks."""
+    """Print layouts in 130 nm and their checks."""
     rows = []
     for report in reports("layout").values():
         same, config = report["comparison"], report["configuration"]
@@ -200,5 +200,5 @@ def fpga_boards() -> None:
 
 
 def fpga_classifier() -> None:
-    """Print the FPGA resources of the classifier alone, with its targets."""
+    """Print the FPGA resources of the classifier alone, with targets."""
     _fpga(True, " | aims", " | {aimed}")

@@ -1,4 +1,4 @@
-"""Print tables of the power model and its event rates."""
+"""Tables of the power model and its event rates."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def event_rates() -> None:
 
 
 def array_hz(dataset: str, preset: str, encoding: str, resolution: int) -> float:
-    """Return the event rate of the array that the power model reads, N-LCS with 200 ms."""
+    """Return the event rate that the power model uses for the array; N-LCS with tau 200 ms."""
     rates = only(read(EVENT_RATES)["tables"], dataset=dataset, preset=preset)
     of_encoding = published(encoding, lcs=rates["lcs_hz"], nlcs=rates["nlcs_hz"][rates["taus_s"].index(0.2)])
     return float(sum(of_encoding[rates["resolutions"].index(resolution)]))
 
 
 def other_rates() -> None:
-    """Print the rates of the other scans and textures."""
+    """Print the event rates of the other presets and textures."""
     scans = [("kylberg", "physical"), ("embedded", "paper"), ("embedded", "physical")]
     rows = []
     for encoding, bits in (("lcs", 2), ("lcs", 4), ("lcs", 6), ("nlcs", 4), ("nlcs", 8)):
@@ -41,7 +41,7 @@ def other_rates() -> None:
 
 
 def power_parts() -> None:
-    """Print Fig. 6, mode ``paper``, at the least and the most noise."""
+    """Print Fig. 6 in mode ``paper`` at the lowest and the highest noise."""
     data = read("docs/data/fig6.json")
     rows = [
         data["modes"]["paper"][i][readout] | {"noise": data["noise_v_rms"][i], "name": READOUT_NAMES[readout]}
@@ -53,19 +53,19 @@ def power_parts() -> None:
 
 
 def _by_resolution(values: dict[str, Any], cell: str) -> None:
-    """Print LCS, and N-LCS with its time constants, over the resolutions."""
+    """Print LCS, and N-LCS with its time constants, against resolution."""
     by_name = {"LCS": values["lcs"]} | {f"N-LCS {1e3 * float(tau):.0f} ms": row for tau, row in values["nlcs"].items()}
     rows = [[name, *(filled(cell, {"v": value}) for value in row)] for name, row in by_name.items()]
     table(["N", *map(str, range(1, 11))], rows)
 
 
 def power_crossover() -> None:
-    """Print the crossover in mV, mode ``paper``."""
+    """Print the crossover in mV in mode ``paper``."""
     _by_resolution(read("docs/data/fig7.json")["modes"]["paper"]["crossover"], "{v:1e3*#4}")
 
 
 def power_ratio() -> None:
-    """Print spiking over frame power at 1 mV, mode ``consistent``."""
+    """Print the ratio of spiking to frame power at 1 mV in mode ``consistent``."""
     _by_resolution(read("docs/data/fig7.json")["modes"]["consistent"]["ratio"], "{v:#3}")
 
 
@@ -75,7 +75,7 @@ def sensitivity(case: str) -> dict[str, Any]:
 
 
 def power_sensitivity() -> None:
-    """Print power ratios with each correction alone, with all but one, and the variants."""
+    """Print power ratios with each correction alone, with all but one, and for variants."""
     data = read("docs/data/sensitivity.json")
     rows = []
     for row in data["rows"]:
@@ -93,13 +93,13 @@ def power_sensitivity() -> None:
 
 
 def measured_libraries() -> dict[str, str]:
-    """Return the libraries in which the logic of all three readouts is measured, with the length of their gates."""
+    """Return the libraries with measured logic of all three readouts, and their gate lengths."""
     both = {"ihp": "130 nm", "osu": "180 nm"}
     return {name: cells for name, cells in both.items() if (ROOT / "docs/data/asic" / name / "fig6.json").exists()}
 
 
 def breakdown(library: str = "") -> dict[str, Any]:
-    """Return the power of the readouts at 0.92 mV and 6 b with all corrections and a library's netlists."""
+    """Return the power of the readouts at 0.92 mV and 6 b with all corrections and measured logic."""
     path = f"docs/data/asic/{library}/fig6.json" if library else "docs/data/fig6.json"
     return dict(read(path)["modes"]["consistent"][1])
 
@@ -111,7 +111,7 @@ def by_frames(readout: str, library: str = "") -> str:
 
 
 def power_measured() -> None:
-    """Print the comparison with the logic of netlists in the place of the published energy."""
+    """Print the power comparison with measured logic."""
     before, rows = breakdown(), []
     for library, cells in measured_libraries().items():
         for readout in (*sorted(SPIKING), FRAME):
@@ -131,7 +131,7 @@ def power_measured() -> None:
 
 
 def power_rows() -> list[list[str]]:
-    """Return the outcome: spikes by frames, and the noise at which spikes cost less."""
+    """Return the power ratio to frames, and the noise at which spikes need less power."""
     rows = []
     for mode, text in (("paper", "the paper's model"), ("consistent", "seven corrections")):
         ratio = read("docs/data/fig7.json")["modes"][mode]["ratio"]
@@ -151,5 +151,5 @@ def power_rows() -> list[list[str]]:
 
 
 def power_outcome() -> None:
-    """Print the outcome of the power model."""
+    """Print the main result of the power model."""
     table(" | here", [[text, here] for text, _, here in power_rows()])

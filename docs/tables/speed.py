@@ -1,4 +1,4 @@
-"""Speed, scale and load."""
+"""Tables of speed, scaling and link load."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ def bench(name: str) -> list[dict[str, Any]]:
 
 
 def speed_cosim() -> None:
-    """Print co-simulation and model against a bare Verilator loop."""
+    """Print the speed of co-simulation and model relative to a bare Verilator loop."""
     cells = "{name} | {clocks_per_second:,.0f} | " + TIMES.replace("X", "of_bare_loop")
     table(" | clocks/s | ratio to the bare loop", bench("cosim"), cells)
 
 
 def speed_encoders() -> None:
-    """Print encoders against a plain copy, for many signals and for one array."""
+    """Print the speed of encoders relative to a plain copy."""
     texts = {e.name: e.title + (" (4,096 signals)" if e.leaks else "") for e in registry.ENCODERS} | {
         "copy": "copy",
         "lcs, counts per taxel only": "LCS, events per taxel only",
@@ -43,7 +43,7 @@ def speed_encoders() -> None:
 
 
 def speed_layer() -> None:
-    """Print one training step of the recurrent layer: CPU time in ms and memory in MiB of every candidate."""
+    """Print CPU time in ms and memory in MiB of one training step, for every candidate."""
     results = sorted(bench("network"), key=lambda r: (r["rate"], r["steps"]))
     rows = []
     for name in results[0]["candidates"]:
@@ -60,7 +60,7 @@ def speed_layer() -> None:
 
 
 def leak() -> None:
-    """Print the leak of N-LCS in integers against floating point, per cent of the event rate."""
+    """Print the error of the integer leak of N-LCS against floating point, in % of the event rate."""
     fractions = ("4", "6", "8", "10", "12")
     rows = [row | {f"F = {f}": row["fractions"][f] for f in fractions} for row in bench("leak")]
     table(
@@ -72,7 +72,7 @@ def leak() -> None:
 
 
 def load() -> None:
-    """Print five arbiters under the same loads."""
+    """Print five arbiters at equal loads."""
     report = read("benchmarks/results/load.json")
     for line in report["results"]:
         line["title"] = f"{line['load']}, {line['asked']:.0%}" if line["arbiter"].endswith("(ours)") else ""
@@ -86,14 +86,14 @@ def load() -> None:
 
 
 def udp() -> dict[str, Any]:
-    """Return the losses of events over UDP."""
+    """Return the loss of events over UDP."""
     report = read("benchmarks/results/udp.json")
     latency = report["result"]["host_latency_ms"]
     return report | report["result"] | {"median": latency["median"], "late": latency["99 %"]}
 
 
 def scale_arrays() -> None:
-    """Print generation, lint and simulation of square arrays."""
+    """Print time for generation, lint and simulation of square arrays."""
     made = {array["taxels"]: array["synthesis_s"] for array in read(SCALE.format(""))["results"]}
     rows = []
     for array in bench("scale_arrays"):
@@ -121,7 +121,7 @@ def scale_arrays() -> None:
 
 
 def _ends(path: list[str]) -> str:
-    """Return the start and end of a path: the block of the flop, or the port."""
+    """Return start and end of a path as block or port names."""
 
     def word(name: str) -> str:
         if "." in name and "taxel" not in name:
@@ -132,7 +132,7 @@ def _ends(path: list[str]) -> str:
 
 
 def scale_wires() -> None:
-    """Print area and highest clock of arrays, without wires and with them."""
+    """Print area and highest clock frequency of arrays with and without wires."""
     rows = []
     for array in read(SCALE.format(""))["results"]:
         wired = array["with_wires"]
@@ -155,7 +155,7 @@ def scale_wires() -> None:
 
 
 def scale_tiles() -> None:
-    """Print area and highest clock of 4,096 taxels as one array and as tiles, beside those of 64."""
+    """Print area and highest clock frequency of 4,096 taxels as one array and as tiles."""
     arrays = read(SCALE.format(""))["results"]
     small, large = only(arrays, rows=8, columns=8), only(arrays, rows=64, columns=64)
     rows = []
@@ -180,7 +180,7 @@ def scale_tiles() -> None:
 
 
 def scale_skins() -> None:
-    """Print a skin of 65,536 taxels on one output."""
+    """Print results of a skin of 65,536 taxels with one output."""
     table(
         "LCS | clock | clocks | tiles alone: events (a clock) | merged: events (a clock) | events of a tile | model, s",
         bench("scale_skins"),

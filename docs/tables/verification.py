@@ -1,4 +1,4 @@
-"""Proofs, coverage, mutants, faults, soak and the sign-off page."""
+"""Tables of proofs, coverage, mutants, faults and soak tests, and the sign-off page."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ EVIDENCE = {
 
 
 def evidence(name: str) -> dict[str, Any]:
-    """Return a report of the verification, or a part of a report ("report/part")."""
+    """Return a verification report, or a part of it ("report/part")."""
     name, _, part = name.partition("/")
     report = read(f"docs/data/verification/{name}.json")
     return dict(report[part] if part else report)
@@ -43,7 +43,7 @@ ATTACKS = {
 
 
 def signoff() -> None:
-    """Print every kind of evidence with its last result."""
+    """Print every kind of evidence with its latest result."""
     rows = []
     for kind, (name, what) in EVIDENCE.items():
         report = evidence(name)
@@ -75,13 +75,13 @@ def proofs() -> None:
 
 
 def proof_mutants() -> dict[str, int]:
-    """Return the number of generated mutants of the blocks, and the number killed by a property."""
+    """Return the number of generated mutants, and the number killed by a property."""
     failed = [failed for one in evidence("formal")["hunts"] for failed in one["mutants"].values()]
     return {"generated": len(failed), "killed": sum(map(bool, failed))}
 
 
 def stages() -> None:
-    """Print the state of every block."""
+    """Print the verification state of every block."""
     faults_of = evidence("faults")["blocks"]
     rows = []
     for block, found in groupby(evidence("formal")["properties"], key=lambda row: row["block"]):
@@ -99,7 +99,7 @@ def stages() -> None:
 
 
 def coverage() -> None:
-    """Print the reached parts of the Verilog, by kind."""
+    """Print the coverage of the Verilog by kind."""
     report = evidence("coverage")
     words = {"line": "lines", "branch": "branches", "toggle": "toggles", "condition": "terms of conditions"}
     kinds = [report["constructs"][kind] | {"word": word} for kind, word in words.items()]
@@ -112,20 +112,20 @@ def coverage() -> None:
 
 
 def unreached() -> None:
-    """Print why some of the Verilog is never reached."""
+    """Print the reasons for uncovered Verilog."""
     reasons = sorted(evidence("coverage")["reasons"].items(), key=lambda item: -item[1]["constructs"])
     rows = [[reason, f"{one['constructs']:,}", "proved" if one["proved"] else "argued"] for reason, one in reasons]
     table("never reached, because | constructs | ", rows)
 
 
 def points() -> None:
-    """Print functional points, group by group."""
+    """Print functional coverage points by group."""
     groups = evidence("coverage")["points"]
     table("points of | reached", [[name, filled("{reached:,} of {points:,}", one)] for name, one in groups.items()])
 
 
 def mutants() -> None:
-    """Print the verdicts on the mutants of the RTL, block by block."""
+    """Print the verdicts on RTL mutants by block."""
     report = evidence("mutants")
     rows = [counts | {"block": block} for block, counts in report["per_block"].items()] + [report | {"block": "all"}]
     for row in rows:
@@ -140,7 +140,7 @@ def mutants() -> None:
 
 
 def model_mutants() -> None:
-    """Print the verdicts on the sampled mutants of model/ and snn/, file by file."""
+    """Print the verdicts on the sampled mutants of model/ and snn/ by file."""
     report = evidence("mutants/model_and_snn")
     rows = [counts | {"file": file} for file, counts in report["per_file"].items()] + [report | {"file": "all"}]
     cells = "{file} | {places:,} | {total} | {argued} | {killed} | {alive}"
@@ -149,7 +149,7 @@ def model_mutants() -> None:
 
 
 def fresh_mutants() -> None:
-    """Print what became of mutants for which no test was written, before and after tests for the survivors."""
+    """Print the verdicts on new mutants before and after tests were added for survivors."""
     rows = []
     for part, name in (("rtl", "RTL"), ("model", "model, network, commands")):
         report = evidence(f"mutants_fresh/{part}")
@@ -175,7 +175,7 @@ def fresh_mutants() -> None:
 
 
 def fresh_survivors() -> None:
-    """Print every fresh mutant that survived at first, and what kills it now."""
+    """Print every new mutant that survived at first, and the test that kills it now."""
     parts = [evidence("mutants_fresh/rtl"), evidence("mutants_fresh/model")]
     found = [one for part in parts for one in part["mutants"] if one["verdict"] == "alive" or "first" in one]
     rows = [[f"`{one['edit']}`", f"`{one['by']}`" if one["by"] else one["verdict"]] for one in found]
@@ -183,7 +183,7 @@ def fresh_survivors() -> None:
 
 
 def survivors() -> None:
-    """Print the surviving mutants, and the mutants excluded by an argument."""
+    """Print the surviving mutants, and the mutants excluded by a written argument."""
     parts = [evidence("mutants"), evidence("mutants/model_and_snn")]
     alive = [[one["name"], "alive"] for part in parts for one in part["survivors"]]
     argued = [[one["name"], one["why"]] for part in parts for one in part["argued_one_by_one"]]
@@ -192,7 +192,7 @@ def survivors() -> None:
 
 
 def faults() -> None:
-    """Print the outcomes of the upsets, by block and course."""
+    """Print the outcomes of bit flips by block and stimulus."""
     report = evidence("faults")
     outcomes = ("nothing", "own events", "others moved", "others changed", "until written")
     by: dict[tuple[str, str], list[dict[str, Any]]] = {}
@@ -213,7 +213,7 @@ def faults() -> None:
 
 
 def hostile() -> None:
-    """Print the hostile surroundings, their expected effect, and the number of runs that confirm it."""
+    """Print the tests with hostile inputs, and the number of runs that confirm the expected effect."""
     rows = []
     cases = evidence("faults")["cases"]
     for name in dict.fromkeys(line["case"] for line in cases):
@@ -224,7 +224,7 @@ def hostile() -> None:
 
 
 def soak() -> None:
-    """Print the totals of the soak."""
+    """Print the totals of the soak test."""
     report = evidence("soak")
     table(
         "clocks | events | configurations | runs | taxels, at most | hours | mismatches",
@@ -248,14 +248,14 @@ def fuzz() -> None:
 
 
 def replayed() -> dict[str, int]:
-    """Return the images that every encoder has encoded in the RTL, and the events of all encoders."""
+    """Return the number of images that every encoder has encoded in the RTL, and the events of all encoders."""
     runs = evidence("replay")["runs"]
     (images,) = {run["images"] for run in runs}
     return {"images": images, "events": sum(run["events"] for run in runs)}
 
 
 def replay() -> None:
-    """Print the runs through the whole RTL, by encoder."""
+    """Print the replays through the whole RTL by encoder."""
     table(
         "encoder | scans | clocks | events | mismatches | commit | date",
         evidence("replay")["runs"],

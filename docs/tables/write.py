@@ -21,19 +21,19 @@ def read(path: str) -> Any:
 
 
 def only(rows: Iterable[Mapping[str, Any]], /, **values: Any) -> dict[str, Any]:
-    """Return the one row that has these values."""
+    """Return the only row with the given values."""
     (found,) = (row for row in rows if all(row[name] == value for name, value in values.items()))
     return dict(found)
 
 
 def digits(value: float, count: int) -> str:
-    """Return a number with so many significant digits, and never in powers of ten."""
+    """Return a number as text with significant digits, never with a power of ten."""
     text = f"{value:#.{count}g}"
     return (f"{value:.0f}" if "e" in text else text).removesuffix(".")
 
 
 class _Cells(string.Formatter):
-    """Formats as ``str.format`` does, with more kinds of values.
+    """Formatter with additional kinds of values.
 
     ``{a[b]:1e9*.1f}`` multiplies first; ``#3`` gives three significant digits; ``%`` an accuracy with its interval;
     ``E`` the title of a readout; ``p`` a p value; ``r`` a normalised data rate. A value that the data may lack is
@@ -67,17 +67,17 @@ class _Cells(string.Formatter):
 
 
 def filled(template: str, row: Mapping[str, Any]) -> str:
-    """Return a text with the values of a row in the place of ``{name:format}``."""
+    """Return a template with ``{name:format}`` replaced by the values of a row."""
     return _Cells().vformat(template, (), row)
 
 
 def say(template: str, **values: Any) -> None:
-    """Print a paragraph with values in it."""
+    """Print a paragraph with inserted values."""
     print(f"\n{filled(template, values)}\n")
 
 
 def source(report: Mapping[str, Any], more: str = ": {result}") -> None:
-    """Print the command, commit and date of a report, below its table."""
+    """Print command, commit and date of a report as the source of a table."""
     print(filled("`{command}`, commit {commit}, {date}" + more + ".\n", report))
 
 

@@ -1,4 +1,4 @@
-"""What sources, sinks and monitors share: queues, pauses, delays, resets, faults."""
+"""Common parts of sources, sinks and monitors: queues, pauses, delays, resets, faults."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Delay = float | Callable[[], float]
 
 
 class Fault(Enum):
-    """What a source or sink can do wrong on demand, once for each ``inject``."""
+    """Protocol faults that a source or sink can inject."""
 
     WITHDRAW_REQUEST = "the source takes its request back before it is acknowledged"
     CHANGE_ADDRESS = "the source changes the address while it requests"
@@ -33,7 +33,7 @@ class Fault(Enum):
 
 
 class Component:
-    """A queue of events with a task that serves it, restarted by the reset."""
+    """Component with an event queue and a task, restarted by the reset."""
 
     FAULTS: tuple[Fault, ...] = ()
 
@@ -52,7 +52,7 @@ class Component:
 
     @property
     def pause(self) -> bool:
-        """Whether the component rests: a source offers nothing, a sink takes nothing."""
+        """True while the component pauses: a source offers nothing, a sink takes nothing."""
         return self._paused
 
     @pause.setter
@@ -65,7 +65,7 @@ class Component:
         return len(self.queue)
 
     def empty(self) -> bool:
-        """Return whether the queue is empty."""
+        """Return True if the queue is empty."""
         return not self.queue
 
     def clear(self) -> None:
@@ -73,19 +73,19 @@ class Component:
         self.queue.clear()
 
     def set_pause_generator(self, pauses: Iterable[bool], clock: Any) -> None:
-        """Take ``pause`` from a sequence, one value a rising edge of a clock, for as long as it lasts."""
+        """Set ``pause`` from a sequence, one value per rising clock edge."""
         self.clear_pause_generator()
         self._pauses = cocotb.start_soon(self._pause(iter(pauses), clock))
 
     def clear_pause_generator(self) -> None:
-        """Pause by hand again."""
+        """Stop the pause generator."""
         if self._pauses is not None:
             self._pauses.cancel()
         self._pauses = None
         self.pause = False
 
     def inject(self, fault: Fault) -> None:
-        """Do something wrong at the next event.
+        """Inject a fault at the next event.
 
         Raises
         ------
@@ -99,11 +99,11 @@ class Component:
         self._changed.set()
 
     def release(self) -> None:
-        """End a fault that lasts (``NO_ACK``, ``HOLD_ACK``)."""
+        """End a permanent fault (``NO_ACK``, ``HOLD_ACK``)."""
         self._released.set()
 
     def _fault(self) -> Fault | None:
-        """Return the fault of this event."""
+        """Return the fault to inject at this event."""
         return self._faults.popleft() if self._faults else None
 
     async def _pause(self, pauses: Iterator[bool], clock: Any) -> None:
@@ -122,15 +122,15 @@ class Component:
             await ValueChange(self._reset)
 
     def _idle(self) -> None:
-        """Drive the wires of an idle component."""
+        """Drive the signals of an idle component."""
 
     async def _run(self) -> None:
-        """Serve for ever."""
+        """Run the component forever."""
         raise NotImplementedError
 
 
 class Sending(Component):
-    """A component that events are given to."""
+    """Component that sends events."""
 
     _busy = False
 
@@ -139,33 +139,33 @@ class Sending(Component):
         self.send_nowait(event)
 
     def send_nowait(self, event: AerEvent | int) -> None:
-        """Queue an event; a number is the address of one."""
+        """Queue an event, or a number as an address."""
         self.queue.append(event if isinstance(event, AerEvent) else AerEvent(event))
         self._changed.set()
 
     def idle(self) -> bool:
-        """Return whether all events have left and the last handshake is over."""
+        """Return True if all events are sent and the last handshake is complete."""
         return not self.queue and not self._busy
 
     async def wait(self) -> None:
-        """Wait until all events have left and the last handshake is over."""
+        """Wait until all events are sent and the last handshake is complete."""
         while not self.idle():
             await self._changed.wait()
             self._changed.clear()
 
 
 class Receiving(Component):
-    """A component that events come from."""
+    """Component that receives events."""
 
     async def recv(self) -> AerEvent:
-        """Wait for the next event."""
+        """Wait for the next event and return it."""
         while not self.queue:
             self._changed.clear()
             await self._changed.wait()
         return self.queue.popleft()
 
     def recv_nowait(self) -> AerEvent:
-        """Return the next event.
+        """Return the next event without waiting.
 
         Raises
         ------
@@ -175,7 +175,7 @@ class Receiving(Component):
         return self.queue.popleft()
 
     async def wait(self, timeout: float | None = None, unit: Unit = "ns") -> None:
-        """Wait until an event is there, or until the time is over."""
+        """Wait until an event is available or a timeout expires."""
         if not self.queue:
             self._changed.clear()
             waiting = self._changed.wait()

@@ -1,4 +1,4 @@
-"""The wires of an AER bus."""
+"""Signals of an AER bus."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ REQUESTS = ("req_on", "req_off")
 
 
 class AerBus:
-    """A four-phase bus: one request or two, one acknowledge, and an address that is bundled with the request.
+    """Four-phase bus with one or two requests, an acknowledge, and a bundled address.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class AerBus:
 
     @classmethod
     def from_prefix(cls, entity: Any, prefix: str = "", active_low: bool = False) -> AerBus:
-        """Return the bus of the signals ``{prefix}_req`` (or ``_req_on``, ``_req_off``), ``_ack`` and ``_addr``.
+        """Return the bus with signals ``{prefix}_req`` (or ``_req_on``, ``_req_off``), ``_ack`` and ``_addr``.
 
         Raises
         ------
@@ -64,20 +64,20 @@ class AerBus:
 
     @classmethod
     def from_entity(cls, entity: Any, active_low: bool = False) -> AerBus:
-        """Return the bus of the signals ``req`` (or ``req_on``, ``req_off``), ``ack`` and ``addr``."""
+        """Return the bus with signals ``req`` (or ``req_on``, ``req_off``), ``ack`` and ``addr``."""
         return cls.from_prefix(entity, active_low=active_low)
 
     @property
     def dual(self) -> bool:
-        """Whether there are two requests."""
+        """True if the bus has two requests."""
         return len(self.requests) == 2
 
     def level(self, active: bool) -> int:
-        """Return the level that means active or inactive on requests and acknowledge."""
+        """Return the signal level for an active or inactive request or acknowledge."""
         return int(active) ^ int(self.active_low)
 
     def request_of(self, event: AerEvent) -> Any:
-        """Return the request that carries an event."""
+        """Return the request signal for an event."""
         if not self.dual:
             return self.requests[0]
         if event.polarity is None:
@@ -85,13 +85,13 @@ class AerBus:
         return self.requests[event.polarity]
 
     def read(self, handle: Any) -> bool | None:
-        """Return whether a request or the acknowledge is active, or None if it is X or Z."""
+        """Return True if a request or acknowledge is active, None if it is X or Z."""
         value = handle.value
         return bool(int(value) ^ int(self.active_low)) if value.is_resolvable else None
 
 
 class AerStreamBus:
-    """A clocked bus: an event moves in each clock in which VALID and READY are high.
+    """Clocked bus that transfers an event in each clock with VALID and READY high.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class AerStreamBus:
 
     @classmethod
     def from_prefix(cls, entity: Any, prefix: str, fields: Sequence[str] = ("addr",)) -> AerStreamBus:
-        """Return the bus of the signals ``{prefix}_valid``, ``{prefix}_ready`` and ``{prefix}_{field}``.
+        """Return the bus with signals ``{prefix}_valid``, ``{prefix}_ready`` and ``{prefix}_{field}``.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class AerStreamBus:
         return cls(found["valid"], found["ready"], {name: found[name] for name in fields})
 
     def pack(self, **values: int) -> int:
-        """Return the address of the fields' values."""
+        """Return the address for field values."""
         address = shift = 0
         for name, handle in self.fields.items():
             value = values.pop(name)
@@ -132,7 +132,7 @@ class AerStreamBus:
         return address
 
     def unpack(self, address: int) -> dict[str, int]:
-        """Return the fields' values of an address."""
+        """Return the field values for an address."""
         values = {}
         for name, handle in self.fields.items():
             values[name] = address & (1 << len(handle)) - 1
@@ -142,7 +142,7 @@ class AerStreamBus:
         return values
 
     def address(self) -> int | None:
-        """Return the address on the wires, or None if a bit of it is X or Z."""
+        """Return the address on the bus, or None if a bit is X or Z."""
         values = {name: handle.value for name, handle in self.fields.items()}
         if not all(value.is_resolvable for value in values.values()):
             return None

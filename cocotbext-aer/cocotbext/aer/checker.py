@@ -1,4 +1,4 @@
-"""Checkers of the protocol: they name the rule that a bus breaks, and count how often each rule was at stake."""
+"""Protocol checkers that report the violated rule, and count how often each rule was exercised."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cocotbext.aer.event import now_ps
 
 
 class Rule(Enum):
-    """The rules of four-phase and stream AER."""
+    """Rules of four-phase and stream AER."""
 
     REQUEST_UNKNOWN = "REQ or VALID is 0 or 1"
     ACK_UNKNOWN = "ACK or READY is 0 or 1"
@@ -33,7 +33,7 @@ class Rule(Enum):
 
 @dataclass(frozen=True)
 class Violation:
-    """A broken rule.
+    """A violation of a rule.
 
     Attributes
     ----------
@@ -52,11 +52,11 @@ class Violation:
 
 
 class AerProtocolError(AssertionError):
-    """A bus breaks a rule."""
+    """Raised if a bus violates a rule."""
 
 
 class _Checker:
-    """What checkers share.
+    """Common parts of the checkers.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class _Checker:
 
 @dataclass(frozen=True)
 class _Wires:
-    """The levels of a four-phase bus in an instant; None is X or Z."""
+    """Levels of a four-phase bus at one time; None is X or Z."""
 
     requests: tuple[bool | None, ...]
     ack: bool | None
@@ -112,7 +112,7 @@ class _Wires:
 
 
 class AerChecker(_Checker):
-    """Watches a four-phase bus all the time, between clock edges too.
+    """Checker of a four-phase bus, also between clock edges.
 
     Changes in one instant count as one. Where a change is legal before or after another of the same instant, it is
     legal.
@@ -181,7 +181,7 @@ class AerChecker(_Checker):
         return _Wires(tuple(self.bus.read(r) for r in self.bus.requests), self.bus.read(self.bus.ack), address)
 
     def _change(self, before: _Wires, now: _Wires, address_age: float) -> None:
-        """Hold a change of the wires to the rules."""
+        """Check a change of the signals against the rules."""
         self._holds(Rule.REQUEST_UNKNOWN, None not in now.requests, str(now))
         self._holds(Rule.ACK_UNKNOWN, now.ack is not None, str(now))
         if self.bus.dual:
@@ -205,7 +205,7 @@ class AerChecker(_Checker):
         self._hold_address(before, now)
 
     def _hold_address(self, before: _Wires, now: _Wires) -> None:
-        """ADDRESS_HELD: the promise is at stake when it ends, and broken by a change before."""
+        """Check ADDRESS_HELD: the address must not change while it is valid."""
         until = {
             "ack": not before.ack and now.ack,
             "request": before.request and not now.request,
@@ -223,7 +223,7 @@ class AerChecker(_Checker):
 
 
 class AerStreamChecker(_Checker):
-    """Looks at a stream at every rising edge of its clock.
+    """Checker of a stream at every rising clock edge.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What travels over an AER bus."""
+"""Events on an AER bus."""
 
 from __future__ import annotations
 

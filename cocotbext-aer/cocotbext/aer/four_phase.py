@@ -1,4 +1,4 @@
-"""Source, sink and monitor of a four-phase bus; none of them needs a clock."""
+"""Source, sink and monitor of a four-phase bus, without a clock."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class _FourPhase(Component):
         super().__init__(f"{bus.ack._path}.{type(self).__name__}", reset, reset_active_level)
 
     async def _delay(self, delay: Delay) -> None:
-        """Wait for a delay, and at least for the shortest there is: no handshake takes no time."""
+        """Wait for a delay of at least one simulator time step."""
         length = delay() if callable(delay) else delay
         if self.clock is None:
             await Timer(max(get_sim_steps(length, self.unit, round_mode="round"), 1), "step")
@@ -57,7 +57,7 @@ class _FourPhase(Component):
         return any(self.bus.read(request) for request in self.bus.requests)
 
     def _offered(self) -> AerEvent:
-        """Return the event on the wires.
+        """Return the event on the bus.
 
         Raises
         ------
@@ -80,7 +80,7 @@ class _FourPhase(Component):
 
 
 class AerSource(_FourPhase, Sending):
-    """Sends events: sets the address, raises REQ, waits for ACK, drops REQ, waits until ACK has gone.
+    """Source: sets the address, raises REQ, waits for ACK, lowers REQ, waits until ACK is low.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ class AerSource(_FourPhase, Sending):
 
 
 class AerSink(_FourPhase, Receiving):
-    """Receives events: reads the address when REQ rises, and answers with ACK. ``pause`` holds ACK back.
+    """Sink: reads the address when REQ rises, and answers with ACK; ``pause`` delays ACK.
 
     An event is received when it is acknowledged; its time is that of the request.
 
@@ -197,7 +197,7 @@ class AerSink(_FourPhase, Receiving):
             self.busy = False
 
     async def _take(self) -> None:
-        """Answer a request."""
+        """Answer a request with ACK."""
         await ReadOnly()  # address and request may change in the same instant
         if not self._requested():
             await self._delay(0)
@@ -233,7 +233,7 @@ class AerSink(_FourPhase, Receiving):
 
 
 class AerMonitor(_FourPhase, Receiving):
-    """Notes every event that is offered, when REQ rises; drives nothing."""
+    """Monitor that records the event at every rising REQ."""
 
     async def _run(self) -> None:
         while True:

@@ -11,7 +11,7 @@ from cocotbext.aer.event import AerEvent, now_ps
 
 
 class _Stream(Component):
-    """A component that looks at the wires at every rising edge of a clock.
+    """Component that samples the bus at every rising clock edge.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class _Stream(Component):
         super().__init__(f"{bus.valid._path}.{type(self).__name__}", reset, reset_active_level)
 
     def _moves(self) -> bool:
-        """Return whether an event moves at this edge."""
+        """Return True if an event is transferred at this edge."""
         return _high(self.bus.valid) and _high(self.bus.ready)
 
     def _event(self) -> AerEvent:
@@ -37,7 +37,7 @@ class _Stream(Component):
 
 
 class AerStreamSource(_Stream, Sending):
-    """Sends events: VALID and the payload stay until READY is high at an edge. ``pause`` offers nothing new."""
+    """Source: holds VALID and the payload until READY is high; ``pause`` stops new events."""
 
     FAULTS = (Fault.WITHDRAW_REQUEST, Fault.CHANGE_ADDRESS)
 
@@ -71,7 +71,7 @@ class AerStreamSource(_Stream, Sending):
 
 
 class AerStreamSink(_Stream, Receiving):
-    """Receives events; READY is high unless it is paused."""
+    """Sink: drives READY high unless paused."""
 
     def _idle(self) -> None:
         self.bus.ready.value = 0
@@ -86,7 +86,7 @@ class AerStreamSink(_Stream, Receiving):
 
 
 class AerStreamMonitor(_Stream, Receiving):
-    """Notes every event that moves; drives nothing."""
+    """Monitor that records every transferred event."""
 
     async def _run(self) -> None:
         while True:

@@ -1,4 +1,4 @@
-"""A bench for the encoder: what its cells fire arrives, and the channel keeps the protocol."""
+"""Testbench of the encoder: checks that all events arrive and that the bus follows the protocol."""
 
 from __future__ import annotations
 

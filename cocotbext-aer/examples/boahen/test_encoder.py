@@ -1,4 +1,4 @@
-"""The example as it is, and with each of its planted bugs, which the checker names."""
+"""Run the example unchanged, and with each planted bug that the checker must find."""
 
 from __future__ import annotations
 

@@ -98,8 +98,7 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
             m.d.sync += self.turn.eq(Mux(self.turn == config.classes - 1, 0, self.turn + 1))
 
     def _added(self, m: Module, neuron: Any, name: str) -> tuple[Value, Value, Signal, Signal]:
-        """Return whether a neuron receives a weight, whether it is preset, and the rows and events added in this
-        bin."""
+        """Return whether a neuron gets a weight, whether it is preset, and the rows and events added in this bin."""
         config = self.config
         place = config.lanes.bit_length() - 1
         adds = self.lane_0_add_valid & (self.read[: config.row_bits] == neuron >> place)
