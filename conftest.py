@@ -1,4 +1,4 @@
-"""Mark the tests of ``make check`` (tests/quick.py) and run long tests first (tests/order.py).
+"""Mark the tests of ``make check``, and start long tests first.
 
 Hold-out configurations are drawn at random in every run: from ``ESKIN_HOLDOUT``, a whole number, or from a new one.
 """

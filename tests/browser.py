@@ -1,4 +1,4 @@
-"""A real browser, headless Chromium, driven by chromedriver over W3C WebDriver."""
+"""Control of headless Chromium over W3C WebDriver."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ OPTIONS = (
 
 
 def missing() -> str | None:
-    """Return why there is no browser, None if there is one."""
+    """Return the reason why no browser is available, or None."""
     lacking = [name for name in PROGRAMS if shutil.which(name) is None]
     return f"{lacking[0]} is not installed (apt-get install chromium chromium-driver)" if lacking else None
 
 
 class Browser:
-    """A window of a browser.
+    """A browser window.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Browser:
             return json.loads(answer.read())["value"]
 
     def size(self, width: int, height: int, scale: float = 1.0) -> None:
-        """Set the size of the page in CSS pixels, and how many pixels of the picture each of them is."""
+        """Set the page size in CSS pixels, and the device pixel ratio."""
         metrics = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": False}
         command = {"cmd": "Emulation.setDeviceMetricsOverride", "params": metrics}
         self._call("POST", f"{self.session}/goog/cdp/execute", command)
@@ -64,11 +64,11 @@ class Browser:
         self._call("POST", f"{self.session}/url", {"url": url})
 
     def run(self, script: str) -> Any:
-        """Return what a script returns in the page."""
+        """Return the result of a script that runs in the page."""
         return self._call("POST", f"{self.session}/execute/sync", {"script": script, "args": []})
 
     def wait_for(self, condition: str, seconds: float = 60.0) -> Any:
-        """Return the value of an expression as soon as it is true."""
+        """Wait until an expression is true, and return its value."""
         ends = time.monotonic() + seconds
         while not (found := self.run(f"return {condition}")):
             assert time.monotonic() < ends, f"{condition} did not become true within {seconds:g} s: {self.problems()}"
@@ -76,7 +76,7 @@ class Browser:
         return found
 
     def picture(self) -> bytes:
-        """Return the window as PNG."""
+        """Return a screenshot as PNG."""
         return base64.b64decode(self._call("GET", f"{self.session}/screenshot"))
 
     def problems(self) -> list[str]:
@@ -91,7 +91,7 @@ class Browser:
 
 @contextmanager
 def opened(profile: Path) -> Iterator[Browser]:
-    """Give a browser with an empty profile."""
+    """Yield a browser with an empty profile."""
     environment = {name: value for name, value in os.environ.items() if "proxy" not in name.lower()}
     pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
     with subprocess.Popen([PROGRAMS[1], "--port=0"], env=environment, **pipes) as driver:

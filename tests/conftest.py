@@ -21,7 +21,7 @@ settings.load_profile("no deadline")
 
 @pytest.fixture(autouse=True, scope="session")
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keep scans and kernels of the tests apart from those of the user; all workers of a run share them."""
+    """Set a cache folder for tests, shared by all workers of a run."""
     run = tmp_path_factory.getbasetemp()
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ESKIN_CACHE", str((run.parent if "PYTEST_XDIST_WORKER" in os.environ else run) / "cache"))
@@ -30,14 +30,14 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return an empty folder, which is the current one."""
+    """Return an empty folder, set as current folder."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 @pytest.fixture
 def call(folder: Path, capsys: pytest.CaptureFixture[str]) -> Callable[[str], tuple[int, str, str]]:
-    """Return a function that runs ``eskin`` in the folder: exit code, standard output and error."""
+    """Return a function that runs ``eskin`` in the folder: exit code, standard output, standard error."""
 
     def call(line: str) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as left:

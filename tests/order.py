@@ -1,4 +1,4 @@
-"""Long tests begin first, dealt out to the workers, so that none is left with one of them at the end."""
+"""Order tests so that long ones start first on all workers."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LONG = (
 
 
 def long_first(nodes: Sequence[str], workers: int) -> list[int]:
-    """Return the places of tests in the order in which they are run.
+    """Return the indices of tests in order of execution.
 
     ``--dist worksteal`` gives every worker a block of equal size to begin with; who is done first takes from the end
     of another's.

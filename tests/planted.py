@@ -1,4 +1,4 @@
-"""Edits of the RTL's source for a test: a bug that a check must find, where no netlist takes part."""
+"""Plant a bug in the RTL source for a test."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 
 @contextmanager
 def planted(file: str, *edits: tuple[str, str]) -> Iterator[None]:
-    """Let all modules of the RTL use the functions and classes of a file with a bug in it, until the block ends.
+    """Replace functions and classes in all RTL modules by those of a file, within a context.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The tests of ``make check``: a representative of every block of rtl/ and of every command, in one list.
+"""List of the tests of ``make check``: one per RTL block and per command.
 
 Each entry is a test function, of which the first case is taken, or the beginning of one case's name. Choose what fails
 when the block is broken and takes a second or two; ``tests/test_quick.py`` says what is missing.
@@ -119,13 +119,13 @@ OTHERS = {
 
 
 def fits(node: str, entry: str) -> bool:
-    """Return whether an entry selects a test, given by its name in pytest."""
+    """Return True if a list entry selects a test."""
     function, bracket, case = entry.partition("[")
     return node.startswith(function) and (not bracket or node.partition("[")[2].startswith(case))
 
 
 def chosen(nodes: list[str]) -> set[str]:
-    """Return those of some tests that are quick: of a block or a command the first case that fits its entry."""
+    """Return the first test selected by each list entry."""
     firsts = {
         next((node for node in nodes if fits(node, entry)), "") for entry in [*BLOCKS.values(), *COMMANDS.values()]
     }

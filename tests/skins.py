@@ -1,4 +1,4 @@
-"""Generated recordings of slow piezoresistive skins: raw counts on a large baseline, a folder for each class."""
+"""Generated recordings of slow piezoresistive skins: raw counts on a large baseline."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ BASELINE = (8_000, 12_000)
 
 
 def touch(kind: str, time_s: NDArray[np.float64], taxel: int) -> NDArray[np.float64]:
-    """Return the pressure of a kind of touch on a taxel, 0 at rest and 1 at most."""
+    """Return the pressure of a kind of touch on a taxel, 0 to 1."""
     if kind == "press":
         edges = [1 / (1 + np.exp(-4 * (time_s - at - 0.05 * taxel))) for at in (2, 6)]
         return np.asarray(edges[0] - edges[1])
@@ -34,7 +34,7 @@ def counts(kind: str, rate_hz: float = 35, taxels: int = 16, seed: int = 0) -> N
 def write_csv(
     path: Path, values: NDArray[np.int64], rate_hz: float = 35, jitter_s: float = 0.0, separator: str = ","
 ) -> None:
-    """Write counts behind a column of time stamps in milliseconds, under a header."""
+    """Write counts with a time stamp column in milliseconds and a header."""
     path.parent.mkdir(parents=True, exist_ok=True)
     random = np.random.default_rng(len(values))
     time_s = np.sort(np.arange(len(values)) / rate_hz + random.uniform(-jitter_s, jitter_s, len(values)))
@@ -47,7 +47,7 @@ def write_csv(
 
 
 def write_skin(folder: Path, rate_hz: float = 35, taxels: int = 16, each: int = 3, jitter_s: float = 0.0) -> None:
-    """Write a folder of class folders; equal file names stand in all of them."""
+    """Write a folder with class folders of recordings."""
     for number, kind in enumerate(CLASSES):
         for k in range(each):
             values = counts(kind, rate_hz, taxels, seed=10 * number + k)

@@ -1,4 +1,4 @@
-"""import eskin: the guide does what it shows, every name is there, and wrong values get one sentence."""
+"""Test import eskin: examples of the guide, names, and error messages."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SIX = eskin.ReadoutConfig(rows=2, columns=3, resolution=4)
 
 
 def test_the_guide_does_what_it_shows(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """From a sine to its class, through the RTL; here in Icarus, since Verilator takes longer to build it."""
+    """Run the guide from a sine to its class through the RTL, in Icarus."""
     blocks = re.findall(r"```(python|text)\n(.*?)```", GUIDE.read_text(), re.DOTALL)
     program = "".join(text for language, text in blocks if language == "python")
     (shown,) = (text for language, text in blocks if language == "text")

@@ -1,4 +1,4 @@
-"""The house holds: imports run one way, commands alone parse and print, no folder or file grows without end."""
+"""Test the layers: one-way imports, parsing and printing only in app, limits on files and folders."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LONG = {
 
 
 def files() -> list[Path]:
-    """Return the files of all rooms, and those of the package itself, which stand on top of them."""
+    """Return the files of all packages."""
     return sorted([*(path for room in ROOMS for path in (ROOT / room).rglob("*.py")), *(ROOT / "eskin").glob("*.py")])
 
 
@@ -51,7 +51,7 @@ def tree(path: Path) -> ast.Module:
 
 
 def at_run_time(node: ast.AST) -> Iterator[ast.AST]:
-    """Yield the nodes of a tree, but those that only a type checker reads."""
+    """Yield the syntax nodes that run, without those for type checkers."""
     for child in ast.iter_child_nodes(node):
         if not (isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING"):
             yield child
@@ -60,7 +60,7 @@ def at_run_time(node: ast.AST) -> Iterator[ast.AST]:
 
 @cache
 def imports() -> dict[str, set[str]]:
-    """Return, for every module of the packages, those of them that it imports, anywhere in it."""
+    """Return the project modules that each module imports."""
     modules = {name_of(path): path for path in files()}
     found: dict[str, set[str]] = {}
     for name, path in modules.items():
@@ -95,7 +95,7 @@ def test_rooms_import_from_below_only() -> None:
 
 
 def test_no_two_folders_of_a_room_need_each_other() -> None:
-    """A file at the root of a room stands for itself, a folder in it for all its files."""
+    """Check that folders of a package do not import each other."""
     graph: dict[str, set[str]] = {}
     for module, others in imports().items():
         place = ".".join(module.split(".")[:3])

@@ -1,4 +1,4 @@
-"""make check touches every block and every command, and names no test that is not there."""
+"""Test that make check covers every block and command, and names only existing tests."""
 
 from __future__ import annotations
 

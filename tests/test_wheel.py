@@ -1,4 +1,4 @@
-"""What pip install . gives: every command runs from any folder, and nothing is written beside the sources."""
+"""Test an installation by pip: every command runs from any folder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder into which the wheel of the project was unpacked."""
+    """Return the folder with the unpacked wheel."""
     folder = tmp_path_factory.mktemp("wheel")
     sources = folder / "sources"
     for name in ("eskin", "cocotbext-aer", *ROOMS):
@@ -36,7 +36,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(installed: Path, folder: Path, *words: str) -> str:
-    """Run Python in an empty folder, where the wheel comes before the checkout; return standard output."""
+    """Run Python in an empty folder with the wheel first in the path; return standard output."""
     outer = {k: v for k, v in os.environ.items() if not k.startswith(("ESKIN", "MAKE"))}
     environment = outer | {"PYTHONPATH": str(installed), "COLUMNS": "120"}
     # The model is compiled anew for these short runs, which takes longer than they do; at 0 Numba keeps nothing of it.
@@ -47,7 +47,7 @@ def run(installed: Path, folder: Path, *words: str) -> str:
 
 
 def files(folder: Path) -> set[str]:
-    """Return the files below a folder, without what Python and Numba keep of compiled sources."""
+    """Return the files below a folder, without compiled caches."""
     return {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file() and "__pycache__" not in p.parts}
 
 
@@ -110,7 +110,7 @@ def test_co_simulation_builds_in_the_users_own_cache(installed: Path, tmp_path: 
 
 
 def test_a_model_of_the_users_own_is_passed_over_with_safe_path(installed: Path, tmp_path: Path) -> None:
-    """As docs/guide/install.md says: -P leaves the current folder out of the search."""
+    """Check that -P removes the current folder from the search path, as docs/guide/install.md states."""
     (tmp_path / "eskin.py").write_text("print('mine')")
     assert run(installed, tmp_path, "-m", "eskin") == "mine\n"
     assert run(installed, tmp_path, "-P", "-m", "eskin").startswith("Usage: eskin ")

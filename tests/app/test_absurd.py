@@ -1,4 +1,4 @@
-"""Ignored options, absurd numbers, files of other commands: a sentence or a right result."""
+"""Test ignored options, out-of-range numbers and wrong files: each gives an error message or a correct result."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def test_the_file_beside_the_verilog_is_a_configuration(folder: Path) -> None:
 
 
 def test_a_configuration_may_come_through_a_pipe(folder: Path) -> None:
-    """As the shell's ``--config <(...)``, which can be read once."""
+    """Read a configuration from a pipe, as with the shell's ``--config <(...)``."""
     os.mkfifo("pipe")
     writer = threading.Thread(target=lambda: Path("pipe").write_text('{"rows": 3}'))
     writer.start()

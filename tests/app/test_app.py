@@ -1,4 +1,4 @@
-"""eskin.app.cli: one sentence and exit code 2 for every mistake of the user, and the configuration as options."""
+"""Test eskin.app.cli: error messages with exit code 2, and the configuration as options."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ def show(
     given: frozenset[str],
     word: Annotated[str, typer.Argument()] = "none",
 ) -> None:
-    """Show what the options came to."""
+    """Print the configuration and the given fields."""
     print(json.dumps({"config": config.to_dict(), "given": sorted(given), "word": word}))
 
 
 @app.command()
 def fail(how: str) -> None:
-    """Fail in one of many ways."""
+    """Fail in one of several ways."""
     if how == "input":
         raise InputError("the\n  sentence.")
     if how == "file":
@@ -62,7 +62,7 @@ def fail(how: str) -> None:
 
 
 def call(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[int, str, str]:
-    """Return the exit code, standard output and standard error of the test program."""
+    """Return a function that runs the test program: exit code, standard output, standard error."""
     with pytest.raises(SystemExit) as left:
         run(app, "test", args)
     assert isinstance(left.value.code, int)
@@ -70,7 +70,7 @@ def call(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[int, str, str]
 
 
 def shown(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[ReadoutConfig, set[str]]:
-    """Return the configuration and the given fields that options come to."""
+    """Return a function that gives the configuration and the given fields for options."""
     code, out, err = call(capsys, "show", *args)
     assert (code, err) == (0, "")
     data = json.loads(out)
@@ -171,7 +171,7 @@ def test_every_field_has_a_help_text_and_an_option(capsys: pytest.CaptureFixture
 
 @pytest.mark.parametrize("cls", [ReadoutConfig, FrameConfig, PowerParameters])
 def test_one_table_of_fields_says_all(cls: type) -> None:
-    """Unit, source and meaning stand at the field; the option takes its name from it, without the unit."""
+    """Check that option, unit and meaning come from the field."""
     own = [field for field in dataclasses.fields(cls) if field.name != "readout"]
     assert len({option_of(field) for field in own}) == len(own) - (cls is PowerParameters)  # two bandwidths
     for field in own:
@@ -289,7 +289,7 @@ def test_ctrl_c_is_quiet_and_leaves_no_file(tmp_path: Path) -> None:
 
 
 def test_help_comes_at_once_and_names_every_command() -> None:
-    """The overview takes 0.3 s of computing at most and needs no package; another help loads nothing that is slow."""
+    """Check that the overview needs 0.3 s of CPU time and no package, and that other help loads no slow package."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run([*MODEL, "--help"], capture_output=True, text=True, check=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -316,7 +316,7 @@ def test_a_check_of_the_project_stands_behind_dev(call: Any) -> None:
 
 
 def test_own_options_stand_before_shared_ones(call: Any) -> None:
-    """What a command alone has comes first, then rows, columns and encoder; the rest of the readout is last."""
+    """Check that a command's own options come first in its help, then rows, columns and encoder."""
     headings = [line for line in call("encode --help")[1].splitlines() if line.endswith(":") and line[0] != " "]
     assert headings == ["Arguments:", "Options:", *(f"{heading}:" for heading in SHARED)]
     out = call("sim --help")[1]
@@ -351,7 +351,7 @@ def test_the_process_of_a_command_looks_for_garbage_seldom_and_a_caller_goes_on_
     ],
 )
 def test_a_missing_group_is_one_sentence(program: str, package: str, group: str, tmp_path: Path) -> None:
-    """As where only the base is installed: the package is hidden from the import."""
+    """Check the message for a missing extra, with its package hidden from import."""
     blocked = f"import sys; sys.modules[{package!r}] = None; sys.argv = {['eskin', *program.split()]!r}\n"
     code = blocked + "from eskin.app.__main__ import main; main()"
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
@@ -362,7 +362,7 @@ def test_a_missing_group_is_one_sentence(program: str, package: str, group: str,
 
 
 def test_groups_are_those_of_the_project() -> None:
-    """The packages that the sentence names stand in the same groups of pyproject.toml."""
+    """Check that pyproject.toml has the packages of each extra named in messages."""
     for group, packages in GROUPS.items():
         named = {re.split(r"[<>=]", text)[0] for text in setup.requirements(group)}
         assert named <= set(packages)

@@ -1,4 +1,4 @@
-"""``eskin decode``: signals from an event file alone."""
+"""Test ``eskin decode``: signals reconstructed from an event file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""docs/guide/files.md: its session and its program do what they show."""
+"""Test that the session and the program in docs/guide/files.md give the printed output."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "guide" / "files.md"
 
 
 def blocks(language: str) -> list[str]:
-    """Return the fenced blocks of a language."""
+    """Return the fenced code blocks of a language."""
     return re.findall(rf"```{language}\n(.*?)```", DOCUMENT.read_text(), re.DOTALL)
 
 
 def steps(session: str) -> Iterator[tuple[str, str]]:
-    """Return the commands of a session with the output shown below each."""
+    """Return the commands of a session, each with its output."""
     for step in re.split(r"^\$ ", session, flags=re.MULTILINE)[1:]:
         command, _, output = step.partition("\n")
         yield command, output
 
 
 def shape(text: str) -> str:
-    """Return a text with every number replaced: the last digits depend on the libraries."""
+    """Return a text with every number replaced, because the last digits depend on libraries."""
     return re.sub(r"\d+(\.\d+)?(e\+\d+)?", "#", re.sub(" +", " ", text))
 
 

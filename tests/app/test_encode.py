@@ -1,4 +1,4 @@
-"""``eskin encode``: a user's own samples and images, and every mistake in them."""
+"""Test ``eskin encode`` with samples, images, and invalid input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``eskin encode FOLDER``: a slow skin's class folders become event files in one command."""
+"""Test ``eskin encode FOLDER``: event files for the class folders of a slow skin."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The recordings of a robot finger that come with the project, from their files to the class of the RTL."""
+"""Test the project's recordings of a robot finger, from files to the class in RTL."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LAST = re.compile(r"touch to class: (\d+) images, (\d+) events, 0 mismatches, (\
 def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With the defaults, but for a small network: folder, training, prediction, whole numbers, chip."""
+    """Run folder, training, prediction, quantisation and chip with default options and a small network."""
     monkeypatch.chdir(tmp_path)
 
     def done(*words: object) -> str:

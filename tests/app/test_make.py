@@ -1,4 +1,4 @@
-"""make: variables reach the programs as they were typed, and wrong ones are refused."""
+"""Test make: variables reach the programs unchanged, and invalid variables are rejected."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Make = Callable[..., subprocess.CompletedProcess[str]]
 
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
-    """Return a folder like the checkout, whose environment is complete."""
+    """Return a folder like the checkout, with a complete environment."""
     for name in ("Makefile", "pyproject.toml", "constraints.txt", "eskin", *ROOMS):
         (tmp_path / name).symlink_to(ROOT / name)
     venv = tmp_path / ".venv"
@@ -51,7 +51,7 @@ def checkout(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def make(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> Make:
-    """Return a function that runs make there, in a shell that exports the width of its window."""
+    """Return a function that runs make in that folder."""
     monkeypatch.chdir(checkout)
     for group in setup.groups():
         setup._stamp(group).write_text(setup._digest(group))
@@ -66,7 +66,7 @@ def make(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> Make:
 
 @pytest.fixture
 def launch(make: Make, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
-    """Return a function that does what a recipe does for a dry run: its exit code, its commands, its errors."""
+    """Return a function that runs a recipe dry: its exit code, commands and errors."""
 
     def launch(target: str, *variables: str) -> tuple[int, list[list[str]], str]:
         quoted = [re.sub(r"([\\\\ ])", r"\\\1", word).replace("$", "$$") for word in variables]
@@ -109,7 +109,7 @@ def test_variables_arrive_as_typed(make: Make, checkout: Path) -> None:
 
 
 def test_a_real_run_writes_where_it_was_told(make: Make, checkout: Path) -> None:
-    """The value passes make, the launcher and the command unchanged: the folder has just this name."""
+    """Check that make, launcher and command pass a folder name unchanged."""
     text = "it's `touch bad` $(touch bad) $(shell touch bad) '; touch bad; '"
     done = make("-s", "verilog", f"OUT=out/{text}", "ROWS=1", "COLUMNS=2")
     assert done.returncode == 0, done.stderr

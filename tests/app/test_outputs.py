@@ -1,4 +1,4 @@
-"""Every command refuses a wrong output path before it does anything else."""
+"""Test that every command checks its output path before any work."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OUTPUTS = {"-o", "--out", "--keep", "--plot", "--data-out"}
 
 
 def line_of(name: str, given: dict[str, str]) -> str:
-    """Return a command with some options, and "x" for every other that it needs."""
+    """Return a command line with given options, and "x" for every required one."""
     words = words_of(name)
     for parameter in Commands(MODULES)[name].params:
         if parameter.param_type_name == "argument":
@@ -31,7 +31,7 @@ def line_of(name: str, given: dict[str, str]) -> str:
 
 
 def marks(name: str) -> dict[str, Writes]:
-    """Return the marks of a command's options by the name of the parameter."""
+    """Return the output markers of a command's options by parameter name."""
     function = Commands(MODULES)[name].callback
     assert function is not None
     parameters = inspect.signature(function).parameters.items()

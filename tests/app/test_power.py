@@ -1,4 +1,4 @@
-"""Promises of the commands power, fig6, fig7, sensitivity, explore and event-rates, and of their files."""
+"""Test the commands power, fig6, fig7, sensitivity, explore and event-rates, and their files."""
 
 from __future__ import annotations
 
@@ -230,7 +230,7 @@ def test_fig7_data_are_the_model(call, folder):
 
 
 def without_origin(kept: dict[str, Any]) -> dict[str, Any]:
-    """Return what a command kept without the command, commit and date that it has to say."""
+    """Return the stored result without command, commit and date."""
     assert all(kept.pop(name) for name in ("command", "commit", "date"))
     return kept
 
@@ -278,7 +278,7 @@ def test_fig6_with_measured_logic_is_that_of_the_netlists_in_the_documentation(l
 
 
 def _numbers(data: object) -> list[float]:
-    """Return all numbers of JSON data, in order."""
+    """Return all numbers in JSON data, in order."""
     if isinstance(data, dict):
         return [n for value in data.values() for n in _numbers(value)]
     if isinstance(data, list):

@@ -1,4 +1,4 @@
-"""Every option of every command has an effect or is refused, and every number has a range."""
+"""Test that every option has an effect or is rejected, and that every number has a range."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from tests.app.test_outputs import line_of
 
 @cache
 def command(name: str) -> Command:
-    """Return a command of ``eskin``, made once."""
+    """Return a command of ``eskin``."""
     return cast(Command, Commands(MODULES)[name])
 
 
 @cache
 def needed(name: str) -> list[str]:
-    """Return the arguments and options without which a command does not run."""
+    """Return the required arguments and options of a command."""
     return line_of(name, {}).split()[len(words_of(name)) :]
 
 
@@ -36,19 +36,19 @@ NUMBERS = ("nan", "inf", "1e300", "-" + "9" * 30)
 
 
 def options_of(name: str) -> dict[str, Any]:
-    """Return the options of a command by their long names."""
+    """Return the options of a command by long name."""
     found = [p for p in command(name).params if p.param_type_name == "option"]
     return {word: p for p in found for word in (*p.opts, *p.secondary_opts) if word.startswith("--")}
 
 
 def is_number(parameter: Any) -> bool:
-    """Return whether an option is parsed as a number."""
+    """Return True if an option is parsed as a number."""
     hint = parameter.type_descriptor.annotation
     return bool({int, float} & {hint, *get_args(hint)})
 
 
 def words_for(name: str, option: str) -> list[str]:
-    """Return an option as a user types it, with its default where it has one."""
+    """Return an option as typed, with its default value if it has one."""
     parameter = options_of(name)[option]
     if parameter.is_flag:
         return [option]
@@ -59,7 +59,7 @@ def words_for(name: str, option: str) -> list[str]:
 
 
 def fulfilled(name: str, condition: str) -> list[str]:
-    """Return the options with which a condition of ``IDLE`` holds."""
+    """Return options for which a condition of ``IDLE`` holds."""
     if condition.startswith(("no ", "not ")):
         return []
     if "=" in condition:
@@ -100,7 +100,7 @@ def test_a_setting_of_another_encoder_is_refused(encoder: Any, folder: Path) -> 
 
 
 def numbers_of(name: str) -> dict[str, Any]:
-    """Return the options of a command that take a number; those of the readout, alike everywhere, of one command."""
+    """Return the numeric options of a command; shared readout options only for one command."""
     found = {}
     for option, parameter in options_of(name).items():
         if parameter.name in ReadoutConfig.__dataclass_fields__ and name != "encode" and parameter.default is None:

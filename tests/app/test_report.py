@@ -1,4 +1,4 @@
-"""Promises of the report: the page holds the model's numbers, loads nothing, runs nothing and obeys no file."""
+"""Test the report: correct numbers, no external resources, and no code from input files."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ UNROUNDED = re.compile(r"\d\.\d{6,}|\d[eE][+-]?\d")
 
 
 def some_events(count: int = 300, seed: int = 0) -> Events:
-    """Return random events of CONFIG, in order."""
+    """Return random events for CONFIG, in order."""
     random = np.random.default_rng(seed)
     t = np.sort(random.integers(0, CLOCKS, count))
     return make_events(t, random.integers(0, 2, count), random.integers(0, 3, count), random.random(count) < 0.5)
@@ -66,7 +66,7 @@ def write_run(folder: Path, rtl: Events, model: Events, model_config: ReadoutCon
 
 
 def write_everything(folder: Path) -> str:
-    """Write one of everything that the report can show, and return the options that name it."""
+    """Write one example of everything that the report can show, and return the options for it."""
     events = some_events()
     write_run(folder / "sim" / "equal", events, events)
     write_run(folder / "sim" / "other-whose-name-is-much-longer-than-a-phone-is-wide", events, np.delete(events, 7))
@@ -95,19 +95,19 @@ def report(folder: Path, options: str) -> str:
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder of ``full``."""
+    """Return the folder of fixture ``full``."""
     return tmp_path_factory.mktemp("full")
 
 
 @pytest.fixture(scope="module")
 def full(place: Path) -> str:
-    """Return the page of one of everything."""
+    """Return a page with one example of everything."""
     return report(place, write_everything(place))
 
 
 @pytest.fixture(scope="module")
 def bare(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Return the page where nothing was simulated, trained or synthesised."""
+    """Return the page of an empty project."""
     return report(tmp_path_factory.mktemp("bare"), "")
 
 
@@ -223,7 +223,7 @@ def test_accuracy_takes_what_fig9_writes_and_names_points(tmp_path):
 
 
 class Structure(html.parser.HTMLParser):
-    """Checks that elements are closed, and collects ids, headings, links and all attributes that could load."""
+    """HTML parser that checks nesting, and collects ids, headings, links and resources."""
 
     VOID = frozenset({"meta", "link", "img"})
 

@@ -1,4 +1,4 @@
-"""The commands behind make sim and make replay, as a user meets them; and that a broken RTL does not get past them."""
+"""Test the commands behind make sim and make replay, also with a faulty RTL."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ COMMAND = [sys.executable, "-m", "eskin"]
 
 
 def call(*arguments: object) -> subprocess.CompletedProcess[str]:
-    """Run a command as ``eskin`` does, but in this process, which has loaded everything already."""
+    """Return a function that runs a command in this process."""
     words = [str(argument) for argument in arguments]
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as left:

@@ -1,4 +1,4 @@
-"""One reader of JSON for all files: what is wrong, in one sentence with the file's name."""
+"""Test the JSON reader: error messages name file and error."""
 
 from __future__ import annotations
 

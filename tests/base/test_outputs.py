@@ -1,4 +1,4 @@
-"""Output goes where the user says: through links, into devices and FIFOs; nothing of the user's is replaced or left."""
+"""Test output paths: links, devices and FIFOs, and protection of the user's files."""
 
 from __future__ import annotations
 

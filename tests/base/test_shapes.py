@@ -1,4 +1,4 @@
-"""A file of the program's own that was cut, or holds null, is one sentence or is made anew."""
+"""Test damaged files of the program: an error message, or a new file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Work gives the same results in this process, in others and in threads, in the order of the jobs; deaths cost time."""
+"""Test worker pools: equal results in every kind of pool, in order, also after crashes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def refuse(number: int) -> int:
 
 
 def die_once(marker: Path, number: int) -> int:
-    """Kill the own process where number 2 is worked on for the first time."""
+    """Kill the process at the first attempt at number 2."""
     if number == 2 and not marker.exists():
         marker.touch()
         os.kill(os.getpid(), signal.SIGKILL)

@@ -1,4 +1,4 @@
-"""The encoder benchmark runs, and refuses encoders that disagree."""
+"""Test the encoder benchmark, and its check for equal events."""
 
 from __future__ import annotations
 

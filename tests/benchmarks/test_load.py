@@ -1,4 +1,4 @@
-"""The arbiters that are compared under load do what they are called, and ours is the readout's."""
+"""Test the arbiters in the load benchmark; ours must equal the arbiter of the readout."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def load() -> Any:
 
 
 def order(load: Any, kind: int, lists: list[list[int]], rows: int) -> list[tuple[int, int]]:
-    """Return clock and taxel of the events, as they leave."""
+    """Return clock and taxel of the events in order of transfer."""
     due = np.array([t for times in lists for t in times], np.int64)
     first = np.cumsum([0, *map(len, lists)])
     _, left = load.serve(kind, due, first, 100, new_state(), np.zeros(rows, ROW_DTYPE))

@@ -1,4 +1,4 @@
-"""The network benchmark runs, and refuses candidates that disagree."""
+"""Test the network benchmark, and its check for equal results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The bitstream of a board, without place and route: what is built, what is refused, what a report says."""
+"""Test bitstream generation without place and route: designs, rejected options, report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The parts of a board one by one: frames in and out against the codec, and what is refused."""
+"""Test the blocks of a board: frames compared with the Python codec, and rejected frames."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SERIAL = SerialConfig(clocks_per_bit=4, buffer_bytes=512, idle_bits=32, records=
 
 
 def sent_by_rtl(words: list[int]) -> bytes:
-    """Return the bytes that the RTL sends for some words that wait."""
+    """Return the bytes that the RTL sends for waiting words."""
     dut = FrameSender(SERIAL)
     out = bytearray()
     left = list(words)
@@ -37,7 +37,7 @@ def sent_by_rtl(words: list[int]) -> bytes:
 
 
 def received_by_rtl(data: bytes, keep: bool = True) -> tuple[bytes, list[tuple[int, int, int]], int]:
-    """Return the bytes that the RTL takes for data, what it refuses, and the sessions that begin."""
+    """Return the bytes that the RTL accepts, the rejections, and the started sessions."""
     dut = FrameReceiver(SERIAL)
     taken, refused, sessions = bytearray(), [], 0
 
@@ -114,7 +114,7 @@ def test_what_is_no_good_frame_is_refused_and_never_data(what: str) -> None:
 
 
 def test_a_frame_without_room_is_refused_as_a_whole() -> None:
-    """One byte is waiting at the output, and 512 of the frames behind it fit: the third does not."""
+    """Check that a frame that exceeds the buffer space is rejected completely."""
     frames = [Frame(Kind.SAMPLES, number, bytes([number]) * 240) for number in (1, 2, 3)]
     _, refused, _ = received_by_rtl(HELLO.encode() + b"".join(f.encode() for f in frames), keep=False)
     assert refused == [(3, 3, Reason.OVERRUN)]

@@ -1,4 +1,4 @@
-"""A board without hardware: the simulated board, the demo on it, its page in a browser, and events over UDP."""
+"""Test the simulated board, the demo, its page in a browser, and events over UDP."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ EVENTS_A_SECOND = 45_000
 
 
 class Heard(threading.Thread):
-    """Receive datagrams until one is empty."""
+    """UDP receiver that stops at an empty datagram."""
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
@@ -70,7 +70,7 @@ def walk(ticks: int, taxels: int) -> np.ndarray:
 
 
 def test_play_on_a_simulated_board_is_the_models_and_sends_every_event(call: Call, folder: Path) -> None:
-    """The datagrams are read by jAER's rules for its DVS128, and not by our own reader."""
+    """Decode the datagrams by jAER's rules for its DVS128, independently of our reader."""
     chip = small_chip()
     weights_of(chip, folder / "weights.npz")
     np.save(folder / "codes.npy", walk(TICKS, chip.readout.taxels))
@@ -148,7 +148,7 @@ def test_times_wrap_and_long_lists_are_cut() -> None:
 
 
 def test_the_finger_is_recognised_by_its_network(call: Call) -> None:
-    """Recordings that the network has not learned, in turns of the classes."""
+    """Check the classes of recordings that the network was not trained on."""
     code, out, err = call("demo finger --no-browser --port 0 --limit 4 --speed 1000")
     assert code == 0, err
     fabrics = ("BeigeCotton", "Canvas", "Denim", "Linen")
@@ -205,7 +205,7 @@ ALL_OF_IT = """(() => {
 
 
 def named(seen: list[list[int]]) -> set[str]:
-    """Return which colours of the palette are among some, within what rounding of their transparency leaves."""
+    """Return the palette colours in a list of colours, with a tolerance for rounding."""
     wanted = {name: [int(colour[at : at + 2], 16) for at in (1, 3, 5)] for name, colour in PALETTE.items()}
     return {name for name, rgb in wanted.items() if (np.abs(np.array(seen) - rgb).max(1) <= 2).any()}
 

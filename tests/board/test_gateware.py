@@ -1,4 +1,4 @@
-"""A board in simulation, bit by bit on its serial line, and the real host program at the other end of it."""
+"""Test a simulated board bit by bit on its serial line with the real host program."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ SERIAL = SerialConfig(clocks_per_bit=CLOCKS_PER_BIT, buffer_bytes=512, idle_bits
 
 
 def small_chip(threshold: int = 60) -> ChipConfig:
-    """Return a chip whose bins are short, and whose bursts must wait."""
+    """Return a chip with short bins, in which bursts must wait."""
     readout = ReadoutConfig(rows=3, columns=5, resolution=6, clocks_per_sample=64)
     network = ClassifierConfig(
         inputs=30,
@@ -56,7 +56,7 @@ def small_chip(threshold: int = 60) -> ChipConfig:
 
 
 def board(chip: ChipConfig | None) -> BoardConfig:
-    """Return a board with a quick line."""
+    """Return a board with a fast serial line."""
     return BoardConfig(chip=chip, serial=SERIAL)
 
 
@@ -69,7 +69,7 @@ def weights_of(chip: ChipConfig, path: Path) -> Path:
 
 
 def spoiled(what: str, at: int) -> Spoil:
-    """Return what a line does that flips a bit of a byte, or loses it."""
+    """Return a line disturbance that flips a bit of a byte, or loses the byte."""
 
     def spoil(number: int, byte: int) -> int | None:
         if number != at:
@@ -83,7 +83,7 @@ def spoiled(what: str, at: int) -> Spoil:
 
 
 async def start(dut: Any) -> None:
-    """Start the clock and reset."""
+    """Start the clock and reset the board."""
     dut.rx.value = 1
     dut.rst.value = 1
     Clock(dut.clk, CLOCK_NS, "ns").start()
@@ -93,7 +93,7 @@ async def start(dut: Any) -> None:
 
 @cocotb.test()
 async def hosts_come_and_go(dut: Any) -> None:
-    """Run host programs one after the other, each at a line that does something else to the bytes."""
+    """Run several host programs in turn, each with another disturbance of the line."""
     job = json.loads(Path(os.environ[JOB]).read_text())
     pins = [getattr(dut, name) for name in ("aer_req", "aer_req_off", "aer_addr") if hasattr(dut, name)]
     for pin in pins:
@@ -117,12 +117,12 @@ async def hosts_come_and_go(dut: Any) -> None:
 
 
 def hears_ctrl_c() -> None:
-    """Undo what a shell does to processes in the background."""
+    """Enable Ctrl-C in a background process."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 async def foreign_chip(dut: Any, events: list[list[int]], requests: list[int]) -> None:
-    """Send addresses over four-phase AER, at times that know nothing of the board's clock; notes them in ps.
+    """Send addresses over four-phase AER, asynchronously to the board; record the times in ps.
 
     A third number of an event names its requests: 1 ON (or the only one), 2 OFF, 3 both.
     """
@@ -150,7 +150,7 @@ Hosts = Callable[[ChipConfig | None, dict[str, Any]], dict[str, Any]]
 
 @pytest.fixture
 def hosts(tmp_path: Path) -> Hosts:
-    """Return a function that runs host programs at a board, and what each of them said."""
+    """Return a function that runs host programs with a board and gives their output."""
 
     def run(chip: ChipConfig | None, job: dict[str, Any]) -> dict[str, Any]:
         (tmp_path / "job.json").write_text(json.dumps(job))
@@ -165,7 +165,7 @@ def hosts(tmp_path: Path) -> Hosts:
 
 @pytest.fixture
 def played(tmp_path: Path) -> dict[str, Path]:
-    """Return files of weights and of codes, a walk at random."""
+    """Return files of weights and of random codes."""
     rng = np.random.default_rng(2)
     chip = small_chip()
     codes = np.cumsum(rng.integers(-60, 61, (TICKS, chip.readout.taxels)), axis=0)
@@ -176,7 +176,7 @@ def played(tmp_path: Path) -> dict[str, Path]:
 def test_a_recording_on_the_board_gives_the_events_and_classes_of_the_model(
     hosts: Hosts, played: dict[str, Path], tmp_path: Path
 ) -> None:
-    """The program itself holds them to the model; each fault on the line is found, and what came before it is kept."""
+    """Check that the host program finds equal events and classes, and detects each line fault."""
     play = ["play", str(played["weights"]), "--samples", str(played["codes"]), "--out"]
     other = weights_of(small_chip(61), tmp_path / "other.npz")
 
@@ -225,7 +225,7 @@ def test_a_recording_on_the_board_gives_the_events_and_classes_of_the_model(
 
 
 def test_a_foreign_chip_is_recorded_into_our_files(hosts: Hosts, tmp_path: Path) -> None:
-    """Addresses and times are those of its REQ; a burst that the line cannot take is counted as lost, never silent."""
+    """Check addresses and times of the recorded events, and the count of lost events."""
     rng = random.Random(3)
     slow = [[5_000_000 + rng.randrange(5_000_000), rng.randrange(1 << 5)] for _ in range(80)]
     events = [*slow[:40], [1_400_000_000, 0], *slow[40:]]  # the time passes 2**16 clocks

@@ -1,4 +1,4 @@
-"""The host's side of a board: codec, records, journal, and a link to a board that misbehaves."""
+"""Test the host software: codec, records, journal, and a faulty board."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ HELLO = dict(zip(HELLO_WORDS, (VERSION, 2, BoardConfig(chip=None).identity, 50_0
 
 
 class FakeBoard(threading.Thread):
-    """Acknowledges every frame of a host; ``answer`` gives other bytes for a frame, or None for these."""
+    """Fake board that acknowledges every frame; ``answer`` can replace the response."""
 
     def __init__(self, answer: Callable[[Frame, FakeBoard], bytes | None]) -> None:
         super().__init__(daemon=True)
@@ -174,7 +174,7 @@ class FakeBoard(threading.Thread):
                     os.write(self.master, bytes_)
 
     def pull(self) -> bytes:
-        """Take the cable out."""
+        """Simulate a disconnected cable."""
         self.closed = True
         os.close(self.slave)
         os.close(self.master)

@@ -1,4 +1,4 @@
-"""Every command that the README and the pages print is one that the program takes.
+"""Test that the program accepts every command printed in README and pages.
 
 All are parsed as printed: options, values, arguments. Many would take minutes, or need a dataset, a cell library or a
 board; ``RUN`` are run as printed. Another test runs the smallest form of each command; ``tests/quick.py`` lists them.
@@ -45,7 +45,7 @@ RUN = (
 
 
 class Printed(NamedTuple):
-    """A command as a page prints it; whole where a reader would copy it, which a mention in a sentence need not be."""
+    """A command printed on a page; ``whole`` if a reader would copy it."""
 
     page: str
     text: str
@@ -53,7 +53,7 @@ class Printed(NamedTuple):
 
 
 def printed() -> Iterator[Printed]:
-    """Yield the commands of all pages: of code blocks, of indented lines, and within sentences and tables."""
+    """Yield the commands on all pages: in code blocks, sentences and tables."""
     for page in PAGES:
         text, name = page.read_text(), str(page.relative_to(ROOT))
         blocks = [line for block in FENCE.findall(text) for line in typed(block)]
@@ -67,7 +67,7 @@ def printed() -> Iterator[Printed]:
 
 
 def typed(block: str) -> list[str]:
-    """Return the lines of a code block; where some follow a prompt, only those."""
+    """Return the command lines of a code block."""
     lines = block.replace("\\\n", " ").splitlines()
     return [line for line in lines if line.startswith("$ ")] or lines
 
@@ -78,13 +78,13 @@ def command(name: str) -> Command:
 
 
 def words_behind(text: str) -> list[str]:
-    """Return the words of a command without what marks them as optional; a capital alone stands for a number."""
+    """Return the words of a command without marks of optional parts."""
     words = shlex.split(re.sub(r"[\[\]]|\.\.\.", " ", text))[1:]
     return ["0" if re.fullmatch("[A-Z]", word) else word for word in words]
 
 
 def problem_of(words: list[str], whole: bool) -> str:
-    """Return what is wrong with the words behind ``eskin``, or nothing."""
+    """Return the error in the words after ``eskin``, or an empty text."""
     name = words[1] if words[:1] == [DEV] and len(words) > 1 else words[0]
     if name not in MODULES or words[: len(words_of(name))] != words_of(name):
         return "no such command"
@@ -106,7 +106,7 @@ def problem_of(words: list[str], whole: bool) -> str:
 
 
 def lines_of_make(text: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> list[list[str]]:
-    """Return the command lines that a target runs; raises SystemExit with the sentence of a refusal."""
+    """Return the command lines that a make target runs; raises SystemExit for a rejected one."""
     target, *variables = words_behind(text)
     quoted = [re.sub(r"([\\ ])", r"\\\1", variable) for variable in variables]
     monkeypatch.setenv("MAKEFLAGS", f"n -- {' '.join(quoted)}")

@@ -1,4 +1,4 @@
-"""Pages and data: generated text is that of the data and the commands; reports say how they were made."""
+"""Test that generated pages match data and commands, and that reports contain their origin."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The site: mkdocs builds it with warnings as errors, broken links among them; it loads nothing from other hosts."""
+"""Test the site: mkdocs builds it without warnings, and it loads nothing from other hosts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LOADED = re.compile(r"<(?:img|script|iframe|source|link)\b[^>]*\b(?:src|href)=\"
 
 
 def loaded_from_elsewhere(site: Path) -> list[str]:
-    """Return everything that the pages and styles of a site load from other hosts."""
+    """Return all external resources that a site loads."""
     files = [path for path in sorted(site.rglob("*")) if path.suffix in (".html", ".css")]
     found = [f"{path.name}: {text}" for path in files for text in LOADED.findall(path.read_text())]
     return [text for text in found if 'rel="canonical"' not in text]

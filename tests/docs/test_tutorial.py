@@ -1,4 +1,4 @@
-"""The tutorial runs, its page shows what it prints, and its notebook is the same source."""
+"""Test that the tutorial runs, that its page shows the output, and that its notebook has the same source."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def without_numbers(text: str) -> str:
-    """Return a text with every number replaced: the last digits depend on the libraries."""
+    """Return a text with every number replaced, because the last digits depend on libraries."""
     return re.sub(r"\d+(\.\d+)?", "#", re.sub(" +", " ", text))
 
 

@@ -1,4 +1,4 @@
-"""The same array in OpenSTA: a second opinion on its timing, for arrays that it finishes in a short while."""
+"""Independent timing of a small array by OpenSTA."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ puts "PERIOD <<$high>>"
 
 
 def period_s(timing: Timing, library: Library) -> float:
-    """Return the shortest period that OpenSTA finds, with the loads and the ways of the lines as they were estimated.
+    """Return the shortest clock period that OpenSTA finds with the estimated wires.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def period_s(timing: Timing, library: Library) -> float:
 
 
 def verilog(array: Array) -> str:
-    """Return an array as Verilog with plain names: cells ``c0``, taxels ``t0``, their cells ``g0``, nets ``n0``."""
+    """Return the array as Verilog with cells ``c0``, taxels ``t0``, taxel cells ``g0`` and nets ``n0``."""
     top = top_block(array.config).module_name
     widths: dict[str, tuple[str, int]] = {}
     for way, name, bit, _ in array.ports:
@@ -91,7 +91,7 @@ def _plain(bit: str) -> str:
 
 
 def _taxel(array: Array) -> Iterator[str]:
-    """Yield the lines of the taxel's module."""
+    """Yield the lines of the taxel module."""
     names: dict[object, str] = {}
     lines = [f"module {TAXEL}({', '.join(map(_plain, array.taxel_bits))});"]
     for bit, (way, own) in array.taxel_bits.items():
@@ -113,7 +113,7 @@ def _taxel(array: Array) -> Iterator[str]:
 
 
 def spef(timing: Timing) -> str:
-    """Return the capacitances of all wires; their resistance is left out."""
+    """Return the wire capacitances as SPEF, without resistances."""
     array = timing.array
     names = {net: f"n{net}" for net in range(array.nets)}
     single = {name for _, name, bit, _ in array.ports} - {name for _, name, bit, _ in array.ports if bit > 0}

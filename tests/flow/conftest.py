@@ -1,4 +1,4 @@
-"""The example library, read once."""
+"""Fixture of the example library."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Quill, a cell library of our own for tests: a few cells of one drive, with names that no other library has."""
+"""Quill, an example cell library for tests with few cells and unusual names."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Corner:
-    """A corner of the library: supply, temperature, and what its delays and leakage are multiplied by."""
+    """Corner of the library: supply, temperature, and factors of delays and leakage."""
 
     name: str
     voltage_v: float
@@ -34,7 +34,7 @@ SLEWS, LOADS = (0.02, 0.5), (0.001, 0.1)
 
 
 def library(corner: Corner = TYPICAL, without: tuple[str, ...] = ()) -> str:
-    """Return the text of the liberty file.
+    """Return the text of the Liberty file.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Cells of our own, as transistors in SPICE."""
+"""Example cells as transistors in SPICE."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import itertools
 
 
 def pull(kind: str, *transistors: str) -> list[str]:
-    """Return transistors, each as DRAIN GATE SOURCE, of one channel, ``n`` or ``p``."""
+    """Return transistors of one channel type, each as DRAIN GATE SOURCE."""
     bulk = "vss" if kind == "n" else "vdd"
     return [f"{line} {bulk} sky130_fd_pr__{kind}fet_01v8__model l=1.5e-07 w=8.4e-07" for line in transistors]
 
@@ -21,7 +21,7 @@ def switch(one: str, other: str, high: str, low: str) -> list[str]:
 
 
 def latch(source: str, output: str, high: str, low: str) -> list[str]:
-    """Return an inverting latch that is open while ``high`` is, and holds through a clocked loop."""
+    """Return an inverting latch that is open while ``high`` is high."""
     inner, back = f"{output}_in", f"{output}_back"
     return [
         *switch(source, inner, high, low),
@@ -32,7 +32,7 @@ def latch(source: str, output: str, high: str, low: str) -> list[str]:
 
 
 def cell(name: str, pins: str, *lines: list[str]) -> str:
-    """Return a cell as SPICE."""
+    """Return a cell as SPICE text."""
     body = [f"M{number} {line}" for number, line in enumerate(itertools.chain(*lines))]
     return "\n".join([f".subckt {name} vdd vss {pins}", *body, f".ends {name}\n"])
 

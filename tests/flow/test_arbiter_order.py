@@ -1,4 +1,4 @@
-"""The model's arbiter grants and drains as the RTL does, for every pattern of requests of small arrays."""
+"""Compare the event order of model and RTL arbiter for every pattern of requests of small arrays."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from eskin.rtl.arbiter import Arbiter
 
 
 def polarities(pattern: int, taxels: int) -> int:
-    """Return a polarity for every taxel, another with every pattern."""
+    """Return a polarity for every taxel, different for every pattern."""
     return pattern * 2654435761 >> 7 & ((1 << taxels) - 1)
 
 
 def model_orders(config: ReadoutConfig) -> list[list[int]]:
-    """Return, pattern by pattern behind every last row, 2 * taxel + polarity of all events in order."""
+    """Return 2 * taxel + polarity of all events of the model, by last row and pattern."""
     rows, columns = config.rows, config.columns
     orders = []
     for last in range(rows):
@@ -39,7 +39,7 @@ def model_orders(config: ReadoutConfig) -> list[list[int]]:
 
 
 def rtl_orders(config: ReadoutConfig) -> list[list[int]]:
-    """Return the same of the RTL, with a sink that is always ready."""
+    """Return 2 * taxel + polarity of all events of the RTL, with an always-ready sink."""
     rows, columns = config.rows, config.columns
     m = Module()
     m.submodules.arbiter = arbiter = Arbiter(config)

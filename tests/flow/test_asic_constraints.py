@@ -1,4 +1,4 @@
-"""Every port of every kind of readout is constrained: OpenSTA's ``check_setup`` finds nothing."""
+"""Test that every port of every readout is constrained, by OpenSTA's ``check_setup``."""
 
 from __future__ import annotations
 

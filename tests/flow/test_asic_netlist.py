@@ -1,4 +1,4 @@
-"""A readout as gated cells of a library: cells are found by what they are, and every flop with an enable is gated."""
+"""Test the clock-gated netlist: cells selected by function, and every flop with an enable gated."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ INSTANCE = re.compile(r"^  (\w+) (?:\\\S+|\w+) +\($", re.MULTILINE)
 
 
 def library_without(folder: Path, *without: str) -> Library:
-    """Return the example library without some cells."""
+    """Return the example library without given cells."""
     return read(example_library.written(folder, without=without))
 
 

@@ -1,4 +1,4 @@
-"""The gated netlist is proved to do what the RTL does, and a proof, or a check, fails where the netlist is broken."""
+"""Test the equivalence proof of the clock-gated netlist, also on faulty netlists."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ CONFIG = ReadoutConfig(rows=2, columns=2, link="four_phase")
 
 @functools.cache
 def made(without: tuple[str, ...] = (), reset: str = "sync") -> Netlist:
-    """Return the netlist of a small readout, made once."""
+    """Return the cached netlist of a small readout."""
     path = example_library.written(Path(tempfile.mkdtemp()), without=without)
     return synthesise(CONFIG.replace(reset=reset), read(path))
 
 
 @functools.cache
 def proof_of(without: tuple[str, ...] = (), reset: str = "sync") -> Equivalence:
-    """Return what is proved of such a netlist, done once."""
+    """Return the cached proof of the netlist of a small readout."""
     return prove(made(without, reset))
 
 
 def swapped(old: str, new: str, number: int = 1, **options: str) -> Netlist:
-    """Return the netlist with one text in place of another: the first only, or another number of them."""
+    """Return the netlist with occurrences of a text replaced."""
     whole = made(**options)
     text = re.sub(old, new, whole.text, count=number, flags=re.MULTILINE)
     assert text != whole.text
@@ -89,7 +89,7 @@ def test_a_clock_that_is_stopped_by_a_plain_gate_is_refused() -> None:
 
 
 def test_a_flop_that_the_second_clock_of_a_reset_sets_has_a_reset(library: Library) -> None:
-    """The bit of the SPI slave takes its value from a gate that waits for the end of a transfer."""
+    """Check the SPI slave bit that is set through a gate in the second clock of a reset."""
     netlist = synthesise(ReadoutConfig(rows=1, columns=2, registers="spi"), library)
     assert not check(netlist, design_of(netlist)).problems
 

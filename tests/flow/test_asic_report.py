@@ -1,4 +1,4 @@
-"""``eskin asic``: netlist, proof, rules and timing of a small readout, and what it says of bad input."""
+"""Test ``eskin asic``: netlist, proof, checks and timing of a small readout, and invalid input."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ NEEDS_ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icar
 
 
 def cells_of(text: str) -> list[str]:
-    """Return a netlist without its comments, which name the clock that it was made for."""
+    """Return a netlist without comments."""
     return [line for line in text.splitlines() if not line.startswith("//")]
 
 
 def asic(*words: str) -> subprocess.CompletedProcess[str]:
-    """Run the command."""
+    """Return a function that runs the command."""
     return subprocess.run([sys.executable, "-m", "eskin", "asic", *words], capture_output=True, text=True, check=False)
 
 
@@ -161,7 +161,7 @@ def test_an_event_that_the_netlist_loses_is_a_problem(unpowered: Report, monkeyp
 @NEEDS_STA
 @pytest.mark.parametrize("frontend", ["analog", "digital"])
 def test_the_highest_clock_is_found_where_the_latch_of_a_gate_borrows_time(frontend: str, tmp_path: Path) -> None:
-    """Libraries without an integrated clock gate, OSU018 for instance: a slack of 0 there does not end the search."""
+    """Check the search for the highest clock with latch-based clock gates, whose slack can be 0."""
     path = example_library.written(tmp_path, without=("SLUMBER",))
     library = read(path)
     config = ReadoutConfig(rows=1, columns=2, frontend=frontend)  # type: ignore[arg-type]

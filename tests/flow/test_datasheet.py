@@ -1,4 +1,4 @@
-"""The datasheet: its pins, numbers and pictures are those of the configuration, and of the Verilog."""
+"""Test that pins, numbers and pictures of the datasheet match configuration and Verilog."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def test_numbers_of_the_netlist_come_from_its_report_alone(tmp_path: Path) -> No
 
 
 def bench_of(config: Config, shown: list[Wave], before: str = "") -> str:
-    """Return a testbench that drives the inputs of a diagram and holds the outputs to it, clock by clock."""
+    """Return a testbench that applies the inputs of a timing diagram and checks the outputs."""
     found = {port["name"]: port for port in ports(config)}
     indexed = {"sample, taxel 0": "sample", "above, taxel 0": "above"}
     indexed |= {"reference, taxel 0": "reference_code", "half width, taxel 0": "half_width"}
@@ -204,7 +204,7 @@ endmodule
 
 
 def run_bench(config: Config, shown: list[Wave], folder: Path, before: str = "") -> str:
-    """Return what the testbench of a diagram says."""
+    """Return the output of the testbench of a timing diagram."""
     (folder / "dut.v").write_text(text_of(config))
     (folder / "bench.v").write_text(bench_of(config, shown, before))
     subprocess.run(["iverilog", "-o", "sim", "bench.v", "dut.v"], cwd=folder, check=True)
@@ -212,7 +212,7 @@ def run_bench(config: Config, shown: list[Wave], folder: Path, before: str = "")
 
 
 def checks_of(config: Config, shown: list[Wave]) -> int:
-    """Return how many values of outputs a diagram shows."""
+    """Return the number of output values in a timing diagram."""
     names = {port["name"] for port in ports(config) if port["direction"] == "output"}
     if isinstance(config, ReadoutConfig) and config.frontend == "analog":
         names |= {"reference, taxel 0", "half width, taxel 0"}

@@ -1,4 +1,4 @@
-"""Gates and flops of the readouts after synthesis."""
+"""Test the gate and flop counts of synthesised readouts."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_real_library_gives_the_same_flops_and_an_area() -> None:
 
 
 def library(path: Path, without: tuple[str, ...] = ()) -> Path:
-    """Write our own library, whose flip-flop is named as SkyWater names them, and return its path."""
+    """Write a library whose flip-flop has the SkyWater name, and return its path."""
     path.write_text(example_library.library(without=without).replace("PERCH", "own__dfxtp_1"))
     return path
 

@@ -1,4 +1,4 @@
-"""Cell models from a liberty file, and the netlist made of them held to the model."""
+"""Test cell models from a Liberty file, and compare netlists with the model."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ REAL = Path(__file__).resolve().parents[3] / "shared" / "data" / "ihp-sg13g2" / 
 
 @dataclasses.dataclass(frozen=True)
 class Made:
-    """A netlist, what it is made of, and its flat form."""
+    """A netlist with its cell models, and its flat form."""
 
     library: Library
     netlist: Netlist
@@ -37,7 +37,7 @@ class Made:
 
 
 def make(config: ReadoutConfig, path: Path) -> Made:
-    """Return the netlist of a readout in a library, with the models of its cells."""
+    """Return the netlist of a readout with the models of its cells."""
     library = read(path)
     made = synthesise(config, library)
     flat = flatten(made.text, made.top, library.content)
@@ -50,7 +50,7 @@ def made(library: Library) -> Made:
 
 
 def play(config: ReadoutConfig, text: str, folder: Path) -> Tally:
-    """Play the scenarios of the readout's own test on a netlist with its cells."""
+    """Simulate the scenarios of the readout on a netlist."""
     job = Job(config.to_dict(), "make sim GATES=1", seed=0)
     return run_job(build(config, "icarus", text=text), job, folder)
 

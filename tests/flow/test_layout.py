@@ -1,4 +1,4 @@
-"""Layout: cells that are their transistors, and checks that find what is broken; the tools' part where they are."""
+"""Test the layout flow: cells against transistors, and checks on faulty layouts."""
 
 from __future__ import annotations
 
@@ -196,7 +196,7 @@ def layout_of(folder: Path, library: Path = Path("library")) -> run.Layout:
 
 
 def test_margins_are_tried_until_one_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first crashes, the second leaves a segment open, the third breaks a rule."""
+    """Check three attempts: a crash, an open segment, and a rule violation."""
     library = tmp_path / "library"
     library.mkdir()
     (library / "drc.drc").touch()
@@ -258,7 +258,7 @@ NEEDS_TOOLS = pytest.mark.skipif(bool(ABSENT), reason=ABSENT)
 
 @pytest.fixture(scope="module")
 def toy(tmp_path_factory: pytest.TempPathFactory) -> tuple[run.Layout, Path]:
-    """Return eight cells, placed and routed, and the folder with what came out."""
+    """Return a placed and routed layout of eight cells, and its folder."""
     folder = tmp_path_factory.mktemp("toy")
     library = run._cells(Stages(folder, lambda stage: None))
     known = transistors.read((library / "cells.spi").read_text())
@@ -327,7 +327,7 @@ def test_a_broken_rule_is_found(toy: tuple[run.Layout, Path], tmp_path: Path) ->
 def test_an_open_segment_is_found(
     toy: tuple[run.Layout, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A router that may try next to nothing leaves some."""
+    """Check that an open net left by a limited router is found."""
     layout, _ = toy
     plain = environment.run
     monkeypatch.setattr(environment, "run", lambda *words, **named: plain(*words, "1", **named))

@@ -1,4 +1,4 @@
-"""The reader of cell libraries: hostile content raises one sentence, and numbers have the units of the file."""
+"""Test the Liberty reader: error messages for invalid content, and units of numbers."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ TABLES = {
 
 
 def written(folder: Path, text: str) -> Path:
-    """Return the file of a library."""
+    """Return the path of a written library file."""
     path = folder / "own.lib"
     path.write_text(text)
     return path

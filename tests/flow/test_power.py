@@ -1,4 +1,4 @@
-"""Power of a netlist from what its nets do: two ways that agree, and what makes them disagree."""
+"""Test both methods of netlist power, and cases in which they must disagree."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_the_power_model_reads_what_is_written(results: list[dict[str, Any]]) ->
 def test_a_port_that_is_put_together_late_shows_the_same(
     made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Comparators read the port in every clock: what all nets do follows from it."""
+    """Check that late assembly of an output port does not change the activity."""
     config = CONFIG.replace(columns=3, frontend="analog")
     other = make(config, made.library.path)
     scenario = next(s for s in scenarios(config) if s.name == SATURATED)
@@ -85,7 +85,7 @@ def test_a_port_that_is_put_together_late_shows_the_same(
 
 
 def test_nothing_at_the_inputs_moves_but_clock_and_samples(made: Made, tmp_path: Path) -> None:
-    """The end of a run masks all taxels and brings the reset: no part of what is measured."""
+    """Check that only clock and samples toggle at the inputs during the measurement."""
     for scenario in scenarios(CONFIG):
         activity, _ = play(scenario, CONFIG, made.flat, made.cells, tmp_path)
         inputs = {port.name: port.nets for port in made.flat.ports if port.direction == "input"}
@@ -106,7 +106,7 @@ def test_a_wrong_number_of_toggles_is_an_error(made: Made) -> None:
     assert ways.measure("clocked", right, 0).agreement == pytest.approx(1, abs=0.02)
 
     class Halved(Activity):
-        """Counts half the toggles, as a reader of dumps would that misses the falling edges."""
+        """Activity with half the toggles, as if falling edges were missed."""
 
         def toggles(self, net: str) -> float:
             return super().toggles(net) / 2
@@ -121,7 +121,7 @@ def test_a_wrong_number_of_toggles_is_an_error(made: Made) -> None:
 
 
 def test_energies_are_the_tables_of_the_library(made: Made) -> None:
-    """A flop that takes nothing new: two edges of its clock, at 8 fJ and 1 fJ for every ns of the slew."""
+    """Check the energy of an idle flop: two clock edges at 8 fJ plus 1 fJ per ns of slew."""
     flop = next(cell for cell in made.flat.cells if cell.kind == "PERCH")
     own = dataclasses.replace(made.flat, cells=(dataclasses.replace(flop, pins=flop.pins | {"BEAT": "clk"}),))
     steps = np.arange(2 * 50 + 1)

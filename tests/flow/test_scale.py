@@ -1,4 +1,4 @@
-"""Arrays with lines of their size: repeaters change no function, and the timing is that of OpenSTA."""
+"""Test array estimates: repeaters preserve the function, and the timing equals OpenSTA's."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_a_line_with_repeaters_still_ends_where_it_did(plain: Array) -> None:
 
 
 def test_a_net_is_loaded_by_its_pins_and_its_wire_and_no_more(plain: Array) -> None:
-    """Also where a cell within the taxel reads what the taxel sends."""
+    """Check net loads, also for cells in a taxel that read the taxel's own output."""
     found = drawn(plain)
     load = Timing(found.array, found).load
     drivers, readers = found.array.ends()
@@ -158,7 +158,7 @@ def test_a_path_between_flops_touches_no_port(plain: Array) -> None:
 @NEEDS_STA
 @pytest.mark.parametrize("wire", [NO_WIRE, Wire(0.0, WIRE.farad_per_um)], ids=["no wires", "wires"])
 def test_the_highest_clock_is_that_of_opensta(plain: Array, library: Library, wire: Wire) -> None:
-    """Without the resistance of wires, which the two take into account in other ways."""
+    """Compare the highest clock with OpenSTA, without wire resistance."""
     found = drawn(plain, wire)
     timing = Timing(found.array, found)
     assert timing.worst().period_s == pytest.approx(array_in_opensta.period_s(timing, library), rel=0.02)
@@ -184,7 +184,7 @@ def test_the_command_leaves_numbers(library: Library, tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def far_tiles(library: Library) -> tuple[Array, Array, list[Spot]]:
-    """Return two tiles of a row of two taxels, with two relay stations each, and one of these tiles."""
+    """Return two distant tiles with two relay stations each, and one of these tiles."""
     return build_skin(TilesConfig.of(ReadoutConfig(rows=1, columns=2), 2, 1, 2), library)
 
 
@@ -211,7 +211,7 @@ def test_the_lines_of_a_skin_go_from_tile_to_station_to_merge(far_tiles: tuple[A
     drivers, readers = skin.ends()
 
     def reads(name: str) -> set[str]:
-        """Return the parts whose cells look at what a part drives, the port of the tile's own taxels left out."""
+        """Return the parts whose cells read the outputs of a part."""
         nets = {net for net, end in drivers.items() if end.what == "cell" and skin.names[end.number].startswith(name)}
         ends = [end for net in nets for end in readers.get(net, []) if end.what == "cell"]
         return {skin.names[end.number].split(".")[0] for end in ends} - {name.rstrip(".")}

@@ -1,4 +1,4 @@
-"""The folder of a shuttle: its test passes on its sources and fails on others, and what does not fit is refused."""
+"""Test shuttle folders: the test passes on the sources and fails on faulty ones, and oversized designs are rejected."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BASE = "tapeout --author N --rows 2 --columns 2"
 
 
 def played(folder: Path) -> subprocess.CompletedProcess[str]:
-    """Play the test of a folder with its own Makefile, as a shuttle does."""
+    """Run the test of a folder with its own Makefile."""
     outer = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "PYTEST", "COCOTB"))}
     environment = outer | {
         "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
@@ -50,7 +50,7 @@ def test_a_core_between_pads_and_two_requests(call: Call, folder: Path) -> None:
 
 
 def passes(folder: Path) -> None:
-    """See the test of a folder pass, with events."""
+    """Check that the test of a folder passes with events."""
     done = played(folder)
     assert done.returncode == 0, done.stdout[-3000:]
     events = json.loads((folder / "test/expected.json").read_text())["events"]

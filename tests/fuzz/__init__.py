@@ -1,1 +1,1 @@
-"""Hostile files and options: one sentence and exit code 2, or a right result; never a traceback or half a file."""
+"""Fuzz tests: invalid files and options give an error message with exit code 2, or a correct result."""

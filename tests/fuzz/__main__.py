@@ -1,4 +1,4 @@
-"""``python -m tests.fuzz CASES``: a long campaign in pieces; keeps what it counted in docs/data/verification/fuzz.json.
+"""Long fuzz campaign: ``python -m tests.fuzz CASES`` stores counts in docs/data/verification/fuzz.json.
 
 A piece is a process of its own with a seed of its own. What is counted stands in out/fuzz, so that a campaign that was
 stopped goes on where it was, and pieces in which something was wrong run again once it is mended.
@@ -26,7 +26,7 @@ NAMES = ("files", "options", *ATTACKS)
 
 
 def main() -> None:
-    """Run what is not yet counted, and keep the sums if nothing was wrong."""
+    """Run the remaining parts, and write the totals if no case failed."""
     if len(sys.argv) != 2 or not sys.argv[1].isdecimal() or int(sys.argv[1]) < PIECE:
         sys.exit(f"usage: python -m tests.fuzz CASES, at least {PIECE}, which are run of each of: {', '.join(NAMES)}")
     pieces = [WORK / f"piece-{number:04d}" for number in range(int(sys.argv[1]) // PIECE)]
@@ -37,13 +37,13 @@ def main() -> None:
 
 
 def counted(piece: Path) -> bool:
-    """Return whether a piece came to its end with nothing wrong."""
+    """Return True if a part has finished without failure."""
     files = [piece / f"fuzz-{name}.json" for name in NAMES]
     return all(file.is_file() and json.loads(file.read_text())["wrong"] == 0 for file in files)
 
 
 def run(piece: Path, number: int) -> bool:
-    """Run a piece and return whether it is counted; its last case in log.txt is the one that ended it, if one did."""
+    """Run a part and return True if it succeeded; log.txt ends with its last case."""
     piece.mkdir(parents=True, exist_ok=True)
     (piece / "log.txt").unlink(missing_ok=True)
     environment = os.environ | {
@@ -61,7 +61,7 @@ def run(piece: Path, number: int) -> bool:
 
 
 def keep(pieces: list[Any]) -> None:
-    """Write the sums over all pieces."""
+    """Write the totals over all parts."""
     sums: dict[str, Any] = {}
     for name in NAMES:
         total: Counter[str] = Counter()

@@ -1,4 +1,4 @@
-"""Attacks on the readers and writers below the commands: each is drawn, run, and held to what may come of it.
+"""Fuzz tests of readers and writers below the commands.
 
 An attack returns nothing where the result is right, raises InputError where it is refused, and fails otherwise.
 """
@@ -57,7 +57,7 @@ WORDS = ("nan", "inf", "-1", "1e308", "1e400", "abc", '""', "()", "(1)", "(1, 2)
 
 
 def liberty(draw: Draw, root: Path) -> None:
-    """Damage a cell library in its words or bytes, and read all of it."""
+    """Damage a cell library in its words or bytes, and read all its content."""
     text = CELLS
     for _ in range(draw(st.integers(1, 3))):
         words = text.split(" ")
@@ -109,7 +109,7 @@ records = st.one_of(
 
 
 class Line:
-    """A serial line on which a board says what it wants."""
+    """Serial line of a fake board with given output."""
 
     def __init__(self, data: bytes) -> None:
         self.data, self.in_waiting = data, len(data)
@@ -118,24 +118,24 @@ class Line:
         return self
 
     def read(self, size: int) -> bytes:
-        """Return what is left, once."""
+        """Return the remaining bytes once."""
         data, self.data, self.in_waiting = self.data, b"", 0
         if not data:
             time.sleep(0.001)
         return data
 
     def write(self, data: bytes) -> int:
-        """Take what the host says."""
+        """Accept bytes from the host."""
         return len(data)
 
     def reset_input_buffer(self) -> None:
-        """Keep all."""
+        """Do nothing, so that all input remains."""
 
     close = reset_input_buffer
 
 
 def boards(draw: Draw, root: Path) -> None:
-    """Let a board say frames of good sums and any content; what it sends is recorded and looked at."""
+    """Send frames with valid CRC and random content from a fake board, and record them."""
     import serial
 
     hello = list(GOOD_HELLO)
@@ -193,7 +193,7 @@ REPLAYED = {"dataset": "d", "preset": "p", "images": 1, "clocks": 2, "events": 3
 
 
 def state(draw: Draw, root: Path) -> None:
-    """Damage a file that a campaign keeps of its own work, and go on with it."""
+    """Damage a stored result of a campaign, and continue the campaign."""
     kind = draw(st.sampled_from(["soak", "scale", "replay", "pieces", "journal"]))
     folder = root / "kept"
     (folder / "pieces").mkdir(parents=True, exist_ok=True)
@@ -257,7 +257,7 @@ names = st.sampled_from(
 
 
 def outputs(draw: Draw, root: Path) -> None:
-    """Write to any path; links, devices and all other files stay what they are."""
+    """Write to random paths, and check that links, devices and other files are unchanged."""
     place = root / "place"
     shutil.rmtree(place, ignore_errors=True)
     (place / "folder").mkdir(parents=True)
@@ -294,7 +294,7 @@ KINDS = ("file", "file", "file", "folder", "dangling", "fifo", "device", "link",
 
 
 def folders(draw: Draw, root: Path) -> None:
-    """Fill a folder with files and what only looks so; none goes without a word."""
+    """Fill a folder with files and non-files, and check that each is read or reported."""
     shutil.rmtree(root / "skin", ignore_errors=True)
     wanted, odd = set[Path](), 0
     for number in range(draw(st.integers(1, 6))):

@@ -1,4 +1,4 @@
-"""What is done to the files and the options of commands."""
+"""Random damage to the files and options of commands."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ GOOD: dict[str, tuple[str, ...]] = {
 
 
 def commands() -> dict[str, click.Command]:
-    """Return every command that the campaign runs, by its name."""
+    """Return every fuzzed command by name."""
     assert set(MODULES) >= LONG
     return dict(Commands(name for name in MODULES if name not in LONG))
 
@@ -134,7 +134,7 @@ texts = st.sampled_from(HOSTILE_TEXT) | st.text(max_size=12) | st.integers().map
 
 @st.composite
 def hostile_commands(draw: Callable[[Any], Any]) -> Command:
-    """A command whose good arguments are followed by one or two options with values that nobody means."""
+    """Return a valid command with one or two additional options of random value."""
     name = draw(st.sampled_from(sorted(name for name in GOOD if options_of(name))))
     arguments = [*words_of(name), *GOOD[name]]
     flags = {o for p in commands()[name].params if getattr(p, "is_flag", False) for o in p.opts}
@@ -152,7 +152,7 @@ def hostile_commands(draw: Callable[[Any], Any]) -> Command:
 
 @st.composite
 def damaged(draw: Callable[[Any], Any], good: bytes, name: str) -> bytes:
-    """A good file after damage: of bytes, of the values of JSON, of the members of an archive."""
+    """Return a valid file after damage to its bytes, JSON values or archive members."""
     kinds: list[Callable[..., Any]] = [_cut, _flipped, _foreign]
     if name.endswith(".json"):
         kinds += [_other_value] * 5 + [_deep]
@@ -208,7 +208,7 @@ def _places(content: Any) -> Any:
 
 
 def _other_member(draw: Callable[[Any], Any], good: bytes) -> bytes:
-    """Change one array of an archive, or the JSON that a member holds."""
+    """Change one array of an archive, or JSON in a member."""
     with np.load(io.BytesIO(good), allow_pickle=False) as archive:
         arrays = {name: archive[name] for name in archive.files}
     name = draw(st.sampled_from(sorted(arrays)))
@@ -254,7 +254,7 @@ def _other_cell(draw: Callable[[Any], Any], good: bytes) -> bytes:
 
 @st.composite
 def hostile_files(draw: Callable[[Any], Any], root: Path) -> tuple[Command, str, bytes]:
-    """A damaged file, where it goes, and a command that reads it."""
+    """Return a damaged file, its path, and a command that reads it."""
     name = draw(st.sampled_from(sorted(FILES)))
     arguments = draw(st.sampled_from(FILES[name]))
     place = f"bad/{Path(name).name}"

@@ -1,4 +1,4 @@
-"""One good file of every kind that a command reads, small enough to be read in no time."""
+"""One small valid file of every kind that a command reads."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LIBERTY = """library (small) {
 
 
 def make(root: Path) -> None:
-    """Write the corpus into the folder ``good`` of ``root``, which is the current folder."""
+    """Write the corpus into the folder ``good`` of ``root``."""
     good = root / "good"
     events = good / "events"
     for texture in embedded_dataset().limit(6):

@@ -1,4 +1,4 @@
-"""Runs one command in this process, and says what a user would have seen."""
+"""Run one command in this process, and record its visible results."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST_BYTES = 6 * 2**30
 
 
 class Command(NamedTuple):
-    """What a user types behind ``eskin``."""
+    """Command line after ``eskin``."""
 
     arguments: tuple[str, ...]
 
@@ -36,7 +36,7 @@ class Command(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What came of it; ``crash`` is a traceback, or empty."""
+    """Results of a command; ``crash`` is a traceback, or empty."""
 
     code: int | None
     out: str
@@ -63,7 +63,7 @@ def run_command(command: Command) -> Seen:
 
 @contextlib.contextmanager
 def _limits(memory: bool) -> Iterator[None]:
-    """Bound the time of what runs inside, and its memory: but not that of Yosys, whose sandbox maps all there is."""
+    """Limit time and memory of the enclosed work."""
 
     def too_long(number: int, frame: FrameType | None) -> None:
         limit = f"{LONGEST_CPU_S} s of computing" if number == signal.SIGPROF else f"{LONGEST_S} s"
@@ -91,12 +91,12 @@ def _limits(memory: bool) -> Iterator[None]:
 
 
 def tree(folder: Path) -> dict[str, int]:
-    """Return every file of a folder with its size."""
+    """Return every file in a folder with its size."""
     return {str(path.relative_to(folder)): path.stat().st_size for path in folder.rglob("*") if path.is_file()}
 
 
 def complaint(command: Command, seen: Seen, before: dict[str, int], after: dict[str, int]) -> str:
-    """Return what is wrong with an outcome; empty if nothing is."""
+    """Return the defect in the results of a command; empty if none."""
     if seen.crash:
         return f"traceback: {seen.crash}"
     if seen.code not in (0, 1, 2):

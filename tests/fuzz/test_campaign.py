@@ -1,4 +1,4 @@
-"""The campaign: random damage to every file, random values for every option.
+"""Fuzz campaign: random damage to every file, random values for every option.
 
 The gate tries a few, always the same; ``python -m tests.fuzz 5000`` tries many, drawn anew, and keeps what it
 counted in docs/data/verification/fuzz.json.
@@ -65,26 +65,26 @@ def here(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def clean(root: Path) -> None:
-    """Remove all but the corpus."""
+    """Remove all files except the corpus."""
     for path in root.iterdir():
         if path.name != "good":
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
 def drawn(attack: Callable[[], None]) -> None:
-    """Run a campaign on what its seed draws, if it has one."""
+    """Return a test that runs a fuzz function with a seed."""
     (seed(int(os.environ[SEED]))(attack) if SEED in os.environ else attack)()
 
 
 def note(command: Command) -> None:
-    """Write down what is to run, so that a case that kills the process is known."""
+    """Write a command to the log before it runs."""
     if file := os.environ.get(LOG):
         with Path(file).open("a") as log:
             log.write(f"{time.strftime('%H:%M:%S')} {command}"[:2000] + "\n")
 
 
 class Campaign:
-    """Runs cases, counts how they ended, and keeps one case for everything that went wrong."""
+    """Runner that counts outcomes, and stores one case per failure."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
@@ -108,7 +108,7 @@ class Campaign:
             self.wrong.setdefault(f"{command.arguments[0]} {last[-1][:40]}", kept[:1500])
 
     def attack(self, name: str, data: st.DataObject) -> None:
-        """Run an attack of ``tests.fuzz.attacks``; code 2 stands for what was refused."""
+        """Run a function of ``tests.fuzz.attacks``."""
         values: list[Any] = []
 
         def draw(strategy: Any) -> Any:
@@ -130,7 +130,7 @@ class Campaign:
         self.distinct.add(hash(repr(values)))
 
     def end(self, name: str) -> None:
-        """Fail if a user would have had cause to complain, or if what was done was too mild to test anything."""
+        """Fail if a case failed, or if the campaign exercised too little."""
         if folder := os.environ.get(COUNTS):
             ends = {"refused": self.codes[2], "right or different": self.codes[0] + self.codes[1]}
             counts = {
@@ -226,7 +226,7 @@ def test_a_loop_without_end_is_ended(monkeypatch: pytest.MonkeyPatch, swallowed:
 
 
 def test_a_defect_would_be_found(root: Path) -> None:
-    """The judge of outcomes complains about each thing that it is there for."""
+    """Check that the judge of outcomes reports each kind of defect."""
     command = Command(("decode", "x"))
     for seen, after in (
         (Seen(None, "", "", "Traceback ..."), {}),

@@ -1,1 +1,1 @@
-"""A second golden model, written from the specification alone. It imports nothing of the project."""
+"""A second golden model, written only from the specification, without imports from the project."""

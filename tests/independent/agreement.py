@@ -1,4 +1,4 @@
-"""Holds the first model to the second: the one file here, beside tests, that knows the project."""
+"""Compare the first model with the second."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .settings import Settings
 
 
 class Receiver:
-    """What answers REQ: ACK follows each of its edges after a delay in 1/8 clock."""
+    """Asynchronous receiver: ACK follows each edge of REQ after a delay in 1/8 clock."""
 
     def __init__(self, delays):
         self.delays = delays.tolist()
@@ -30,13 +30,13 @@ class Receiver:
         self.at = 0
 
     def before(self, clock):
-        """Return ACK just before the edge of a clock."""
+        """Return the level of ACK just before a clock edge."""
         if self.ack != self.req and 8 * clock > self.at:
             self.ack = self.req
         return self.ack
 
     def after(self, clock, req):
-        """See REQ just after the edge of a clock."""
+        """Sample REQ just after a clock edge."""
         if req != self.req:
             self.req = req
             self.at = 8 * clock + self.delays[self.edges % len(self.delays)]
@@ -44,7 +44,7 @@ class Receiver:
 
 
 def play(config: ReadoutConfig, stimulus: Stimulus, readout: Readout | None = None) -> tuple[Events, Readout]:
-    """Return the events of the second model, and the model as it stands at the end."""
+    """Return the events of the second model, and its final state."""
     readout = readout or Readout(Settings.of(config.to_dict()))
     begun = len(readout.events)
     receiver = Receiver(stimulus.ack_delay)
@@ -82,13 +82,13 @@ def play(config: ReadoutConfig, stimulus: Stimulus, readout: Readout | None = No
 
 
 def look(config: ReadoutConfig, x: int, reference: int, half_width: int) -> tuple[bool, bool]:
-    """Return what ideal comparators find."""
+    """Return the decisions of ideal comparators."""
     above = x > reference + half_width if config.encoder.strict else x - reference >= half_width
     return above, config.has_polarity and x - reference < -half_width
 
 
 def play_skin(config: TilesConfig, stimuli: list[Stimulus]) -> Events:
-    """Return the events of a skin of the second model; its tiles have a digital front end."""
+    """Return the events of a skin computed by the second model."""
     tiles = [Readout(Settings.of(config.tile.to_dict())) for _ in stimuli]
     merge = Merge(config.tiles)
     first = stimuli[0]
@@ -117,7 +117,7 @@ def play_skin(config: TilesConfig, stimuli: list[Stimulus]) -> Events:
 
 
 def play_frames(config: FrameConfig, stimulus: FrameStimulus) -> tuple[list, list, list]:
-    """Return words (clock, sync, data), starts (clock, taxel) and clocks of frames missed, of the second model."""
+    """Return words, starts and missed frames of the second frame model."""
     frame = FrameReadout(
         config.rows, config.columns, config.resolution, config.word_bits, settle_clocks=config.settle_clocks
     )

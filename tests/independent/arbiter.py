@@ -1,8 +1,8 @@
-"""The arbiter: one row at a time, its requests drained from a queue in rising column order."""
+"""Arbiter: one row at a time, with its requests in a queue in rising column order."""
 
 
 class Arbiter:
-    """A row is granted where the queue is empty, or gives up its last event in this clock.
+    """Arbiter that grants a row when the queue is empty or sends its last event.
 
     Attributes
     ----------
@@ -16,16 +16,16 @@ class Arbiter:
         self.reset()
 
     def reset(self):
-        """Return to the state behind a reset."""
+        """Reset the arbiter."""
         self.queue = []
         self.pointer = 0
 
     def output(self):
-        """The event that is offered in this clock, or None."""
+        """Event offered in this clock, or None."""
         return self.queue[0] if self.queue else None
 
     def granted_row(self, requests, ready):
-        """The row that is granted in this clock, or None.
+        """Return the row granted in this clock, or None.
 
         Parameters
         ----------
@@ -42,7 +42,7 @@ class Arbiter:
         return None
 
     def clock(self, requests, ready):
-        """One rising edge; returns the (row, column) of the requests that it takes."""
+        """Apply a rising edge; return (row, column) of the latched requests."""
         row = self.granted_row(requests, ready)
         if self.queue and ready:
             self.queue.pop(0)

@@ -1,18 +1,18 @@
-"""The integer classifier, bin by bin and neuron by neuron, in plain integers."""
+"""Integer classifier, bin by bin and neuron by neuron, in Python integers."""
 
 
 def limited(value, bits):
-    """A sum that stops at the ends of `bits` signed bits."""
+    """Return a sum saturated to signed `bits` bits."""
     return max(-(2 ** (bits - 1)), min(2 ** (bits - 1) - 1, value))
 
 
 def after(value, shift, factor):
-    """What a leak leaves of a value."""
+    """Return a value after a leak."""
     return value - value * factor // 2**shift if shift else value
 
 
 class Neuron:
-    """A neuron: potential, threshold, floor, reset, leak, perhaps a synaptic current before the potential.
+    """A neuron with potential, threshold, floor, reset, leak and optional synaptic current.
 
     Parameters
     ----------
@@ -32,15 +32,15 @@ class Neuron:
         self.restart()
 
     def restart(self):
-        """Forget everything; the first bin starts from the bias alone."""
+        """Reset the neuron; the first bin starts with the bias."""
         self.potential, self.gathered = 0, limited(self.bias, self.bits)
 
     def add(self, weight):
-        """Add one weight, to the current if there is one, else to the potential."""
+        """Add a weight to the current if present, else to the potential."""
         self.gathered = limited(self.gathered + weight, self.bits)
 
     def end_bin(self):
-        """Floor, comparison, reset, then leak and bias for the next bin.
+        """Apply floor, comparison and reset, then leak and bias for the next bin.
 
         Returns
         -------
@@ -59,7 +59,7 @@ class Neuron:
 
 
 class Network:
-    """Hidden neurons with recurrence, outputs whose spikes (or potentials) are the evidence.
+    """Network of recurrent hidden neurons and output neurons.
 
     Parameters
     ----------
@@ -75,14 +75,14 @@ class Network:
         self.restart()
 
     def restart(self):
-        """Begin a new scan."""
+        """Start a new scan."""
         for neuron in self.hidden + self.outputs:
             neuron.restart()
         self.fired = []
         self.evidence = [0] * len(self.outputs)
 
     def run_bin(self, channels):
-        """One bin with its events in the order in which they were taken.
+        """Process one bin with its events in order.
 
         Returns
         -------

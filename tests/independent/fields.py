@@ -1,10 +1,10 @@
-"""Receptive fields: the signal that the encoder of each taxel sees, from exact fractions."""
+"""Receptive fields computed with exact fractions."""
 
 from fractions import Fraction
 
 
 def field_of(settings, row, column):
-    """The taxels (row, column) of a field, each as often as it counts, and what their sum is divided by."""
+    """Return the taxels (row, column) of a field with repetition, and the divisor of their sum."""
     here = (row, column)
     if settings.fields in ("own", "settable"):  # which is the own one after a reset
         return [here], 1
@@ -20,12 +20,12 @@ def field_of(settings, row, column):
 
 
 def on(settings):
-    """Which taxels have a field; the others are off."""
+    """Return for every taxel whether it has a field."""
     return [bool(field_of(settings, r, c)[0]) for r in range(settings.rows) for c in range(settings.columns)]
 
 
 def signals(settings, sample):
-    """What the encoders see of the codes of all taxels; an analog signal has four times the range."""
+    """Return the inputs of the encoders for the codes of all taxels."""
     room = 4 if settings.frontend == "analog" else 1
     seen = []
     for r in range(settings.rows):

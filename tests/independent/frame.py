@@ -1,8 +1,8 @@
-"""The frame readout: multiplexer, one ADC, words."""
+"""Frame readout: multiplexer, ADC and packer."""
 
 
 class FrameReadout:
-    """Scans taxel after taxel; its codes are packed into words without gaps.
+    """Frame readout that scans the taxels and packs codes into words.
 
     In each clock look at `outputs`, then call `clock` with the inputs of the same clock.
 
@@ -23,7 +23,7 @@ class FrameReadout:
         self.reset()
 
     def reset(self):
-        """Return to the state behind a reset; words that have left stay."""
+        """Reset the readout."""
         self.taxel = None  # the taxel at the multiplexer
         self.settled = 0  # clocks that it has stood there
         self.converting = False
@@ -36,13 +36,13 @@ class FrameReadout:
         self.overrun = False
 
     def starts(self):
-        """Whether `adc_start` is high in this clock."""
+        """Return whether `adc_start` is high in this clock."""
         return (
             self.taxel is not None and not self.converting and self.settled >= self.settle_clocks and self.code is None
         )
 
     def outputs(self):
-        """The outputs in this clock, by the names of the ports."""
+        """Return the outputs in this clock by port name."""
         row, column = divmod(self.taxel, self.columns) if self.taxel is not None else (None, None)
         return {
             "row_select": 0 if row is None else 1 << row,
@@ -55,7 +55,7 @@ class FrameReadout:
         }
 
     def clock(self, *, frame_start=False, adc_done=False, adc_code=0, word_ready=True, rst=False):
-        """One rising edge with the inputs of this clock."""
+        """Apply a rising edge with the inputs of this clock."""
         if rst:
             self.reset()
             return
@@ -63,7 +63,7 @@ class FrameReadout:
         self._clock_scan(frame_start, adc_done, adc_code, code_leaves)
 
     def _clock_packer(self, word_ready):
-        """Words leave, codes become words; returns whether the waiting code was taken."""
+        """Move codes and words; return whether the waiting code was taken."""
         if self.word is not None and word_ready:
             self.words.append(self.word)
             self.word = None

@@ -1,8 +1,8 @@
-"""The four-phase link: address, one clock later REQ, ACK through two flops, REQ down, ACK down."""
+"""Four-phase link: address, REQ one clock later, ACK through two flops, REQ low, ACK low."""
 
 
 class FourPhaseLink:
-    """Takes an event while at rest and ACK, as seen behind two flops, is low; after reset it counts as high.
+    """Link that takes an event while idle with synchronised ACK low.
 
     Attributes
     ----------
@@ -15,21 +15,21 @@ class FourPhaseLink:
         self.reset()
 
     def reset(self):
-        """Return to the state behind a reset."""
+        """Reset the link."""
         self.state = "rest"
         self.event = None
         self.flops = [1, 1]
 
     def request(self):
-        """REQ in this clock."""
+        """Level of REQ in this clock."""
         return 1 if self.state == "request" else 0
 
     def ready(self):
-        """Whether an event is taken from the arbiter in this clock."""
+        """Return whether the link accepts an event in this clock."""
         return self.state == "rest" and not self.flops[1]
 
     def clock(self, offered, acknowledge):
-        """One rising edge.
+        """Apply a rising edge.
 
         Parameters
         ----------

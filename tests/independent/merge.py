@@ -1,8 +1,8 @@
-"""The merge of tiles: one stream from many, the first offering tile behind the last taken."""
+"""Merge of tiles: round robin over the offering tiles."""
 
 
 class Merge:
-    """Holds two events at most; takes one from a tile wherever it has room for it at the beginning of the clock.
+    """Merge with a two-event queue.
 
     Attributes
     ----------
@@ -15,16 +15,16 @@ class Merge:
         self.reset()
 
     def reset(self):
-        """Return to the state behind a reset."""
+        """Reset the merge."""
         self.queue = []
         self.last = self.tiles - 1
 
     def output(self):
-        """(tile, event) that is offered in this clock, or None."""
+        """Offered (tile, event) in this clock, or None."""
         return self.queue[0] if self.queue else None
 
     def taken(self, offered):
-        """The tile whose event is taken in this clock, or None.
+        """Return the tile whose event is taken in this clock, or None.
 
         Parameters
         ----------
@@ -39,7 +39,7 @@ class Merge:
         return None
 
     def clock(self, offered, ready):
-        """One rising edge; `ready` is the sink's."""
+        """Apply a rising edge; `ready` comes from the sink."""
         tile = self.taken(offered)
         if self.queue and ready:
             self.queue.pop(0)

@@ -1,4 +1,4 @@
-"""The array, its arbiter and its link, clock by clock."""
+"""Array, arbiter and link, clock by clock."""
 
 from .arbiter import Arbiter
 from .fields import on, signals
@@ -28,7 +28,7 @@ class Readout:
         self.reset()
 
     def reset(self):
-        """Return to the state behind a reset; the events that have left stay."""
+        """Reset the readout; sent events remain recorded."""
         for row in self.taxels:
             for taxel in row:
                 taxel.reset()
@@ -40,7 +40,7 @@ class Readout:
         self.ticks = 0
 
     def outputs(self):
-        """The outputs in this clock, by the names of the ports."""
+        """Return the outputs in this clock by port name."""
         if self.link:
             return {"aer_req": self.link.request(), "aer_addr": self.link.event}
         event = self.arbiter.output()
@@ -48,11 +48,11 @@ class Readout:
         return {"event_valid": event is not None, "event_row": row, "event_col": column, "event_polarity": polarity}
 
     def thresholds(self):
-        """(reference_code, half_width) of every taxel, for analog comparators."""
+        """Return (reference_code, half_width) of every taxel for analog comparators."""
         return [(taxel.reference_code(), taxel.half_width()) for row in self.taxels for taxel in row]
 
     def clock(self, *, sample_valid=False, sample=None, enable=None, ready=True, ack=0, decisions=None, rst=False):
-        """One rising edge with the inputs of this clock.
+        """Apply a rising edge with the inputs of this clock.
 
         Parameters
         ----------
@@ -80,7 +80,7 @@ class Readout:
         self.time += 1
 
     def _clock_arbiter(self, ready, ack, enable):
-        """Move events on; returns the requests that the arbiter takes."""
+        """Advance the arbiter; return the latched requests."""
         offered = self.arbiter.output()
         if self.link:
             ready = self.link.ready()

@@ -1,11 +1,11 @@
-"""The settings of a readout, named as in the documents."""
+"""Settings of a readout with the names used in the documents."""
 
 from dataclasses import dataclass
 
 
 @dataclass
 class Settings:
-    """Settings of one readout; the defaults are those of the command line's help."""
+    """Settings of one readout, with the defaults of the command line."""
 
     rows: int = 8
     columns: int = 8
@@ -25,7 +25,7 @@ class Settings:
 
     @classmethod
     def of(cls, fields):
-        """Settings from a mapping that may hold more fields than these."""
+        """Return settings from a mapping; other fields are ignored."""
         return cls(**{name: fields[name] for name in cls.__dataclass_fields__ if name in fields})
 
     @property
@@ -35,15 +35,15 @@ class Settings:
 
     @property
     def closing_step(self):
-        """What a closing window loses at a time, in codes; never below one."""
+        """Codes by which a closing window shrinks per step, at least one."""
         return max(self.step // 2**self.closing_shift, 1)
 
     @property
     def top(self):
-        """The highest code."""
+        """Highest code."""
         return 2 ** (self.sample_bits - 1) - 1
 
     @property
     def bottom(self):
-        """The lowest code."""
+        """Lowest code."""
         return -(2 ** (self.sample_bits - 1))

@@ -1,8 +1,8 @@
-"""The three taxels. Each object is one taxel; `clock` is one rising edge of the clock."""
+"""The taxels of all encoders, one object per taxel."""
 
 
 class Taxel:
-    """What all taxels have: newest sample, reference, at most one request.
+    """Common parts of all taxels: newest sample, reference, and at most one request.
 
     Attributes
     ----------
@@ -16,26 +16,26 @@ class Taxel:
         self.reset()
 
     def reset(self):
-        """Return to the state behind a reset."""
+        """Reset the taxel."""
         self.sample = 0
         self.reference = self.settings.reference_reset
         self.request = None
 
     def reference_code(self):
-        """What an analog front end's comparators get as reference, in codes."""
+        """Return the reference for analog comparators, in codes."""
         return self.reference
 
     def half_width(self):
-        """What they get as half-width of the window, in codes."""
+        """Return the half-width of the window for analog comparators, in codes."""
         return self.settings.step
 
     def compare(self):
-        """(above, below) of the sample held."""
+        """Return (above, below) for the stored sample."""
         difference = self.sample - self.reference_code()
         return difference >= self.half_width(), difference < -self.half_width()
 
     def clock(self, *, enabled, taken, sample, tick, leak, decisions):
-        """One rising edge.
+        """Apply a rising edge.
 
         Parameters
         ----------
@@ -58,12 +58,12 @@ class Taxel:
             self.sample = sample
 
     def decide(self, above, below, tick, leak):
-        """Make a request and a step, or neither."""
+        """Decide on a request and a step."""
         raise NotImplementedError
 
 
 class LcsTaxel(Taxel):
-    """Level crossing: up by D where x - u >= D, down by D where x - u < -D."""
+    """Level crossing: up by D for x - u >= D, down by D for x - u < -D."""
 
     def decide(self, above, below, tick, leak):
         if above and self.reference + self.settings.step <= self.settings.top:
@@ -75,7 +75,7 @@ class LcsTaxel(Taxel):
 
 
 class CwLcsTaxel(Taxel):
-    """Level crossing whose window closes while nothing happens."""
+    """Level crossing with a window that closes while no event occurs."""
 
     def reset(self):
         super().reset()
@@ -106,7 +106,7 @@ class CwLcsTaxel(Taxel):
 
 
 class NlcsTaxel(Taxel):
-    """A leaky neuron: up by D where x - u > D; u leaks at its row's decay ticks."""
+    """Leaky neuron: up by D for x - u > D; u leaks at the decay ticks of its row."""
 
     def reset(self):
         super().reset()
@@ -133,7 +133,7 @@ class NlcsTaxel(Taxel):
 
 
 class BipolarNlcsTaxel(NlcsTaxel):
-    """A leaky neuron with a sign: OFF where x lies more than D below u, rounded down to a code; u leaks to zero.
+    """Leaky neuron with a signed reference: OFF if x is more than D below u, rounded down; u leaks to zero.
 
     A step towards zero takes the place of the leak.
     """

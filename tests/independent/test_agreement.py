@@ -1,4 +1,4 @@
-"""The first model and the second agree in every event, clock, order and polarity, and in their registers at the end.
+"""Compare both models: events, clocks, order, polarity, and final registers.
 
 Configurations and stimuli are drawn anew in every run (conftest.py prints the seed).
 """
@@ -30,7 +30,7 @@ RUNS = 20
 
 
 def differs(config: ReadoutConfig, stimulus: Stimulus, readout: Any = None) -> str:
-    """Return the first difference in events or registers, or nothing, and the number of events."""
+    """Return the first difference in events or registers, or None, and the number of events."""
     expected = simulate(config, stimulus)
     events, readout = play(config, stimulus, readout)
     found = first_difference(expected, events)

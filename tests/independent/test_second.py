@@ -1,4 +1,4 @@
-"""The second model stands alone, and does what the specification says in a few plain cases."""
+"""Test that the second model imports nothing of the project, and test simple cases of the specification."""
 
 import ast
 import sys

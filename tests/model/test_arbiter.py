@@ -1,4 +1,4 @@
-"""The model's order of events against the plain arbiter, and what the order promises."""
+"""Compare the model's arbiter with the reference arbiter, and test its order of events."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_rows_behind_each_row_of_the_largest_array() -> None:
 
 
 def drain(reference: ArbiterReference, requests: Requests, clocks: int) -> list[AddressEvent]:
-    """Return the events of requests that are raised anew whenever they are taken."""
+    """Return the events of requests that are raised again after each grant."""
     events = []
     for _ in range(clocks):
         if reference.event is not None:

@@ -1,4 +1,4 @@
-"""The integer network: its widths, its order of additions, its clocks, its file."""
+"""Test the integer network: widths, order of additions, clocks and file."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_derived_numbers_by_hand() -> None:
 
 @pytest.mark.parametrize("fields", VARIANTS)
 def test_no_potential_ever_leaves_the_ends(fields: dict[str, Any]) -> None:
-    """The worst events there are, for as many bins as it takes, leave the ends of the network and of its bits alone."""
+    """Check the potential ranges with the worst-case events of many bins."""
     own = network(membrane_bits=32, output_bits=32, **fields)
     low, high = own.hidden_ends or (0, 0)
     out_low, out_high = own.output_ends or (0, 0)

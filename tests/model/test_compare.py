@@ -1,4 +1,4 @@
-"""Compare: the first difference, what has no equal, the pictures, and ``eskin compare``."""
+"""Test the comparison of recordings: first difference, unmatched events, pictures, ``eskin compare``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""eskin.model.config: every refusal in its whole sentence, the JSON round trip, and the numbers derived."""
+"""Test eskin.model.config: error messages, JSON round trip, and derived numbers."""
 
 from __future__ import annotations
 

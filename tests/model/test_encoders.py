@@ -1,4 +1,4 @@
-"""The registry of encoders."""
+"""Test the registry of encoders."""
 
 from __future__ import annotations
 

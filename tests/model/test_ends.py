@@ -1,4 +1,4 @@
-"""Nothing leaves the scale: overdriven signals and random decisions in the model, and decoders of late events."""
+"""Test the limits of the scale: overdriven signals and random decisions in the model, and late events in decoders."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CONFIGS = [
 
 
 def held(config: ReadoutConfig, level: int) -> Stimulus:
-    """Return a signal that stays at a level."""
+    """Return a constant signal."""
     samples = np.full((CLOCKS // 8, config.taxels), level)
     return Stimulus.from_samples(config, samples, clocks_per_sample=8)
 

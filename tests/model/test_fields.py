@@ -1,4 +1,4 @@
-"""Receptive fields: the rule, the edges, what is refused, and that own samples change nothing."""
+"""Test receptive fields: the rule, array edges, rejected fields, and the default field."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Promises of the frame readout's model: no sample lost, bits as computed, clear refusals, and the command frames."""
+"""Test the model of the frame readout: complete samples, exact bits, error messages, command frames."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Call = Callable[[str], tuple[int, str, str]]
 
 @st.composite
 def configs(draw: st.DrawFn) -> FrameConfig:
-    """Return frame readouts of up to 12 taxels, all resolutions and words."""
+    """Return random frame readouts of up to 12 taxels."""
     sample_bits = draw(st.integers(3, 24))
     resolution = draw(st.integers(1, sample_bits - 2))
     return FrameConfig(
@@ -160,7 +160,7 @@ def test_frame_clocks_are_the_shortest_period(config: FrameConfig, seed: int) ->
 
 
 def test_what_happens_in_which_clock() -> None:
-    """The table of docs/reference/frame.md: 1 x 2 taxels, N = 8, 2 settling clocks, 3 conversion clocks."""
+    """Check the timing table of docs/reference/frame.md: 1 x 2 taxels, N = 8, 2 settling and 3 conversion clocks."""
     config = FrameConfig(readout=ReadoutConfig(rows=1, columns=2, resolution=8), settle_clocks=2)
     model, seen = FrameModel(config), []
     for t in range(16):

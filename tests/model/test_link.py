@@ -1,4 +1,4 @@
-"""The model's four-phase link against the plain one, and its clocks per event."""
+"""Compare the model's four-phase link with the reference link, and check its clocks per event."""
 
 from __future__ import annotations
 

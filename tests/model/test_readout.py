@@ -1,4 +1,4 @@
-"""The clock-skipping model against the plain one, and what docs/specification.md, section 3, promises."""
+"""Compare the fast model with the reference model, and check section 3 of docs/specification.md."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def timed(events: NDArray[Any]) -> list[TimedEvent]:
 
 @st.composite
 def configs(draw: st.DrawFn, **fixed: Any) -> ReadoutConfig:
-    """Return any configuration of a small array, with the edges of every parameter within reach."""
+    """Return a random configuration of a small array."""
     rows, columns = draw(st.sampled_from(ARRAYS))
     bits = draw(st.sampled_from([3, 5, 8, 12]))
     parameters: dict[str, Any] = {
@@ -58,7 +58,7 @@ def configs(draw: st.DrawFn, **fixed: Any) -> ReadoutConfig:
 
 @st.composite
 def stimuli(draw: st.DrawFn, config: ReadoutConfig, **fixed: Any) -> Stimulus:
-    """Return a stimulus of any kind: samples, their clocks, masks that change, and a sink."""
+    """Return a random stimulus: samples, their clocks, changing masks, and a sink."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     ticks = draw(st.sampled_from([1, 0, 6, 12, 20, 30, 40]))
     shape = (ticks, config.taxels)
@@ -110,7 +110,7 @@ def test_model_equals_the_reference_event_by_event(data: st.DataObject) -> None:
 
 
 def assert_same_registers(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> None:
-    """Compare the registers just before a clock, as far as anything can depend on them."""
+    """Compare all relevant registers just before a clock."""
     state = state_at(config, stimulus, clock)
     readout, _ = play(config, stimulus, clock)
     taxels = list(itertools.chain(*readout.taxels))

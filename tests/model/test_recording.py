@@ -1,4 +1,4 @@
-"""A saved recording (eskin.model.events.recording) comes back; damaged and foreign files are refused."""
+"""Test recording files: round trip, and rejection of damaged and foreign files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One description gives the addresses, the C header, the Python class and the page; the model keeps to it."""
+"""Test the register description: addresses, C header, Python class, page and model agree."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def name(config: ReadoutConfig) -> str:
 
 
 class Chip:
-    """Slave and register file behind an adapter with a clock of 8 clocks a bit."""
+    """SPI slave and register file with an adapter of 8 clocks per bit."""
 
     def __init__(self, config: ReadoutConfig) -> None:
         self.slave, self.file = SpiSlave(), RegisterFile(config)
@@ -224,7 +224,7 @@ def test_settings_are_those_of_a_host_from_clock_0_on_or_one_sentence() -> None:
 @pytest.mark.parametrize("encoding", registry.NAMES)
 @pytest.mark.parametrize("pace", ["clock", "sample"])
 def test_a_resolution_that_a_host_sets_gives_the_events_of_a_readout_built_with_it(encoding: Any, pace: Any) -> None:
-    """The window too closes as that of a readout built with the coarser resolution, as far as D goes."""
+    """Compare a resolution set by the host with a readout built with that resolution."""
     rng = np.random.default_rng(11)
     for bits, built, steps in [(12, 8, 2), (12, 10, 0), (10, 4, 4), (6, 3, 1)]:
         shape = {"rows": 2, "columns": 2, "sample_bits": bits, "window_period": 2, "closing_shift": steps}
@@ -244,7 +244,7 @@ def test_a_resolution_that_a_host_sets_gives_the_events_of_a_readout_built_with_
 
 
 def test_a_window_without_room_for_all_settings_is_refused() -> None:
-    """Each had events of its own at a coarser resolution: it closed less, or never."""
+    """Check that a window without room for all closing steps is rejected."""
     for resolution, closing, most in ((10, 2, 0), (8, 4, 2), (9, 2, 1)):
         sentence = (
             f"closing_shift must be in 0..{most} = sample_bits - 2 - resolution with registers=spi, not {closing}; "

@@ -1,4 +1,4 @@
-"""A compiled loop does not outlive an edit of a step that it has in it."""
+"""Test that a compiled loop is recompiled after a change of a function that it calls."""
 
 from __future__ import annotations
 

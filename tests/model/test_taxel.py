@@ -1,4 +1,4 @@
-"""The encoders against literal vectors, a naive model clock by clock, and their own promises."""
+"""Test the encoders with literal vectors, a naive model, and their error bounds."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from eskin.model.taxel import (
 
 
 def one(encoding: str, **parameters: Any) -> ReadoutConfig:
-    """Return the configuration of a single taxel with D = 4 codes of 8 bits."""
+    """Return the configuration of one taxel with D = 4 codes of 8 bits."""
     common: dict[str, Any] = {"rows": 1, "columns": 1, "sample_bits": 8, "resolution": 4}
     return ReadoutConfig(encoding=encoding, **common | parameters)  # type: ignore[arg-type]
 
@@ -40,7 +40,7 @@ def column(*codes: int) -> NDArray[np.int16]:
 
 
 def counts(config: ReadoutConfig, *codes: int) -> list[int]:
-    """Return the counts of one taxel."""
+    """Return a function that gives the event counts of one taxel."""
     return encode(config, column(*codes))[:, 0].tolist()
 
 
@@ -50,7 +50,7 @@ def counts(config: ReadoutConfig, *codes: int) -> list[int]:
 def naive(
     config: ReadoutConfig, samples: NDArray[np.integer[Any]]
 ) -> tuple[list[tuple[int, int, int]], NDArray[np.float64], NDArray[np.float64]]:
-    """Return events (clock of decision, taxel, sign); after each tick reference and half-width, in codes."""
+    """Return events (clock, taxel, sign), and reference and half-width after each tick."""
     ticks, taxels = samples.shape
     events, reference, half = [], np.zeros((ticks, taxels)), np.zeros((ticks, taxels))
     decisions = config.clocks_per_sample if config.decide_every == "clock" else 1
@@ -87,7 +87,7 @@ def naive(
 
 @st.composite
 def configs(draw: st.DrawFn, encodings: tuple[str, ...] = registry.NAMES) -> ReadoutConfig:
-    """Return any configuration of a small array, with the edges of every parameter within reach."""
+    """Return a random configuration of a small array."""
     bits = draw(st.sampled_from([3, 4, 8, 12, 15, 16, 17, 24]))
     encoding = draw(st.sampled_from(encodings))
     config = ReadoutConfig(
@@ -113,7 +113,7 @@ def configs(draw: st.DrawFn, encodings: tuple[str, ...] = registry.NAMES) -> Rea
 def signals(
     draw: st.DrawFn, config: ReadoutConfig, slope: int | None = None, low: int | None = None
 ) -> NDArray[np.int32]:
-    """Return samples (ticks, taxels): anything in range, or, with ``slope``, steps of no more than that."""
+    """Return random samples (ticks, taxels), with steps of at most ``slope`` if given."""
     low = -config.full_scale if low is None else low
     high = config.full_scale - 1
     ticks = draw(st.integers(1, 40))

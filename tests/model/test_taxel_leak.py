@@ -1,4 +1,4 @@
-"""N-LCS against floating point: the rate of a leaky neuron."""
+"""Compare the event rate of N-LCS with that of a floating-point leaky neuron."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from eskin.model.taxel import count_events
 
 
 def leaky(**parameters: Any) -> ReadoutConfig:
-    """Return the configuration of a single N-LCS taxel of 12 bits."""
+    """Return the configuration of one N-LCS taxel of 12 bits."""
     return ReadoutConfig(rows=1, columns=1, encoding="nlcs", **parameters)
 
 

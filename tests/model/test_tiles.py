@@ -1,4 +1,4 @@
-"""The merge and the skin of the golden model: order, fairness, addresses, files."""
+"""Test merge and skin of the golden model: order, fairness, addresses and files."""
 
 from __future__ import annotations
 

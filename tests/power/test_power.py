@@ -1,4 +1,4 @@
-"""Promises of the power model: the published numbers, its invariants, each correction, crossovers that are roots."""
+"""Test the power model: published numbers, invariants, corrections and crossovers."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_paper_mode_afe_is_worth_the_published_noise_efficiency():
 
 
 def test_consistent_mode_is_against_spikes_at_six_bits_and_for_leaky_ones_at_four():
-    """The outcome that docs/results/power.md states; a change of it must change the text."""
+    """Check the result that docs/results/power.md states."""
     ratio = {
         (r, n): float(CONSISTENT.breakdown(r, n, 1e-3).total / CONSISTENT.breakdown("frame", n, 1e-3).total)
         for r in SPIKING
@@ -209,7 +209,7 @@ def test_arrays_give_what_single_numbers_give():
 
 
 def alone(name: str, readout: str, n: int = 6, **parameters: float) -> tuple[dict, dict]:
-    """Return the breakdowns without any correction and with one."""
+    """Return the power breakdowns without and with one correction."""
     return tuple(
         with_corrections(frozenset(chosen), **parameters).breakdown(readout, n, 1e-3).to_dict()
         for chosen in ((), (name,))

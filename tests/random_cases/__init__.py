@@ -1,1 +1,1 @@
-"""Configurations and stimuli drawn by Hypothesis: RTL against golden model, and the smallest case that differs."""
+"""Random configurations and stimuli by Hypothesis: RTL compared with the golden model."""

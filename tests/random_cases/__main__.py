@@ -1,4 +1,4 @@
-"""``python -m tests.random_cases EXAMPLES [SEED]`` searches for a case in which RTL and model differ.
+"""Search for a difference between RTL and model: ``python -m tests.random_cases EXAMPLES [SEED]``.
 
 ``CASE`` plays one.
 """
@@ -16,7 +16,7 @@ USAGE = "usage: python -m tests.random_cases EXAMPLES [SEED], or python -m tests
 
 
 def main(words: list[str]) -> str | int:
-    """Return what is wrong, or 0."""
+    """Return an error message, or 0."""
     if words and words[0].startswith("{") and len(words) == 1:
         return Case.from_json(words[0]).difference() or _said("RTL and model agree")
     if not 1 <= len(words) <= 2 or not all(word.isdecimal() for word in words) or int(words[0]) < 1:

@@ -1,4 +1,4 @@
-"""A case is a configuration with its stimulus: how Hypothesis draws one, and whether RTL and model agree in it."""
+"""Random cases for Hypothesis: a configuration with its stimulus."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DELAYS = [delay for delay in range(1, 60) if delay % 8]
 
 @dataclass(frozen=True)
 class Case:
-    """A configuration and what happens at its inputs.
+    """A configuration and its inputs.
 
     Attributes
     ----------
@@ -60,11 +60,11 @@ class Case:
 
     @property
     def clocks(self) -> int:
-        """Length of the run."""
+        """Length of the run in clocks."""
         return len(self.samples) + self.rest
 
     def parts(self) -> tuple[ReadoutConfig, Stimulus]:
-        """Return the configuration and the stimulus."""
+        """Return configuration and stimulus."""
         config = ReadoutConfig.from_dict(self.config)
         ticks = [clock for clock, codes in enumerate(self.samples) if codes is not None]
         masks = {0: [True] * config.taxels} | {
@@ -88,7 +88,7 @@ class Case:
         return config, stimulus
 
     def difference(self, design: Design | None = None) -> str | None:
-        """Return how RTL and model differ, None if they agree; the design of its configuration may be given."""
+        """Return the difference between RTL and model, or None; an elaborated design may be given."""
         config, stimulus = self.parts()
         try:
             found = first_difference(simulate(config, stimulus), (design or Design(config)).play(stimulus))
@@ -97,12 +97,12 @@ class Case:
         return None if found is None else found.describe(("model", "RTL"))
 
     def to_json(self) -> str:
-        """Return it as one line."""
+        """Return the case as one line of JSON."""
         return json.dumps({name: value for name, value in asdict(self).items() if value not in ([], [1], 0)})
 
     @classmethod
     def from_json(cls, text: str) -> Case:
-        """Return the case of such a line.
+        """Return the case for a line of JSON.
 
         Raises
         ------
@@ -124,7 +124,7 @@ class Case:
 
 @st.composite
 def configs(draw: st.DrawFn, fixed: dict[str, Any]) -> dict[str, Any]:
-    """Draw fields of a small configuration, every end of its ranges among them; those that are fixed are not drawn."""
+    """Draw the fields of a small configuration, except given ones."""
     fields: dict[str, Any] = {}
 
     def pick(name: str, choices: st.SearchStrategy[Any]) -> Any:
@@ -155,7 +155,7 @@ def configs(draw: st.DrawFn, fixed: dict[str, Any]) -> dict[str, Any]:
 
 
 def _listed(taxels: int) -> st.SearchStrategy[list[dict[str, Any]]]:
-    """Draw a field of few taxels for every taxel; some are off, the first is not."""
+    """Draw receptive fields of few taxels; several taxels are off."""
 
     def field(drawn: tuple[list[int], int]) -> dict[str, Any]:
         return {"taxels": drawn[0], "shift": min(drawn[1], most_shift(len(drawn[0])))}
@@ -165,18 +165,18 @@ def _listed(taxels: int) -> st.SearchStrategy[list[dict[str, Any]]]:
 
 
 def _taxels(one: st.SearchStrategy[int], taxels: int) -> st.SearchStrategy[list[int]]:
-    """Draw a value for every taxel: few values that repeat are simpler than many, and fit an array of any size."""
+    """Draw a value for every taxel from few different values."""
     return st.lists(one, min_size=1, max_size=MOST_SIDE**2).map(lambda few: [few[n % len(few)] for n in range(taxels)])
 
 
 def _held(what: st.SearchStrategy[Any]) -> st.SearchStrategy[list[tuple[Any, int]]]:
-    """Draw things in turn, and the clocks more than one for which each of them stays as it is."""
+    """Draw values, each with the number of additional clocks that it is constant."""
     return st.lists(st.tuples(what, st.integers(0, MOST_HELD)), max_size=MOST_CHANGES)
 
 
 @st.composite
 def cases(draw: st.DrawFn, **fixed: Any) -> Case:
-    """Draw a case, some fields of whose configuration may be given."""
+    """Draw a case; fields of the configuration may be given."""
     fields = draw(configs(fixed))
     config = ReadoutConfig.from_dict(fields)
     scale = config.full_scale * (ANALOG_RANGE if config.frontend == "analog" else 1)
@@ -206,7 +206,7 @@ def cases(draw: st.DrawFn, **fixed: Any) -> Case:
 
 @dataclass
 class Search:
-    """What a search found.
+    """Result of a search.
 
     Attributes
     ----------
@@ -223,7 +223,7 @@ class Search:
     designs: dict[str, Design] = field(default_factory=dict)
 
     def differs(self, case: Case) -> bool:
-        """Play a case; return whether RTL and model differ."""
+        """Return True if RTL and model differ in a case."""
         self.examples += 1
         key = json.dumps(case.config, sort_keys=True)
         design = self.designs.pop(key, None) or Design(ReadoutConfig.from_dict(case.config))
@@ -234,7 +234,7 @@ class Search:
 
     @property
     def told(self) -> str:
-        """The smallest case, how RTL and model differ in it, and the command that shows it again."""
+        """Smallest failing case, its difference, and the command that repeats it."""
         assert self.case is not None
         case = self.case
         fields = ", ".join(f"{name} {value}" for name, value in case.config.items())
@@ -246,7 +246,7 @@ class Search:
 
 
 def search(examples: int, seed: int, **fixed: Any) -> Search:
-    """Draw cases until RTL and model differ, and make that case as small as may be.
+    """Draw cases until RTL and model differ, and shrink the failing case.
 
     Parameters
     ----------

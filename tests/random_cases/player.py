@@ -1,4 +1,4 @@
-"""The RTL in Amaranth's own simulator, in this process: no Verilog, no build, and another design with every case."""
+"""Simulation of the RTL in Amaranth's simulator, without a build."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from tests.independent.agreement import Receiver, look
 
 
 class Breach(AssertionError):
-    """A link breaks its protocol; the text says when and how."""
+    """Raised if a link violates its protocol."""
 
 
 class Design:
-    """A readout, elaborated once, which takes most of the time, and played again and again, each time from reset on.
+    """A readout that is elaborated once and simulated many times.
 
     What drives it and what takes its events goes clock by clock as in ``cocotb_tests/bench/harness.v``.
     """
@@ -36,7 +36,7 @@ class Design:
         self.played = False
 
     def play(self, stimulus: Stimulus) -> Events:
-        """Play a stimulus from the end of reset on; return the events, in their order.
+        """Simulate a stimulus after a reset; return the events in order.
 
         Raises
         ------
@@ -90,7 +90,7 @@ class Design:
             self.signal = self.signal if codes is None else seen(config, np.array([codes]))[0].tolist()
 
     def _look(self, ctx: Any, clock: int) -> None:
-        """Let the comparators find what is given, or what the thresholds and the sample before this clock say."""
+        """Set the comparator outputs from given decisions, or from thresholds and sample."""
         config, given = self.config, self.stimulus.decisions
         if given is not None:
             found = [(bool(d & 1), bool(d & 2)) for d in given[clock].tolist()]
@@ -139,5 +139,5 @@ class Design:
 
 
 def _word(values: list[Any], bits: int) -> int:
-    """Return values side by side, the first in the lowest bits."""
+    """Return values packed into a word, the first in the lowest bits."""
     return sum(int(value) << place * bits for place, value in enumerate(values))

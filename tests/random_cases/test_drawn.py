@@ -1,4 +1,4 @@
-"""RTL and model agree in all that is drawn; where a bug is planted the smallest case that shows it is told."""
+"""Test that RTL and model agree in random cases, and that a planted bug is found and shrunk."""
 
 from __future__ import annotations
 

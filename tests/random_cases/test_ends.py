@@ -1,4 +1,4 @@
-"""Every parameter of the build at its smallest and its largest: RTL against golden model, event by event."""
+"""Compare RTL and golden model with every parameter at its smallest and largest value."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ BASE |= {"closing_shift": 1, "window_period": 2, "leak_shift": 2, "leak_period":
 
 @dataclass(frozen=True)
 class End:
-    """A parameter at one of its ends, with what else of a configuration it needs, and what is just beyond it."""
+    """A parameter at a limit, with the other required fields, and an out-of-range value."""
 
     name: str
     value: int
@@ -44,7 +44,7 @@ class End:
 
     @property
     def fields(self) -> dict[str, Any]:
-        """What is set of a draw."""
+        """Fields to set in a random configuration."""
         return BASE | {"encoding": self.encoding} | self.others | {self.name: self.value}
 
 
@@ -117,7 +117,7 @@ LONGEST = {
 
 @pytest.mark.parametrize("name", LONGEST)
 def test_the_longest_periods_end_when_the_model_says(name: str, tmp_path: Path) -> None:
-    """A tick in every clock and one code for ever, by CXXRTL: Amaranth's simulator would take a minute."""
+    """Compare the longest periods with the model, by CXXRTL with a constant sample in every clock."""
     own, ticks = LONGEST[name]
     config = ReadoutConfig.from_dict(BASE | own | {"columns": 1, "resolution": 1})
     level = config.step - 1 if name == "window_period" else config.full_scale - 1

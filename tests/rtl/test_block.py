@@ -1,4 +1,4 @@
-"""One module for all equal blocks of a netlist, and none for two that differ."""
+"""Test that equal blocks of a netlist share a module, and different ones do not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The Verilog with clock gates does what the RTL does: proved, and played against the model."""
+"""Test that Verilog with clock gates is equivalent to the RTL, by proof and simulation."""
 
 from __future__ import annotations
 

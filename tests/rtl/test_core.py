@@ -1,4 +1,4 @@
-"""The delivered core file: its targets run, and fail where what they look at is wrong."""
+"""Test the targets of the FuseSoC core file, also on faulty sources."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def delivered(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 
 def run(target: str, folder: Path, files: dict[str, str]) -> tuple[int, str]:
-    """Run a target of the core; return its exit code and all it says."""
+    """Run a target of the core file; return its exit code and output."""
     folder.mkdir(exist_ok=True)
     for name, text in files.items():
         (folder / name).write_text(text)

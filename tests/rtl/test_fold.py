@@ -1,4 +1,4 @@
-"""The delivered Verilog reads as a person writes it, and no step changes its value."""
+"""Test that the delivered Verilog is readable, and that rewriting keeps the values."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_no_step_changes_its_value_where_it_is_folded() -> None:
 
 
 def made_up(config: Config) -> list[str]:
-    """Return the wires whose name stands nowhere in the source: parts of an expression, and names with a number."""
+    """Return the wires with generated names."""
     names = re.findall(r"^  (?:wire|reg) (?:signed )?(?:\[\d+:0\] )?(\w+);", verilog(config), re.MULTILINE)
     assert len(names) > 50
     return [name for name in names if re.search(r"_part(_\d+)?$|(?<!_to)_\d+$", name)]

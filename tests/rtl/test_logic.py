@@ -1,4 +1,4 @@
-"""The gates behind the arbiter: depth grows with the logarithm of the array, area with the array."""
+"""Test that arbiter depth grows with the logarithm of the array size, and area linearly."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eskin.rtl.logic import encode, exclusive_prefix_or, or_tree
 
 
 def gates(rows: int, columns: int) -> tuple[int, int]:
-    """Return depth and number of two-input gates of an arbiter, as it is written: nothing restructured by synthesis."""
+    """Return depth and number of two-input gates of an arbiter, before optimisation by synthesis."""
     rtlil = RtlilModules(async_reset=False).add(Arbiter(ReadoutConfig(rows=rows, columns=columns)))
     script = (
         "read_rtlil readout.il; hierarchy -top eskin_arbiter; proc; opt_expr; opt_merge; opt_clean; simplemap; "

@@ -1,4 +1,4 @@
-"""rtl/stream.py: the readout behind streams sends the model's events, and Amaranth turns it into Verilog."""
+"""Test rtl/stream.py: events of the readout with streams, and conversion to Verilog by Amaranth."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_streams_carry_the_events_of_the_model_to_a_consumer_that_stalls(config:
 
 
 def test_amaranth_finds_the_pinned_yosys() -> None:
-    """In a process without YOSYS and without any Yosys in its PATH, as a user's design is converted."""
+    """Convert a design in a process without YOSYS and without Yosys in its PATH."""
     program = (
         "from amaranth.back import verilog; from eskin import ReadoutConfig, StreamReadout\n"
         "print(verilog.convert(StreamReadout(ReadoutConfig(rows=1, columns=2, resolution=2, sample_bits=4))))"

@@ -1,4 +1,4 @@
-"""The text that goes into Yosys and comes out of it, rewritten: before and after, word for word."""
+"""Test the rewriting of Yosys' input and output texts."""
 
 from __future__ import annotations
 

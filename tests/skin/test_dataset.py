@@ -1,4 +1,4 @@
-"""Promises of the datasets: where they are found, what is checked, and what the embedded default holds."""
+"""Test the datasets: search places, checksums, and the embedded default."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def write_sums(root: Path) -> None:
 
 @pytest.fixture
 def textures(tmp_path: Path) -> Path:
-    """Two classes of two images, with their sums."""
+    """Return a folder with two classes of two images, with checksums."""
     root = tmp_path / "cloth"
     for number, name in enumerate(("silk/silk-2", "silk/silk-1", "felt/felt-1", "felt/felt-2")):
         path = root / f"{name}.png"
@@ -43,7 +43,7 @@ def textures(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def nowhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty working directory, no variable, and a repository without data; returns the repository root."""
+    """Return an empty repository root, with an empty working directory and no variable set."""
     monkeypatch.delenv("ESKIN_DATA", raising=False)
     (tmp_path / "work" / "here").mkdir(parents=True)
     (tmp_path / "repo" / "model").mkdir(parents=True)

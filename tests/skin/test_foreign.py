@@ -1,4 +1,4 @@
-"""Event files of other programs: AEDAT 4 in two libraries, tables and arrays, address maps, counters that wrap."""
+"""Test event files of other programs: AEDAT 4, tables, arrays, address maps, counter overflow."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Promises of the scans: geometry, time base, sensor, quantiser, and what they set in the configuration."""
+"""Test the scan presets: geometry, time base, sensor, quantiser and configuration."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def noise(height: int, width: int, seed: int = 1) -> np.ndarray:
 
 
 def paper_reference(config: ReadoutConfig, image: np.ndarray) -> np.ndarray:
-    """The paper scan taxel by taxel at full rate, as the specification tells it."""
+    """Return the paper scan computed taxel by taxel from the specification."""
     every = PAPER.loop_samples(config)
     numerator, denominator, _ = signal.cont2discrete(([1000.0, 0.0], [1.0, 1007.0, 7000.0]), 1 / 1.4e6, method="foh")
     columns = []
@@ -203,7 +203,7 @@ def test_physical_scan_of_a_kylberg_image_takes_the_whole_width():
 
 @pytest.mark.parametrize(("rows", "columns"), ARRAYS)
 def test_physical_taxels_follow_a_plane_at_their_own_place(rows, columns):
-    """A bilinear image is met exactly, so the contact step and the slope show where each taxel stands."""
+    """Check the position of each taxel with a bilinear image."""
     config = ReadoutConfig(rows=rows, columns=columns)
     height, width = 64, 120
     plane = 40 + 0.5 * np.arange(width)[None, :] + 1.25 * np.arange(height)[:, None]

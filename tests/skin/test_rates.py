@@ -1,4 +1,4 @@
-"""Promises of the event rates: the published ones, integers against an exponential, and the command."""
+"""Test the event rates: published values, integer against exponential leak, and the command."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def paper(encoding: str, resolution: int, **fields) -> ReadoutConfig:
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run the command in this process: a new interpreter would take seconds."""
+    """Return a function that runs the command in this process."""
     output, errors = io.StringIO(), io.StringIO()
     with (
         contextlib.redirect_stdout(output),
@@ -93,7 +93,7 @@ def test_published_rates_are_only_for_what_was_published(kylberg):
 
 
 def float_nlcs_events(signals: np.ndarray, config: ReadoutConfig, first: int) -> int:
-    """Events of an exponential reference on unquantised samples, one decision per sample."""
+    """Return the events of a floating-point N-LCS model with one decision per sample."""
     step = 2.0 ** -(config.resolution + 1)
     decay = math.exp(-1 / config.sample_rate_hz / config.tau_s)
     u = np.zeros(signals.shape[1])

@@ -1,4 +1,4 @@
-"""Every readout has one look of its own in all figures, in colours of the one palette."""
+"""Test that every readout has a unique style in figures, with colours of one palette."""
 
 from __future__ import annotations
 

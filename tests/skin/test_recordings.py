@@ -1,4 +1,4 @@
-"""A user's own recordings: what is time, what a taxel, which clock and scale suit them, and what is lost."""
+"""Test recordings of a user: time column, taxel columns, clock, scale and losses."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def test_jittering_time_stamps_are_resampled(tmp_path):
 
 
 def test_stamps_of_whole_milliseconds_are_even_and_gaps_are_filled(tmp_path):
-    """27 to 29 ms a sample, one stamp twice: that is how a sensor of 36 Hz writes them."""
+    """Read time stamps in whole milliseconds from a sensor of 36 Hz, with one repeated stamp."""
     time_s = np.arange(400) / 35.61
     stamps = np.floor(time_s * 1e3)
     stamps[200] = stamps[199]
@@ -283,7 +283,7 @@ def test_the_array_follows_the_number_of_taxels(taxels, array):
 
 
 def plain_snr_db(codes: np.ndarray, config: ReadoutConfig, events: np.ndarray) -> float:
-    """Return the reconstruction SNR of LCS events in plain Python: D up or down for each event, tick by tick."""
+    """Return the reconstruction SNR of LCS events, computed tick by tick."""
     rebuilt = [[0.0] * config.taxels for _ in codes]
     state = [0.0] * config.taxels
     queue = sorted((int(e["t"]), int(e["y"]) * config.columns + int(e["x"]), 1 if e["p"] else -1) for e in events)

@@ -1,4 +1,4 @@
-"""The study of slow signals: SNR and data rate of the encoders, beside uniform sampling at the same rate."""
+"""Test the study of slow signals: SNR and data rate of encoders and of uniform sampling."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bits per second of events and of frames on the same scan."""
+"""Test the data rates of events and frames on equal scans."""
 
 from __future__ import annotations
 

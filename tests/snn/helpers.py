@@ -1,4 +1,4 @@
-"""Small data and networks for the tests of the classifier."""
+"""Small datasets and networks for tests of the classifier."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CLASSES = ("brick", "grass", "gravel")
 
 
 def easy_data(images: int = 30, steps: int = 15, channels: int = 8) -> ScanData:
-    """Return scans in which every class has channels of its own that are busy."""
+    """Return scans in which every class has its own active channels."""
     generator = np.random.default_rng(0)
     labels = np.arange(images) % 3
     rates = np.full((images, channels), 0.2)
@@ -31,7 +31,7 @@ def easy_data(images: int = 30, steps: int = 15, channels: int = 8) -> ScanData:
 
 
 def two_textures(folder: Path) -> None:
-    """Write images of a rough and a smooth class, four each."""
+    """Write four images each of a rough and a smooth class."""
     generator = np.random.default_rng(0)
     for name in ("rough", "smooth"):
         (folder / name).mkdir(parents=True)
@@ -46,7 +46,7 @@ def small_network(**fields: Any) -> NetworkConfig:
 
 
 def caller(app: typer.Typer) -> Callable[[str, pytest.CaptureFixture[str]], tuple[int, str]]:
-    """Return what types a line behind ``eskin`` and gives back exit code and output."""
+    """Return a function that runs ``eskin`` with a command line: exit code and output."""
 
     def call(line: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
         with pytest.raises(SystemExit) as left:

@@ -1,4 +1,4 @@
-"""The optimizer gives the bits of torch's, and loads no compiler."""
+"""Test that the optimiser gives the same bits as torch's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scans are kept by all that makes them, and nothing is believed or run that another user could have written."""
+"""Test the cache of scans, and its protection against files of other users."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(autouse=True)
 def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the folder of the kept scans, empty at first."""
+    """Return the empty cache folder."""
     monkeypatch.setenv("ESKIN_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache" / "scans"
 
@@ -172,7 +172,7 @@ def test_a_folder_that_others_can_write_to_or_a_link_is_not_believed(
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="no compiler")
 def test_a_library_that_was_planted_is_not_run(tmp_path: Path) -> None:
-    """The old place, a predictable one under TMPDIR, and a file of the right name that others could have written."""
+    """Check that planted libraries are not loaded from predictable or shared places."""
     (tmp_path / "evil.c").write_text(
         "#include <stdlib.h>\n__attribute__((constructor)) static void run(void) { exit(66); }\n"
     )

@@ -1,4 +1,4 @@
-"""What a network takes from its training scans before it learns."""
+"""Test the calibration of a network before training."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eskin.snn.network_config import NetworkConfig
 
 
 def scans(seed: int = 0, rate: float = 2.0) -> torch.Tensor:
-    """Return counts whose channels differ in rate, shape (60, 24, 16)."""
+    """Return counts with different rates per channel, shape (60, 24, 16)."""
     generator = torch.Generator().manual_seed(seed)
     rates = torch.rand(16, generator=generator) * 2 * rate
     return torch.poisson(rates.expand(60, 24, 16), generator=generator)

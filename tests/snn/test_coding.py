@@ -1,4 +1,4 @@
-"""Coded rates: what is counted can be decoded again, and says what the stream is."""
+"""Test the compressed data rates: the compressed streams can be decoded."""
 
 from __future__ import annotations
 

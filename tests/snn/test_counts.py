@@ -1,4 +1,4 @@
-"""Counts of several readouts of the same scans."""
+"""Test the comparison of event counts of several readouts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Event files become the right counts, the same from the RTL and from the model, and bad ones are refused."""
+"""Test event counts from event files: equal for RTL and model; invalid files are rejected."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_the_paper_preset_starts_where_its_events_count() -> None:
 
 
 def test_tensors_of_rtl_event_files_and_of_the_model_are_equal(tmp_path: Path) -> None:
-    """The files of a replay, written here by the model that the RTL is held to, give what the model gives."""
+    """Compare tensors from replay files with tensors from the model."""
     data = embedded_dataset().limit(4)
     config = ReadoutConfig(rows=2, columns=2, resolution=4)
     for texture in data:
@@ -133,7 +133,7 @@ def test_start_rows_are_scans_of_one_image_and_only_the_first_is_tested() -> Non
 
 
 def test_variants_are_of_the_same_scans() -> None:
-    """ON events alone are those channels of all events; a bipolar N-LCS has both."""
+    """Check that variants of an encoder use the same scans."""
     small = ReadoutConfig(rows=2, columns=2, resolution=4)
     fields: dict[str, Any] = {"dataset": "embedded"}
     whole, on = (Experiment(**fields, readout=small, variant=kind).data() for kind in ("", "on"))

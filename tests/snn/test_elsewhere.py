@@ -1,4 +1,4 @@
-"""The lines of docs/guide/exchange.md run exported networks in snnTorch and Norse, and theirs run here."""
+"""Run the code of docs/guide/exchange.md: our networks in snnTorch and Norse, and theirs here."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ WHOLE: dict[str, dict[str, Any]] = {
 
 
 def there(library: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """Return the names that the page's lines give, run in the folder of ``net.nir``."""
+    """Return the variables after running the code of the page."""
     monkeypatch.chdir(folder)
     names: dict[str, Any] = {}
     with warnings.catch_warnings():
@@ -59,7 +59,7 @@ def there(library: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[s
 
 
 def hidden_spikes(net: Any, name: str = "hidden") -> list[torch.Tensor]:
-    """Return the list that the hidden spikes of every step will be put into."""
+    """Return a list that collects the hidden spikes of every step."""
     seen: list[torch.Tensor] = []
     node = getattr(net, name)
     node.register_forward_hook(lambda _, __, out: seen.append(out[0] if isinstance(out, tuple) else out))

@@ -1,4 +1,4 @@
-"""Fig. 8, Fig. 9 and confusion matrices show the numbers of their files, and bad files get one sentence."""
+"""Test that Fig. 8, Fig. 9 and confusion matrices show the stored numbers, and that invalid files are rejected."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ CLASSES = ["canvas", "sand", "stone"]
 
 
 def some_results(accuracy: float, cells: int = 6, seed: int = 0) -> dict[str, Any]:
-    """Return what ``summarise`` makes of the first cells of 3 folds x 2 seeds on 30 images."""
+    """Return the summary of the first trainings of 3 folds x 2 seeds on 30 images."""
     generator = np.random.default_rng(seed)
     labels = np.repeat(np.arange(3), 10)
     made = []
@@ -79,7 +79,7 @@ def some_results(accuracy: float, cells: int = 6, seed: int = 0) -> dict[str, An
 def some_point(
     readout: str, resolution: int, rate: float, accuracy: float, cells: int = 6, **fields: Any
 ) -> dict[str, Any]:
-    """Return what a sweep writes for a point (``PointRun.summary``)."""
+    """Return a sweep point as written by a sweep (``PointRun.summary``)."""
     point = {
         "name": f"{readout}-{resolution}b",
         "readout": readout,
@@ -118,7 +118,7 @@ PHYSICAL = {
 
 @pytest.fixture
 def files(folder: Path) -> list[str]:
-    """Write a sweep to a file that was kept and one to a folder; return the options."""
+    """Write two sweeps, as file and as folder; return the options for them."""
     (folder / "plain.json").write_text(json.dumps(SWEEP))
     (folder / "hand").mkdir()
     (folder / "hand" / "sweep.json").write_text(json.dumps(PHYSICAL))
@@ -127,7 +127,7 @@ def files(folder: Path) -> list[str]:
 
 @pytest.fixture
 def snn(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
-    """Return a function that runs a command in the folder: exit code, standard output and error."""
+    """Return a function that runs a command in the folder: exit code, standard output, standard error."""
     app = make_app("figures")
     for command in (fig8, fig9):
         app.command()(command)
@@ -142,7 +142,7 @@ def snn(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
 
 
 def refused(call: Call, sentence: str, *words: str) -> None:
-    """Hold a command to one sentence on standard error and exit code 2."""
+    """Check that a command prints one error message and exits with 2."""
     code, _, error = call(*words)
     assert code == 2
     assert error.count("\n") == 1
@@ -150,7 +150,7 @@ def refused(call: Call, sentence: str, *words: str) -> None:
 
 
 def marks(figure: Figure, panel: int) -> dict[tuple[str, Any], list[tuple[float, float]]]:
-    """Return the points of a panel by colour and filling; bars and rings are other markers."""
+    """Return the points of a panel by colour and fill."""
     found: dict[tuple[str, Any], list[tuple[float, float]]] = {}
     for line in figure.axes[panel].lines:
         if line.get_marker() in {look.marker for look in LOOKS.values()} and line.get_markersize() < 10:
@@ -160,13 +160,13 @@ def marks(figure: Figure, panel: int) -> dict[tuple[str, Any], list[tuple[float,
 
 
 def bars(figure: Figure, panel: int) -> set[tuple[float, float, float]]:
-    """Return place and ends of all bars of a panel."""
+    """Return position and ends of all error bars of a panel."""
     lines = [line for line in figure.axes[panel].lines if line.get_marker() == "_"]
     return {(float(line.get_xdata()[0]), *(float(y) for y in line.get_ydata())) for line in lines}  # type: ignore[index]
 
 
 def chance_lines(figure: Figure, panel: int) -> list[Line2D]:
-    """Return the lines of a panel that go all across it."""
+    """Return the horizontal lines across a panel."""
     lines = figure.axes[panel].lines
     return [line for line in lines if line.get_transform() == figure.axes[panel].get_yaxis_transform()]
 
@@ -302,7 +302,7 @@ def test_all_sweeps_that_are_kept_can_be_drawn(tmp_path: Path) -> None:
 
 
 def covered(figure: Figure, panel: int) -> tuple[list[Any], list[Any]]:
-    """Return the boxes of marks and of labels of a panel, in pixels of the page."""
+    """Return the boxes of markers and labels of a panel, in pixels."""
     figure.draw_without_rendering()
     marks_found = []
     for line in figure.axes[panel].lines:
@@ -317,7 +317,7 @@ def covered(figure: Figure, panel: int) -> tuple[list[Any], list[Any]]:
 
 @pytest.mark.parametrize("crowded", [False, True])
 def test_no_mark_of_fig9_hides_another_and_labels_lie_on_nothing(files: list[str], crowded: bool) -> None:
-    """With the points of the project, and where a sweep has the points of another once more."""
+    """Check that markers and labels do not overlap, with the project's points and with duplicates."""
     sweeps = figures.load_sweeps([Path("plain.json")] if crowded else [])
     if crowded:
         sweeps.append(dataclasses.replace(sweeps[0], name="again"))
@@ -337,7 +337,7 @@ def test_no_mark_of_fig9_hides_another_and_labels_lie_on_nothing(files: list[str
 
 
 def overlap(a: Any, b: Any) -> bool:
-    """Return whether two boxes share more than an edge."""
+    """Return True if two boxes overlap."""
     return bool(min(a.x1, b.x1) - max(a.x0, b.x0) > 0.01 and min(a.y1, b.y1) - max(a.y0, b.y0) > 0.01)
 
 
@@ -487,7 +487,7 @@ EXPERIMENT = Experiment(
 
 
 def trained(folder: Path, experiment: Experiment = EXPERIMENT, **fields: Any) -> list[str]:
-    """Write weights and result of a training of no epoch; return the option that names them."""
+    """Write weights and result of a training without epochs; return the option for them."""
     taxels = experiment.readout.rows * experiment.readout.columns
     channels = 2 * taxels if experiment.readout.has_polarity else taxels
     network = build(
@@ -545,7 +545,7 @@ def test_fig8_shows_the_first_test_image_and_its_logits(snn: Call, folder: Path,
 
 
 def test_the_way_of_the_scan_is_seen_on_the_texture(folder: Path) -> None:
-    """Even where the array is thin: some of the picture has a colour, which no texture has."""
+    """Check that the path of a thin array is visible on the texture."""
     for preset, rows in (("physical", 2), ("paper", 1)):
         config = ReadoutConfig(rows=rows, columns=12 // rows // 2, resolution=4)
         experiment = Experiment(dataset="embedded", preset=preset, readout=config, bins=EXPERIMENT.bins)
@@ -666,7 +666,7 @@ def test_fig8_refuses_what_does_not_belong_together(snn: Call, folder: Path) -> 
 
 
 def write_textures(folder: Path, classes: tuple[str, ...]) -> None:
-    """Write a dataset of one image for each class."""
+    """Write a dataset with one image per class."""
     from PIL import Image
 
     for name in classes:

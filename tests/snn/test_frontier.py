@@ -1,4 +1,4 @@
-"""Chosen taxels, and the frontier of readouts that choose them."""
+"""Test the selection of taxels, and the frontier study."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that lie, claim too much or hold no numbers, and settings beyond reason, get one sentence and nothing else."""
+"""Test that malicious files and extreme settings give one error message."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ Call = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture
 def snn(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
-    """Return a function that runs ``eskin`` in an empty folder: exit code, standard output and error."""
+    """Return a function that runs ``eskin`` in an empty folder: exit code, standard output, standard error."""
 
     def snn(*words: str) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as left:
@@ -60,7 +60,7 @@ def some_weights(**fields: Any) -> Weights:
 
 
 def changed(path: Path, header: dict[str, Any] | None = None, **arrays: Any) -> Path:
-    """Write a weight file of which parts are other than ``save_weights`` writes them."""
+    """Write a weight file with changed parts."""
     save_weights(path, some_weights())
     with np.load(path) as file:
         found = {name: file[name] for name in file.files}
@@ -142,7 +142,7 @@ def test_fields_of_the_wrong_type_are_refused(tmp_path: Path, field: dict[str, A
 
 
 def bomb(path: Path, name: str) -> Path:
-    """Write an archive of 1.1 MB whose only member is 1.1 GB of zeros."""
+    """Write an archive of 1.1 MB that unpacks to 1.1 GB of zeros."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open(name, "w", force_zip64=True) as file:
         for _ in range(1100):
             file.write(bytes(2**20))

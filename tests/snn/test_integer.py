@@ -1,4 +1,4 @@
-"""A trained network as whole numbers: equal to the float network where that has whole numbers, near it elsewhere."""
+"""Test integer networks: equal to float networks with integer weights, close to other float networks."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from eskin.snn.rounding import grid_of, related_grids
 
 
 def network(seed: int = 0, step: float | None = None, **fields: Any) -> SpikingNetwork:
-    """Return a network with random weights; with a step, of whole multiples of it that fill 8 bits."""
+    """Return a network with random weights, or with random multiples of a step."""
     base = {"inputs": 6, "classes": 3, "hidden": 24, "input_scale": 0.5}
     made = build(NetworkConfig.from_dict(base | fields), seed)
     assert isinstance(made, SpikingNetwork)
@@ -52,7 +52,7 @@ COUNTS = np.random.default_rng(5).poisson(0.8, (4, 30, 6))
 @pytest.mark.parametrize("reset", ["zero", "subtract"])
 @pytest.mark.parametrize("readout", ["spikes", "membrane"])
 def test_a_network_of_whole_numbers_stays_what_it_is(reset: str, readout: str) -> None:
-    """Steps of 1/128 and no leak: every hidden spike and every output of the float network comes out, exactly."""
+    """Check that quantisation keeps a network with weights in steps of 1/128 exactly."""
     made = network(step=1 / 128, reset=reset, readout=readout)
     whole = quantise(weights_of(made), Precision())
     x = torch.from_numpy(COUNTS.transpose(1, 0, 2)).float()
@@ -115,7 +115,7 @@ def test_the_nearest_leak_is_taken_and_said() -> None:
 
 
 def test_published_networks_are_bit_exact_in_the_rtl(tmp_path: Path) -> None:
-    """Play scans of the NIR paper's Braille networks in the RTL, and find nearly the classes of the float networks."""
+    """Run the NIR paper's Braille networks in RTL, and compare the classes with the float networks."""
     paths = []
     for file in sorted((Path(__file__).parent / "nir_paper").glob("*.nir")):
         reset = "subtract" if "subtract" in file.name else "zero"

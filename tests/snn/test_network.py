@@ -1,4 +1,4 @@
-"""The layer equals a plain loop in spikes and gradients, in the kernel and in torch; the networks are what they say."""
+"""Test spikes and gradients of the neuron layer against a plain loop, and the networks."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ RULES = [
 
 
 def grid(shape: tuple[int, ...], seed: int, spread: float = 0.4) -> Tensor:
-    """Return random multiples of 1/256: with decays of 1 every sum in a layer is then exact in float32."""
+    """Return random multiples of 1/256, whose sums are exact in float32."""
     generator = torch.Generator().manual_seed(seed)
     return torch.round(torch.randn(shape, generator=generator) * spread * 256) / 256
 
@@ -47,7 +47,7 @@ def tensors(steps: int, batch: int, inputs: int, neurons: int, density: float, s
 
 
 def run(function: Any, rule: NeuronRule, values: dict[str, Tensor], **options: Any) -> tuple[Tensor, list[Tensor]]:
-    """Return spikes, and the gradients of a weighted sum of them with respect to all tensors."""
+    """Return spikes, and the gradients of a weighted sum of spikes."""
     leaves = {name: value.detach().clone().requires_grad_() for name, value in values.items()}
     spikes = function(rule, **leaves, **options)
     weights = torch.randn(spikes.shape, generator=torch.Generator().manual_seed(9), dtype=spikes.dtype)
@@ -146,7 +146,7 @@ def test_the_rule_of_the_paper_lets_the_gradient_through_its_reset() -> None:
 
 
 def test_where_no_neuron_fires_the_gradient_is_the_numerical_one_of_the_membrane() -> None:
-    """A surrogate has no finite difference; a linear layer behind unit slopes has: its spikes' gradient is known."""
+    """Compare the gradient with the numerical gradient of a linear layer with unit slopes."""
     wide = {"surrogate": "triangle", "surrogate_scale": 1e6, "surrogate_width": 1e6}  # slope 1 within 1e-6
     rule = NeuronRule(floor=-1e9, reset_gradient=False, **wide)  # type: ignore[arg-type]
     values = {name: 1e-3 * value.double() for name, value in tensors(4, 2, 3, 5, 1.0).items()}
@@ -172,7 +172,7 @@ def test_where_no_neuron_fires_the_gradient_is_the_numerical_one_of_the_membrane
 
 
 def test_a_neuron_by_hand() -> None:
-    """Charges add up, more than 1 fires, reset to zero or by 1, the floor holds."""
+    """Check a neuron by hand: threshold 1, reset to zero or by 1, floor."""
     x = torch.tensor([0.5, 0.5, 0.25, 1.5, -3.0, 1.75, 0.5]).view(-1, 1, 1)
     one, zero = torch.ones(1, 1), torch.zeros(1)
     to_zero = layer(NeuronRule(), x, one, zero, one[0]).flatten().tolist()

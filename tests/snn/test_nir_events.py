@@ -1,4 +1,4 @@
-"""Recordings as NIRData and as the arrays of event tools: every event, clock and channel comes back."""
+"""Test recordings as NIRData and as arrays for event libraries, with round trip."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Networks as NIR graphs: run from the file alone they spike as ours do, and they come back bit for bit.
+"""Test networks as NIR graphs: equal spikes when run from the file, and exact round trip.
 
 ``run`` is an interpreter of its own: NumPy, the equations of the NIR nodes by forward Euler, nothing of ``snn``.
 """
@@ -38,7 +38,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
 
 
 def made(**fields: Any) -> Weights:
-    """Return a network that fires, with random biases and, where learned, decays of every kind."""
+    """Return a firing network with random biases and decays."""
     network = build(NetworkConfig.from_dict(dict(inputs=6, classes=3, hidden=20, **fields)), seed=4)
     assert isinstance(network, SpikingNetwork)
     generator = torch.Generator().manual_seed(1)
@@ -58,7 +58,7 @@ def scans() -> torch.Tensor:
 
 
 def run(graph: nir.NIRGraph, x: NDArray[Any], floors: bool = True) -> dict[str, NDArray[Any]]:
-    """Return what every neuron node gives, shape (steps, scans, neurons): spikes, or potentials if it does not fire.
+    """Return the output of every neuron node, shape (steps, scans, neurons).
 
     A recurrent edge arrives one step later.
     """
@@ -179,7 +179,7 @@ def test_the_nodes_are_those_of_the_document() -> None:
 
 
 def foreign(**changes: Any) -> nir.NIRGraph:
-    """Return a graph as another program would write it: other names, no metadata, thresholds and leaks of its own."""
+    """Return a NIR graph in the style of another program."""
     generator = np.random.default_rng(3)
     tau, r = np.full(5, 0.01), np.full(5, 3.0)
     nodes = {
@@ -197,7 +197,7 @@ def foreign(**changes: Any) -> nir.NIRGraph:
 
 
 def run_foreign(graph: nir.NIRGraph, x: NDArray[Any], dt: float) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the hidden and the output spikes of ``foreign``."""
+    """Return hidden and output spikes of ``foreign``."""
     n = graph.nodes
     v, s, w = np.zeros((x.shape[1], 5)), np.zeros((x.shape[1], 5)), np.zeros((x.shape[1], 2))
     hidden, output = [], []

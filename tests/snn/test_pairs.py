@@ -1,4 +1,4 @@
-"""Paired comparison of two points from the predictions that a sweep keeps."""
+"""Test the paired comparison of two sweep points."""
 
 from __future__ import annotations
 

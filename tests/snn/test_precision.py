@@ -1,4 +1,4 @@
-"""Networks of few bits: what is asked for, what is counted, and that the answers are those of the integer model."""
+"""Test the study of networks with few bits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Predictions from RTL spikes are those from model spikes, and the check that says so finds what differs."""
+"""Test that predictions from RTL events and model events are equal, and that differences are found."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def replayed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the recordings of six textures, as the RTL leaves them, made by the model."""
+    """Return a folder with model recordings of six textures, in the form of RTL recordings."""
     folder = tmp_path_factory.mktemp("replayed")
     for texture in embedded_dataset().limit(6):
         made = record(texture, "embedded", PhysicalScan(), CONFIG)
@@ -67,7 +67,7 @@ def replayed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def call(tmp_path: Path, capsys: pytest.CaptureFixture[str], trained: Path) -> Call:
-    """Return a function that runs predict with the trained weights: exit code, output and error."""
+    """Return a function that runs predict with the trained weights: exit code, output, error."""
     app = make_app("predict")
     app.command()(predict)
 
@@ -89,7 +89,7 @@ def images_in(folder: Path) -> list[dict[str, Any]]:
 
 
 def test_foreign_events_get_the_class_of_ours(tmp_path: Path, replayed: Path, call: Call) -> None:
-    """The clock of the scans is 1.28 MHz, so microseconds lose clocks, but no event leaves its bin of 10 ms."""
+    """Check that microsecond time stamps keep every event in its bin of 10 ms."""
     pytest.importorskip("dv_processing", reason="the group exchange is not installed")
     for path in replayed.rglob("*.npz"):
         target = tmp_path / "theirs" / path.relative_to(replayed).with_suffix(".aedat4")
@@ -109,7 +109,7 @@ def test_foreign_events_get_the_class_of_ours(tmp_path: Path, replayed: Path, ca
 def test_a_folder_of_foreign_events_is_learned_and_its_files_are_classified(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: Call
 ) -> None:
-    """Tables of two classes, stamped with the time of day, whose files alone do not show the size of the array."""
+    """Train on tables of foreign events in a folder, and classify them."""
     monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(6)
     for number in range(12):
@@ -261,7 +261,7 @@ def test_a_readout_that_is_not_that_of_the_training_is_told(tmp_path: Path, repl
 
 
 def tampered(replayed: Path, folder: Path, **changes: Any) -> Path:
-    """Copy the recordings, one of them changed, and return its file."""
+    """Copy the recordings with one changed; return the changed file."""
     shutil.copytree(replayed, folder)
     path = folder / "gravel" / "gravel-00.npz"
     dataclasses.replace(Recording.load(path), **changes).save(path)
@@ -273,7 +273,7 @@ def changed_events(replayed: Path) -> Any:
 
 
 def quiet_place(events: Any) -> int:
-    """Return an event that can leave one clock later without meeting another one or the next bin."""
+    """Return an event that can move by one clock within its bin."""
     width = round(BINS.bin_s * CONFIG.clock_hz)
     free = (np.diff(events["t"]) > 1) & ((events["t"][:-1] + 1) // width == events["t"][:-1] // width)
     return int(np.flatnonzero(free)[7])
@@ -381,7 +381,7 @@ def test_a_file_that_says_something_else_than_its_events_is_found(
 def test_counts_and_logits_are_compared_by_themselves(
     replayed: Path, call: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Equal events, and a defect behind them: of the binning, then of the network."""
+    """Check that defects in binning and in the network are found although events are equal."""
     original = evaluate.bin_recording
 
     def lossy(recording: Recording, bins: BinConfig) -> Any:

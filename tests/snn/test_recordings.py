@@ -1,4 +1,4 @@
-"""A user's own recordings are known by their path, have the class of their folder, and go through every command."""
+"""Test a user's recordings in every command: names from paths, classes from folders."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Call = Callable[..., tuple[int, str, str]]
 
 
 def touch(kind: str, seed: int, **metadata: Any) -> Recording:
-    """Return two seconds in which the taxel of a class is busy."""
+    """Return two seconds in which the taxel of one class is active."""
     generator = np.random.default_rng([CLASSES.index(kind), seed])
     taxel = np.where(generator.random(120) < 0.8, CLASSES.index(kind), generator.integers(0, 3, 120))
     clocks = np.sort(generator.choice(2000, 120, replace=False))
@@ -44,7 +44,7 @@ def touch(kind: str, seed: int, **metadata: Any) -> Recording:
 
 @pytest.fixture
 def skin(folder: Path) -> Path:
-    """Write ten recordings of each class, of equal names in the folders of the classes; return what holds them."""
+    """Write ten recordings per class, with equal file names in all class folders; return the root folder."""
     for kind in CLASSES:
         (folder / "skin" / kind).mkdir(parents=True)
         for number in range(10):
@@ -54,7 +54,7 @@ def skin(folder: Path) -> Path:
 
 @pytest.fixture
 def snn(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
-    """Return a function that runs ``eskin`` in the folder: exit code, standard output and error."""
+    """Return a function that runs ``eskin`` in the folder: exit code, standard output, standard error."""
 
     def snn(*words: object) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as left:
@@ -127,7 +127,7 @@ def test_a_folder_that_is_no_class_of_the_network_is_no_class(skin: Path) -> Non
 
 
 def test_from_class_folders_to_classes(skin: Path, snn: Call) -> None:
-    """With names merged over the folders of the classes, none of these was right."""
+    """Check that recordings with equal names in different class folders stay separate."""
     code, out, error = snn("train", "--events", skin, *SMALL, "--folds", 2)
     assert code == 0, error
     assert out.startswith(f"data: recordings in {skin}\n15 recordings to learn (15 scans), 15 to test, 3 classes;")
@@ -217,7 +217,7 @@ OWN = ("--data", "skin", "--baseline", "median", *SMALL, "--folds", 2)
 
 @pytest.fixture
 def own(folder: Path, snn: Call) -> dict[str, Any]:
-    """Train on the tables of a slow skin themselves; return the result."""
+    """Train on the tables of a slow skin; return the result."""
     write_skin(folder / "skin", taxels=4, each=8, jitter_s=0.003)
     code, out, error = snn("train", *OWN)
     assert code == 0, error

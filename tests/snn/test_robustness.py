@@ -1,4 +1,4 @@
-"""Disturbances change what they say and nothing else; their results are resumed, paired and summed up by image."""
+"""Test the disturbances, and the robustness study with stop and restart."""
 
 from __future__ import annotations
 

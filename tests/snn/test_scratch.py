@@ -1,4 +1,4 @@
-"""A forward pass in NumPy alone, written from docs/guide/exchange.md and files.md, gives the logits of the project.
+"""Test a NumPy forward pass, written only from the documentation, against the project.
 
 Nothing of the project is imported by what stands between the two lines.
 """
@@ -54,7 +54,7 @@ def count(path: Path, step_s: float, inputs: int) -> NDArray[np.int64]:
 
 
 def classify(counts: NDArray[np.int64], path: Path) -> NDArray[np.float64]:
-    """Return the logits of a weight file."""
+    """Return the logits of a weight file for event counts."""
     w, header = load(path)
     network = header["network"]
     floor = float(network["floor"])
@@ -101,7 +101,7 @@ EXACT = ("paper", "portable")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return event files of two classes; some events stand on the edges of bins, at clock 0 and behind the last bin."""
+    """Return event files of two classes with events on bin edges, at clock 0 and after the last bin."""
     folder, generator = tmp_path_factory.mktemp("events"), np.random.default_rng(0)
     width = STEP_S * CONFIG.clock_hz
     edges = np.ceil(np.arange(0, 40) * width).astype(np.int64)

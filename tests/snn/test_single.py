@@ -1,4 +1,4 @@
-"""One fold of a cross-validation: which images it tests and which it learns."""
+"""Test the choice of test and training images of a fold."""
 
 from __future__ import annotations
 

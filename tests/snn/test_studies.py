@@ -1,4 +1,4 @@
-"""Accuracy, rate and power belong to one noise; latency, rest and timing are measured as they are described."""
+"""Test the studies of noise, latency, rest and timing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A sweep gives the same files however it is run, stopped and gone on with; bad input gets one sentence."""
+"""Test that a sweep gives equal files in parallel, in series and after a restart, and rejects invalid input."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ NEEDS = Needs(("base", "model", "skin", "snn"), ("torch", "numpy"))
 
 
 def points(epochs: int = 2, **data: Any) -> list[SweepPoint]:
-    """Return two points of tiny networks."""
+    """Return two sweep points with tiny networks."""
     made = []
     for hidden in (16, 12):
         network = {"hidden": hidden, "readout": "membrane", "dropout": 0.3}
@@ -273,7 +273,7 @@ def start_worker(scheduler: str, number: int) -> subprocess.Popen[bytes]:
 
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Give the address of a scheduler without workers."""
+    """Yield the address of a Dask scheduler without workers."""
     file = tmp_path_factory.mktemp("dask") / "scheduler.json"
     options = ["--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file)]
     process = start("distributed.cli.dask_scheduler", *options)
@@ -291,7 +291,7 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 @pytest.fixture
 def cluster(scheduler: str) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """Give the address of a scheduler, and its two workers, which have the names 0 and 1."""
+    """Yield the address of a Dask scheduler with two workers."""
     made = [start_worker(scheduler, number) for number in range(2)]
     try:
         yield scheduler, made
@@ -319,7 +319,7 @@ def test_a_sweep_outlives_its_workers_and_ends_in_the_files_of_a_serial_one(
         client.wait_for_workers(2, timeout=60)
 
         def kill(_: PointRun, result: dict[str, Any] | None) -> None:
-            """Kill both workers while they run cells, once, so that nobody has the scans; a third one comes."""
+            """Kill both workers during trainings, once, and start a third one."""
             if result is None or killed:
                 return
             busy = {where for where, tasks in client.processing().items() if any("work" in key for key in tasks)}

@@ -1,4 +1,4 @@
-"""Training resumes in the same bits after a kill, cross-validation per cell, and bad input gets one sentence."""
+"""Test training with exact restart after a kill, cross-validation, and invalid input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The encoders as a transform: bit-exact to the model, usable in a DataLoader, and as the document shows it."""
+"""Test the encoders as torch transforms: bit-exact and usable in a DataLoader."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CONFIGS = {
 
 
 def signals(*shape: int) -> Tensor:
-    """Return signals of shape (200, *shape) that move by several levels and leave the range."""
+    """Return signals of shape (200, *shape) that cross several levels and exceed full scale."""
     generator = torch.Generator().manual_seed(3)
     return 0.2 * torch.cumsum(torch.randn((200, *shape), generator=generator) * 0.5, 0)
 
@@ -70,7 +70,7 @@ def test_polarity_in_channels_of_its_own_or_left_out() -> None:
 
 
 def delta(data: Tensor, threshold: float) -> Tensor:
-    """Return what ``snntorch.spikegen.delta`` does with off_spike: differences of neighbours against a threshold."""
+    """Return the result of ``snntorch.spikegen.delta`` with off_spike."""
     difference = torch.diff(data, dim=0, prepend=torch.zeros_like(data[:1]))
     return (difference >= threshold).to(data) - (difference <= -threshold).to(data)
 
@@ -91,7 +91,7 @@ def test_the_threshold_of_delta_is_half_an_lsb(resolution: int) -> None:
 
 
 class Signals(Dataset[tuple[Tensor, int]]):
-    """Scans with a transform, as datasets of torch take one."""
+    """Dataset with a transform, in the style of torch."""
 
     def __init__(self, data: Tensor, transform: Any) -> None:
         self.data, self.transform = data, transform
@@ -104,7 +104,7 @@ class Signals(Dataset[tuple[Tensor, int]]):
 
 
 class Compose:
-    """One transform after the other, as ``torchvision.transforms.Compose``."""
+    """Composition of transforms, as ``torchvision.transforms.Compose``."""
 
     def __init__(self, *transforms: Any) -> None:
         self.transforms = transforms

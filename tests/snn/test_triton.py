@@ -1,4 +1,4 @@
-"""The Triton kernels equal a plain loop, never race, and compile for a GPU.
+"""Test that the Triton kernels equal a plain loop, have no races, and compile for a GPU.
 
 Without a GPU they run in Triton's interpreter, which must be chosen before Triton is imported: in a process of its
 own, started by ``test_in_the_interpreter``. With a GPU the same tests also run compiled, in this process.
@@ -94,7 +94,7 @@ def test_any_size_and_floor(steps: int, batch: int, inputs: int, neurons: int, f
 
 
 class Memory:
-    """Watches what the programs of the interpreter read and write, as if threads ran freely between barriers.
+    """Monitor of memory accesses that finds races between threads.
 
     Between two barriers of a program no address may be both read and written, or written twice; no address that one
     program writes may be touched by another. Triton may hold an element in several threads, so that even a read and
@@ -180,7 +180,7 @@ def test_barriers_part_all_reads_from_writes(recurrent: bool, monkeypatch: pytes
 
 
 class Compiler:
-    """Takes the place of a kernel: compiles what would be launched for an H100, which needs no GPU."""
+    """Fake kernel that compiles for an H100 instead of launching."""
 
     def __init__(self, kernel: Any) -> None:
         self.kernel = kernel
@@ -213,7 +213,7 @@ class Compiler:
 def compiled(
     direction: str, rule: NeuronRule, shape: tuple[int, int, int], recurrent: bool, patch: pytest.MonkeyPatch
 ) -> Any:
-    """Return the compiled forward or backward kernel as it would be launched."""
+    """Return the compiled forward or backward kernel."""
     name = f"{direction}_kernel"
     compiler = Compiler(getattr(kernel_triton, name))
     patch.setattr(kernel_triton, name, compiler)

@@ -1,4 +1,4 @@
-"""Weights come back bit-exact from a file, 8-bit weights within half a step, and other files are refused."""
+"""Test weight files: exact round trip, 8-bit error of at most half a step, rejected files."""
 
 from __future__ import annotations
 

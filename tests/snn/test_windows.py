@@ -1,4 +1,4 @@
-"""Long recordings of unequal length: learned in windows, every class with the same weight, and classified whole."""
+"""Test training on recordings of different lengths, with windows and class weights."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LABELS = np.array([0] * 18 + [1] * 6)
 
 
 def recordings() -> ScanData:
-    """Return recordings of 30 to 300 steps, filled up; one class of three quarters has more events on channel 0."""
+    """Return padded recordings of 30 to 300 steps with unbalanced classes."""
     generator = np.random.default_rng(0)
     values = np.zeros((24, 300, 2), np.int16)
     for scan, (length, label) in enumerate(zip(LENGTHS, LABELS, strict=True)):

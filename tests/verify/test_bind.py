@@ -1,4 +1,4 @@
-"""The properties go with the delivered Verilog, and hold in it where the blocks are at work."""
+"""Test that the bound properties hold in the delivered Verilog."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ QUICK = ("-MAKEFLAGS", "OPT_FAST=-O0 OPT_SLOW=-O0 OPT_GLOBAL=-O0")
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the delivered readout with its properties, built by Verilator with assertions: ten seconds of C++."""
+    """Return the delivered readout with its properties, built by Verilator with assertions."""
     folder = tmp_path_factory.mktemp("bound")
     (folder / "eskin_readout.v").write_text(verilog(CONFIG))
     (folder / "properties.sv").write_text(properties(CONFIG))

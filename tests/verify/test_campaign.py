@@ -1,4 +1,4 @@
-"""Mutants: every edit is another program, tests run in processes of their own, a campaign judges, keeps and goes on."""
+"""Test mutation campaigns: distinct mutants, separate processes, verdicts, and restart."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def drawn_from(file: str, text: str) -> list[Mutant]:
 
 
 def the(file: str, function: str, operator: str, number: int) -> Mutant:
-    """Return one mutant of a file by its construct."""
+    """Return one mutant of a file by its place."""
     text = (ROOT / file).read_text()
     every = (place for choices in places(file, text).values() for place in choices)
     found = next(p for p in every if (p.function, p.operator, p.number) == (function, operator, number))

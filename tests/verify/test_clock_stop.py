@@ -1,4 +1,4 @@
-"""Where a block says that it is not awake its clock may stop, and where nothing can change it does."""
+"""Test that a block's clock may stop while ``awake`` is low, and stops in an idle block."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ FREE = {f"taxel_{column}.pending": 0 for column in range(2)}
 
 
 def each(*names: str) -> tuple[str, ...]:
-    """Return registers of both taxels of a row."""
+    """Return the register names of both taxels of a row."""
     return tuple(f"taxel_{column}.{name}" for column in range(2) for name in names)
 
 

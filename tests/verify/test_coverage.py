@@ -1,4 +1,4 @@
-"""What runs reach of the Verilog and of the specification, what is said of the rest, and that a gap is seen."""
+"""Test coverage: counts, functional points, waivers, and detection of gaps."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ endmodule
 
 
 def counted(line: int, page: str, what: str, count: int, file: str = "eskin_readout.v") -> str:
-    """Return a line of a file as Verilator writes it."""
+    """Return a line of a file in Verilator's format."""
     fields = {"f": f"/somewhere/{file}", "l": str(line), "n": "9", "page": f"{page}/eskin_a", "o": what, "h": "top.*"}
     return f"C '{''.join(f'{chr(1)}{key}{chr(2)}{value}' for key, value in fields.items())}' {count}\n"
 
@@ -89,7 +89,7 @@ def test_what_is_executed_under_a_condition_counts_only_there() -> None:
 
 
 def reached_of(*found: tuple[Construct, int]) -> Reached:
-    """Return what runs reached that reached these."""
+    """Return the coverage of runs that cover the given constructs."""
     digest = modules(TEXT)[0].digest
     return Reached(dict(found), {("eskin_a", digest): TEXT}, {("lcs", "held"): 1}, ["one"])
 

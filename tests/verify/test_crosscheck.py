@@ -1,4 +1,4 @@
-"""The delivered Verilog before tools of another kind: CXXRTL plays it as the model does, slang has nothing to say."""
+"""Test the delivered Verilog in CXXRTL and in slang."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DELIVERED = [
 
 @pytest.fixture(autouse=True)
 def quickly_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Runs this short take less time than optimising them."""
+    """Compile without optimisation, because runs are short."""
     monkeypatch.setattr(cxxrtl, "OPTIMISE", "-O0")
 
 

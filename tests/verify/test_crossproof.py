@@ -1,4 +1,4 @@
-"""A second solver finds what the first one finds, and a difference between them is a failure."""
+"""Test that both solvers agree, and that a difference is a failure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every kind of delivered Verilog is proved equal to the RTLIL of the proofs, and a wrong text is found."""
+"""Test that every kind of delivered Verilog is proved equivalent, and that a wrong one is found."""
 
 from __future__ import annotations
 

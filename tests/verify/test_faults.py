@@ -1,4 +1,4 @@
-"""No upset of a flop stops a readout or reaches further than stated, and a design in which one does is found."""
+"""Test that bit flips have only the documented effects, and that a violation is found."""
 
 from __future__ import annotations
 

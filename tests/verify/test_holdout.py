@@ -1,4 +1,4 @@
-"""RTL, first model and second model agree on configurations that no run before has seen; the seed is printed."""
+"""Compare RTL, first model and second model on new random configurations; the seed is printed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Generated mutants show that every property can fail, and the recorded results are those of today's properties."""
+"""Test that every property fails for a generated mutant, and that stored results are current."""
 
 from __future__ import annotations
 

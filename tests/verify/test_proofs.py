@@ -1,4 +1,4 @@
-"""The proofs hold, and an empty, a wrong or a missing one is a failure."""
+"""Test that the proofs hold, and that empty, wrong or missing properties fail."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_every_block_is_proved_in_a_small_configuration_too() -> None:
 
 
 class _Claims(Checker[ReadoutConfig]):
-    """Claims of which one is true, one false only late, one about nothing, and one about a free constant."""
+    """Properties for tests: true, false late, without a case, and with a free constant."""
 
     block = FourPhaseLink
     properties = (

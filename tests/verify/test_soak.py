@@ -1,4 +1,4 @@
-"""The soak goes on where it was, finds a broken readout, and makes its failure small."""
+"""Test that the soak continues after a stop, finds a faulty readout, and shrinks the failure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A name that stands in the type alone is refused by every part that would have to know it."""
+"""Test that every part rejects a name that is only in the type."""
 
 from __future__ import annotations
 
