@@ -130,8 +130,9 @@ def needs_of(target: str, variables: dict[str, str]) -> list[str]:
         return groups()
     if target not in MODULES:
         return [BASE, "sim", "snn", "dev", *(["docs"] if target == "docs" else [])]
-    spi = ["registers"] if variables.get("REGISTERS") == "spi" else []
-    return list(dict.fromkeys([BASE, *(group for group, names in NEEDS.items() if target in names.split()), *spi]))
+    more = ["registers"] if variables.get("REGISTERS") == "spi" else []
+    more += ["lint"] if "DUT" in variables else []
+    return list(dict.fromkeys([BASE, *(group for group, names in NEEDS.items() if target in names.split()), *more]))
 
 
 def command_lines(target: str, parameters: dict[str, Any], variables: dict[str, str]) -> list[list[str]]:
@@ -164,7 +165,7 @@ def _arguments(parameters: dict[str, Any], variables: dict[str, str]) -> list[st
             off = parameter.secondary_opts if parameter.default is True else []
             options += [option] if _is_yes(name, value) else off
         else:
-            options += [f"{option}={word}" for word in (value.split() if name == "SET" else [value])]
+            options += [f"{option}={word}" for word in (value.split() if name in ("SET", "DUT") else [value])]
     return [*options, *(["--", *positional] if positional else [])]
 
 

@@ -22,7 +22,7 @@ IDLE: dict[str, dict[str, str]] = {
     "encode replay": {"--preset=paper": f"{SCANNED} --start-row"},
     "rates": {"--preset=paper": "--start-row"},
     "sim gatesim": {"--only": "--seed --textures"},
-    "sim": {"--data": "--seed"},
+    "sim": {"--data": "--seed", "no --dut": "--top"},
     "replay touch": {"--only": "--limit"},
     "play": {"--samples": "--only"},
     "train": {"--test": "--fold --folds"},
@@ -134,4 +134,4 @@ def _holding(
 
 def _absent(value: object) -> bool:
     """Return True if an option was not given or a flag is off."""
-    return value is False or value in (None, "", [])
+    return value is False or value in (None, "", [], ())

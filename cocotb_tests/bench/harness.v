@@ -22,6 +22,10 @@
 
 `timescale 1ns / 1ns
 
+`ifndef READOUT
+`define READOUT eskin_readout
+`endif
+
 module harness;
   parameter TAXELS = 64;
   parameter SAMPLE_BITS = 12;
@@ -57,7 +61,8 @@ module harness;
 
   reg [31:0] go /* verilator public_flat_rw */ = 0;
   reg [31:0] done /* verilator public_flat_rw */ = 0;
-  reg [31:0] errors /* verilator public_flat_rw */ = 0;  // breaches of the link's protocol in the last run
+  // Breaches of the link's protocol in the last run; all ones if a handshake did not end in reset, so that none began.
+  reg [31:0] errors /* verilator public_flat_rw */ = 0;
 
   reg clk = 0;
   always #4 clk = ~clk;
@@ -240,7 +245,7 @@ module harness;
 `ifdef CHIP
   eskin_chip dut (
 `else
-  eskin_readout dut (
+  `READOUT dut (
 `endif
       .clk(clk),
       .rst(rst),
@@ -336,6 +341,7 @@ module harness;
   reg [7:0] ready_pattern [0:PATTERN-1];
   reg [15:0] ack_pattern [0:PATTERN/16-1];
   reg [2:0] hold = 0;
+  reg [13:0] patience = 0;  // clocks in reset with a handshake under way; the longest delay of ACK has half of them
   integer stimulus_file, pattern_file, event_file, decision_file, class_file, spike_file, count;
 `ifdef FOUR_PHASE
   reg responding = 0;
@@ -385,6 +391,13 @@ module harness;
         running <= 1;
         rst <= 0;
         next_record;
+        patience <= 0;
+      end else if (go != done) begin
+        patience <= patience + 1;
+        if (&patience) begin
+          errors <= ~0;
+          done <= go;
+        end
       end
     end else begin
 `ifdef ANALOG

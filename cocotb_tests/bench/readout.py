@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,12 @@ if TYPE_CHECKING:  # importing it would compile the model in every simulator
 
 PATTERN = 65536
 """Entries of the harness's ready pattern, which must be a multiple of the stimulus's."""
+
+STUCK = 2**32 - 1
+"""What the harness reports as errors if no run could begin."""
+
+UNKNOWN = re.compile(r"^(\d+) .*[xXzZ]", re.MULTILINE)
+"""A line of events.txt with an unknown level."""
 
 RECORDS = 64
 """Records of a stimulus that are packed together: 64 x 64 taxels take half a megabyte for each."""
@@ -103,7 +110,10 @@ class EventMonitor:
     def read(self) -> Events:
         """Return the events recorded in events.txt."""
         config = self.config
-        numbers = np.fromfile(self.folder / "events.txt", dtype=np.int64, sep=" ")
+        text = (self.folder / "events.txt").read_text()
+        if any(level in text for level in "xXzZ") and (unknown := UNKNOWN.search(text)):
+            raise Mismatch(f"the event in clock {unknown[1]} has an unknown address or polarity (x or z)")
+        numbers = np.fromstring(text, np.int64, sep=" ")
         if config.handshake:
             t, address = numbers.reshape(-1, 2).T
             column = address & (1 << config.column_bits) - 1
@@ -218,7 +228,12 @@ class Bench:
 
     async def _go(self) -> tuple[Events, int]:
         errors = await self._done()
-        return self.monitor.read(), errors
+        try:
+            if errors == STUCK:
+                raise Mismatch("the request stays high or unknown in reset, so no run can begin")
+            return self.monitor.read(), errors
+        except Mismatch as problem:
+            raise Mismatch(f"{problem}; reproduce: {self.scoreboard.reproduce}") from None
 
     async def _done(self) -> int:
         self.dut.go.value = int(self.dut.done.value) + 1

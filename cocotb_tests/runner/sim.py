@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+import shlex
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,9 @@ from eskin.cocotb_tests.runner.process import Tally
 from eskin.cocotb_tests.runner.reproduce import reproduce
 from eskin.cocotb_tests.runner.simulator import build, require_programs
 from eskin.model.config import ReadoutConfig
+from eskin.rtl.delivery import ports
+from eskin.rtl.gates.clock_gates import TEST
+from eskin.rtl.text.slang import Port, ports_of, read_verilog
 from eskin.skin.recordings.quality import link_warning
 from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.physical import PhysicalScan
@@ -55,9 +59,11 @@ class Plan:
     out : Path
         Folder for pictures and event files.
     text : str
-        Verilog to play instead of the configuration's own: a netlist and its cells.
-    netlist : str
+        Verilog to play instead of the configuration's own: a netlist with its cells, or a user's readout.
+    again : str
         What a user writes behind make for that text; empty without one.
+    macros : dict of str to str, optional
+        Further macros of the harness, for a user's readout.
     """
 
     simulator: Simulator
@@ -69,7 +75,8 @@ class Plan:
     ticks: int | None
     out: Path
     text: str = ""
-    netlist: str = ""
+    again: str = ""
+    macros: dict[str, str] | None = None
 
     def runs(self, config: ReadoutConfig) -> int:
         """Return the number of runs of a configuration."""
@@ -129,17 +136,41 @@ def plan(
     return Plan(simulator, waves, seed, only is None, material, picked, ticks, out)  # type: ignore[arg-type]
 
 
-def with_netlist(plan: Plan, netlist: Path, cells: Path) -> Plan:
-    """Return a plan that simulates a netlist instead of the RTL."""
-    texts = []
-    for path, what in ((netlist, "netlist"), (cells, "cells")):
-        try:
-            texts.append(path.read_text(errors="replace"))
-        except OSError as error:
-            raise InputError(f"cannot read the {what} {path}: {error.strerror}") from None
-        if "endmodule" not in texts[-1]:
-            raise InputError(f"{path} contains no Verilog module; give the {what} as Verilog")
-    return dataclasses.replace(plan, text="\n".join(texts), netlist=f"NETLIST={netlist} CELLS={cells}")
+def with_dut(plan: Plan, config: ReadoutConfig, files: Sequence[Path], top: str) -> Plan:
+    """Return a plan that plays a user's readout instead of the RTL.
+
+    Parameters
+    ----------
+    plan : Plan
+    config : ReadoutConfig
+        Of the golden model.
+    files : sequence of Path
+        All Verilog of the readout.
+    top : str
+        Its module with the ports of the delivered Verilog.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or a port is missing, has another direction or width, or is an unknown input.
+    """
+    text = "\n".join(map(read_verilog, files))
+    found = ports_of(text, top)
+    wanted = {port["name"]: Port(port["direction"], port["width"]) for port in ports(config)}
+    wrong = [
+        f"has {name} ({found[name]}) in place of ({port})" if name in found else f"lacks {name} ({port})"
+        for name, port in wanted.items()
+        if found.get(name) != port
+    ]
+    more = sorted(name for name, port in found.items() if name not in wanted and port.direction != "output")
+    wrong += [f"has the unknown {found[name].direction} {name}" for name in more if name != TEST]
+    if wrong:
+        raise InputError(
+            f"module {top} {', '.join(wrong)}; give it these ports, or write a wrapper and name it with --top"
+        )
+    macros = {"READOUT": top} | ({"TEST_ENABLE": "1"} if TEST in found else {})
+    names = shlex.quote(" ".join(map(str, files)))
+    return dataclasses.replace(plan, text=text, again=f"DUT={names} TOP={top}", macros=macros)
 
 
 def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_stage: Callable[[str], None]) -> Tally:
@@ -158,12 +189,14 @@ def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_st
     ------
     MismatchFound
         If RTL and model differ.
+    InputError
+        If a user's Verilog cannot be built or ends the simulation.
     """
     on_stage(f"building for {plan.simulator}")
     with reported(f"building {config.rows} x {config.columns} taxels for {plan.simulator}"):
-        program = build(config, plan.simulator, waves=plan.waves, text=plan.text)
+        program = build(config, plan.simulator, waves=plan.waves, text=plan.text, macros=plan.macros)
     place, material = plan.place(config), plan.material
-    again = " ".join([reproduce(config, plan.simulator, plan.seed), *filter(None, [plan.netlist])])
+    again = " ".join([reproduce(config, plan.simulator, plan.seed), *filter(None, [plan.again])])
     if plan.textures:
         again = f"{again.replace(' TEXTURES=0', '')} DATASET={material.place} TICKS={plan.ticks or ALL_TICKS}"
     job = dataclasses.replace(
@@ -174,7 +207,13 @@ def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_st
     )
     on_stage("RTL against model")
     images = material.arrays(plan.textures)
-    tally = play_here(program, job, images, make_folder(plan.out, f"{place}/run", empty=True), on_run)
+    folder = make_folder(plan.out, f"{place}/run", empty=True)
+    try:
+        tally = play_here(program, job, images, folder, on_run)
+    except AssertionError:
+        if plan.macros is None:
+            raise
+        raise InputError(f"the simulation of the Verilog ended early; look for $finish, and see {folder}") from None
     if plan.textures:
         on_stage("picture")
         name = plan.textures[0]

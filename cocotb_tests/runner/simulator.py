@@ -175,6 +175,7 @@ def build(
     bare: bool = False,
     hierarchical: bool | None = None,
     text: str = "",
+    macros: dict[str, str] | None = None,
 ) -> Build:
     """Return the simulation program of a configuration, built if necessary.
 
@@ -193,6 +194,8 @@ def build(
         said, from ``HIERARCHICAL_FROM`` taxels on. A waveform then shows the rows from outside.
     text : str
         Verilog to simulate instead of the configuration's own: its netlist, with the cells that it is made of.
+    macros : dict of str to str, optional
+        Further macros of the harness, for a text written by somebody else, which then sees no macro of the harness.
     """
     require_programs(simulator)
     tools = _instruments.get()
@@ -206,7 +209,10 @@ def build(
     hierarchical = hierarchical and simulator == "verilator" and top == "harness" and not given
     if waves:
         defines["WAVES"] = "1"
-    if given and TEST_ENABLE.search(text):
+    if macros is not None:
+        defines |= macros
+        text = "".join(f"`undef {name}\n" for name in sorted(defines)) + text
+    elif given and TEST_ENABLE.search(text):
         defines["TEST_ENABLE"] = "1"
     control = _control(simulator, top, hierarchical, bare)
     tool = versions("verilator") if simulator == "verilator" else version_of("iverilog", "-V")
@@ -222,7 +228,7 @@ def build(
     # Built beside its place and moved there whole, so that an interrupted build leaves nothing half done and two
     # processes may build the same.
     with scratch_folder(folder.parent, folder.name) as draft, refusing_a_full_disk(draft):
-        sources = _write_sources(draft, text, harness, control)
+        sources = _write_sources(draft, text, harness, control, foreign=macros is not None)
         flags = ["--hierarchical"] * hierarchical + verilator_flags if simulator == "verilator" else []
         try:
             with build_environment(optimise):
@@ -257,9 +263,14 @@ def _control(simulator: Simulator, top: str, hierarchical: bool, bare: bool) -> 
     return PORTS.format(top) if simulator == "verilator" and top != "harness" and not bare else ""
 
 
-def _write_sources(folder: Path, text: str, harness: str, control: str) -> list[Path]:
-    """Write the non-empty sources of a program into a folder, and return the files."""
+def _write_sources(folder: Path, text: str, harness: str, control: str, foreign: bool) -> list[Path]:
+    """Write the non-empty sources of a program into a folder, and return the files.
+
+    The harness stands before a foreign text, whose compiler directives would change it.
+    """
     texts = {"control.vlt": control, "eskin_readout.v": text, "harness.v": harness}
+    if foreign:
+        texts["eskin_readout.v"] = texts.pop("eskin_readout.v")
     for name, content in texts.items():
         if content:
             (folder / name).write_text(content)
@@ -273,7 +284,7 @@ def _failure(log: Path, what: str, given: bool) -> Exception:
         return RuntimeError(f"{what}\n{tail}")
     lines = tail.strip().splitlines() or ["no word"]
     first = next((line for line in lines if "error" in line.lower()), lines[-1]).strip()
-    return InputError(f"the netlist cannot be built: {first}; give its configuration and all its cells")
+    return InputError(f"the Verilog cannot be built: {first}; give its configuration and all modules that it uses")
 
 
 def _name(config: Config) -> str:

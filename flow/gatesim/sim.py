@@ -76,5 +76,5 @@ def play(plan: sim.Plan, gates: Gates, config: ReadoutConfig, again: str, on_sta
     MismatchFound
         If netlist and model differ.
     """
-    own = dataclasses.replace(sim.with_netlist(plan, gates.netlist, gates.cells), netlist=again)
-    return sim.play(own, config, lambda _: None, on_stage)
+    text = "\n".join(path.read_text() for path in (gates.netlist, gates.cells))
+    return sim.play(dataclasses.replace(plan, text=text, again=again), config, lambda _: None, on_stage)

@@ -30,6 +30,7 @@ from eskin.cocotb_tests.runner.reproduce import reproduce
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.model.readout import simulate
+from eskin.rtl.verilog import verilog
 from eskin.skin.textures.dataset import embedded_dataset
 from eskin.skin.textures.physical import PhysicalScan
 
@@ -85,6 +86,83 @@ def test_bad_input_is_one_sentence(arguments: list[str], sentence: str, tmp_path
     done = call(*arguments, "-o", tmp_path / "out")
     assert (done.returncode, done.stderr) == (2, sentence)
     assert not (tmp_path / "out").exists()
+
+
+WRAPPER = """
+`default_nettype none
+`include "size.vh"
+module theirs #(parameter BITS = 12) (
+    input wire ck, nrst, strobe, ack, input wire [2*`ROWS-1:0] mask, input wire [2*`ROWS*BITS-1:0] data,
+    output wire req, output wire [2:0] addr);
+  eskin_readout core (.clk(ck), .rst(~nrst), .taxel_enable(mask), .sample_valid(strobe), .sample(data), .aer_req(req),
+                      .aer_ack(ack), .aer_addr(addr));
+endmodule
+module wrapper(clk, rst, taxel_enable, sample_valid, sample, aer_req, aer_ack, aer_addr);
+  input wire clk, rst, sample_valid, aer_ack;
+  input wire [3:0] taxel_enable;
+  input wire [47:0] sample;
+  output wire aer_req;
+  output wire [2:0] aer_addr;
+  theirs it (.ck(clk), .nrst(~rst), .mask(taxel_enable), .strobe(sample_valid), .data(sample), .req(aer_req),
+             .ack(aer_ack), .addr(aer_addr));
+endmodule
+"""
+
+
+def test_a_readout_of_the_user_is_held_to_the_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = verilog(ReadoutConfig(rows=2, columns=2, link="four_phase"))
+    Path("core.v").write_text(text)
+    Path("size.vh").write_text("`ifndef ROWS\n`define ROWS 2\n`endif\n")  # a macro of the harness, too
+    Path("wrapper.v").write_text(WRAPPER)
+    options = ["sim", "--rows", 2, "--columns", 2, "--sim", "icarus", "--textures", 0, "-o", "out", "--dut"]
+    theirs = [*options, "wrapper.v", "--top", "wrapper", "--link", "four_phase", "--dut"]
+    good = call(*theirs, "core.v")
+    line = BIT_EXACT.fullmatch(good.stdout.strip())
+    assert line is not None, good.stdout + good.stderr
+    assert (line[1], int(line[3]) > 100) == ("9", True)
+
+    right = "{event_polarity, event_row, event_col}"
+    Path("bug.v").write_text(text.replace(right, "{event_polarity ^ (event_row & event_col), event_row, event_col}"))
+    bad = call(*theirs, "bug.v")
+    assert bad.returncode == 1
+    assert re.search(r"differs in polarity: model clock (\d+), row 1, column 1, (ON|OFF); RTL clock \1", bad.stdout)
+    assert "\n  clock " in bad.stdout  # the model's state
+    assert re.search(r"reproduce: make sim .*LINK=four_phase .*DUT='wrapper.v bug.v' TOP=wrapper\n", bad.stdout)
+
+    Path("x.v").write_text(text.replace(right, "{event_polarity, event_row, event_col & (event_row ? 1'bx : 1'b1)}"))
+    assert re.search(r"the event in clock \d+ has an unknown address or polarity", call(*theirs, "x.v").stdout)
+    Path("high.v").write_text(
+        WRAPPER.replace(".req(aer_req)", ".req(r)").replace("theirs it", "wire r; assign aer_req = r | rst; theirs it")
+    )
+    stuck = call(*options, "high.v", "--dut", "core.v", "--top", "wrapper", "--link", "four_phase")
+    assert "the request stays high or unknown in reset, so no run can begin; reproduce: make sim" in stuck.stdout
+
+    for arguments, sentence in [
+        (
+            ["core.v"],
+            "module eskin_readout lacks event_valid (output, 1 bit), lacks event_ready (input, 1 bit), lacks event_row "
+            "(output, 1 bit), lacks event_col (output, 1 bit), lacks event_polarity (output, 1 bit), has the unknown "
+            "input aer_ack; give it these ports, or write a wrapper and name it with --top",
+        ),
+        (
+            ["core.v", "--link", "four_phase", "--rows", 4],
+            "module eskin_readout has taxel_enable (input, 4 bits) in place of (input, 8 bits), has sample (input, "
+            "48 bits) in place of (input, 96 bits), has aer_addr (output, 3 bits) in place of (output, 4 bits); give "
+            "it these ports, or write a wrapper and name it with --top",
+        ),
+        (
+            ["wrapper.v"],
+            "the Verilog contains no module eskin_readout (its modules: theirs, wrapper); name the top with --top",
+        ),
+        (
+            ["wrapper.v", "--link", "four_phase", "--top", "wrapper"],
+            "the Verilog cannot be built: wrapper.v:7: error: Unknown module type: eskin_readout; give its "
+            "configuration and all modules that it uses",
+        ),
+    ]:
+        done = call(*options, *arguments)
+        assert (done.returncode, done.stderr) == (2, f"error: {sentence}\n")
 
 
 SMALL = ["sim", "--rows", "1", "--columns", "1", "--encoding", "lcs", "--sim", "icarus", "--ticks", "40"]

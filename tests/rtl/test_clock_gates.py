@@ -52,9 +52,9 @@ def test_the_model_and_the_delivered_text_give_the_same_events(tmp_path: Path) -
     config = ReadoutConfig(rows=1, columns=2, encoding="cw-lcs", link="four_phase")
     paths = {path.name for path in write(config, tmp_path, gated=True)}
     assert {"eskin_readout.v", f"{GATE}.v", "eskin_readout.sdc"} <= paths
-    cells = tmp_path / f"{GATE}.v"
-    assert cells.read_text().endswith(BEHAVIOUR)
-    words = ["--netlist", tmp_path / "eskin_readout.v", "--cells", cells, "--sim", "icarus", "--ticks", 60]
+    gate = tmp_path / f"{GATE}.v"
+    assert gate.read_text().endswith(BEHAVIOUR)
+    words = ["--dut", tmp_path / "eskin_readout.v", "--dut", gate, "--sim", "icarus", "--ticks", 60]
     words += ["--rows", 1, "--columns", 2, "--encoding", "cw-lcs", "--link", "four_phase", "-o", tmp_path / "sim"]
     done = call("sim", *words)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from eskin.base.errors import InputError
+from eskin.rtl.text.slang import compilation, top_of
 
 WAIVED = {
     "sign-conversion": "registers are signed where numbers are; vectors that are only handed on are not",
@@ -37,21 +37,11 @@ def problems(texts: Mapping[str, str], top: str) -> list[str]:
     InputError
         If slang is not installed.
     """
-    try:
-        import pyslang
-        from pyslang import ast, syntax
-    except ImportError:
-        raise InputError("slang is not installed; install with: pip install -c constraints.txt pyslang") from None
-    options = ast.CompilationOptions()
-    options.topModules = {top}
-    bag = pyslang.Bag()
-    bag.compilationOptions = options
-    compilation = ast.Compilation(bag)
-    sources = syntax.SyntaxTree.getDefaultSourceManager()
-    for name, text in texts.items():
-        compilation.addSyntaxTree(syntax.SyntaxTree.fromText(text, sources, name))
-    said = pyslang.DiagnosticEngine.reportAll(sources, compilation.getAllDiagnostics())
+    design, sources = compilation(texts, top)
+    from pyslang import DiagnosticEngine
+
+    said = DiagnosticEngine.reportAll(sources, design.getAllDiagnostics())
     found = [what for what, flag in SAID.findall(said) if flag not in WAIVED]
-    if not [instance for instance in compilation.getRoot().topInstances if instance.name == top]:
+    if top_of(design, top) is None:
         found.append(f"no module {top}")
     return found

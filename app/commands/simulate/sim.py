@@ -11,7 +11,6 @@ from eskin.app.cli import asked_for, printable
 from eskin.app.commands.outcome import bit_exact
 from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, warn, with_preparation
 from eskin.app.options import WRITES_FILE, WRITES_FOLDER, with_config
-from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
 from eskin.base.progress import bar, bars
 from eskin.model.config import ReadoutConfig
@@ -35,10 +34,10 @@ def sim(
     only: Annotated[str | None, typer.Option(help="one texture or recording, by name, without scenarios")] = None,
     ticks: Annotated[int | None, typer.Option(help="most sample ticks of a scan [all]")] = None,
     seed: Annotated[int, typer.Option(help="seed of the scenarios")] = 0,
-    netlist: Annotated[
-        Path | None, typer.Option(help="Verilog netlist to compare with the model instead of the RTL")
+    dut: Annotated[
+        list[Path] | None, typer.Option(help="Verilog to compare with the model instead of the RTL; may be repeated")
     ] = None,
-    cells: Annotated[Path | None, typer.Option(help="Verilog of the cells of the netlist")] = None,
+    top: Annotated[str, typer.Option(help="module of --dut that has the readout's ports")] = "eskin_readout",
     keep: Annotated[Path | None, typer.Option(help="JSON file for the totals"), WRITES_FILE] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for pictures and event files"), WRITES_FOLDER] = Path(
         "out/sim"
@@ -47,10 +46,8 @@ def sim(
     """Compare RTL and model on test scenarios and texture scans, or on your recordings; exit code 1 if they differ."""
     from eskin.cocotb_tests.runner.process import Tally
 
-    check_alone(data, prepared, {"--dataset": dataset, "--netlist": netlist, "--cells": cells})
-    if (netlist is None) != (cells is None):
-        raise InputError("--netlist and --cells belong together: the netlist, and the Verilog of its cells")
-    alone = "encoding" in given or netlist is not None
+    check_alone(data, prepared, {"--dataset": dataset, "--dut": dut or None})
+    alone = "encoding" in given or dut
     encodings: list[str] = [config.encoding] if alone else [*registry.NAMES]
     total = Tally()
     if data is not None:
@@ -59,7 +56,7 @@ def sim(
             _play_own(data, wanted, given, prepared, (simulator, waves, textures, only, ticks, out), total)
     else:
         asked = (simulator, waves, seed, textures, only, ticks, dataset, out)
-        _play_textures(config, encodings, asked, (netlist, cells), total)
+        _play_textures(config, encodings, asked, dut or [], top, total)
     result = bit_exact(total)
     if keep is not None:
         write_json(keep, origin(asked_for()) | {"result": result})
@@ -70,16 +67,17 @@ def _play_textures(
     config: ReadoutConfig,
     encodings: list[str],
     asked: tuple[Any, ...],
-    gates: tuple[Path | None, Path | None],
+    dut: list[Path],
+    top: str,
     total: Tally,
 ) -> None:
-    """Run scenarios and scans with each encoding on the RTL or on a netlist."""
+    """Run scenarios and scans with each encoding on the RTL or on a user's readout."""
     from eskin.cocotb_tests.runner import sim as session
     from eskin.cocotb_tests.runner.process import MismatchFound
 
     plan = session.plan(*asked)
-    if gates[0] is not None and gates[1] is not None:
-        plan = session.with_netlist(plan, gates[0], gates[1])
+    if dut:
+        plan = session.with_dut(plan, config, dut, top)
     with bars() as show:
         for encoding in encodings:
             chosen = config.replace(encoding=encoding)
