@@ -81,7 +81,8 @@ def frontier(preset: str) -> None:
         for p in sorted(frontier_points(preset), key=lambda p: (p["network"], p["bits_per_s"]))
     ]
     table(
-        "network | readout | taxels | events/s | kb/s (coded) | power, uW | accuracy | seeds | trivial",
+        "network | readout | taxels | events/s | kb/s (after coding) | power, uW | accuracy | seeds"
+        " | accuracy without time, %",
         rows,
         "{of} | `{readout}` | `{choice}` ({count}) | {rate} | {bits_per_s:1e-3*#3} ({coded_bits_per_s:1e-3*#3})"
         " | {power_w:1e6*#3} | {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f}) | {seeds}"
@@ -127,7 +128,7 @@ def frontier_targets() -> None:
         verdict = "met" if point["accuracy"] >= least and point["rate_hz"] <= 2200 else "missed"
         rows.append([words, filled(reached, point | {"verdict": verdict})])
     rows.append(["97.15 % at 1,000 events/s; 92 % at 2,200 on the `paper` scan", "not trained"])
-    rows.append(["the same in the RTL chip with weights of 4 b", "not trained; `eskin touch` plays chosen taxels"])
+    rows.append(["97.15 % in the RTL chip with weights of 4 b", "not trained"])
     table("target: `physical`, three seeds, last epoch | reached", rows)
 
 
@@ -234,7 +235,11 @@ def robustness() -> None:
         rows.setdefault(name, {"name": name})[point["network"]] = point
     one = "{NETWORK[accuracy]:100*.1f} ({NETWORK[bootstrap_95][0]:100*.0f} to {NETWORK[bootstrap_95][1]:100*.0f})"
     both = " | ".join(one.replace("NETWORK", network) for network in ("clean", "robust"))
-    table("disturbance | clean | robust | events/s", rows.values(), "{name} | " + both + " | {clean[rate_hz]:,.0f}")
+    table(
+        "disturbance, strength | clean network, % | robust network, % | events/s",
+        rows.values(),
+        "{name} | " + both + " | {clean[rate_hz]:,.0f}",
+    )
 
 
 def merits_latency() -> None:
@@ -246,7 +251,13 @@ def merits_latency() -> None:
         rows.append(pair | {"a": a, "b": b})
     one = "{X[accuracy]:100*.1f} % ({X[bootstrap_95][0]:100*.0f} to {X[bootstrap_95][1]:100*.0f})"
     table(
-        ["since the touch", rows[0]["first"], rows[0]["second"], "only one right", "McNemar p"],
+        [
+            "time since the touch",
+            rows[0]["first"],
+            rows[0]["second"],
+            "images right with only the first, only the second",
+            "McNemar p",
+        ],
         rows,
         " | ".join(["{time_s:1e3*.0f} ms", one.replace("X", "a"), one.replace("X", "b")])
         + " | {only_first}, {only_second} | {p:p}",
@@ -261,14 +272,15 @@ def merits_rest() -> None:
     for readout in dict.fromkeys(row["readout"] for row in data):
         found = (only(data, readout=readout, phase=phase, noise_v=noise) for phase, noise in columns)
         rows.append([f"`{readout}`", *(filled("{sent_bps:1e-3*.2f} / {coded_bps:1e-3*.2f}", row) for row in found)])
-    table(" | moving | resting | resting, 1 mV | resting, 10 mV", rows)
+    table("sent / coded, kb/s | moving | resting | resting, 1 mV of noise | resting, 10 mV of noise", rows)
 
 
 def merits_timing() -> None:
     """Print the timing error of level crossings for events and frames."""
     rows = read(f"{TEXTURES}merits.json")["timing"]
     table(
-        "known from | normalised rate | crossings found | median error, us | 95 % below, us",
+        "crossing time from | data rate / 640 kb/s | crossings found | median error, us"
+        " | 95th percentile of the error, us",
         [row | {"rate": row["sent_bps"] / 640e3} for row in rows],
         "{known_from}, {rate_hz:g} Hz | {rate:.2f} | {found:100*.1f} % | {median_s:1e6*.0f} | {p95_s:1e6*.0f}",
     )
@@ -284,7 +296,12 @@ def noise_power() -> None:
     one = "{X[accuracy]:100*.1f} % ({X[wilson_95][0]:100*.0f} to {X[wilson_95][1]:100*.0f}) | {X[rate_hz]:,.0f}"
     one += " | {X[power_w][total]:1e6*#3}"
     table(
-        ["network", "v_n", "images", *(f"{mode}: {what}" for mode in modes for what in ("accuracy", "events/s", "uW"))],
+        [
+            "network",
+            "noise",
+            "images",
+            *(f"{mode}: {what}" for mode in modes for what in ("accuracy", "events/s", "uW")),
+        ],
         rows.values(),
         " | ".join(["`{network}` | {noise_v:1e3*g} mV | {images}", *(one.replace("X", mode) for mode in modes)]),
     )
@@ -313,11 +330,11 @@ def touch() -> None:
     )
     lines = """\
 samples | {taxels} x {sample_bits} b at {sample_rate_hz:1e-3*g} kHz | {sampled:1e-6*.1f} Mb/s
-address events | {rate:,.0f} a second of {bits} b | {sent:1e-3*.0f} kb/s
+address events | {rate:,.0f} events/s of {bits} b | {sent:1e-3*.0f} kb/s
 network | {classifier_hidden} neurons, weights of {classifier_rec_bits} b | {adds:1e-6*.1f} M additions/s
-class | every {classifier_bin_s:1e3*g} ms | at most {late:1e6*.0f} us after the end of the bin
-right | {right} of {labelled} in the RTL, one network a fold | {right_float} of {labelled} before rounding
-stalls | the classifier stalls the readout in {waiting:.0%} of the clocks | """
+class | one class every {classifier_bin_s:1e3*g} ms | latency: at most {late:1e6*.0f} us after the end of the time bin
+images right | {right} of {labelled} in the RTL, one network per fold | {right_float} of {labelled} before rounding
+stalls | the readout waits for the classifier in {waiting:.0%} of the clocks | """
     table("from touch to class |  | ", [filled(line, values) for line in lines.splitlines()])
     source(report, ": {images} images, {clocks:,} clocks, {events:,} events, {mismatches} mismatches")
 
@@ -330,12 +347,10 @@ def headline() -> None:
     rows = [
         filled("events equal in RTL and model ({images} scans, three encoders) |  | {events:,}", replays),
         filled("accuracy: the paper's network, LCS 6 b | {published:100*.2f} % | {last:%}", paper),
-        filled("accuracy: a leaky network, LCS 3 b, {normalised_rate:r} times 640 kb/s |  | {last:%}", best),
+        filled("accuracy: a leaky network, LCS 3 b, {data_rate_bps:1e-3*.0f} kb/s |  | {last:%}", best),
     ]
     kind = frame_points()["rnn"]
-    rows.append(
-        ["accuracy: the paper's ReLU network on frames, 5 times 640 kb/s", kind["theirs"], filled("{last:%}", kind)]
-    )
+    rows.append(["accuracy: the paper's ReLU network on frames, 3,200 kb/s", kind["theirs"], filled("{last:%}", kind)])
     few = "accuracy: {of}, {count} taxels, {words} ({bits_per_s:1e-3*.1f} kb/s) | {?theirs} | {accuracy:100*.1f} %"
     few += " ({interval[0]:100*.1f} to {interval[1]:100*.1f})"
     for name, words, theirs in (
@@ -348,9 +363,7 @@ def headline() -> None:
         more = {"of": WORDS[point["network"]], "count": len(point["taxels"]), "theirs": theirs}
         rows.append(filled(few, point | more | {"words": filled(words, point)}))
     rows.append(filled("textures classified by the RTL, weights of {classifier_rec_bits} b", chip["chip"]) + " |  | ")
-    waiting = {"waiting": chip["stalls"] / chip["clocks"]}
-    rows[-1] += filled("{right} of {labelled} right, {mismatches} mismatches with the model; ", chip)
-    rows[-1] += filled("one network a fold, which stalls the readout in {waiting:.0%} of the clocks", waiting)
+    rows[-1] += filled("{right} of {labelled} right, {mismatches} mismatches with the model", chip)
     rows += power_rows()[:2]
     table(" | published | here", rows)
 
@@ -367,7 +380,7 @@ def results() -> None:
     ]
     network = "six textures, the paper's network, {readout:E} {resolution} b | {published:100*.2f} % | {last:%}"
     rows += [filled(network, points[key]) for key in (("lcs", 6), ("lcs", 8), ("nlcs", 8))]
-    leaky = "six textures, a leaky network, LCS 3 b, {normalised_rate:r} times 640 kb/s |  | {last:%}"
+    leaky = "six textures, a leaky network, LCS 3 b, {data_rate_bps:1e-3*.0f} kb/s |  | {last:%}"
     rows.append(filled(leaky, best))
     for kind, text in (("rnn", "ReLU units"), ("cnn", "convolutions")):
         rows.append([f"six textures from frames, {text}", frames[kind]["theirs"], filled("{last:%}", frames[kind])])
@@ -385,7 +398,8 @@ def finger() -> None:
         for run in report["folds"]
     ]
     table(
-        "fold | epochs | tested | network | balanced | events | signals | most frequent class",
+        "test recordings | epochs | number | network | network, balanced accuracy | regression on events"
+        " | regression on signals | most frequent class",
         folds,
         "{fold} | {epochs} | {total} | {accuracy:100*.1f} % | {balanced_accuracy:100*.1f} %"
         " | {events[accuracy]:100*.1f} % | {signals[accuracy]:100*.1f} % | {most_frequent_class[accuracy]:100*.1f} %",
@@ -407,7 +421,11 @@ def finger_encoders() -> None:
         cells = filled("{encoding:E} {resolution} b | {events_per_s:.0f}", one).split(" | ")
         right = f"{one['right']} of {total}, {100 * one['accuracy']:.1f} %"
         rows.append([*cells, kbps, right, f"{100 * one['events']:.1f} %", pair])
-    table("readout | events/s | kbit/s | network | events | only this / only LCS 6 b right", rows)
+    table(
+        "readout | events/s | kbit/s | network | regression on events"
+        " | recordings right with only this readout / only LCS 6 b",
+        rows,
+    )
     source(report["encoders"], "")
 
 
@@ -423,5 +441,5 @@ def finger_chip() -> None:
             report["rtl"],
         ),
     ]
-    table("repetition 1 | right", rows)
+    table("repetition 1 | recordings classified correctly", rows)
     source(report["rtl"], ": {clocks:,} clocks, {events:,} events, {mismatches} mismatches")

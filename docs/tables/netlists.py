@@ -10,8 +10,8 @@ from eskin.skin.figures.readouts import LOOKS
 
 EVENTS = "{?energy_per_event_j:1e12*.2f} | {?energy_per_lone_event_j:1e12*.2f}"
 ON_TEXTURE = EVENTS + " | {?energy_per_texture_event_j:1e12*.2f}"
-SCENARIOS = {"saturated": "one in every clock", "lone": "alone", "texture": "on a texture"}
-EVENT_TITLES = "pJ per event: one in every clock | alone | on a texture"
+SCENARIOS = {"saturated": "event in every clock", "lone": "single event", "texture": "texture"}
+EVENT_TITLES = "pJ per event: event in every clock | single event | texture"
 
 CLOCKS_AN_EVENT = 7
 """Of the four-phase link, with a receiver that answers at once."""
@@ -61,8 +61,9 @@ def asic_netlists() -> None:
         fmax = [report["fmax_hz"][corner] for corner in ("slow", "typical", "fast") if corner in report["fmax_hz"]]
         rows.append(report | {"mhz": ", ".join(f"{hertz / 1e6:.0f}" for hertz in fmax)})
     table(
-        "readout | array | cells | um2 per taxel | flops' share | flops (gated) | clock gates"
-        " | MHz slow, typical, fast | cells in the path | points proved | commit",
+        "readout | array | cells | um2 per taxel | area share of flops | flops (with clock gate) | clock gates"
+        " | MHz at slow, typical, fast corner | cells in the longest path"
+        " | flops and outputs proved equal to the RTL | commit",
         rows,
         "{name} | {array} | {cells} | {area_um2_per_taxel:,.0f} | {sequential_area_share:100*.0f} %"
         " | {flops:,} ({gated_flops:,}) | {structure[clock_gates]} | {mhz} | {timing[typical][logic_depth]}"
@@ -72,13 +73,16 @@ def asic_netlists() -> None:
 
 def intuitive() -> None:
     """Print our netlists for the array of the INTUITIVE chip beside that analog chip."""
-    print("| | process | contains | idle, nW a taxel | um2 a taxel | pJ an event, busy | ns an event at least |")
+    print(
+        "| | process | contains | power without events, nW per taxel | um2 per taxel"
+        " | pJ per event, an event in every clock | shortest time per event, ns |"
+    )
     print("|---|---|---|---|---|---|---|")
     print("| INTUITIVE | 180 nm | taxels with their analog parts, arbiter, bus | 12.33 | 40,000 | | 600 |")
     for report in netlists().values():
         if report["rows"] == 12 and report["frontend"] == "analog":
             report["fastest_ns"] = CLOCKS_AN_EVENT / report["fmax_hz"]["typical"] * 1e9
-            line = "| {name} | {cells} | digital logic alone, no wires | {idle_w_per_taxel:1e9*.2f}"
+            line = "| {name} | {cells} | only digital logic, no wires | {idle_w_per_taxel:1e9*.2f}"
             line += " | {area_um2_per_taxel:,.0f} | {energy_per_event_j:1e12*.2f} | {fastest_ns:.0f} |"
             print(filled(line, report))
 
@@ -86,9 +90,10 @@ def intuitive() -> None:
 def asic_power() -> None:
     """Print the power of the netlists, and the number of compared events."""
     table(
-        "readout | array | cells | leakage, nW a taxel | idle | idle, with wires | "
+        "readout | array | cells | leakage, nW per taxel | no events, nW per taxel | no events, with wires | "
         + EVENT_TITLES
-        + " | with wires: one in every clock | alone | on a texture | events of netlist, of RTL | OpenSTA / tables",
+        + " | pJ with wires: event in every clock | single event | texture | events of netlist, of RTL"
+        " | power by OpenSTA / by tables",
         [report for report in netlists().values() if "power" in report],
         "{name} | {array} | {cells} | {leakage_w_per_taxel:1e9*.1f} | {?idle_w_per_taxel:1e9*.1f}"
         " | {?with_wires[idle_w_per_taxel]:1e9*.1f} | "
@@ -102,8 +107,8 @@ def asic_power() -> None:
 def asic_windows() -> None:
     """Print the cost of closing windows in netlists of CW-LCS."""
     table(
-        "readout | array | cells | idle, nW a taxel | closing | idle, with wires | closing | pJ a closed window"
-        " | with wires",
+        "readout | array | cells | windows closed, nW per taxel | windows closing, nW per taxel"
+        " | closed, with wires | closing, with wires | pJ to close a window | pJ with wires",
         [report for report in netlists().values() if "closing_w_per_taxel" in report],
         "{name} | {array} | {cells} | {idle_w_per_taxel:1e9*.1f} | {closing_w_per_taxel:1e9*.1f}"
         " | {?with_wires[idle_w_per_taxel]:1e9*.1f} | {?with_wires[closing_w_per_taxel]:1e9*.1f}"
@@ -119,7 +124,7 @@ def asic_glitches() -> None:
         added = [f"{report['added'][name]:.0%}" for name in SCENARIOS]
         cells = [word for pair in zip(costs[::2], costs[1::2], added, strict=True) for word in pair]
         rows.append([*(named(report)[key] for key in ("name", "array", "cells")), *cells, report["commit"]])
-    titles = [f"{name}: pJ without delay | with | more" for name in SCENARIOS.values()]
+    titles = [f"{name}: pJ without delays | pJ with delays | increase" for name in SCENARIOS.values()]
     table(f"readout | array | cells | {' | '.join(titles)} | commit", rows)
 
 
@@ -127,10 +132,17 @@ def asic_targets() -> None:
     """Print targets and results for 8 x 8 LCS in 130 nm."""
     both = {"digital": netlists()["lcs-digital-8x8-ihp"], "analog": netlists()["lcs-analog-8x8-ihp"]}
     asked = [
-        ("idle, digital", 60e-9, "digital", "idle_w_per_taxel", 1e9, "nW per taxel"),
-        ("idle, analog (limit: twice its leakage)", None, "analog", "idle_w_per_taxel", 1e9, "nW per taxel"),
+        ("power without events, digital", 60e-9, "digital", "idle_w_per_taxel", 1e9, "nW per taxel"),
+        (
+            "power without events, analog (target: twice its leakage)",
+            None,
+            "analog",
+            "idle_w_per_taxel",
+            1e9,
+            "nW per taxel",
+        ),
     ]
-    for text, most, key in (("in every clock", 6e-12, "event"), ("alone", 15e-12, "lone_event")):
+    for text, most, key in (("in every clock", 6e-12, "event"), ("without others", 15e-12, "lone_event")):
         asked += [(f"an event {text}, {name}", most, name, f"energy_per_{key}_j", 1e12, "pJ") for name in both]
     for name, most in (("digital", 2217.0), ("analog", 1485.0)):
         asked.append((f"area, {name}", most, name, "area_um2_per_taxel", 1.0, "um2 per taxel"))
@@ -140,7 +152,7 @@ def asic_targets() -> None:
         most = 2 * both[name]["leakage_w_per_taxel"] if most is None else most
         met = "met" if found <= most else "**missed**"
         rows.append([text, f"{digits(most * unit, 4)} {unit_name}", digits(found * unit, 4), met])
-    table("8 x 8 LCS, 6 b, 130 nm, 1.28 MHz | at most | measured | ", rows)
+    table("8 x 8 LCS, 6 b, 130 nm, 1.28 MHz | target: at most | measured | result", rows)
 
 
 def parity() -> None:
@@ -151,7 +163,7 @@ def parity() -> None:
         flops = netlist["flops"] / netlist["rows"] / netlist["columns"]
         title = netlist["name"].replace(" ", ", ")
         rows.append([title, f"{flops:.1f}", f"{netlist['sequential_area_share'] / flops:.1%}"])
-    table("8 x 8 taxels, IHP 130 nm | flops per taxel | one flop, of a taxel's area", rows)
+    table("8 x 8 taxels, IHP 130 nm | flops per taxel | area of one flop as a share of a taxel", rows)
 
 
 def layout() -> None:
@@ -167,8 +179,9 @@ def layout() -> None:
         }
         rows.append(report | config | more)
     table(
-        "readout | cells | um x um | um^2 a taxel | cells' share | violations | netlist in the layout"
-        " | points equal to the RTL | processor s",
+        "readout | cells | size, um x um | um2 per taxel | area share of cells | rule violations"
+        " | layout against netlist"
+        " | flops and outputs equal to the RTL | processor time, s",
         rows,
         "{encoding:E}, {frontend}, {rows} x {columns} | {cells:,} | {width_um:.0f} x {height_um:.0f} | {area:,.0f}"
         " | {utilisation:100*.0f} % | {broken} in {rules[checked]} rules | {same}"
@@ -201,4 +214,4 @@ def fpga_boards() -> None:
 
 def fpga_classifier() -> None:
     """Print the FPGA resources of the classifier alone, with targets."""
-    _fpga(True, " | aims", " | {aimed}")
+    _fpga(True, " | targets", " | {aimed}")

@@ -124,8 +124,9 @@ def power_measured() -> None:
             after = [digits(1e6 * watts, 3) for watts in parts]
             rows.append([f"{look(readout).title}, {cells}", before_w, *after, *ratios])
     table(
-        "6 b, 0.92 mV, in uW | logic, 435 fJ an event | logic, measured | leakage of it | total with 435 fJ"
-        " | total, measured | ratio to frames, 435 fJ | ratio to frames, measured",
+        "6 b, 0.92 mV of noise, in uW | logic at 435 fJ per event | logic, measured | of which leakage"
+        " | total with 435 fJ per event | total with measured logic | total / frames, 435 fJ"
+        " | total / frames, measured",
         rows,
     )
 
@@ -139,14 +140,20 @@ def power_rows() -> list[list[str]]:
         rows.append([f"power of spikes / power of frames (6 b, 1 mV of noise): {text}", "", value])
     for library, cells in measured_libraries().items():
         value = f"{by_frames('lcs', library)} (LCS), {by_frames('nlcs', library)} (N-LCS)"
-        rows.append([f"power ratio as above: seven corrections, logic from netlists in {cells} cells", "", value])
+        rows.append(
+            [
+                f"power of spikes / power of frames, as above: seven corrections, logic from netlists in {cells} cells",
+                "",
+                value,
+            ]
+        )
     for case, text in (("none (paper)", "the paper's model"), ("all (consistent)", "seven corrections")):
         ends = []
         for readout in sorted(SPIKING):
             wins = sensitivity(case)["crossover"][readout]
             noise = "" if wins["noise_v_rms"] is None else f" {1e3 * wins['noise_v_rms']:.2f} mV"
             ends.append(f"{wins['spikes_win']}{noise} ({READOUT_NAMES[readout]})")
-        rows.append([f"noise at which spikes take less power than frames (6 b): {text}", "", ", ".join(ends)])
+        rows.append([f"range of noise in which spikes take less power than frames (6 b): {text}", "", ", ".join(ends)])
     return rows
 
 

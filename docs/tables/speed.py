@@ -77,7 +77,8 @@ def load() -> None:
     for line in report["results"]:
         line["title"] = f"{line['load']}, {line['asked']:.0%}" if line["arbiter"].endswith("(ours)") else ""
     table(
-        "load | arbiter | events per clock | mean wait | 99 % | worst | Jain | mean wait by address",
+        "requests | arbiter | events per clock | mean wait | 99th percentile | longest wait | Jain's index"
+        " | mean wait, best to worst address",
         report["results"],
         "{title} | {arbiter} | {throughput:.3f} | {mean_wait:.1f} | {wait_99:.0f} | {worst_wait:,} | {jain:.3f}"
         " | {by_address[0]:,.1f} to {by_address[1]:,.1f}",
@@ -114,8 +115,9 @@ def scale_arrays() -> None:
         text = "{side} x {side} | {generated} | {made} | {verilog_bytes:1e-3*,.0f} | {lint_s:.1f} | {built}"
         rows.append(filled(text + " | {flat} | {slow}", array | more))
     table(
-        "taxels | generation, s (ms a taxel) | synthesis, s (ms a taxel) | Verilog, kB | lint, s | build row by row, s"
-        " | clocks/s (million taxel-clocks/s) | flat: build, s; clocks/s | Icarus, clocks/s",
+        "taxels | generation, s (ms per taxel) | synthesis, s (ms per taxel) | Verilog, kB | lint, s"
+        " | Verilator build row by row, s | clocks/s (million taxel-clocks/s) | flat build, s; clocks/s"
+        " | Icarus, clocks/s",
         rows,
     )
 
@@ -145,8 +147,9 @@ def scale_wires() -> None:
         rows.append(array | more)
     mhz = "{X[fmax_hz]:1e-6*.0f} ({X[logic_depth]})"
     table(
-        "taxels | um2 a taxel, cells | with repeaters (repeaters a taxel) | lines, mm a taxel"
-        " | MHz without wires (cells in the path) | MHz with wires | share of the path in lines and repeaters | path",
+        "taxels | um2 per taxel, cells | with repeaters (repeaters per taxel) | lines, mm per taxel"
+        " | MHz without wires (cells in the path) | MHz with wires"
+        " | share of the longest path in lines and repeaters | longest path",
         rows,
         "{rows} x {columns} | {cells_um2_per_taxel:,.0f} | {with_wires[area_um2_per_taxel]:,.0f} ({repeaters})"
         f" | {{lines}} | {mhz.replace('X', 'without_wires')} | {mhz.replace('X', 'with_wires')}"
@@ -170,8 +173,9 @@ def scale_tiles() -> None:
             array | more | {"more_area": more["area_um2_per_taxel"] - 1, "ends": _ends(array["with_wires"]["path"])}
         )
     table(
-        "taxels | tiles | stations a line | um2 a taxel, cells | with repeaters (beside 8 x 8) | MHz without wires"
-        " | MHz with wires (of 8 x 8) | path | MHz with wires, between flops alone",
+        "taxels | tiles | stations per line | um2 per taxel, cells | with repeaters (change from 8 x 8)"
+        " | MHz without wires"
+        " | MHz with wires (share of 8 x 8) | longest path | MHz with wires, only paths between flops",
         rows,
         "{rows} x {columns} | {cut} | {relays} | {cells_um2_per_taxel:,.0f} | {with_wires[area_um2_per_taxel]:,.0f}"
         " ({more_area:100*+.1f} %) | {without_wires[fmax_hz]:1e-6*.0f} | {with_wires[fmax_hz]:1e-6*.0f}"
@@ -182,7 +186,8 @@ def scale_tiles() -> None:
 def scale_skins() -> None:
     """Print results of a skin of 65,536 taxels with one output."""
     table(
-        "LCS | clock | clocks | tiles alone: events (a clock) | merged: events (a clock) | events of a tile | model, s",
+        "LCS | clock | clocks | one output per tile: events (per clock) | one output: events (per clock)"
+        " | events per tile | time of the model, s",
         bench("scale_skins"),
         "{resolution} b | {clock_hz:1e-6*,.4g} MHz | {clocks:,} | {events_of_tiles_alone:,} ({offered_per_clock:.2f})"
         " | {events:,} ({events_per_clock:.2f}) | {fewest_of_a_tile:,} to {most_of_a_tile:,} | {model_s:.1f}",
