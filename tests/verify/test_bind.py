@@ -79,4 +79,5 @@ def test_the_command_writes_what_goes_with_the_verilog(tmp_path: Path) -> None:
         "eskin_taxel",
         "eskin_link",
         "eskin_readout",
+        "eskin_readout",
     ]

@@ -90,7 +90,7 @@ def same(module: str, original: Mapping[str, str], mutated: Mapping[str, str], l
     if not any(way == "output" for _, way, _ in ports):
         raise ValueError(f"{module} has no output to compare")
     commands = ["set abcout said.txt", "read_aiger miter.aig", "strash", "bmc3 -a -F 12 -T 10"]
-    commands += ["read_aiger miter.aig", "strash", "scorr", "dretime -b", "strash", f"pdr -a -T {limit_s}"]
+    commands += ["read_aiger miter.aig", "strash", "scorr -C 10000", "dc2", f"pdr -a -T {limit_s}"]
     commands += ["read_blif gate.blif", "strash"]
     files = {"one_gate.v": ONE_GATE, "gate.blif": MAPPED_GATE, "solve.abc": "\n".join(commands).encode() + b"\n"}
     files["miter.v"] = miter(module, ports).encode()

@@ -108,8 +108,9 @@ def design(checker: Checker[Any], blocks: Callable[[Checker[Any]], str] = netlis
 
 def exposing(checker: Checker[Any]) -> str:
     """Return the Yosys command that exposes the registers observed by a checker."""
-    name = checker.block.module_name
-    return "".join(
+    name, places = checker.block.module_name, checker.places(checker.config)
+    renamed = "".join(f"rename {place} {wire}; " for wire, place in places.items())
+    return (f"flatten {name}; cd {name}; {renamed}cd ..; " if places else "") + "".join(
         f"expose {name}/w:{register}; " for register in inputs(checker) if register in checker.inner(checker.config)
     )
 

@@ -37,8 +37,8 @@ def checkers(config: ReadoutOrFrame) -> Iterator[tuple[Checker[Any], str, dict[s
         yield WindowChecker(config), "eskin_window", {}
     if config.handshake:
         yield LinkChecker(config), "eskin_link", {}
-    if not config.encoder.late and config.frontend == "analog" and config.decide_every == "clock":
-        yield ReadoutChecker(config), "eskin_readout", {}
+    whole = ReadoutChecker(config)
+    yield whole, "eskin_readout", whole.places(config)
     arbiter = ArbiterChecker(config)
     places = {name: f"arbiter.{name}" for name in arbiter.block(config).signature.members}
     taxels = [f"row_{row}.taxel_{column}" for row in range(config.rows) for column in range(config.columns)]

@@ -79,6 +79,10 @@ class Checker(Block[Config]):
         """Return the registers of the block that the checker observes."""
         return {}
 
+    def places(self, config: Config) -> dict[str, str]:
+        """Return the hierarchical names of those that lie in a submodule, by their names here."""
+        return {}
+
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
         """Drive constrained inputs of the block; return their names, all others are free."""
         return set()

@@ -32,8 +32,10 @@ ECHO = re.compile(r"\+ write_blif .*\n")
 ASSERTED = re.compile(r"Output\s+(\d+) was asserted in frame\s+(\d+) \(solved")
 """In these words bounded search alone gives the number of a clock; the proof's is a number of its own."""
 CONVERGED = re.compile(r"Proved output\s+(\d+) in frame")
-EACH, TOGETHER = "scorr; dretime -b; strash; pdr -a -T {}", "orpos; scorr; pdr -T {}"
-"""How the properties of a block are proved: one by one, or as one. Retiming gives the latter wrong initial values."""
+EACH, TOGETHER = "scorr -C 10000; dc2; pdr -a -T {}", "orpos; scorr; pdr -T {}"
+"""How the properties of a block are proved: one by one, or as one.
+
+No retiming: ABC's gave registers wrong initial values."""
 ALL_PROVED = "Property proved"
 MAPPED_GATE = b".model netlist\n.inputs a b\n.outputs y\n.names a b y\n11 1\n.end\n"
 

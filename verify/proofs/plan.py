@@ -77,7 +77,9 @@ class Proof:
         if self.block == "fields":
             return f"{config.rows} x {config.columns} {config.fields if isinstance(config.fields, str) else 'lists'}"
         if self.block == "readout":
-            return f"{config.rows} x {config.columns} {config.link}"
+            what = f"{config.rows} x {config.columns} {config.encoding} {config.frontend} {config.link}"
+            what += " by the tick" if config.decide_every == "sample" else ""
+            return what + (" fields" if config.fields != "own" else "")
         what = f"{config.encoding} {config.frontend} {config.sample_bits} bits"
         what += " by the tick" if config.decide_every == "sample" else ""
         return what + (" registers" if config.registers != "none" else "")
@@ -141,6 +143,16 @@ def readouts() -> list[Proof]:
     links: tuple[Any, ...] = ("stream", "four_phase")
     few = ReadoutConfig(frontend="analog", sample_bits=4, resolution=2)
     spiking = [few.replace(rows=side, columns=side, link=link) for side in (1, 2) for link in links]
+    tight = SMALL.replace(rows=2, columns=2, sample_bits=4, fraction_bits=1)
+    ends: tuple[Any, ...] = ("digital", "analog")
+    coded = [tight.replace(encoding=code, sample_bits=6 if code == "cw-lcs" else 4) for code in registry.NAMES]
+    spiking += [c.replace(frontend=end) for c in coded for end in ends if (c.encoding, end) != ("lcs", "analog")]
+    spiking += [
+        tight.replace(link="four_phase_dual"),
+        tight.replace(link="four_phase", decide_every="sample"),
+        tight.replace(encoding="nlcs", link="four_phase"),
+        tight.replace(fields="both"),
+    ]
     # Codes of a word's size, of half a word, and such as do not fit it.
     shapes = [(1, 1, 2, 2), (1, 1, 3, 4), (2, 2, 2, 4), (2, 2, 3, 8), (1, 3, 1, 2)]
     frames = [
@@ -153,7 +165,7 @@ def readouts() -> list[Proof]:
     ]
     return [
         *(Proof(FrameChecker, c, 36 if c.word_bits == 8 else 24, c == frames[0], c in frames[1:4]) for c in frames),
-        *(Proof(ReadoutChecker, c, 12, c == spiking[0], c in spiking[1:3]) for c in spiking),
+        *(Proof(ReadoutChecker, c, 12, c == spiking[0], c in (*spiking[1:3], spiking[6])) for c in spiking),
     ]
 
 

@@ -13,13 +13,21 @@ from eskin.rtl.readout import Readout
 from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
+def shows_steps(config: ReadoutConfig) -> bool:
+    """Return whether the ports show every step: the references are ports, and nothing else moves them."""
+    return config.frontend == "analog" and not (config.encoder.leaks or config.closes)
+
+
 class ReadoutChecker(Checker[ReadoutConfig]):
-    """Checker of the readout with analog front end and LCS; the comparator outputs are free.
+    """Watch the readout and one taxel in it; samples, comparators and masks are free.
+
+    A step is a move of the reference, where the ports show it (``shows_steps``). Else it is the taxel's own decision:
+    ``TaxelChecker`` proves that the reference moves with it.
 
     Attributes
     ----------
     watch : In(bits)
-        A taxel, any, for good.
+        Index of the taxel, constant.
     """
 
     block = Readout
@@ -45,8 +53,10 @@ class ReadoutChecker(Checker[ReadoutConfig]):
             "a masked taxel's event leaves within columns + 1 clocks in which the sink is ready, or never",
             applies=lambda config: config.link == "stream",
         ),
-        Property("masked_is_reset", "the reference of a masked taxel has its reset value"),
-        Property("others_do_not_move", "the reference of an enabled taxel moves by D or not at all"),
+        Property("masked_is_reset", "the reference of a masked taxel has its reset value", applies=shows_steps),
+        Property(
+            "others_do_not_move", "the reference of an enabled taxel moves by D or not at all", applies=shows_steps
+        ),
     )
 
     def observed(self, config: ReadoutConfig) -> dict[str, Any]:
@@ -55,11 +65,37 @@ class ReadoutChecker(Checker[ReadoutConfig]):
     def elaborate(self, platform: Any) -> Module:
         m = Module()
         config = self.config
-        enable, reference = Signal(), Signal(signed(config.sample_bits), name="u")
-        words = [self.reference_code[i * config.sample_bits :][: config.sample_bits] for i in range(config.taxels)]
-        m.d.comb += [enable.eq(self._pick([*self.taxel_enable], 0)), reference.eq(self._pick(words, 0).as_signed())]
+        enable = Signal()
+        m.d.comb += enable.eq(self._pick([*self.taxel_enable], 0))
         event, polarity = self._event(m)
+        step, up = self._steps_at_ports(m, enable) if shows_steps(config) else self._steps_within(m)
+        self._queue(m, enable, step, up, event, polarity)
+        self._masked(m, enable, event)
+        return self.finish(m)
 
+    def inner(self, config: ReadoutConfig) -> dict[str, Any]:
+        return dict.fromkeys(self.places(config), In(1))
+
+    def places(self, config: ReadoutConfig) -> dict[str, str]:
+        """Return the wires of each taxel that show its decisions, where the ports do not."""
+        wires = [] if shows_steps(config) else ["asks", "moves", *(["on"] if config.has_polarity else [])]
+        taxels = [divmod(taxel, config.columns) for taxel in range(config.taxels)]
+        return {f"{wire}_{r}_{c}": f"row_{r}.taxel_{c}.{wire}" for wire in wires for r, c in taxels}
+
+    def _steps_within(self, m: Module) -> tuple[Any, Any]:
+        """Return whether the watched taxel decided in the clock before, and whether its step goes up."""
+        found = {}
+        for wire in ("asks", "moves", "on"):
+            own = [getattr(self, name) for name in self.places(self.config) if name.startswith(f"{wire}_")]
+            found[wire] = self._pick(own, 0) if own else Const(1)
+        return before(m, found["asks"] & found["moves"], "decided"), before(m, found["on"], "up")
+
+    def _steps_at_ports(self, m: Module, enable: Signal) -> tuple[Any, Any]:
+        """Return whether the watched reference moved in the clock before, and whether it went up."""
+        config = self.config
+        reference = Signal(signed(config.sample_bits), name="u")
+        words = [self.reference_code[i * config.sample_bits :][: config.sample_bits] for i in range(config.taxels)]
+        m.d.comb += reference.eq(self._pick(words, 0).as_signed())
         old, on = before(m, reference, "u"), before(m, enable, "enable")
         known = before(m, Const(1, 1), "known")
         step = Signal()
@@ -75,9 +111,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
             implies(off, reference == config.reference_reset),
             off & (old != config.reference_reset),
         )
-        self._queue(m, enable, step, reference > old, event, polarity)
-        self._masked(m, enable, event)
-        return self.finish(m)
+        return step, reference > old
 
     def _pick(self, values: list[Any], default: int) -> Any:
         """Return the signal of the watched taxel."""
@@ -91,13 +125,14 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         if config.link == "stream":
             row = self.event_row if self.has("event_row") else Const(0)
             column = self.event_col if self.has("event_col") else Const(0)
-            leaves, polarity = self.event_valid & self.event_ready, self.event_polarity
+            leaves = self.event_valid & self.event_ready
+            polarity = self.event_polarity if config.has_polarity else None
         else:
             req = Cat(getattr(self, name) for name in requests(self.config)).any()
             leaves = req & ~before(m, req, "req")
             column = self.aer_addr[: config.column_bits]
             row = self.aer_addr[config.column_bits :][: config.row_bits]
-            polarity = self.aer_req_on if config.link == "four_phase_dual" else self.aer_addr[-1]
+            polarity = self.aer_req_on if config.link == "four_phase_dual" else self.aer_addr[-1]  # without: not read
         m.d.comb += event.eq(leaves & (row * config.columns + column == self.watch))
         return event, polarity
 
@@ -113,8 +148,10 @@ class ReadoutChecker(Checker[ReadoutConfig]):
             held.eq(signs | (up << count) & step.replicate(depth + 1)),
         ]
         m.d.sync += [count.eq(now - (event & (now != 0))), signs.eq(_shift(held, event))]
-        right = (count != 0) & (polarity == signs[0])
-        self.promise(m, "one_event_per_step", implies(event & steady, right), event & steady & ~polarity)
+        right, falls = count != 0, Const(1)
+        if self.config.has_polarity:
+            right, falls = right & (polarity == signs[0]), ~polarity
+        self.promise(m, "one_event_per_step", implies(event & steady, right), event & steady & falls)
         self.promise(m, "none_outstanding", implies(steady, now <= depth), steady & (now == depth))
         if self.config.link == "stream":
             bound = (self.config.rows + 1) * self.config.columns + 2
