@@ -175,7 +175,7 @@ def name_of(config: Config, library: Library) -> str:
     return f"{what}-{readout.rows}x{readout.columns}-{readout.resolution}b-{library.path.stem}"
 
 
-def command_of(config: Config, corners: dict[str, Path], power: bool = True) -> str:
+def command_of(config: Config, corners: dict[str, Path], power: bool = True, delivered: bool = False) -> str:
     """Return the command line of a run, without default options."""
     readout = readout_of(config)
     words = ["make asic", *(["READOUT=frame"] if readout is not config else [])]
@@ -183,11 +183,17 @@ def command_of(config: Config, corners: dict[str, Path], power: bool = True) -> 
         words.append(f"{'LIB' if corner == 'typical' else corner.upper()}={path.name}")
     words += variables(readout) + (variables(config) if readout is not config else [])
     words += [] if power else ["POWER=0"]
+    words += ["FROM_VERILOG=1"] if delivered else []
     return " ".join(words)
 
 
 def run(
-    config: Config, corners: dict[str, Path], name: str, on_stage: Callable[[str], None], power: bool = True
+    config: Config,
+    corners: dict[str, Path],
+    name: str,
+    on_stage: Callable[[str], None],
+    power: bool = True,
+    delivered: bool = False,
 ) -> Report:
     """Return the results of synthesis, proof, structural checks, timing and power for a readout.
 
@@ -202,6 +208,8 @@ def run(
         Called with what begins.
     power : bool
         Whether power is measured, in simulation.
+    delivered : bool
+        Start from the Verilog of ``eskin verilog --clock-gates``, as a user's flow does.
 
     Raises
     ------
@@ -212,7 +220,7 @@ def run(
     libraries = {corner: read(path) for corner, path in corners.items()}
     library = libraries["typical"]
     on_stage(f"netlist of {library.name}")
-    made = synthesise(config, library)
+    made = synthesise(config, library, delivered=delivered)
     design = design_of(made)
     on_stage("rules")
     structure = check(made, design)
@@ -226,7 +234,8 @@ def run(
         on_stage("simulation")
         more = measured(made)
     blocks = cells_by_block(made, design)
-    return Report(name or name_of(config, library), made, blocks, structure, proof, timing, more, unmeasured)
+    name = name or name_of(config, library) + ("-from-verilog" if delivered else "")
+    return Report(name, made, blocks, structure, proof, timing, more, unmeasured)
 
 
 def measured(made: Netlist) -> dict[str, Any]:

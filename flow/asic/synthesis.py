@@ -19,7 +19,7 @@ from eskin.rtl import yosys
 from eskin.rtl.block import Block
 from eskin.rtl.gates import clock_gates
 from eskin.rtl.gates.clock_gates import FEWEST_FLOPS
-from eskin.rtl.verilog import block_rtlil, header, top_block
+from eskin.rtl.verilog import block_rtlil, header, top_block, verilog
 
 Config = ReadoutConfig | FrameConfig
 """What becomes a netlist: the spiking readout or that of frames."""
@@ -30,20 +30,23 @@ FLOP_NAME = "_reg"
 PERIOD_NS = 20.0
 """Clock period that the mapping aims at: far below that of the readout, so that timing costs no area."""
 
+FROM_RTL, FROM_TEXT = "read_rtlil readout.il", f"read_verilog readout.v gate_ports.v; blackbox {clock_gates.GATE}"
+
 # The order matters. Resets go into the data and enables stay, since a gate replaces an enable; no pass behind the first
 # may find synchronous resets again. Blocks are mapped one by one, each kind once, and put together at the end.
 TO_ENABLES = (
-    "read_rtlil readout.il; hierarchy -check -top {top}; {keep}proc; setattr -unset init w:*; flatten; opt -full; "
+    "{source}; hierarchy -check -top {top}; {keep}proc; setattr -unset init w:*; flatten; opt -full; "
     "wreduce; alumacc; share -aggressive; opt -full; dffunmap -srst-only; techmap; opt -full -nosdff; "
     "dfflegalize -cell $_DFFE_PP_ x -cell $_DFFE_PP0P_ x -cell $_DFFE_PP1P_ x "
     "-cell $_DFF_P_ x -cell $_DFF_PP0_ x -cell $_DFF_PP1_ x; opt_expr; opt_merge; opt_clean; "
     "{gates}delete t:$scopeinfo; write_json enables.json"
 )
 KEEP = "setattr -mod -set keep_hierarchy 1 {name}; "
+ADD_TEST = f"add -global_input {clock_gates.TEST} 1; "
 INSERT = "clockgate -pos {gate} enable:clk:gated -min_net_size {fewest}; "
 TO_CELLS = (
     "read_liberty -lib -ignore_miss_func cells.lib; read_json enables.json; read_verilog -icells gate.v; "
-    "hierarchy -top {top}; add -global_input {test} 1; proc; opt_clean; techmap; "
+    "hierarchy -top {top}; {test}proc; opt_clean; techmap; "
     "rename -wire -suffix {flop} t:$_DFF*; dfflibmap -liberty cells.lib; "
     "{drawn}abc -liberty cells.lib -D {period_ps:.0f} -script {mapping}; opt_clean -purge; {ties}"
     "rename -enumerate -pattern g% c:*; setattr -mod -unset keep_hierarchy *; {apart}flatten; delete t:$scopeinfo; "
@@ -95,7 +98,13 @@ class Netlist:
         return path
 
 
-def synthesise(config: Config, library: Library, period_ns: float = PERIOD_NS, fewest: int = FEWEST_FLOPS) -> Netlist:
+def synthesise(
+    config: Config,
+    library: Library,
+    period_ns: float = PERIOD_NS,
+    fewest: int = FEWEST_FLOPS,
+    delivered: bool = False,
+) -> Netlist:
     """Return the clock-gated netlist of a readout.
 
     Parameters
@@ -106,6 +115,8 @@ def synthesise(config: Config, library: Library, period_ns: float = PERIOD_NS, f
         Clock period that the mapping aims at.
     fewest : int
         Flops with one enable that are worth a clock gate.
+    delivered : bool
+        Start from the Verilog of ``eskin verilog --clock-gates`` and insert no gate, as a user's flow does.
 
     Raises
     ------
@@ -113,10 +124,13 @@ def synthesise(config: Config, library: Library, period_ns: float = PERIOD_NS, f
         If the library does not have the cells that the readout needs.
     """
     top = top_block(config)
-    text = _cells(top, library, period_ns, fewest, TO_VERILOG, "netlist.v")
+    if delivered and not gating.gate_module(library):
+        raise InputError(f"{library.path} has neither a clock gate nor a latch; leave out --from-verilog")
+    gated_text = verilog(config, gated=True) if delivered else ""
+    text = _cells(top, library, period_ns, fewest, TO_VERILOG, "netlist.v", gated_text=gated_text)
     gated = bool(gating.gate_module(library))
-    verilog = header(config, "//") + single_bits(text[text.index("module ") :])
-    return Netlist(verilog, top.module_name, config, library, gated)
+    netlist = header(config, "//") + single_bits(text[text.index("module ") :])
+    return Netlist(netlist, top.module_name, config, library, gated)
 
 
 def mapped(top: Block[Any], library: Library, apart: Sequence[str] = ()) -> dict[str, Any]:
@@ -149,20 +163,23 @@ def _cells(
     end: str,
     result: str,
     apart: Sequence[str] | None = None,
+    gated_text: str = "",
 ) -> str:
     """Return a file that Yosys writes after mapping a block to cells."""
     top, content = block.module_name, library.content
     source = block_rtlil(block)
     gate = gating.gate_module(library)
     keep = "".join(KEEP.format(name=name) for name in [*_blocks(source, top), *(apart or ())])
-    insert = INSERT.format(gate=clock_gates.GATE, fewest=fewest) if gate else ""
-    design = json.loads(yosys.run(TO_ENABLES.format(top=top, keep=keep, gates=insert), source, "enables.json"))
-    if gate:
+    insert = INSERT.format(gate=clock_gates.GATE, fewest=fewest) if gate and not gated_text else ""
+    begin = TO_ENABLES.format(source=FROM_TEXT if gated_text else FROM_RTL, top=top, keep=keep, gates=insert)
+    files = {"readout.v": gated_text.encode(), "gate_ports.v": clock_gates.STUB.encode()}
+    design = json.loads(yosys.run(begin, source, "enables.json", files))
+    if insert:
         clock_gates.stop_blocks(design, top, block.config.reset == "sync", root=apart is None)
     files = {"cells.lib": content, "enables.json": json.dumps(design).encode(), "gate.v": gate.encode()}
     script = (TO_CELLS + end).format(
         top=top,
-        test=clock_gates.TEST,
+        test="" if gated_text else ADD_TEST,
         flop=FLOP_NAME,
         period_ps=1000 * period_ns,
         mapping=MAPPING,

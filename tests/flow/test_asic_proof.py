@@ -64,6 +64,15 @@ def test_a_gate_built_of_a_latch_is_proved_as_well() -> None:
     assert proof.gated_flops == proof_of().gated_flops
 
 
+def test_the_delivered_verilog_is_proved_and_stops_the_same_flops() -> None:
+    own = made()
+    delivered = synthesise(CONFIG, own.library, delivered=True)
+    proof = prove(delivered)
+    assert proof.holds
+    assert (proof.flops, proof.gated_flops) == (proof_of().flops, proof_of().gated_flops)
+    assert delivered.text.count("SLUMBER") == own.text.count("SLUMBER") > 4
+
+
 @pytest.mark.parametrize(
     ("old", "new"),
     [

@@ -227,6 +227,7 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(
         ([f"--lib={nothing}"], "few.lib cannot be read as a Liberty file: "),
         ([f"--lib={nothing}", "--name=../up"], "--name must be the plain name of a folder, not '../up'"),
         ([f"--lib={nothing}", "--readout=other"], "--readout must be one of spiking, frame, not 'other'"),
+        ([f"--lib={nothing}", "--readout=frame", "--from-verilog"], "--from-verilog is for the spiking readout"),
     ):
         with pytest.raises(SystemExit) as left:
             command(app, "eskin", ["asic", *words, f"--out={out}"])

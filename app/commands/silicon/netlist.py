@@ -67,6 +67,9 @@ def asic(
     readout: Annotated[str, typer.Option(metavar="spiking|frame", help="which readout")] = "spiking",
     name: Annotated[str, typer.Option(help="name of the run and its folder [from the configuration]")] = "",
     power: Annotated[bool, typer.Option(help="also measure idle power and energies, by simulation")] = True,
+    from_verilog: Annotated[
+        bool, typer.Option("--from-verilog", help="start from the text of verilog --clock-gates, as a user's flow does")
+    ] = False,
     out: Annotated[Path, typer.Option("-o", "--out", help="parent folder of the run"), WRITES_FOLDER] = Path(
         "out/asic"
     ),
@@ -85,11 +88,13 @@ def asic(
         raise InputError(f"--{next(iter(own)).replace('_', '-')} is for the frame readout; add --readout frame")
     if readout == "frame":
         check_frame(config, given)
+    if from_verilog and readout == "frame":
+        raise InputError("--from-verilog is for the spiking readout: frames have no clock gates in their Verilog")
     check_name(name)
     chosen = FrameConfig(readout=config, **own) if readout == "frame" else config
     corners = {"typical": lib} | {corner: at for corner, at in (("slow", slow), ("fast", fast)) if at}
-    found = report.run(chosen, corners, name, lambda stage: print(stage, flush=True), power)
-    print(found.write(out, report.command_of(chosen, corners, power)))
+    found = report.run(chosen, corners, name, lambda stage: print(stage, flush=True), power, from_verilog)
+    print(found.write(out, report.command_of(chosen, corners, power, from_verilog)))
     proof = found.equivalence
     print(f"equivalent to the RTL: {proof.proved} of {proof.of} points proved")
     if apart := found.more.get("with_wires", {}).get(APART):
