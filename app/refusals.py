@@ -27,7 +27,7 @@ IDLE: dict[str, dict[str, str]] = {
     "play": {"--samples": "--only"},
     "train": {"--test": "--fold --folds"},
     "predict": {"no --check-model": "--dataset"},
-    "sweep": {"--events": "--points"},
+    "sweep": {"--events": "--points", "--test": "--folds"},
     "quantise": {"--in-bits & --rec-bits & --out-bits": "--bits"},
     "verilog": {
         "--merge": "--relays",

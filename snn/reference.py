@@ -25,13 +25,15 @@ LEAST_RATE = 1e-3
 def event_statistics(data: ScanData) -> NDArray[np.float64]:
     """Return statistics of the events of every image, from its first scan, shape (images, columns).
 
-    These are the logarithm of the rate of each channel, and ``statistics`` of ON less OFF events of each taxel.
+    These are the logarithm of the mean magnitude of each channel (of events, their rate), and ``statistics`` of ON less
+    OFF events of each taxel, or of the frames.
     """
+    signed = data.channels == 2 * data.taxels and data.values.min(initial=0) >= 0
     found = []
     for scan in data.first_scans(range(len(data.names))):
         counts = data.values[scan, : data.steps_of(scan)].astype(np.float64)
-        net = counts[:, : data.taxels] - (counts[:, data.taxels :] if data.channels > data.taxels else 0.0)
-        found.append(np.concatenate([np.log(counts.mean(0) + LEAST_RATE), statistics(net)]))
+        net = counts[:, : data.taxels] - counts[:, data.taxels :] if signed else counts
+        found.append(np.concatenate([np.log(np.abs(counts).mean(0) + LEAST_RATE), statistics(net)]))
     return np.array(found)
 
 
@@ -107,7 +109,7 @@ def is_unbalanced(labels: NDArray[np.int64]) -> bool:
 def sentences(network: dict[str, Any], found: dict[str, dict[str, Any]], total: int, unbalanced: bool) -> Sequence[str]:
     """Return sentences that compare the accuracy of a network with the baselines."""
     words = {
-        "events": "logistic regression on statistics of the same events",
+        "events": "logistic regression on statistics of the network's inputs",
         "signals": "logistic regression on statistics of the signals",
         "most frequent class": "always the most frequent class",
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from eskin.skin.recordings.folder import RecordingSet
 SEGMENT, BANDS = 64, 16
 """Samples of a segment of the spectrum (Welch, half overlapping, Hann), and bands into which its lines are averaged."""
 
-_FILE = "signals.json"
+_FILE, _CODES = "signals.json", "signals.codes"
 _LEAST = 1e-6
 """Added before a logarithm, beside deviations and powers of signals in full scale."""
 
@@ -50,6 +51,27 @@ def write_signals(recordings: RecordingSet, folder: Path) -> None:
         for source, codes in zip(recordings.sources, recordings.codes, strict=True)
     }
     write_json(folder / _FILE, {"sample_rate_hz": recordings.config.sample_rate_hz, "recordings": found})
+    sources = zip(recordings.sources, recordings.codes, strict=True)
+    named: dict[str, Any] = {source.name: codes.astype(np.int16) for source, codes in sources}
+    with (folder / _CODES).open("wb") as file:  # not .npz, the ending of event files
+        np.savez_compressed(file, **named)
+
+
+def has_signals(folder: Path) -> bool:
+    """Return whether a folder of event files has the samples behind them."""
+    return (folder / _CODES).exists()
+
+
+def signals_of(folder: Path) -> tuple[dict[str, NDArray[np.int32]], float]:
+    """Return the codes of each recording by name, shape (ticks, taxels), and their samples per second."""
+    content = _read(folder)
+    assert content is not None, "has_signals was asked"
+    try:
+        with np.load(folder / _CODES, allow_pickle=False) as stored:
+            codes = {name: stored[name].astype(np.int32) for name in content["recordings"]}
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile):
+        raise InputError(f"{folder / _CODES} is damaged; remove its folder") from None
+    return codes, float(content["sample_rate_hz"])
 
 
 def seconds_of(folder: Path) -> NDArray[np.float64] | None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import fnmatch
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,10 +40,43 @@ def stratified_folds(labels: NDArray[np.int64], folds: int, seed: int = 0) -> li
     return [np.flatnonzero(fold_of == fold) for fold in range(folds)]
 
 
-def check_folds(data: ScanData, folds: int, fold_seed: int) -> None:
+def matching(names: Sequence[str], pattern: str) -> NDArray[np.int64]:
+    """Return the images whose names fit a pattern with ``*``, ``?`` and ``[...]``; refuse none and all.
+
+    Raises
+    ------
+    InputError
+        If no name or every name fits.
+    """
+    fits = np.array([fnmatch.fnmatchcase(name, pattern) for name in names])
+    if not fits.any() or fits.all():
+        which = "all names fit" if fits.all() else "no name fits"
+        raise InputError(f"{which} --test {pattern!r}; a name is as {names[0]}, and * stands for any text")
+    return np.flatnonzero(fits)
+
+
+def tested(data: ScanData, folds: int, fold_seed: int, patterns: Sequence[str]) -> list[NDArray[np.int64]]:
+    """Return the test images of each fold: one fold for each pattern of names, else stratified folds.
+
+    Raises
+    ------
+    InputError
+        If the patterns do not name every image exactly once.
+    """
+    if not patterns:
+        return stratified_folds(data.image_labels, folds, fold_seed)
+    found = [matching(data.names, pattern) for pattern in patterns]
+    times = np.bincount(np.concatenate(found), minlength=len(data.names))
+    if (wrong := np.flatnonzero(times != 1)).size:
+        name, number = data.names[wrong[0]], times[wrong[0]]
+        raise InputError(f"{name} fits {number} of the patterns of --test; each recording must fit exactly one")
+    return found
+
+
+def check_folds(data: ScanData, folds: int, fold_seed: int, patterns: Sequence[str] = ()) -> None:
     """Check that every class has enough images for all folds and their inner validation."""
     labels = data.image_labels
-    for fold, test in enumerate(stratified_folds(labels, folds, fold_seed)):
+    for fold, test in enumerate(tested(data, folds, fold_seed, patterns)):
         left = np.bincount(labels) - np.bincount(labels[test], minlength=int(labels.max()) + 1)
         for label in np.unique(labels):
             if left[label] < INNER_FOLDS:

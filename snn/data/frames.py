@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,10 +12,13 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
+from eskin.skin.recordings.statistics import signals_of
 from eskin.skin.textures.dataset import Dataset
 from eskin.skin.textures.presets import Scan
+from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.frame_steps import FrameSteps
-from eskin.snn.data.scans import ScanData
+from eskin.snn.data.recordings import own_readout
+from eskin.snn.data.scans import ScanData, load_recordings
 
 
 def frame_dataset(
@@ -36,11 +41,8 @@ def frame_dataset(
             images.append(number)
             if progress is not None:
                 progress()
-    values = np.zeros((len(scans), max(map(len, scans)), scans[0].shape[1]), scans[0].dtype)
-    for place, values_of_scan in zip(values, scans, strict=True):
-        place[: len(values_of_scan)] = values_of_scan
     return ScanData(
-        values=values,
+        values=filled(scans),
         labels=dataset.labels[images],
         images=np.array(images, np.int64),
         names=tuple(texture.name for texture in dataset),
@@ -49,6 +51,46 @@ def frame_dataset(
         step_s=frames.step_s,
         rate_hz=frames.rate_hz * config.taxels,
     )
+
+
+def frames_of_recordings(folder: Path, frames: FrameSteps) -> ScanData:
+    """Return the frames of a user's recordings, from the samples beside their event files.
+
+    Frame k is the newest sample at k / rate, as a converter that samples and holds gives it.
+
+    Raises
+    ------
+    InputError
+        If the frames are faster than the samples or have more bits, or a recording is shorter than a step.
+    """
+    events = load_recordings(folder, BinConfig(bin_s=frames.step_s))
+    own, (codes, sample_rate_hz) = own_readout(folder), signals_of(folder)
+    assert own is not None, "recordings with samples are a user's"
+    bits = own.config.sample_bits
+    if frames.rate_hz > 1.01 * sample_rate_hz or frames.bits > bits:
+        raise InputError(
+            f"{frames.name} has more samples or bits than these recordings, {sample_rate_hz:g} samples/s of {bits} "
+            f"bits; choose slower or coarser frames"
+        )
+    scans = []
+    for image in events.images:
+        samples, name = codes[events.names[image]] >> (bits - frames.bits), events.names[image]
+        number = int(len(samples) / sample_rate_hz * frames.rate_hz + 1e-6)
+        ticks = (np.arange(number) * (sample_rate_hz / frames.rate_hz) + 1e-6).astype(int)
+        if number < frames.frames_per_step:
+            raise InputError(f"{name} is shorter than one step of {frames.step_s:g} s; choose faster frames")
+        scans.append(values_of(frames, samples[np.minimum(ticks, len(samples) - 1)]))
+    lengths = np.array([len(scan) for scan in scans], np.int64)
+    rate_hz = frames.rate_hz * events.taxels
+    return dataclasses.replace(events, values=filled(scans), lengths=lengths, rate_hz=rate_hz)
+
+
+def filled(scans: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Return scans as one array, shape (scans, steps, channels); the steps behind a shorter scan are 0."""
+    values = np.zeros((len(scans), max(map(len, scans)), scans[0].shape[1]), scans[0].dtype)
+    for place, scan in zip(values, scans, strict=True):
+        place[: len(scan)] = scan
+    return values
 
 
 def codes_of(

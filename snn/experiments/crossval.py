@@ -18,7 +18,7 @@ import numpy as np
 
 from eskin.base.errors import InputError
 from eskin.base.files import plain, read_json
-from eskin.snn.data.folds import INNER_FOLDS, stratified_folds
+from eskin.snn.data.folds import INNER_FOLDS, stratified_folds, tested
 from eskin.snn.data.scans import ScanData, Split
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.intervals import bootstrap, wilson
@@ -32,7 +32,7 @@ def run_cell(
     from eskin.snn.train import predicted_classes, train
 
     labels = data.image_labels
-    test = stratified_folds(labels, folds, fold_seed)[fold]
+    test = tested(data, folds, fold_seed, experiment.tests)[fold]
     images = np.setdiff1d(np.arange(len(labels)), test)
     inner = stratified_folds(labels[images], INNER_FOLDS, fold_seed + 1)[seed % INNER_FOLDS]
     held_out = images[inner]

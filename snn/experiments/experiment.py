@@ -11,6 +11,7 @@ from typing import Any, get_args
 from eskin.base.errors import InputError
 from eskin.base.files import plain
 from eskin.model.config import ReadoutConfig
+from eskin.skin.recordings.statistics import has_signals
 from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.physical import PhysicalScan
 from eskin.skin.textures.presets import PRESETS, Scan, preset
@@ -19,7 +20,7 @@ from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.cache import kept, key_of
 from eskin.snn.data.disturb import disturbed_dataset
 from eskin.snn.data.frame_steps import FrameSteps
-from eskin.snn.data.frames import frame_dataset
+from eskin.snn.data.frames import frame_dataset, frames_of_recordings
 from eskin.snn.data.record import Tick, Variant, record_dataset
 from eskin.snn.data.recordings import event_files, read_recordings
 from eskin.snn.data.scans import ScanData, load_recordings
@@ -63,6 +64,8 @@ class Experiment:
     grid : dict or None
         Values to try by name of a network or training field; inner validation chooses among all their combinations
         (``eskin.snn.experiments.crossval``).
+    tests : tuple of str
+        Patterns of names; the images of each are the test images of one fold. Empty: stratified folds.
     """
 
     dataset: str | None = None
@@ -80,6 +83,7 @@ class Experiment:
     network: dict[str, Any] = field(default_factory=dict)
     train: TrainConfig = field(default_factory=TrainConfig)
     grid: dict[str, list[Any]] | None = None
+    tests: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("dataset", "events", "preset"):
@@ -88,8 +92,9 @@ class Experiment:
         refuse_unknown(self.network, set(FIELDS) - {"inputs", "classes"}, "network")
         if self.taxels:
             self._check_taxels()
-        if self.events is not None and self.frames is not None:
-            raise InputError("frames need textures, not event files; give one of both")
+        object.__setattr__(self, "tests", tuple(self.tests))
+        if self.events is not None and self.frames is not None and not has_signals(Path(self.events)):
+            raise InputError("frames need samples, and event files have none; give textures or --data")
         if self.frames is not None and self.train.augment.speed_spread:
             raise InputError("speed_spread moves events in time and cannot be used for frames; set it to 0")
         if self.disturbed:
@@ -155,6 +160,9 @@ class Experiment:
 
     def data(self, progress: Tick | None = None) -> ScanData:
         """Return the scans, recorded by the model or read from the cache."""
+        if self.events is not None and self.frames is not None:
+            made = frames_of_recordings(Path(self.events), self.frames)
+            return dataclasses.replace(made, source=f"frames {self.frames.name} of the recordings in {self.events}")
         if self.events is not None:
             recordings = load_recordings(Path(self.events), self.bins)
             return dataclasses.replace(recordings, source=f"recordings in {self.events}")
@@ -220,7 +228,7 @@ class Experiment:
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "given_leak"}
         if not self.disturbed:  # files and cells of experiments without are those of before
             del fields["disturbed"]
-        for name in ("variant", "taxels"):
+        for name in ("variant", "taxels", "tests"):
             if not fields[name]:
                 del fields[name]
         for name in ("readout", "train"):

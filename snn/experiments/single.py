@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import fnmatch
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from eskin.base.errors import InputError
 from eskin.base.files import write_json
 from eskin.skin.recordings.statistics import signal_statistics
 from eskin.snn.checkpoint import Checkpoint
-from eskin.snn.data.folds import stratified_folds
+from eskin.snn.data.folds import matching, stratified_folds
 from eskin.snn.data.recordings import own_readout
 from eskin.snn.data.scans import ScanData, Split
 from eskin.snn.exchange.weights import Weights, save_weights
@@ -60,11 +59,8 @@ class Fold:
         InputError
             If none or all fit, or the others lack a class.
         """
-        fits = np.array([fnmatch.fnmatchcase(name, pattern) for name in data.names])
-        if not fits.any() or fits.all():
-            which = "all names fit" if fits.all() else "no name fits"
-            raise InputError(f"{which} --test {pattern!r}; a name is as {data.names[0]}, and * stands for any text")
-        test, images = np.flatnonzero(fits), np.flatnonzero(~fits)
+        test = matching(data.names, pattern)
+        images = np.setdiff1d(np.arange(len(data.names)), test)
         labels = data.image_labels
         if lacking := set(labels[test].tolist()) - set(labels[images].tolist()):
             name = data.class_names[min(lacking)]

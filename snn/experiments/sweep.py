@@ -134,7 +134,7 @@ class PointRun:
     def prepare(self, tick: Callable[[], object]) -> None:
         """Record the scans and read the stored results; ``tick`` is called after each scan."""
         data = self.point.experiment.data(tick) if self.point.data is None else self.point.data
-        check_folds(data, self.folds, self.fold_seed)
+        check_folds(data, self.folds, self.fold_seed, self.point.experiment.tests)
         self._key["data"] = digest(data)
         for cell, (key, result) in self._found.items():
             check_same(self.paths[cell], key, self._key)

@@ -13,19 +13,24 @@ import numpy as np
 import pytest
 
 from eskin.app.cli import app, run
+from eskin.app.commands.signals.recordings import events_of
 from eskin.base.errors import InputError
 from eskin.model.address_events import make_events
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.recordings.options import Preparation
+from eskin.skin.recordings.statistics import signals_of
 from eskin.skin.recordings.trained_on import OwnReadout
 from eskin.snn.data.bins import BinConfig
+from eskin.snn.data.frame_steps import FrameSteps
+from eskin.snn.data.frames import frames_of_recordings
 from eskin.snn.data.recordings import class_of, event_files, read_recordings
 from eskin.snn.data.scans import load_recordings
 from eskin.snn.exchange.weights import Weights, save_weights
 from eskin.snn.experiments.points import load_sweep
 from eskin.snn.network import build
 from eskin.snn.network_config import NetworkConfig
+from tests.skins import CLASSES as TOUCHES
 from tests.skins import counts, write_csv, write_skin
 
 CLASSES = ("felt", "glass", "wood")
@@ -288,14 +293,23 @@ def test_fig8_and_sweep_take_own_recordings(own: dict[str, Any], snn: Call) -> N
     assert (data["image"], data["preset"], data["readout"]) == ("tap/1", None, own["recordings"]["readout"])
     code, _, error = snn("fig8")
     assert (code, "name the folder of your recordings with --data" in error) == (2, True)
-    again = ("--epochs", 2, "--seeds", 1, "--folds", 8, "--workers", 1)
-    code, _, error = snn("sweep", *OWN[:-2], *again, "--points", "lcs:3,nlcs:4")
+    again = ("--epochs", 2, "--seeds", 1, "--workers", 1)
+    tests = [word for pair in ("01", "23", "45", "67") for word in ("--test", f"*/[{pair}]")]
+    sweep = ("sweep", *OWN[:-2], *again, "--points", "lcs:3,nlcs:4,frame:17.5:8")
+    code, _, error = snn(*sweep, *tests)
     assert code == 0, error
     points = load_sweep(Path("out/sweep")).points
     assert [(p.name, p.readout, p.resolution, p.preset) for p in points] == [
         ("lcs-3", "lcs", 3, None),
         ("nlcs-4", "nlcs", 4, None),
+        ("frame-17.5-8", "frame", 8, None),
     ]
+    assert points[2].data_rate_bps == 17.5 * 4 * 8
+    cell = json.loads(Path("out/sweep/frame-17.5-8/fold-1-seed-0.json").read_text())
+    images = load_recordings(next(Path("out/recordings").iterdir()), BinConfig()).names
+    assert [images[k] for k in cell["result"]["test_images"]] == [f"{kind}/{k}" for kind in TOUCHES for k in (2, 3)]
+    code, _, error = snn(*sweep, *tests, "--test", "tap/*", "-o", "other")
+    assert (code, "tap/0 fits 2 of the patterns of --test" in error) == (2, True)
     assert "--data skin" in load_sweep(Path("out/sweep")).command
     assert "--baseline median" in load_sweep(Path("out/sweep")).command
 
@@ -309,13 +323,28 @@ def test_a_bin_is_no_shorter_than_a_sample_of_own_recordings(folder: Path, snn: 
     assert experiment["bins"]["bin_s"] == 1 / 35
 
 
+def test_a_frame_is_the_newest_sample(folder: Path, call: Any) -> None:
+    write_skin(folder / "skin", taxels=4, each=1)
+    events = events_of(folder / "skin", {"baseline": "first"}, ReadoutConfig(), ())
+    codes, rate_hz = signals_of(events)
+    assert rate_hz == 35
+    for rate, bits, ticks in ((35, 12, np.arange(280)), (10, 5, np.arange(80) * 7 // 2)):
+        found = frames_of_recordings(events, FrameSteps.parse(f"frame:{rate}:{bits}", 1 / rate))
+        assert (found.names, found.values.shape) == (("press/0", "stroke/0", "tap/0"), (3, len(ticks), 4))
+        for values, name in zip(found.values, found.names, strict=True):
+            wanted = np.floor(codes[name][ticks] / 2 ** (12 - bits)) / 2 ** (bits - 1)
+            assert np.array_equal(values, wanted)
+            assert np.ptp(wanted) > 0.1
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         ("train --baseline median", "--baseline is for your own recordings; add --data DIR"),
-        ("train --data skin --frames frame:250:8", "--frames has no effect with --data; leave one of the two out"),
+        ("train --data skin --frames frame:250:8", "frame:250:8 has more samples or bits than these recordings, 35 s"),
         ("train --data skin --dataset embedded", "--dataset has no effect with --data; leave one of the two out"),
-        ("sweep --data skin --points rnn:20", "point rnn:20: --frames has no effect with --data"),
+        ("sweep --data skin --points rnn:20", "point rnn-20: frame:5000:10 has more samples or bits than these"),
+        ("train --events events --frames frame:25:8", "frames need samples, and event files have none; give"),
         (
             "sweep --data none --points lcs:4",
             "point lcs:4: none is not a folder; give one with a folder for each class",
@@ -334,6 +363,7 @@ def test_a_bin_is_no_shorter_than_a_sample_of_own_recordings(folder: Path, snn: 
     ],
 )
 def test_what_own_recordings_cannot_have_is_refused(words: str, sentence: str, snn: Call) -> None:
+    write_skin(Path("skin"), taxels=4, each=6)
     network = build(NetworkConfig.from_dict({"inputs": 8, "classes": 3, "hidden": 4}), 0)
     save_weights(Path("weights.npz"), Weights(network, ("press", "stroke", "tap"), 0.1))
     code, _, error = snn(*words.split())

@@ -27,7 +27,7 @@ from eskin.base.outputs import check_file
 from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.options import Preparation
 from eskin.skin.textures.choice import CHOICES, choose
-from eskin.snn.data.frame_steps import FRAMES
+from eskin.snn.data.frame_steps import FRAMES, FrameSteps
 from eskin.snn.experiments.recipes import RECIPES
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ WITHOUT_EFFECT = {
         "taxels",
         "data",
     ),
-    "data": ("preset", "tau", "dataset", "start_rows", "disturbed", "taxels", "frames"),
+    "data": ("preset", "tau", "dataset", "start_rows", "disturbed", "taxels"),
 }
 """Parameters that mean nothing beside another: frames have no encoder, and recordings were scanned before."""
 
@@ -191,7 +191,10 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
     if options["data"] is not None:
         folder = events_of(options["data"], {"strict": True} | prepared, readout, given)
         options = options | {"events": folder, "bin_s": options["bin_s"] or _bin_of(folder)}
-        follows = _following(recipe, folder, options["bin_s"] or BinConfig().bin_s)
+        bin_s = options["bin_s"] or BinConfig().bin_s
+        if options["frames"] is not None:
+            bin_s = FrameSteps.parse(options["frames"], bin_s).step_s
+        follows = _following(recipe, folder, bin_s)
     elif "sample_rate_hz" in given and options["config_file"] is None:
         raise InputError("--sample-rate is for your own recordings, the scan of a texture has its own; add --data DIR")
     elif prepared:
@@ -215,6 +218,7 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
         disturbed=options["disturbed"],
         taxels=choose(options["taxels"], readout.rows, readout.columns) if options["taxels"] else None,
         variant=options.get("variant"),
+        tests=tuple(options.get("tests") or ()),
     )
 
 

@@ -56,6 +56,12 @@ def sweep(
     ] = None,
     options: dict[str, Any],
     folds: Folds = 6,
+    tests: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--test", metavar="PATTERN", help="a fold that tests the recordings with such names, as '*_1'; repeatable"
+        ),
+    ] = None,
     seeds: Seeds = 3,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -70,6 +76,8 @@ def sweep(
     from eskin.snn.experiments.settings import parse_points
 
     chosen = [] if events else parse_points(points)
+    if tests:
+        options, folds = options | {"tests": tests}, len(tests)
     if not events and options["tau"] is not None and not {readout for readout, _ in chosen} & set(LEAKY):
         named = " or ".join(LEAKY)
         raise InputError(f"--tau is the leak of {named}, but --points has no {named} point; leave it out")
