@@ -1,4 +1,4 @@
-"""List of the commands of ``eskin``; it imports only the standard library, because make reads it before installation.
+"""List of the commands of ``eskin``; imports only the standard library, because make reads it before installation.
 
 To add a command: write its function in a module of ``app/commands``, and list it here under the user's task.
 """
@@ -71,7 +71,7 @@ MODULES = {name: module for modules in GROUPS.values() for name, module in modul
 """Module of every command; its function has the name of the command, with ``_`` for ``-``."""
 
 ABOUT = "Spiking readout for electronic skin: model, RTL, co-simulation, classifier."
-ABOUT_DEV = "Checks of the project itself, in a checkout."
+ABOUT_DEV = "Checks of the project, available in a checkout."
 HELP = "eskin COMMAND --help lists the options of a command."
 
 

@@ -210,7 +210,7 @@ def asked_for() -> str:
 
 
 def printable(text: object) -> str:
-    """Return a text with control characters escaped, such as \x1b.
+    """Return a text with control characters escaped, such as \\x1b.
 
     Controls that turn the direction of writing are among them, by which one name can look like another.
     """

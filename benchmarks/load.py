@@ -84,7 +84,7 @@ def choose(kind: int, pending: Any, last: int, toggles: Any, columns: int) -> in
 
 @njit
 def serve(kind: int, due: Any, first: Any, clocks: int, state: Any, rows: Any) -> Any:
-    """Return the clocks of request and transfer of every event of a load.
+    """Return the clocks of request and transfer of every event.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def loads(side: int, clocks: int, seed: int) -> list[Load]:
 
 
 def recorded(side: int, clocks: int, share: float) -> Load:
-    """Return the events of a scan over an embedded photograph at the speed that gives a load."""
+    """Return the events of a scan over an embedded photograph, at the scan speed for a given link load."""
     config = ReadoutConfig(rows=side, columns=side, clocks_per_sample=2**20)
     counts, late = encode_timed(config, scan(side, side, config.sample_bits, 0))
     events = uncontended_events(config, counts, late)
@@ -179,7 +179,7 @@ def recorded(side: int, clocks: int, share: float) -> Load:
 
 
 def run(load: Load, kind: int, side: int, clocks: int) -> dict[str, Any]:
-    """Return the results of an arbiter at a load."""
+    """Return the results of an arbiter at a given link load."""
     name, share, lists = load
     due = np.concatenate(lists)
     first = np.concatenate([[0], np.cumsum([len(times) for times in lists])])

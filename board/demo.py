@@ -162,7 +162,7 @@ def _events_of(source: Path, only: str | None, readout: Mapping[str, Any]) -> Sh
     found = read_set(source, Preparation(baseline="first"), ReadoutConfig(**readout), readout, flat=True)
     if found.config.event_bits > ADDRESS_BITS:
         raise InputError(
-            f"a board's records hold addresses of {ADDRESS_BITS} bits, {found.config.rows} x {found.config.columns} "
+            f"records of a board have addresses of {ADDRESS_BITS} bits, {found.config.rows} x {found.config.columns} "
             f"taxels of {found.config.encoding} have {found.config.event_bits}; play fewer taxels"
         )
     names, load = _recordings(found.sources, found.codes, found.config)

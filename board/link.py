@@ -23,9 +23,9 @@ WORD_BYTES = 4
 
 WHY = {
     Reason.DAMAGED: "arrived damaged",
-    Reason.SEQUENCE: "came out of turn: one before it was lost",
-    Reason.OVERRUN: "found no room on the board",
-    Reason.UNKNOWN: "is none that the board knows; load its bitstream again",
+    Reason.SEQUENCE: "arrived out of order, because an earlier frame was lost",
+    Reason.OVERRUN: "did not fit into the buffer of the board",
+    Reason.UNKNOWN: "has a kind that the board does not know; load its bitstream again",
 }
 
 

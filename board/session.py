@@ -183,7 +183,7 @@ def recording(path: Path, config: ReadoutConfig, metadata: dict[str, Any], recei
 
 
 def weight_frames(weights: IntegerWeights, word_bytes: int) -> Iterator[bytes]:
-    """Yield frame payloads that load both weight memories: memory, first address, words."""
+    """Yield the payloads of frames that write both weight memories: memory, first address, words."""
     network = weights.network
     size = (MOST_PAYLOAD - 3) // word_bytes
     for neurons, image in enumerate((weight_image(network), neuron_image(network))):
@@ -292,7 +292,7 @@ def chip_of(weights: IntegerWeights, path: Path | None = None) -> ChipConfig:
     training = weights.notes.get("training")
     if not training:
         raise InputError(
-            f"{path or 'the network'} does not name the readout of its training; quantise again, with result.json "
+            f"{path or 'the network'} lacks the readout of its training; quantise again, with result.json "
             f"of the training beside its weights"
         )
     return ChipConfig(readout=ReadoutConfig.from_dict(training["readout"]), classifier=weights.network.config)

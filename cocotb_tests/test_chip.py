@@ -1,4 +1,4 @@
-"""Test the chip: its bins and refused configurations; ``test_touch.py`` plays scans."""
+"""Test the chip: its bins and rejected configurations; ``test_touch.py`` plays scans."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ def test_mistakes_are_one_sentence(tmp_path: Path) -> None:
     foreign = next(name for name in names if name not in loaded.notes["training"]["tested"])
     for arguments, sentence in (
         (["--weights", tmp_path / "none.npz"], "none.npz does not exist; make one with eskin quantise"),
-        (["--weights", tmp_path / "silent.npz"], "silent.npz does not name the readout of its training; quantise "),
+        (["--weights", tmp_path / "silent.npz"], "silent.npz lacks the readout of its training; quantise "),
         (["--weights", tmp_path / "torn.npz"], "torn.npz are damaged; quantise again"),
         (
             ["--weights", tmp_path / "other.npz"],

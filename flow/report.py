@@ -264,7 +264,7 @@ def constant_outputs(made: Netlist, design: dict[str, Any]) -> set[str]:
 
 
 def cells_by_block(made: Netlist, design: dict[str, Any]) -> dict[str, Counter[str]]:
-    """Return the cells of a netlist by kind and block, such as ``row_0``."""
+    """Return the cell counts of a netlist by cell kind and block."""
     found: dict[str, Counter[str]] = {}
     for name, cell in design["modules"][made.top]["cells"].items():
         block = name.partition(".")[0].rstrip("0123456789").rstrip("_") if "." in name else "top"

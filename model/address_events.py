@@ -68,7 +68,7 @@ def check_events(events: Events, config: ReadoutConfig, duration_clocks: int) ->
         if wrong := np.flatnonzero((column < 0) | (column >= limit)).tolist():
             raise InputError(f"event {wrong[0]} has {name} = {column[wrong[0]]}, outside 0..{limit - 1} ({what})")
     if wrong := np.flatnonzero(np.diff(events["t"]) < 0).tolist():
-        raise InputError(f"event {wrong[0] + 1} is earlier than the one before it")
+        raise InputError(f"event {wrong[0] + 1} is earlier than the event before it")
     # A boolean is one byte; anything but 0 and 1 in it would print as True and compare as different.
     if wrong := np.flatnonzero(events["p"].view(np.uint8) > 1).tolist():
         raise InputError(f"event {wrong[0]} has a polarity that is neither 0 nor 1")

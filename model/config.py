@@ -135,12 +135,12 @@ class ReadoutConfig:
     rows: int = parameter(8, "", f"{SPECIFICATION} 1", "rows of taxels, 1..64")
     columns: int = parameter(8, "", f"{SPECIFICATION} 1", "columns of taxels, 1..64")
     encoding: Encoding = parameter(
-        "lcs", "", f"{SPECIFICATION} 2", "level crossing, with closing window, or leaky neuron"
+        "lcs", "", f"{SPECIFICATION} 2", "level crossing, level crossing with closing window, or leaky neuron"
     )
     sample_bits: int = parameter(12, "", f"{SPECIFICATION} 2", "W, bits of a signed sample")
     resolution: int = parameter(6, "", f"{SPECIFICATION} 2", "N, LSB = 2**-N of full scale, 1..W-2")
     decide_every: DecideEvery = parameter(
-        "clock", "", f"{SPECIFICATION} 2", "decision of a free taxel: once per clock or per sample"
+        "clock", "", f"{SPECIFICATION} 2", "decisions of a taxel without pending request: every clock, or every sample"
     )
     reference_reset: int = parameter(0, "codes", f"{SPECIFICATION} 2", "reference after reset, in codes")
     closing_shift: int = parameter(2, "", f"{SPECIFICATION} 2", "cw-lcs: window closes by D / 2**shift")
@@ -157,7 +157,11 @@ class ReadoutConfig:
     clocks_per_sample: int = parameter(64, "", f"{SPECIFICATION} 4", "clocks per sample tick")
     registers: Registers = parameter("none", "", f"{SPECIFICATION} 4", "settings at run time: none, or over SPI")
     fields: Fields = parameter(
-        "own", "", f"{SPECIFICATION} 2", "samples that an encoder sees", values="|".join((*KINDS, SETTABLE, "JSON"))
+        "own",
+        "",
+        f"{SPECIFICATION} 2",
+        "input of a taxel's encoder: its own sample, its neighbours', or both",
+        values="|".join((*KINDS, SETTABLE, "JSON")),
     )
 
     def __post_init__(self) -> None:

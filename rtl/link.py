@@ -68,7 +68,7 @@ class FourPhaseLink(Block[ReadoutConfig]):
         return m
 
     def _request_by_polarity(self, m: Module, setup: Any, ack_sync: Any, request: Any) -> None:
-        """Add a flip-flop for each request line, to keep glitches from the asynchronous receiver."""
+        """Add a flip-flop for each request line, so that no glitches reach the asynchronous receiver."""
         on = Signal()
         with m.If(self.event_valid & self.event_ready):
             m.d.sync += on.eq(self.event_polarity)

@@ -126,7 +126,7 @@ def _check_sound(training: Training) -> None:
             raise ValueError("an epoch has no finite loss")
     steps = max((int(one.get("step", 0)) for one in training.optimizer.state_dict()["state"].values()), default=0)
     if bool(steps) != bool(training.history):
-        raise ValueError("what the optimizer keeps is not of these epochs")
+        raise ValueError("the optimizer state belongs to other epochs")
     if not isinstance(training.best, dict) or not isinstance(training.best.get("held_out", 0.0), float):
         raise ValueError("the best epoch is damaged")
 

@@ -90,7 +90,7 @@ def load_runs(folder: Path) -> tuple[list[Run], list[str]]:
         return runs, missing
     missing.append(
         "There are no event files of the RTL here, so the model is shown alone and nothing is compared; "
-        "make sim writes them. Where it was given an OUT, make report takes the same."
+        "make sim writes them. If make sim was run with OUT, give make report the same OUT."
     )
     return [_model_alone(encoding) for encoding in SHOWN_ALONE], missing
 

@@ -107,5 +107,5 @@ def until_it_lives(name: str, play: Callable[[Path], T]) -> T:
             except SimulationDied as died:
                 last = str(died).strip().splitlines()[-1]
     raise InputError(
-        f"the simulation died {MOST_DEATHS + 1} times, perhaps from lack of memory ({last}); use fewer --workers"
+        f"the simulation crashed {MOST_DEATHS + 1} times, perhaps from lack of memory ({last}); use fewer --workers"
     )

@@ -75,7 +75,7 @@ class Network:
         again = "quantise again, with result.json of the training beside its weights"
         said = weights.notes.get("training")
         if not said:
-            raise InputError(f"{path} does not name the readout of its training; {again}")
+            raise InputError(f"{path} lacks the readout of its training; {again}")
         try:
             readout, dataset, preset, own = (said[key] for key in ("readout", "dataset", "preset", "recordings"))
             tested = dict(said["tested"])

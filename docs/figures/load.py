@@ -1,4 +1,4 @@
-"""Draw docs/figures/load.png: waiting times at five arbiters, from benchmarks/results/load.json.
+"""Draw docs/figures/load.png: waiting times at five arbiters against link load.
 
 ``python docs/figures/load.py`` from the top of the project.
 """

@@ -41,7 +41,7 @@ class Unknown:
 
 
 def from_reset(netlist: FlatNetlist, library: Library, folder: Path) -> Unknown:
-    """Return the flops that are still unknown after a reset with unknown other inputs.
+    """Return the flops whose values are unknown after a reset with all other inputs unknown.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ def addresses(config: ReadoutConfig) -> tuple[str, ...]:
 
 
 def readout_for(config: ReadoutConfig, given: frozenset[str], shuttle: Shuttle) -> ReadoutConfig:
-    """Return the readout for a shuttle, with SPI registers, four-phase link, and enough clocks to load a frame.
+    """Return the readout for a shuttle, with SPI registers, four-phase link, and a sufficient clock frequency.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Test pattern generator, whose requests replace those of the array."""
+"""Test pattern generator; its requests replace those of the array."""
 
 from __future__ import annotations
 

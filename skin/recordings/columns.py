@@ -34,7 +34,7 @@ def match_columns(tables: Iterable[Table], options: Preparation) -> tuple[list[T
         if not options.names:
             options = dataclasses.replace(options, names=table.names)
         if len(table.names) == len(options.names) and table.names != options.names:
-            note = "some files have their columns in another order: they are taken by name"
+            note = "the column order differs between files: columns are matched by name"
             table = dataclasses.replace(_ordered(table, options.names), notes=(*table.notes, note))
         found.append(table)
     return found, options

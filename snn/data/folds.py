@@ -51,7 +51,7 @@ def matching(names: Sequence[str], pattern: str) -> NDArray[np.int64]:
     fits = np.array([fnmatch.fnmatchcase(name, pattern) for name in names])
     if not fits.any() or fits.all():
         which = "all names fit" if fits.all() else "no name fits"
-        raise InputError(f"{which} --test {pattern!r}; a name is as {names[0]}, and * stands for any text")
+        raise InputError(f"{which} --test {pattern!r}; an example of a name is {names[0]}, and * stands for any text")
     return np.flatnonzero(fits)
 
 

@@ -4,7 +4,7 @@
 
 Protocol: folds are stratified and fixed by a seed. Every cell trains twice with the same number of epochs. The first
 training uses all training images, and its last epoch counts. The second leaves out an inner validation part, which
-selects the epoch that counts. With a grid, the second training runs for every setting, and the setting with the best
+selects the epoch to evaluate. With a grid, the second training runs for every setting, and the setting with the best
 inner validation is used for both. Test images select nothing.
 """
 

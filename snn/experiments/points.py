@@ -119,7 +119,7 @@ class PointSummary:
         return self.cells.done < self.cells.of
 
     def result(self, reading: str) -> Result:
-        """Return the results for one of READINGS."""
+        """Return the results for the last epoch or for the selected epoch."""
         found = self.last if reading == "last" else self.selected
         assert found is not None
         return found

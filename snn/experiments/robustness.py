@@ -66,7 +66,7 @@ class Subject:
         """
         weights, note = load_weights(file), file.parent / "result.json"
         if not note.exists():
-            raise InputError(f"there is no {note.name} of the training beside {file}; give a folder of eskin train")
+            raise InputError(f"{note.name} of the training is missing beside {file}; give a folder of eskin train")
         result = read_result(note, file, weights)
         experiment = result.experiment
         if experiment.events is not None or experiment.variant:

@@ -64,7 +64,7 @@ def idle_settings(made: Experiment, settings: list[str] | None) -> tuple[str, li
 
 
 def parse_points(text: str) -> list[tuple[str, str]]:
-    """Return readout and numbers of every sweep point in a text.
+    """Return encoder and resolution, or frame rate and bits, of every sweep point in a text.
 
     Raises
     ------

@@ -306,7 +306,7 @@ def cross_validate(
     ----------
     experiment : Experiment
     folder : Path
-        Takes one file per cell, and the report.
+        Takes folder for a file per fold and seed, and the report.
     folds, seeds, fold_seed : int
         Seeds are 0 .. seeds - 1.
     workers : int or None

@@ -175,7 +175,7 @@ def load_trained(path: Path) -> Trained:
     note = path.parent / "result.json"
     if not note.exists():
         bins = BinConfig(bin_s=weights.step_s)
-        return Trained(weights, bins, unknown=f"there is no {note.name} of the training beside {path.name}")
+        return Trained(weights, bins, unknown=f"{note.name} of the training is missing beside {path.name}")
     result = read_result(note, path, weights)
     experiment = result.experiment
     if experiment.frames is not None:
@@ -223,7 +223,7 @@ def load_test_scans(
     """
     note = path.parent / "result.json"
     if not note.exists():
-        raise InputError(f"there is no {note.name} of the training beside {path.name}")
+        raise InputError(f"{note.name} of the training is missing beside {path.name}")
     result = read_result(note, path, weights)
     data = result.experiment.data(progress)
     if data.class_names != result.class_names:

@@ -66,7 +66,7 @@ class Rates:
     square_sum_hz2: float
 
     def taxel_rates(self, readout: Readout, resolution: FloatArray, tau_s: FloatArray, taxels: int) -> TaxelRates:
-        """Return these rates for any resolution; the array is that of the recordings."""
+        """Return the measured rates, independent of resolution and time constant."""
         ones = np.ones_like(resolution * tau_s)
         return TaxelRates(self.population_hz * ones, self.square_sum_hz2 * ones)
 

@@ -46,7 +46,7 @@ def show(
 
 @app.command()
 def fail(how: str) -> None:
-    """Fail in one of several ways."""
+    """Fail in a chosen way."""
     if how == "input":
         raise InputError("the\n  sentence.")
     if how == "file":

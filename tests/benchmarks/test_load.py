@@ -1,4 +1,4 @@
-"""Test the arbiters in the load benchmark; ours must equal the arbiter of the readout."""
+"""Test the arbiters of the load benchmark; our arbiter must equal that of the readout."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ def test_play_on_a_simulated_board_is_the_models_and_sends_every_event(call: Cal
         line = f"play weights.npz --samples codes.npy --port {board.port} --udp 127.0.0.1:{found.port} --out a.npz"
         line += " --patience 300"  # the model may be compiled first
         code, out, err = call(line)
-    assert (code, out.splitlines()[1:]) == (0, ["events and classes are the model's"]), err
+    assert (code, out.splitlines()[1:]) == (0, ["events and classes equal the model's"]), err
     events = Recording.load(folder / "a.npz").events
     assert len(events) > 300
     assert [struct.unpack(">i", data[:4])[0] for data in found.datagrams] == list(range(len(found.datagrams)))
@@ -100,8 +100,11 @@ def listen_on(link: Link) -> None:
             Frame(Kind.STATUS, 1, b"").encode()[:-3] + b"\x00\x00~",
             "frame 0 to the board arrived damaged .it waits for 1",
         ),
-        (Frame(Kind.STATUS, 5, b"").encode(), "frame 5 to the board came out of turn: one before it was lost"),
-        (Frame(99, 1, b"").encode(), "frame 1 to the board is none that the board knows"),
+        (
+            Frame(Kind.STATUS, 5, b"").encode(),
+            "frame 5 to the board arrived out of order, because an earlier frame was lost",
+        ),
+        (Frame(99, 1, b"").encode(), "frame 1 to the board has a kind that the board does not know"),
     ],
 )
 def test_a_simulated_board_refuses_what_a_board_refuses(frame: bytes, sentence: str) -> None:

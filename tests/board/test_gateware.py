@@ -201,12 +201,12 @@ def test_a_recording_on_the_board_gives_the_events_and_classes_of_the_model(
     recordings = {name: Recording.load(tmp_path / f"{name}.npz") for name in ("clean", "again", *faults)}
     whole = recordings["clean"].events
     assert (said["clean"]["code"], said["again"]["code"]) == (0, 0), said
-    assert said["clean"]["out"].splitlines()[1] == "events and classes are the model's"
+    assert said["clean"]["out"].splitlines()[1] == "events and classes equal the model's"
     assert len(whole) > 300
     assert np.array_equal(recordings["again"].events, whole)
     sentences = {
-        "flipped": "to the board (arrived damaged|came out of turn)",
-        "dropped": "to the board (arrived damaged|came out of turn)",
+        "flipped": "to the board (arrived damaged|arrived out of order)",
+        "dropped": "to the board (arrived damaged|arrived out of order)",
         "back": "a frame from the board arrived damaged",
         "pulled": "is gone; check the cable",
         "other": "the board's bitstream has another network or array",

@@ -209,7 +209,7 @@ MISHAPS = {
         b.say(EVENT) + b.say()[:0] + b.say(EVENT)
     ),
     "frame 1 to the board arrived damaged .it waits for 1.": lambda f, b: b.say(EVENT, Refused(1, 1, Reason.DAMAGED)),
-    "frame 1 to the board came out of turn": lambda f, b: b.say(EVENT, Refused(1, 0, Reason.SEQUENCE)),
+    "frame 1 to the board arrived out of order": lambda f, b: b.say(EVENT, Refused(1, 0, Reason.SEQUENCE)),
     "is gone; check the cable": lambda f, b: b.pull(),
     "acknowledged frame 9, which is not due": lambda f, b: b.say(EVENT, Ack(9)),
 }

@@ -107,7 +107,7 @@ BAD_EVENTS: list[tuple[Any, ReadoutConfig, int, str]] = [
     (make_events([-1], 0, 0), CONFIG, 9, "event 0 has t = -1, outside 0..8 (the duration in clocks)"),
     (make_events([1, 2], 0, [0, 5]), CONFIG, 9, "event 1 has x = 5, outside 0..4 (columns)"),
     (make_events([1, 2], [0, -1], 0), CONFIG, 9, "event 1 has y = -1, outside 0..2 (rows)"),
-    (make_events([4, 3], 0, 0), CONFIG, 9, "event 1 is earlier than the one before it"),
+    (make_events([4, 3], 0, 0), CONFIG, 9, "event 1 is earlier than the event before it"),
     (
         make_events([1, 2], 0, 0, [True, False]),
         CONFIG.replace(encoding="nlcs"),
@@ -263,7 +263,7 @@ FOREIGN: list[tuple[Any, Any, str]] = [
         header_with(config=CONFIG.to_dict() | {"rows": 99}),
         "rows must be in 1..64, not 99",
     ),
-    (sample_events()[::-1], header_with(), "event 1 is earlier than the one before it"),
+    (sample_events()[::-1], header_with(), "event 1 is earlier than the event before it"),
     (
         sample_events().astype([("t", "<i8"), ("x", "<i8"), ("y", "<i8"), ("p", "?")]),
         header_with(),

@@ -409,7 +409,7 @@ def test_columns_are_matched_by_name(tmp_path):
     given = {"sample_rate_hz", "rows", "columns", "clocks_per_sample"}
     found = read_set(tmp_path / "s", options, config, given)
     assert (found.codes[0] == found.codes[1]).all()
-    assert "some files have their columns in another order: they are taken by name" in found.notes
+    assert "the column order differs between files: columns are matched by name" in found.notes
     again = OwnReadout.of(found.recording(0)[0]).read(tmp_path / "t")  # as those of a training
     assert (again.codes[0] == found.codes[0]).all()
     (tmp_path / "s/b/0.csv").write_text("s0,s1,x\n3,2,3\n2,3,5\n4,3,2\n")

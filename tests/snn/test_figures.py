@@ -205,7 +205,7 @@ def test_the_published_points_are_those_of_the_paper() -> None:
 def test_what_is_drawn_is_what_the_sweeps_say(snn: Call, files: list[str], folder: Path, reading: str) -> None:
     code, out, _ = snn("fig9", *files, "--reading", reading, "-o", "pictures", "--data-out", "numbers")
     assert code == 0
-    assert "left out, as no seed is finished: plain: nlcs-8b" in out
+    assert "left out, because no seed is finished: plain: nlcs-8b" in out
     assert (folder / "pictures" / "fig9.png").stat().st_size > 10_000
     data = json.loads((folder / "numbers" / "fig9.json").read_text())
     own = {(p["sweep"], p["name"]): p for p in data["points"] if p["sweep"] != "published"}

@@ -400,7 +400,7 @@ def test_an_export_says_what_other_libraries_lack(
         "floor -1: NIR, snnTorch and Norse have no floor",
         "reset by subtraction: NIR only has a reset to a value",
         "readout LI: snnTorch and Norse cannot read this node",
-        "what that costs was not measured: there is no result.json of the training beside w.npz",
+        "the loss of accuracy was not measured: result.json of the training is missing beside w.npz",
     ):
         assert line in text
     save_weights(Path("w.npz"), made(**VARIANTS["no floor"]))

@@ -162,7 +162,7 @@ def test_test_images_are_told_from_training_images(tmp_path: Path, trained: Path
     result = json.loads((trained / "result.json").read_text())
     right = sum(a == b for a, b in zip(result["labels"], result["predicted"], strict=True))
     assert f"test images of the fold: accuracy {result['accuracy']:.1%} ({right} of {len(result['labels'])})" in output
-    assert "training images (the network has learned them: this is no result): accuracy" in output
+    assert "training images (used in the training: not a valid result): accuracy" in output
     tested = [image for image in images_in(tmp_path) if image["part"] == "test"]
     assert [image["predicted"] for image in tested] == [result["class_names"][k] for k in result["predicted"]]
     accuracy = json.loads((tmp_path / "predictions.json").read_text())["accuracy"]
@@ -176,7 +176,7 @@ def test_images_of_another_dataset_are_of_no_part(tmp_path: Path, replayed: Path
     dataclasses.replace(made, metadata=made.metadata | {"dataset": "mine"}).save(tmp_path / "a.npz")
     code, output, _ = call("--events", tmp_path / "a.npz")
     assert code == 0
-    assert "images that are not of the training: accuracy" in output
+    assert "images not used in the training: accuracy" in output
     assert images_in(tmp_path)[0]["part"] == "other"
 
 
@@ -187,7 +187,7 @@ def test_without_the_result_of_the_training_nothing_is_said_about_folds(
     code, output, _ = call("--events", replayed, weights=tmp_path / "weights.npz")
     assert code == 0
     assert "all images: accuracy" in output
-    assert "learned some of them: there is no result.json of the training beside weights.npz" in output
+    assert "learned some of them: result.json of the training is missing beside weights.npz" in output
     assert {image["part"] for image in images_in(tmp_path)} == {None}
 
 
@@ -308,7 +308,7 @@ def test_an_event_moved_by_a_clock_in_its_bin_is_found(tmp_path: Path, replayed:
     assert "reproduce: eskin predict" in output
     assert f"--events {path} --check-model\n" in output
     assert output.splitlines()[-1] == (
-        "FAILED: of 6 images compared differ 1 in events, 0 in tensors, 0 in logits, 0 in predictions"
+        "FAILED: of 6 compared images, 1 in events, 0 in tensors, 0 in logits, 0 in predictions differ"
     )
     report = json.loads((tmp_path / "predictions.json").read_text())
     assert report["check"]["different"]["events"] == ["gravel/gravel-00"]
@@ -348,7 +348,7 @@ def test_a_changed_event_is_found(
     code, output, _ = call("--events", tmp_path / "in", "--check-model")
     assert code == 1
     assert words in output
-    assert "FAILED: of 6 images compared differ 1 in events, " in output
+    assert "FAILED: of 6 compared images, 1 in events, " in output
 
 
 @pytest.mark.parametrize(
@@ -375,7 +375,7 @@ def test_a_file_that_says_something_else_than_its_events_is_found(
     code, output, _ = call("--events", path, "--check-model")
     assert code == 1
     assert words in output
-    assert "FAILED: of 1 images compared differ 1 in events" in output
+    assert "FAILED: of 1 compared images, 1 in events" in output
 
 
 def test_counts_and_logits_are_compared_by_themselves(
@@ -393,7 +393,7 @@ def test_counts_and_logits_are_compared_by_themselves(
         code, output, _ = call("--events", replayed, "--check-model")
     assert code == 1
     assert "brick/brick-00: step 0, taxel (0, 0), channel 0: model" in output
-    assert "differ 0 in events, 6 in tensors, " in output
+    assert "images, 0 in events, 6 in tensors, " in output
     calls = 0
     forward = evaluate.logits_of
 
@@ -408,7 +408,7 @@ def test_counts_and_logits_are_compared_by_themselves(
         code, output, _ = call("--events", replayed, "--check-model")
     assert code == 1
     assert "brick/brick-00: logits of the model [" in output
-    assert "differ 0 in events, 0 in tensors, 6 in logits, 0 in predictions" in output
+    assert "images, 0 in events, 0 in tensors, 6 in logits, 0 in predictions differ" in output
 
 
 def test_nothing_compared_is_a_failure(tmp_path: Path, replayed: Path, call: Call) -> None:
@@ -420,7 +420,7 @@ def test_nothing_compared_is_a_failure(tmp_path: Path, replayed: Path, call: Cal
     assert not Check([], 0, {}, np.zeros((1, 3), np.float32)).passed
     code, output, _ = call("--events", tmp_path / "a.npz", "--events", replayed, "--check-model")
     assert code == 0
-    assert "1 recordings are not of the RTL and were not compared" in output
+    assert "1 recordings do not come from the RTL and were not compared" in output
     assert output.splitlines()[-1].startswith("6 of 6 recordings: same events")
 
 

@@ -196,7 +196,10 @@ def test_cells_are_kept_resumed_and_paired(
     (tmp_path / "a" / "fold-0").rename(tmp_path / "a" / "other")
     (tmp_path / "a" / "fold-0").symlink_to(tmp_path / "b" / "fold-0")
     for line, message in (
-        ("robustness b/fold-0 a/other a/other", "network 'a' comes twice with fold 0 and seed 0; rename a folder"),
+        (
+            "robustness b/fold-0 a/other a/other",
+            "network 'a' has two trainings with fold 0 and seed 0; rename a folder",
+        ),
         ("robustness a --only colour", "disturbances are speed, height,"),
         ("robustness a --only noise=much", "the strength of noise must be a number, not 'much'"),
         ("robustness a --only noise=-1", "the strength of noise must be a number from 0, not -1.0"),

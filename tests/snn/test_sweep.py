@@ -204,7 +204,7 @@ def test_a_setting_that_some_points_do_not_have_is_said(
         run(app, "eskin", ["sweep", "--dataset", "embedded", "--out", str(tmp_path), *words])
     assert left.value.code == 2
     note, _ = capsys.readouterr().err.splitlines()
-    assert note == "note: --set decay means nothing to the network of rnn-20, gru-20"
+    assert note == "note: --set decay has no effect on the network of rnn-20, gru-20"
 
 
 def test_the_table_has_the_interval_over_images_and_seeds(capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ OURS = ("eskin", "tests", "cocotb_tests", "conftest")
 
 
 def play(place: str, words: list[str], log: str, limit_s: int) -> None:
-    """Run a module in a folder, as ``python -m`` does, with its output in a file.
+    """Run a Python module in a folder with its output in a file.
 
     Parameters
     ----------

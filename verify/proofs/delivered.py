@@ -42,7 +42,7 @@ class Different(AssertionError):
 
 
 def prove(gold_rtlil: str, gate_verilog: str, initial: bool = False) -> dict[str, int]:
-    """Return the proved points of each module.
+    """Return the number of points proved equivalent in each module.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def prove(gold_rtlil: str, gate_verilog: str, initial: bool = False) -> dict[str
 
 
 def prove_config(config: Config) -> dict[str, int]:
-    """Return the proved points of each module for the Verilog of a configuration."""
+    """Return the number of points proved equivalent in each module of a configuration's Verilog."""
     return prove(rtlil(config), verilog(config))
 
 

@@ -30,8 +30,10 @@ if TYPE_CHECKING:
 BAUD = 2_000_000
 Port = Annotated[str, typer.Option(help="serial port of the board, such as /dev/ttyUSB0")]
 Baud = Annotated[int, typer.Option(min=1, help="bits per second of the board")]
-Page = Annotated[int | None, typer.Option(metavar="PORT", help="also show a live page in a browser on this machine")]
-Udp = Annotated[str | None, typer.Option(metavar="HOST:PORT", help="also send every event there, in jAER's UDP format")]
+Page = Annotated[int | None, typer.Option(metavar="PORT", help="also serve a live page at this port of this machine")]
+Udp = Annotated[
+    str | None, typer.Option(metavar="HOST:PORT", help="also send every event to this address, in jAER's UDP format")
+]
 Patience = Annotated[
     float, typer.Option(metavar="SECONDS", min=0.1, help="seconds of silence after which the board counts as lost")
 ]
@@ -86,13 +88,15 @@ def play(
             session.load(link, network)
             received.observed = session.play(link, chip, codes)
     found = (
-        network.class_names[received.classes[-1].winner] if received.classes else "no class, for want of a whole bin"
+        network.class_names[received.classes[-1].winner]
+        if received.classes
+        else "no class, because no bin was complete"
     )
     print(printable(f"{name}: {found}; {len(received.events)} events, {len(received.classes)} bins; {out}"))
     if check and (difference := session.difference(chip, network, codes, received)) is not None:
         print(f"{difference}\nMISMATCH")
         raise typer.Exit(1)
-    print("events and classes are the model's" if check else "not compared with the model")
+    print("events and classes equal the model's" if check else "not compared with the model")
 
 
 @with_config
@@ -139,7 +143,7 @@ def listen(
             received.observed = session.observed_clocks(received)
     print(printable(f"{received.count} events in {received.observed / clock_hz:.3f} s; {out}"))
     if lost := received.counts.get("lost", 0):
-        print(f"LOST {lost} events: the chip sent more than the serial line takes")
+        print(f"LOST {lost} events: the chip sent them faster than the serial line can carry")
         raise typer.Exit(1)
 
 

@@ -40,7 +40,8 @@ def demo(
     browser: Annotated[bool, typer.Option(help="open the page in a browser")] = True,
     udp: Udp = None,
     speed: Annotated[
-        float | None, typer.Option(min=1e-4, help="recorded seconds per second [1, slower for short ones]")
+        float | None,
+        typer.Option(min=1e-4, help="playback speed, recorded seconds per second [1, slower for short inputs]"),
     ] = None,
     only: Annotated[str | None, typer.Option(help="image or recording, by name")] = None,
     limit: Annotated[int | None, typer.Option(min=1, help="number of images or recordings [until Ctrl-C]")] = None,

@@ -62,4 +62,4 @@ def cell_bar(total: int) -> Iterator[Any]:
 
 
 def _state(run: PointRun) -> str:
-    return f"{len(run.done)} of {len(run.paths)} cells done, accuracy so far {run.accuracy:.1%}"
+    return f"{len(run.done)} of {len(run.paths)} trainings done, accuracy so far {run.accuracy:.1%}"

@@ -21,13 +21,15 @@ from eskin.model.encoders import registry
 
 def counts(
     context: typer.Context,
-    points: Annotated[str, typer.Option(metavar="ENCODER:N,...", help="readouts of N bits")] = "nlcs:6,nlcs:8,nlcs:10",
+    points: Annotated[
+        str, typer.Option(metavar="ENCODER:N,...", help="encoders with resolution")
+    ] = "nlcs:6,nlcs:8,nlcs:10",
     preset: Preset = "paper",
     tau: Tau = None,
     dataset: DatasetName = None,
     bin_s: BinSeconds = None,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE", help="JSON file for the numbers"), WRITES_FILE
+        Path | None, typer.Option("-o", "--out", metavar="FILE", help="JSON file for the results"), WRITES_FILE
     ] = None,
 ) -> None:
     """Compare the event counts of several resolutions of an encoder on the same scans.

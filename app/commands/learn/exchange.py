@@ -65,7 +65,7 @@ def _tell_lacks(path: Path, weights: Weights) -> None:
         with bar("recording scans") as step:
             images, accuracies = accuracies_on_test(path, weights, networks, step)
     except InputError as error:
-        print(printable(f"what that costs was not measured: {error}"))
+        print(printable(f"the loss of accuracy was not measured: {error}"))
         return
     parts = [f"{accuracy:.1%} {words}" for words, accuracy in accuracies.items()]
     print(f"accuracy of the {images} test images: {', then '.join(parts)}")
@@ -110,19 +110,19 @@ def quantise(
     decay_bits: Annotated[
         int | None, typer.Option(help="bits of a decay, 2..16 [a shift; 8 with synaptic currents]")
     ] = None,
-    threshold_bits: Annotated[int, typer.Option(help="least bits of the threshold, 2..16")] = 8,
+    threshold_bits: Annotated[int, typer.Option(help="smallest number of bits of the threshold, 2..16")] = 8,
     membrane_bits: Annotated[
         int | None, typer.Option(help="bits of a hidden potential [enough for all inputs]")
     ] = None,
-    lanes: Annotated[int, typer.Option(help="weights added in one clock")] = 16,
+    lanes: Annotated[int, typer.Option(help="weights added per clock")] = 16,
     clock: Annotated[
         float | None,
         typer.Option(
-            metavar="HZ", help="clock of the hardware [50e6; own recordings: the least for the work of a bin]"
+            metavar="HZ", help="clock frequency of the hardware [50e6; own recordings: the lowest that suffices]"
         ),
     ] = None,
     accuracy: Annotated[
-        bool, typer.Option("--accuracy", help="classify the test images of the training, float and integer")
+        bool, typer.Option("--accuracy", help="print the accuracy of float and integer network on the test images")
     ] = False,
 ) -> None:
     """Quantise a trained network to integers for the hardware classifier, and write its memory images."""

@@ -19,9 +19,10 @@ def fig9(
         list[Path] | None,
         typer.Option(metavar="FILE|DIR", help="sweep, repeatable [those of the project and out/sweep/sweep.json]"),
     ] = None,
-    reading: Annotated[str, typer.Option(metavar="last|selected", help="epoch that counts")] = "last",
+    reading: Annotated[str, typer.Option(metavar="last|selected", help="epoch to evaluate")] = "last",
     confusion: Annotated[
-        str | None, typer.Option(metavar="NAME", help="points of the confusion matrices [best spiking of each preset]")
+        str | None,
+        typer.Option(metavar="NAME", help="sweep points for confusion matrices [best spiking point of each preset]"),
     ] = None,
     out: OutOption = DEFAULT_OUT,
     data_out: DataOutOption = None,
@@ -41,7 +42,7 @@ def fig9(
     if matrices["points"]:
         print(printable(write_results(out, "confusion", matrices, plot_confusion, data_out, command=asked_for())))
     for point in data["left_out"]:
-        print(printable(f"left out, as no seed is finished: {point}"))
+        print(printable(f"left out, because no seed is finished: {point}"))
 
 
 def fig8(

@@ -20,18 +20,22 @@ def frontier(
         list[str] | None,
         typer.Argument(
             metavar="POINT...",
-            help="PRESET/NETWORK/READOUT/TAXELS, such as physical/leaky/lcs:3/across:4 [all of docs]",
+            help="PRESET/NETWORK/READOUT/TAXELS, such as physical/leaky/lcs:3/across:4 [all documented points]",
         ),
     ] = None,
     seeds: Seeds = 1,
     inner: Annotated[
         int | None,
-        typer.Option(min=1, max=6, metavar="FOLDS", help="only inner validation, in so many folds; no test image"),
+        typer.Option(
+            min=1, max=6, metavar="FOLDS", help="only inner validation, in this number of folds, without test images"
+        ),
     ] = None,
-    draw: Annotated[Path | None, typer.Option(metavar="FILE", help="frontier.json to draw; nothing is trained")] = None,
+    draw: Annotated[Path | None, typer.Option(metavar="FILE", help="plot this frontier.json without training")] = None,
     dataset: DatasetName = None,
     out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="DIR", help="cells, frontier.json and .png"), WRITES_FOLDER
+        Path,
+        typer.Option("-o", "--out", metavar="DIR", help="folder for results, frontier.json and .png"),
+        WRITES_FOLDER,
     ] = Path("out/frontier"),
 ) -> None:
     """Train networks on a few taxels, and compare accuracy with events/s, bits/s and power.

@@ -50,13 +50,15 @@ StartRows = Annotated[int | None, typer.Option(min=1, help="scans per image (phy
 Disturbed = Annotated[
     int | None, typer.Option(min=1, help="additional training scans per image, randomly disturbed (physical)")
 ]
-Taxels = Annotated[str | None, typer.Option(metavar=CHOICES, help="taxels of the array that are read [all]")]
+Taxels = Annotated[str | None, typer.Option(metavar=CHOICES, help="taxels of the array to use [all]")]
 BinSeconds = Annotated[
     float | None, typer.Option("--bin", metavar="SECONDS", help="time bin, or step of frames [0.004]")
 ]
 Start = Annotated[
     float | None,
-    typer.Option(metavar="SECONDS", help="time from which events count [0; paper 0.01, nlcs 0.1]", show_default=False),
+    typer.Option(
+        metavar="SECONDS", help="time from which events are counted [0; paper 0.01, nlcs 0.1]", show_default=False
+    ),
 ]
 Epochs = Annotated[int, typer.Option(min=1, help="passes over the training scans")]
 Settings = Annotated[
@@ -65,7 +67,7 @@ Settings = Annotated[
 ]
 Grid = Annotated[
     list[str] | None,
-    typer.Option("--grid", metavar="NAME=VALUE,...", help="values to try; inner validation chooses; repeatable"),
+    typer.Option("--grid", metavar="NAME=VALUE,...", help="values to try, chosen by inner validation; repeatable"),
 ]
 Recipe = Annotated[
     str | None,
@@ -73,7 +75,7 @@ Recipe = Annotated[
 ]
 Folds = Annotated[int, typer.Option(min=2, help="stratified folds")]
 Seeds = Annotated[int, typer.Option(min=1, help="seeds per fold")]
-Workers = Annotated[int | None, typer.Option(min=1, help="processes of one thread [one per usable core]")]
+Workers = Annotated[int | None, typer.Option(min=1, help="number of worker processes [one per usable core]")]
 
 DEFAULT_RESOLUTION = 4
 

@@ -19,9 +19,9 @@ POINT = "SWEEP:POINT, such as rates-cnn:lcs-4; SWEEP is a file or a sweep of the
 def pair(
     first: Annotated[str, typer.Argument(metavar="A", help=POINT)],
     second: Annotated[str, typer.Argument(metavar="B", help="SWEEP:POINT to compare with")],
-    reading: Annotated[str, typer.Option(metavar="last|selected", help="epoch that counts")] = "last",
+    reading: Annotated[str, typer.Option(metavar="last|selected", help="epoch to evaluate")] = "last",
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE", help="JSON file for the numbers"), WRITES_FILE
+        Path | None, typer.Option("-o", "--out", metavar="FILE", help="JSON file for the results"), WRITES_FILE
     ] = None,
 ) -> None:
     """Compare the predictions of two sweep points image by image with McNemar's exact test."""

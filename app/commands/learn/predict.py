@@ -60,7 +60,7 @@ def predict(
         ),
     ] = None,
     out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="FILE", help="predictions of all recordings"), WRITES_FILE
+        Path, typer.Option("-o", "--out", metavar="FILE", help="file for the predictions"), WRITES_FILE
     ] = Path("out/predictions.json"),
 ) -> None:
     """Classify recordings with a trained network."""
@@ -140,10 +140,10 @@ def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> N
     if not check.passed:
         print("\n".join(map(printable, [*check.first.splitlines(), f"reproduce: {again}"])))
         differ = ", ".join(f"{len(numbers)} in {level}" for level, numbers in check.different.items())
-        print(f"FAILED: of {count} {noun} compared differ {differ}")
+        print(f"FAILED: of {count} compared {noun}, {differ} differ")
         raise typer.Exit(1)
     if count < len(recordings):
-        print(f"{len(recordings) - count} recordings are not of the RTL and were not compared")
+        print(f"{len(recordings) - count} recordings do not come from the RTL and were not compared")
     same = ", ".join(f"same {level}" for level in LEVELS)
     print(f"{count} of {count} {noun}: {same} ({check.events} events)")
 
@@ -165,8 +165,8 @@ def _print_scores(scores: dict[str, Score], trained: Trained) -> None:
     noun = "recordings" if trained.of_recordings else "images"
     words = {
         TEST: f"test {noun} of the fold",
-        TRAINING: f"training {noun} (the network has learned them: this is no result)",
-        OTHER: f"{noun} that are not of the training" if trained.parts else f"all {noun}",
+        TRAINING: f"training {noun} (used in the training: not a valid result)",
+        OTHER: f"{noun} not used in the training" if trained.parts else f"all {noun}",
     }
     for part, score in scores.items():
         print(f"{words[part]}: accuracy {score.accuracy:.1%} ({score.correct} of {score.total})")

@@ -40,7 +40,9 @@ def robustness(
         str | None, typer.Option(metavar="NAME[=STRENGTH],...", help="disturbances [all, at all strengths]")
     ] = None,
     out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="DIR", help="cells, robustness.json and .png"), WRITES_FOLDER
+        Path,
+        typer.Option("-o", "--out", metavar="DIR", help="folder for results, robustness.json and .png"),
+        WRITES_FOLDER,
     ] = Path("out/robustness"),
 ) -> None:
     """Test trained networks with noise, mismatch, faults and other movements.
@@ -57,13 +59,13 @@ def robustness(
     places = [(subject.network, subject.fold, subject.seed) for subject in subjects]
     if twice := [place for place in places if places.count(place) > 1]:
         network, fold, seed = twice[0]
-        raise InputError(f"network {network!r} comes twice with fold {fold} and seed {seed}; rename a folder")
+        raise InputError(f"network {network!r} has two trainings with fold {fold} and seed {seed}; rename a folder")
     out.mkdir(parents=True, exist_ok=True)
     try:
         with bar("cells", len(subjects) * len(chosen)) as step:
             cells = run_cells(subjects, chosen, out, step)
     except KeyboardInterrupt:
-        print(f"stopped; finished cells stay in {out}, and the same command continues", file=sys.stderr)
+        print(f"stopped; finished results stay in {out}, and the same command continues", file=sys.stderr)
         raise typer.Exit(EXIT_INTERRUPTED) from None
     points = summarise(cells)
     write_json(out / "robustness.json", origin(command_line(context)) | {"points": points})

@@ -32,7 +32,9 @@ def noise_power(
     noises: Annotated[str, typer.Option(metavar="MV,...", help="AFE output noise v_n, mV rms of 1 V")] = NOISES_MV,
     pair: Pair = None,
     out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="DIR", help="cells, noise_power.json and .png"), WRITES_FOLDER
+        Path,
+        typer.Option("-o", "--out", metavar="DIR", help="folder for results, noise_power.json and .png"),
+        WRITES_FOLDER,
     ] = Path("out/noise-power"),
 ) -> None:
     """Measure accuracy, event rate and power of trained networks at several levels of AFE noise."""
@@ -168,7 +170,9 @@ def precision(
         typer.Option(metavar="BITS[:tN][:mN],...", help="bits of weights, of the threshold, of a hidden potential"),
     ] = VARIANTS,
     out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="DIR", help="cells, precision.json and .png"), WRITES_FOLDER
+        Path,
+        typer.Option("-o", "--out", metavar="DIR", help="folder for results, precision.json and .png"),
+        WRITES_FOLDER,
     ] = Path("out/precision"),
 ) -> None:
     """Measure the accuracy of trained networks after quantisation to few bits."""

@@ -66,7 +66,9 @@ def sweep(
     workers: Workers = None,
     scheduler: Scheduler = None,
     out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="DIR", help="a folder per point, and sweep.json"), WRITES_FOLDER
+        Path,
+        typer.Option("-o", "--out", metavar="DIR", help="parent folder of a folder per point and of sweep.json"),
+        WRITES_FOLDER,
     ] = Path("out/sweep"),
 ) -> None:
     """Cross-validate networks for many readouts and resolutions.
@@ -96,7 +98,7 @@ def sweep(
                 made, out, pool=pool, folds=folds, seeds=seeds, command=command_line(context), progress=show
             )  # fmt: skip
     except KeyboardInterrupt:
-        print(f"stopped; finished cells stay in {out}, and the same command continues", file=sys.stderr)
+        print(f"stopped; finished results stay in {out}, and the same command continues", file=sys.stderr)
         raise typer.Exit(EXIT_INTERRUPTED) from None
     _print_table(found)
     print(printable(f"result: {out / 'sweep.json'}"))
@@ -104,7 +106,7 @@ def sweep(
 
 
 def _tell_idle(points: list[SweepPoint], settings: list[str] | None) -> None:
-    """Print the settings without effect on some points; raise an error for a setting without effect on all points."""
+    """Print the settings that affect only part of the points; raise an error for a setting that affects none."""
     from eskin.snn.experiments.settings import idle_settings
 
     idle: dict[str, list[str]] = {}
@@ -114,7 +116,7 @@ def _tell_idle(points: list[SweepPoint], settings: list[str] | None) -> None:
     for setting, names in idle.items():
         if len(names) == len(points):
             raise InputError(f"{setting} has no effect on any network of these points; leave it out")
-        print(printable(f"note: {setting} means nothing to the network of {', '.join(names)}"), file=sys.stderr)
+        print(printable(f"note: {setting} has no effect on the network of {', '.join(names)}"), file=sys.stderr)
 
 
 def _point(readout: str, numbers: str, options: dict[str, Any]) -> SweepPoint:

@@ -36,7 +36,9 @@ def train(
     fold: Annotated[int, typer.Option(min=0, help="test fold, from 0")] = 0,
     test: Annotated[
         str | None,
-        typer.Option(metavar="PATTERN", help="test the recordings with such names, as '*_1', in place of a fold"),
+        typer.Option(
+            metavar="PATTERN", help="test the recordings whose names match a pattern such as '*_1', instead of a fold"
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="seed of weights, order and augmentation")] = 0,
     checkpoint_every: Annotated[int, typer.Option(min=1, help="epochs between checkpoints")] = 5,
@@ -44,7 +46,7 @@ def train(
     device: Annotated[str, typer.Option(help="device name of torch")] = "cpu",
     watch_test: Annotated[
         bool,
-        typer.Option("--watch-test", help="also store the test accuracy of every epoch; it does not choose the epoch"),
+        typer.Option("--watch-test", help="also store the test accuracy of every epoch (not used to select an epoch)"),
     ] = False,
     out: Annotated[
         Path | None,
@@ -149,7 +151,9 @@ def crossval(
     seeds: Seeds = 3,
     workers: Workers = None,
     out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="DIR", help="one file per cell, and the report"), WRITES_FOLDER
+        Path,
+        typer.Option("-o", "--out", metavar="DIR", help="folder for a file per fold and seed, and the report"),
+        WRITES_FOLDER,
     ] = Path("out/crossval"),
 ) -> None:
     """Cross-validate a network over all folds and several seeds.

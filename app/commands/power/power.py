@@ -128,11 +128,11 @@ def _print_crossovers(data: dict[str, Any], sides: dict[str, Any], model: PowerM
 
     lines = [(f"N-LCS {float(tau):g} s", data["nlcs"][tau], sides["nlcs"][tau]) for tau in data["nlcs"]]
     lines.append(("LCS", data["lcs"], sides["lcs"]))
-    title = f"AFE noise (mV rms) where spikes and frames cost the same, {_mode_text(model)}"
+    title = f"AFE noise (mV rms) where spikes and frames need equal power, {_mode_text(model)}"
     table = new_table(("N", *(name for name, _, _ in lines)), title, left=())
     for i, n in enumerate(RESOLUTIONS):
         table.add_row(str(n), *(_side_text(values[i], side[i]) for _, values, side in lines))
-    table.caption = "spikes cost less above (>) or below (<) it, at any noise, or at none"
+    table.caption = "spikes need less power above (>) or below (<) this noise, at any noise, or at none"
     table.caption_justify = "left"
     show(table)
 
@@ -237,7 +237,7 @@ def _print_sensitivity(data: dict[str, Any]) -> None:
 
     title = (
         f"spiking / frame power, N = {data['resolution']}, tau {data['tau_s']:g} s, at AFE noise in mV rms; "
-        f"below 1 spikes cost less"
+        f"below 1 spikes need less power"
     )
     headings = ["corrections"]
     for readout in SPIKING:

@@ -19,7 +19,9 @@ _MOST_LINES = 32  # differing taxels listed
 def compare(
     a: Annotated[Path, typer.Argument(metavar="A", help="event file")],
     b: Annotated[Path, typer.Argument(metavar="B", help="event file")],
-    plot: Annotated[Path | None, typer.Option(help="raster picture of both", metavar="FILE"), WRITES_FILE] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="file for a raster plot of both recordings", metavar="FILE"), WRITES_FILE
+    ] = None,
 ) -> None:
     """Compare two event files; exit code 0 if all events are equal, 1 if not."""
     if plot is not None:

@@ -38,7 +38,8 @@ def convert(
         Path | None, typer.Option("--map", metavar="FILE", help="foreign events: taxel of each address, a .csv")
     ] = None,
     fields: Annotated[
-        str | None, typer.Option(metavar="A,B,...", help="table: its columns, of t, x, y, p, address, -")
+        str | None,
+        typer.Option(metavar="A,B,...", help="table: names of its columns: t, x, y, p, address, or - to skip"),
     ] = None,
     time_unit: Annotated[
         str | None, typer.Option("--time-unit", metavar="s|ms|us|ns|clocks", help="table: unit of its times")
@@ -52,9 +53,11 @@ def convert(
     ] = None,
     sort: Annotated[bool, typer.Option("--sort", help="foreign events: sort them by time")] = False,
     drop_unmapped: Annotated[
-        bool, typer.Option("--drop-unmapped", help="foreign events: leave out addresses that --map lacks")
+        bool, typer.Option("--drop-unmapped", help="foreign events: drop addresses that --map lacks")
     ] = False,
-    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="raster picture of the events"), WRITES_FILE] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="file for a raster plot of the events"), WRITES_FILE
+    ] = None,
     bin_s: Annotated[
         float | None, typer.Option("--bin", metavar="SECONDS", help="to .nir: counts per time bin instead of events")
     ] = None,

@@ -150,7 +150,7 @@ def decode(
     source: Annotated[Path, typer.Argument(metavar="EVENTS", help="event file")],
     out: Annotated[Path, typer.Option("-o", "--out", help="signals: .npz, .npy or .csv", metavar="FILE"), WRITES_FILE],
     plot: Annotated[
-        Path | None, typer.Option(help="picture of signals and events", metavar="FILE"), WRITES_FILE
+        Path | None, typer.Option(help="file for a plot of signals and events", metavar="FILE"), WRITES_FILE
     ] = None,
 ) -> None:
     """Reconstruct the signals of all taxels from an event file."""

@@ -26,7 +26,7 @@ def gatesim(
     seed: Annotated[int, typer.Option(help="seed of the scenarios")] = 0,
     textures: Annotated[int, typer.Option(help="scans, from alternating classes")] = 1,
     only: Annotated[str | None, typer.Option(help="one texture, by name, without scenarios")] = None,
-    ticks: Annotated[int | None, typer.Option(help="most sample ticks of a scan [all]")] = None,
+    ticks: Annotated[int | None, typer.Option(help="largest number of sample ticks per scan [all]")] = None,
     dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded'")] = None,
     out: Annotated[
         Path, typer.Option("-o", "--out", help="folder for netlist, pictures, events"), WRITES_FOLDER
@@ -43,9 +43,9 @@ def gatesim(
     unknown = gates.unknown
     if not unknown.clean:
         left = [*unknown.in_reset, *unknown.after, *unknown.outputs]
-        print(f"UNKNOWN after reset with all inputs unknown: {len(left)} of {unknown.flops} flops, {left[:3]}")
+        print(f"UNKNOWN after a reset with unknown inputs: {len(left)} of {unknown.flops} flops, {left[:3]}")
         raise typer.Exit(1)
-    print(f"known from reset on, all inputs unknown: {unknown.flops} flops")
+    print(f"known after a reset with unknown inputs: all {unknown.flops} flops")
     try:
         tally = play(plan, gates, config, f"GATES=1 LIB={lib}", lambda stage: print(f"{config.encoding}: {stage}"))
     except MismatchFound as mismatch:
@@ -151,7 +151,7 @@ def gatepower(
         bool, typer.Option("--three", help="measure analog LCS, analog N-LCS and frames of this array")
     ] = False,
     glitching: Annotated[
-        bool, typer.Option("--glitches", help="measure what events cost with and without a delay of each cell")
+        bool, typer.Option("--glitches", help="measure the energy of an event with and without cell delays")
     ] = False,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results, JSON"), WRITES_FOLDER] = Path(
         "out/gatepower"

@@ -17,7 +17,9 @@ from eskin.model.config import ReadoutConfig
 def layout(
     config: ReadoutConfig,
     name: Annotated[str, typer.Option(help="name of the run and its folder [from the configuration]")] = "",
-    compare: Annotated[bool, typer.Option(help="compare the netlist in the layout with the cells' too")] = True,
+    compare: Annotated[
+        bool, typer.Option(help="also compare the netlist of the layout with the synthesised one")
+    ] = True,
     out: Annotated[Path, typer.Option("-o", "--out", help="parent folder of the run"), WRITES_FOLDER] = Path(
         "out/layout"
     ),
@@ -52,9 +54,9 @@ def fpga(
             metavar="BITS", min=2, max=8, help="build only the classifier 128-256-6 with weights of BITS, on an ECP5-25"
         ),
     ] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="parent folder of the board"), WRITES_FOLDER] = Path(
-        "out/fpga"
-    ),
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="parent folder for the files of the board"), WRITES_FOLDER
+    ] = Path("out/fpga"),
 ) -> None:
     """Build the bitstream for a board, and report resources and clock; exit code 1 below 50 MHz.
 

@@ -26,8 +26,10 @@ def agree(
     bits: Annotated[str, typer.Option(metavar="BITS,...", help="bits of the weights, 2..8")] = "8,7,6,5,4,3,2",
     scans: Annotated[int, typer.Option(min=1, max=10_000, help="scans of random events")] = 512,
     bins: Annotated[int, typer.Option(min=1, max=10_000, help="time bins of a scan")] = 256,
-    rate: Annotated[float, typer.Option(help="most events in a bin and channel, 0..1")] = 0.3,
-    rtl: Annotated[int, typer.Option(min=0, help="scans that the RTL also computes, at the first of the bits")] = 1,
+    rate: Annotated[float, typer.Option(help="largest mean number of events per bin and channel, 0..1")] = 0.3,
+    rtl: Annotated[
+        int, typer.Option(min=0, help="number of scans also computed by the RTL, with the first value of --bits")
+    ] = 1,
     simulator: Annotated[str, typer.Option("--sim", help="verilator or icarus")] = "verilator",
     seed: Annotated[int, typer.Option(min=0, help="seed of the events")] = 0,
     out: Annotated[

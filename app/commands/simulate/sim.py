@@ -32,7 +32,7 @@ def sim(
     waves: Annotated[bool, typer.Option(help="write a waveform")] = False,
     textures: Annotated[int, typer.Option(help="scans or recordings per encoding, from alternating classes")] = 3,
     only: Annotated[str | None, typer.Option(help="one texture or recording, by name, without scenarios")] = None,
-    ticks: Annotated[int | None, typer.Option(help="most sample ticks of a scan [all]")] = None,
+    ticks: Annotated[int | None, typer.Option(help="largest number of sample ticks per scan [all]")] = None,
     seed: Annotated[int, typer.Option(help="seed of the scenarios")] = 0,
     dut: Annotated[
         list[Path] | None, typer.Option(help="Verilog to compare with the model instead of the RTL; may be repeated")

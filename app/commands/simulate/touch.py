@@ -51,7 +51,7 @@ def touch(
     check_alone(data, {}, {"--dataset": dataset})
     plan = session.plan(weights, data, dataset or EMBEDDED, limit, only, out)
     if only is None and limit is None and (learned := len(plan.material.names) - len(plan.names)):
-        print(f"{learned} that every network here has learned are left out")
+        print(f"{learned} left out, because every network was trained on them")
     with open_pool(workers, scheduler, replay.NEEDS, threads=True) as pool, bars() as show:
         print("building the chip for Verilator", file=sys.stderr)
         with reported("building the chip"):
@@ -83,9 +83,9 @@ def _conclude(plan: Plan, now: dict[str, Any]) -> None:
     if summary["float_known"]:
         print(f"the float networks: {summary['right_float']} of {summary['float_known']} right")
     print(
-        f"{summary['as_ideal_bins']} of {summary['images']} classes as without waiting; "
-        f"{summary['stalls']} clocks waited, {summary['overruns']} scans with an overrun; "
-        f"bin end to class at most {summary['latency_clocks']} clocks"
+        f"{summary['as_ideal_bins']} of {summary['images']} classes equal those without stalls; "
+        f"{summary['stalls']} stalled clocks, {summary['overruns']} scans with an overrun; "
+        f"at most {summary['latency_clocks']} clocks from bin end to class"
     )
     print(printable(f"answers: {plan.folder / 'summary.json'}" + (f"; picture: {picture}" if picture else "")))
     print(

@@ -25,7 +25,7 @@ def formal(
         ),
     ] = "",
     small: Annotated[bool, typer.Option(help="only one small configuration of each block")] = False,
-    mutants: Annotated[bool, typer.Option(help="also check that the properties fail for generated mutants")] = False,
+    mutants: Annotated[bool, typer.Option(help="also check that every property fails for generated mutants")] = False,
     limit: Annotated[int, typer.Option(min=1, metavar="SECONDS", help="time limit of one proof")] = 300,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
@@ -68,7 +68,7 @@ def formal(
 
 
 def faults(
-    small: Annotated[bool, typer.Option(help="only a few readouts, and few upsets of each flop")] = False,
+    small: Annotated[bool, typer.Option(help="only a few readouts, with few bit flips per flop")] = False,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
     """Inject bit flips into every flop, and test hostile inputs.
@@ -88,8 +88,8 @@ def faults(
 
 
 def coverage(
-    small: Annotated[bool, typer.Option(help="only a few runs")] = False,
-    only: Annotated[str, typer.Option(help="only runs whose names begin with this text")] = "",
+    small: Annotated[bool, typer.Option(help="run only a few simulations")] = False,
+    only: Annotated[str, typer.Option(help="run only simulations whose names begin with this text")] = "",
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results"), WRITES_FOLDER] = Path(
         "out/coverage"
     ),
@@ -139,7 +139,7 @@ def properties(
 def crosscheck(
     config: ReadoutConfig,
     texture: Annotated[int, typer.Option(min=0, help="number of the embedded texture")] = 0,
-    ticks: Annotated[int | None, typer.Option(min=1, help="sample ticks of the scan at most [all]")] = None,
+    ticks: Annotated[int | None, typer.Option(min=1, help="largest number of sample ticks of the scan [all]")] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
     """Simulate the delivered Verilog in CXXRTL, a third simulator, and lint all files with slang."""

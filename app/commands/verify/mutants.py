@@ -19,16 +19,17 @@ def mutants(
     model: Annotated[bool, typer.Option(help="mutate the model and the network instead of the RTL")] = False,
     block: Annotated[str, typer.Option(help="only this block or room: arbiter, link, taxel, classifier, ...")] = "",
     share: Annotated[
-        float | None, typer.Option(min=0.0, max=1.0, help="share of the places to mutate [0.3, with --model 0.07]")
+        float | None,
+        typer.Option(min=0.0, max=1.0, help="fraction of the source places to mutate [0.3, with --model 0.07]"),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="seed of the random edits")] = 1,
     apart_from: Annotated[
-        int | None, typer.Option(min=0, help="leave out the mutants that this seed draws from the same share")
+        int | None, typer.Option(min=0, help="leave out mutants that were drawn with this seed")
     ] = None,
-    again: Annotated[bool, typer.Option(help="judge survivors again, after new tests")] = False,
+    again: Annotated[bool, typer.Option(help="test survivors again, after new tests were added")] = False,
     limit: Annotated[int | None, typer.Option(min=1, help="largest number of mutants [all]")] = None,
     judging: Annotated[
-        bool, typer.Option("--judge/--no-judge", help="judge mutants, or only report earlier results")
+        bool, typer.Option("--judge/--no-judge", help="test mutants, or only report earlier results")
     ] = True,
     workers: Workers = None,
     scheduler: Scheduler = None,

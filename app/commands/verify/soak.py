@@ -27,7 +27,9 @@ def soak(
     set_: Annotated[
         list[str] | None,
         typer.Option(
-            "--set", metavar="NAME=VALUE", help="fixed part of the run of --only, instead of a random one; repeatable"
+            "--set",
+            metavar="NAME=VALUE",
+            help="fix a parameter of the run of --only, instead of drawing it; repeatable",
         ),
     ] = None,
     keep: Annotated[
