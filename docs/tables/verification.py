@@ -8,15 +8,15 @@ from typing import Any
 from docs.tables.write import filled, read, source, table
 
 EVIDENCE = {
-    "proved": ("formal", "properties of the RTL, runs of any length"),
-    "second solver": ("crossproof", "the proved properties, without and with bugs, searched again with z3"),
-    "covered": ("coverage", "RTL lines, branches, toggles; points of the specification"),
-    "killed": ("mutants", "generated mutants of the RTL, judged by tests and proofs"),
+    "proved": ("formal", "properties of the RTL, for simulations of any length"),
+    "second solver": ("crossproof", "the proved properties, searched again with z3, with and without planted bugs"),
+    "covered": ("coverage", "lines, branches and toggles of the Verilog; points of the specification"),
+    "killed": ("mutants", "generated mutants of the RTL, killed by tests or proofs"),
     "killed, model": (
         "mutants/model_and_snn",
-        "a sample of mutants of `model/` and `snn/`, judged by the tests of their files",
+        "a sample of mutants of `model/` and `snn/`, killed by tests",
     ),
-    "faults": ("faults", "upsets of every flop, and hostile surroundings"),
+    "faults": ("faults", "upsets of every flop, and hostile inputs"),
     "soaked": ("soak", "random configurations, RTL compared with model"),
     "hostile input": ("fuzz", "damaged files and out-of-range options"),
 }
@@ -34,8 +34,8 @@ ATTACKS = {
     "files": "damaged files",
     "options": "values of options",
     "liberty": "cell libraries",
-    "boards": "frames of a board, with right sums",
-    "state": "files that campaigns keep",
+    "boards": "packets of a board, with right checksums",
+    "state": "stored progress of long runs",
     "outputs": "output paths",
     "folders": "folders with special files",
 }
@@ -52,7 +52,7 @@ def signoff() -> None:
             report["result"] = f"fuzz: {cases:,} cases, {wrong} wrong"
         rows.append(report | {"kind": kind, "what": what})
     table(
-        " | what | last result | command | commit | date",
+        "kind | what was tested | last result | command | commit | date",
         rows,
         "{kind} | {what} | {result} | `{command}` | {commit} | {date}",
     )
@@ -67,7 +67,7 @@ def proofs() -> None:
         row["length"] = "any" if row["unbounded"] else "not proved"
         row["mutants"] = row["mutants"] or "not run"
     table(
-        "block | property |  | configurations | length of a run | generated mutants noticed",
+        "block | name | property | configurations | length of the simulation | mutants that violate the property",
         report["properties"],
         "{block} | {property} | {meaning} | {sizes} | {length} | {mutants}",
     )
@@ -94,7 +94,9 @@ def stages() -> None:
         tried = [f"{upsets:,}", f"{never:,}"] if upsets else ["not yet", ""]
         rows.append([block.replace("_", " "), stage, f"{proved} of {len(properties)}", str(mutants), *tried])
     table(
-        "block | stage | properties proved | fewest mutants noticed by a property | upsets tried | never recovers", rows
+        "block | stage | properties proved | fewest mutants that violate a property | upsets simulated"
+        " | never recovers",
+        rows,
     )
 
 
@@ -104,7 +106,7 @@ def coverage() -> None:
     words = {"line": "lines", "branch": "branches", "toggle": "toggles", "condition": "terms of conditions"}
     kinds = [report["constructs"][kind] | {"word": word} for kind, word in words.items()]
     table(
-        " | in all | reached | explained | neither",
+        "part of the Verilog | number | reached | with a reason | neither",
         [one | {"left": one["total"] - one["reached"] - one["explained"]} for one in kinds],
         "{word} | {total:,} | {reached:,} | {explained:,} | {left}",
     )
@@ -115,13 +117,16 @@ def unreached() -> None:
     """Print the reasons for uncovered Verilog."""
     reasons = sorted(evidence("coverage")["reasons"].items(), key=lambda item: -item[1]["constructs"])
     rows = [[reason, f"{one['constructs']:,}", "proved" if one["proved"] else "argued"] for reason, one in reasons]
-    table("never reached, because | constructs | ", rows)
+    table("reason why no simulation reaches them | parts | reason proved or argued", rows)
 
 
 def points() -> None:
     """Print functional coverage points by group."""
     groups = evidence("coverage")["points"]
-    table("points of | reached", [[name, filled("{reached:,} of {points:,}", one)] for name, one in groups.items()])
+    table(
+        "functional points of | reached",
+        [[name, filled("{reached:,} of {points:,}", one)] for name, one in groups.items()],
+    )
 
 
 def mutants() -> None:
@@ -132,7 +137,7 @@ def mutants() -> None:
         rest = row["total"] - row["equivalent"] - row["argued"]
         row["share"], row["quick"] = (f"{row[name] / rest:.1%}" for name in ("killed", "killed_quick"))
     table(
-        "block | mutants | proved equivalent | argued | killed of the rest | by the quick check | alive",
+        "block | mutants | proved equivalent | argued | killed, of the others | killed by the quick check | surviving",
         rows,
         "{block} | {total:,} | {equivalent:,} | {argued:,} | {share} | {quick} | {alive}",
     )
@@ -144,7 +149,7 @@ def model_mutants() -> None:
     report = evidence("mutants/model_and_snn")
     rows = [counts | {"file": file} for file, counts in report["per_file"].items()] + [report | {"file": "all"}]
     cells = "{file} | {places:,} | {total} | {argued} | {killed} | {alive}"
-    table("file | places | mutants | argued | killed | alive", rows, cells)
+    table("file | possible edits | mutants | argued | killed | surviving", rows, cells)
     source(report)
 
 
@@ -164,8 +169,8 @@ def fresh_mutants() -> None:
             report | left | {"name": name, "share": first["killed"] / rest, "quick": first["killed_quick"] / rest}
         )
     table(
-        "mutants of | drawn | not judged | proved equivalent | argued | others | killed at first | by quick check | "
-        "killed with new tests | alive",
+        "mutants of | drawn | not tested | proved equivalent | argued | others | killed at first | by quick check | "
+        "killed with new tests | surviving",
         rows,
         "{name} | {planned} | {left} | {equivalent} | {argued} | {rest} | {first} ({share:.1%}) | {quick:.1%} | "
         "{killed} | {alive}",
@@ -179,7 +184,10 @@ def fresh_survivors() -> None:
     parts = [evidence("mutants_fresh/rtl"), evidence("mutants_fresh/model")]
     found = [one for part in parts for one in part["mutants"] if one["verdict"] == "alive" or "first" in one]
     rows = [[f"`{one['edit']}`", f"`{one['by']}`" if one["by"] else one["verdict"]] for one in found]
-    table("mutant | killed now by, or alive", [[cell.replace("|", "\\|") for cell in row] for row in rows])
+    table(
+        "mutant | test that kills it now, or alive (survives)",
+        [[cell.replace("|", "\\|") for cell in row] for row in rows],
+    )
 
 
 def survivors() -> None:
@@ -188,7 +196,7 @@ def survivors() -> None:
     alive = [[one["name"], "alive"] for part in parts for one in part["survivors"]]
     argued = [[one["name"], one["why"]] for part in parts for one in part["argued_one_by_one"]]
     rows = [[f"`{name}`".replace("|", "\\|"), why.replace("|", "\\|")] for name, why in [*alive, *argued]]
-    table("mutant | argument, or alive", rows)
+    table("mutant | argument, or alive (survives)", rows)
 
 
 def faults() -> None:
@@ -208,7 +216,17 @@ def faults() -> None:
         off = max((line.get("off", -1) for line in lines), default=-1)
         more = [worst if counted else "", str(off) if off >= 0 else ""]
         rows.append([block.replace("_", " "), course, f"{total:,}", *shares, *more, str(never)])
-    table(["upset in", "course", "upsets", *outcomes, "most lost, added", "steps off for good", "never recovers"], rows)
+    titles = (
+        "no effect",
+        "own events wrong",
+        "other taxels' events moved",
+        "other taxels' events changed",
+        "until written",
+    )
+    table(
+        ["upset in", "stimulus", "upsets", *titles, "most events lost, added", "steps off for good", "never recovers"],
+        rows,
+    )
     source(report)
 
 
@@ -220,14 +238,14 @@ def hostile() -> None:
         lines = [line for line in cases if line["case"] == name]
         good, runs = (sum(line[key] for line in lines) for key in ("as stated", "runs"))
         rows.append([name, lines[0]["stated"], str(len(lines)), f"{good} of {runs}"])
-    table("surroundings | expected behaviour | readouts | runs as expected", rows)
+    table("hostile input | expected behaviour | readouts | simulations as expected", rows)
 
 
 def soak() -> None:
     """Print the totals of the soak test."""
     report = evidence("soak")
     table(
-        "clocks | events | configurations | runs | taxels, at most | hours | mismatches",
+        "clocks | events | configurations | simulations | most taxels | hours | mismatches",
         [report | {"hours": report["seconds"] / 3600}],
         "{clocks:,} | {events:,} | {configurations:,} | {runs:,} | {most_taxels:,} | {hours:.1f} | {mismatches}",
     )
@@ -239,7 +257,7 @@ def fuzz() -> None:
     """Print the fuzz campaign: inputs and outcomes."""
     report = evidence("fuzz")
     table(
-        " | cases | refused in a sentence | done | wrong",
+        "input | cases | refused in one sentence | command finished | wrong behaviour",
         [report[name] | {"text": text} for name, text in ATTACKS.items() if name in report],
         "{text} | {cases:,} | {refused:,} | {right or different:,} | {wrong:,}",
     )
