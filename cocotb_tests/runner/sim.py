@@ -137,7 +137,7 @@ def plan(
 
 
 def with_dut(plan: Plan, config: ReadoutConfig, files: Sequence[Path], top: str) -> Plan:
-    """Return a plan that plays a user's readout instead of the RTL.
+    """Return a plan that simulates a user's readout instead of the RTL.
 
     Parameters
     ----------

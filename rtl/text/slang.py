@@ -1,4 +1,4 @@
-"""Read Verilog with slang, a front end as strict about the language as commercial tools."""
+"""Read Verilog with slang, a strict SystemVerilog front end."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def top_of(design: Any, top: str) -> Any:
 
 
 def ports_of(text: str, top: str) -> dict[str, Port]:
-    """Return the ports of a module by their names.
+    """Return the ports of a module by name.
 
     Raises
     ------

@@ -58,12 +58,12 @@ def write_signals(recordings: RecordingSet, folder: Path) -> None:
 
 
 def has_signals(folder: Path) -> bool:
-    """Return whether a folder of event files has the samples behind them."""
+    """Return True if a folder of event files also holds the original samples."""
     return (folder / _CODES).exists()
 
 
 def signals_of(folder: Path) -> tuple[dict[str, NDArray[np.int32]], float]:
-    """Return the codes of each recording by name, shape (ticks, taxels), and their samples per second."""
+    """Return the codes of each recording by name, shape (ticks, taxels), and their sampling rates."""
     content = _read(folder)
     assert content is not None, "has_signals was asked"
     try:

@@ -41,7 +41,7 @@ def stratified_folds(labels: NDArray[np.int64], folds: int, seed: int = 0) -> li
 
 
 def matching(names: Sequence[str], pattern: str) -> NDArray[np.int64]:
-    """Return the images whose names fit a pattern with ``*``, ``?`` and ``[...]``; refuse none and all.
+    """Return the indices of the names that match a pattern with ``*``, ``?`` and ``[...]``.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def matching(names: Sequence[str], pattern: str) -> NDArray[np.int64]:
 
 
 def tested(data: ScanData, folds: int, fold_seed: int, patterns: Sequence[str]) -> list[NDArray[np.int64]]:
-    """Return the test images of each fold: one fold for each pattern of names, else stratified folds.
+    """Return the test images of each fold, chosen by name patterns or stratified by class.
 
     Raises
     ------

@@ -54,7 +54,7 @@ def frame_dataset(
 
 
 def frames_of_recordings(folder: Path, frames: FrameSteps) -> ScanData:
-    """Return the frames of a user's recordings, from the samples beside their event files.
+    """Return the frames of a user's recordings, made from the samples beside their event files.
 
     Frame k is the newest sample at k / rate, as a converter that samples and holds gives it.
 
@@ -86,7 +86,7 @@ def frames_of_recordings(folder: Path, frames: FrameSteps) -> ScanData:
 
 
 def filled(scans: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Return scans as one array, shape (scans, steps, channels); the steps behind a shorter scan are 0."""
+    """Return scans as one array, shape (scans, steps, channels), with shorter scans padded with 0."""
     values = np.zeros((len(scans), max(map(len, scans)), scans[0].shape[1]), scans[0].dtype)
     for place, scan in zip(values, scans, strict=True):
         place[: len(scan)] = scan

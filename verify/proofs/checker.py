@@ -80,7 +80,7 @@ class Checker(Block[Config]):
         return {}
 
     def places(self, config: Config) -> dict[str, str]:
-        """Return the hierarchical names of those that lie in a submodule, by their names here."""
+        """Return the hierarchical names of checker inputs that are inside submodules."""
         return {}
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:

@@ -14,12 +14,12 @@ from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 def shows_steps(config: ReadoutConfig) -> bool:
-    """Return whether the ports show every step: the references are ports, and nothing else moves them."""
+    """Return True if every step of a reference is visible at the ports."""
     return config.frontend == "analog" and not (config.encoder.leaks or config.closes)
 
 
 class ReadoutChecker(Checker[ReadoutConfig]):
-    """Watch the readout and one taxel in it; samples, comparators and masks are free.
+    """Checker of the readout and of one taxel in it; samples, comparators and masks are free.
 
     A step is a move of the reference, where the ports show it (``shows_steps``). Else it is the taxel's own decision:
     ``TaxelChecker`` proves that the reference moves with it.
@@ -77,13 +77,13 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         return dict.fromkeys(self.places(config), In(1))
 
     def places(self, config: ReadoutConfig) -> dict[str, str]:
-        """Return the wires of each taxel that show its decisions, where the ports do not."""
+        """Return the internal signals that show the decisions of each taxel, unless the ports show them."""
         wires = [] if shows_steps(config) else ["asks", "moves", *(["on"] if config.has_polarity else [])]
         taxels = [divmod(taxel, config.columns) for taxel in range(config.taxels)]
         return {f"{wire}_{r}_{c}": f"row_{r}.taxel_{c}.{wire}" for wire in wires for r, c in taxels}
 
     def _steps_within(self, m: Module) -> tuple[Any, Any]:
-        """Return whether the watched taxel decided in the clock before, and whether its step goes up."""
+        """Return whether the watched taxel stepped one clock before, and whether it stepped up."""
         found = {}
         for wire in ("asks", "moves", "on"):
             own = [getattr(self, name) for name in self.places(self.config) if name.startswith(f"{wire}_")]
@@ -91,7 +91,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         return before(m, found["asks"] & found["moves"], "decided"), before(m, found["on"], "up")
 
     def _steps_at_ports(self, m: Module, enable: Signal) -> tuple[Any, Any]:
-        """Return whether the watched reference moved in the clock before, and whether it went up."""
+        """Return whether the watched reference moved one clock before, and whether it moved up."""
         config = self.config
         reference = Signal(signed(config.sample_bits), name="u")
         words = [self.reference_code[i * config.sample_bits :][: config.sample_bits] for i in range(config.taxels)]
