@@ -71,6 +71,24 @@ def asic_netlists() -> None:
     )
 
 
+def asic_delivered() -> None:
+    """Print the netlist of ``make asic`` beside that of the delivered Verilog with clock gates."""
+    published = netlists()["lcs-digital-8x8-ihp"]
+    rows = [
+        report | {"wired": report["with_wires"], "what": what, "gates": report["structure"]["clock_gates"]}
+        for what, report in (("`make asic`", published), ("delivered Verilog", read("docs/data/asic/delivered.json")))
+    ]
+    table(
+        f"8 x 8 LCS digital, IHP 130 nm | um2 per taxel | clock gates | idle, nW per taxel | {EVENT_TITLES}"
+        " | with wires: idle | alone | on a texture | commit",
+        rows,
+        "{what} | {area_um2_per_taxel:,.0f} | {gates} | {idle_w_per_taxel:1e9*.1f} | "
+        + ON_TEXTURE
+        + " | {wired[idle_w_per_taxel]:1e9*.1f} | {wired[energy_per_lone_event_j]:1e12*.2f}"
+        " | {wired[energy_per_texture_event_j]:1e12*.2f} | {commit}",
+    )
+
+
 def intuitive() -> None:
     """Print our netlists for the array of the INTUITIVE chip beside that analog chip."""
     print(
