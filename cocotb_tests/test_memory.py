@@ -17,7 +17,11 @@ from eskin.cocotb_tests.test_classifier import network_of
 
 CLOCKS = 400
 CONFIG = network_of(5, 12, 3, 4)
-TOPS = {"eskin_weights": CONFIG.weight_words, "eskin_neuron_weights": CONFIG.neuron_words}
+TOPS = {
+    "eskin_input_weights": CONFIG.input_words,
+    "eskin_recurrent_weights": CONFIG.recurrent_words,
+    "eskin_neuron_weights": CONFIG.neuron_words,
+}
 
 
 @cocotb.test()

@@ -16,7 +16,7 @@ from eskin.rtl.verilog import Config, rtlil, top_block
 GENERIC = "abc -g AND,OR,XOR,MUX"
 """Without a library: two-input gates, multiplexers and inverters, each counted as one."""
 
-MEMORIES = "eskin_weights eskin_neuron_weights"
+MEMORIES = "eskin_input_weights eskin_recurrent_weights eskin_neuron_weights"
 """Modules of the classifier that are macros: they are not counted."""
 
 GENERIC_FLOP = re.compile(r"\$_S?DFF\w*_")

@@ -49,7 +49,13 @@ FRAME_WAIVERS = WAIVERS | {"WIDTHEXPAND": "a narrower operand is extended by zer
 
 CLASSIFIER_WAIVERS = WAIVERS | {"CASEOVERLAP": "each condition of a case compares one state: at most one of them holds"}
 
-MEMORIES_WITHOUT_RESET = ("eskin_weights", "eskin_neuron_weights", "eskin_potentials", "eskin_lane")
+MEMORIES_WITHOUT_RESET = (
+    "eskin_input_weights",
+    "eskin_recurrent_weights",
+    "eskin_neuron_weights",
+    "eskin_potentials",
+    "eskin_lane",
+)
 
 UNUSED_RESET = "a memory has no reset"
 

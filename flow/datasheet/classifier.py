@@ -106,7 +106,8 @@ def _window(name: str, title: str, waves: list[Wave], start: int) -> Picture:
 def _memories(config: ClassifierConfig) -> list[str]:
     """Return the table of memories."""
     rows = [
-        ("rows of input and recurrent weights", config.weight_words, config.lanes * config.weight_bits),
+        ("rows of input weights", config.input_words, config.lanes * config.in_bits),
+        ("rows of recurrent weights", config.recurrent_words, config.lanes * config.rec_bits),
         ("output weights and biases", config.neuron_words, config.neuron_bits),
     ]
     if config.synapse_shift:

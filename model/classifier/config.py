@@ -161,7 +161,7 @@ class ClassifierConfig:
 
     @property
     def weight_bits(self) -> int:
-        """Bits of a weight in the row memory."""
+        """Bits of a weight in a loaded word, which is a word of input or of recurrent weights."""
         return max(self.in_bits, self.rec_bits)
 
     @property
@@ -170,9 +170,19 @@ class ClassifierConfig:
         return (self.groups - 1).bit_length()
 
     @property
+    def recurrent_words(self) -> int:
+        """Words of ``lanes`` recurrent weights: a row per hidden neuron, rounded up to a power of two."""
+        return self.hidden << self.row_bits
+
+    @property
+    def input_words(self) -> int:
+        """Words of ``lanes`` input weights: a row per input, rounded up to a power of two."""
+        return self.inputs << self.row_bits
+
+    @property
     def weight_words(self) -> int:
-        """Words of the row memory, rounded up to a power of two."""
-        return (self.hidden + self.inputs) << self.row_bits
+        """Words of weights in the order of their addresses: those of the hidden neurons, then those of the inputs."""
+        return self.recurrent_words + self.input_words
 
     @property
     def neuron_row_bits(self) -> int:
@@ -191,8 +201,9 @@ class ClassifierConfig:
 
     @property
     def memory_bits(self) -> int:
-        """Total bits of both weight memories."""
-        return self.weight_words * self.lanes * self.weight_bits + self.neuron_words * self.neuron_bits
+        """Bits of all memories of weights."""
+        rows = self.recurrent_words * self.rec_bits + self.input_words * self.in_bits
+        return rows * self.lanes + self.neuron_words * self.neuron_bits
 
     def additions(self, events: float, spikes: float, bins: float) -> float:
         """Return the number of row additions for a number of events, hidden spikes and bins."""

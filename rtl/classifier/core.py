@@ -11,7 +11,14 @@ from amaranth.lib.wiring import In, Out
 from eskin.model.classifier.config import ClassifierConfig, Leak
 from eskin.rtl.block import Block
 from eskin.rtl.classifier.lane import Lane
-from eskin.rtl.classifier.memory import NeuronMemory, PotentialMemory, WeightMemory, address_bits
+from eskin.rtl.classifier.memory import (
+    InputMemory,
+    NeuronMemory,
+    PotentialMemory,
+    RecurrentMemory,
+    WordMemory,
+    address_bits,
+)
 from eskin.rtl.classifier.numbers import add, fire, leak
 
 STALL_BITS = 24
@@ -105,7 +112,7 @@ class Classifier(Block[ClassifierConfig]):
         self.state = Signal(State, init=State.NEURONS)
         self.clearing = Signal(init=1)
         self.pending = Signal()
-        self.index = Signal(range(max(config.hidden + config.inputs, config.classes, 2)))
+        self.index = Signal(range(max(config.hidden, config.inputs, config.classes, 2)))
         self.step = Signal(range(max(config.groups, config.classes, 2)))
         self.spikes = Signal(config.hidden)
         # One clock later:
@@ -130,26 +137,46 @@ class Classifier(Block[ClassifierConfig]):
     def elaborate(self, platform: Any) -> Module:
         m = Module()
         config = self.config
-        weights, neurons = WeightMemory(config), NeuronMemory(config)
-        weights.place(m, "weights", platform)
+        inputs, recurrent, neurons = InputMemory(config), RecurrentMemory(config), NeuronMemory(config)
+        inputs.place(m, "inputs", platform)
+        recurrent.place(m, "recurrent", platform)
         neurons.place(m, "neurons", platform)
-        for memory, chosen in ((weights, ~self.load_neurons), (neurons, self.load_neurons)):
-            m.d.comb += [
-                memory.write_valid.eq(self.load_valid & chosen),
-                memory.write_address.eq(self.load_address),
-                memory.write_data.eq(self.load_data),
-            ]
+        behind = self.load_address >= config.recurrent_words
+        address = (self.load_address - config.recurrent_words)[: len(self.load_address)]
+        self._load(m, inputs, ~self.load_neurons & behind, address, self._weights(self.load_data, config.in_bits))
+        self._load(
+            m,
+            recurrent,
+            ~self.load_neurons & ~behind,
+            self.load_address,
+            self._weights(self.load_data, config.rec_bits),
+        )
+        self._load(m, neurons, self.load_neurons, self.load_address, self.load_data)
         word = Mux(self.state == State.NEURONS, config.classes, self.step)
         word = Mux(self.state == State.OUTPUTS, config.classes + 1, word)
+        row = Cat(self.step[: config.row_bits], self.index)
         m.d.comb += [
-            weights.read_address.eq(Cat(self.step[: config.row_bits], self.index)),
+            inputs.read_address.eq(row[: len(inputs.read_address)]),
+            recurrent.read_address.eq(row[: len(recurrent.read_address)]),
             neurons.read_address.eq(Cat(word[: config.neuron_row_bits], self.index)),
         ]
         self._control(m)
-        potential = self._lanes(m, weights.read_data, platform)
+        potential = self._lanes(m, inputs.read_data, recurrent.read_data, platform)
         self._hidden(m, potential, neurons.read_data, platform)
         self._outputs(m, neurons.read_data)
         return m
+
+    def _load(self, m: Module, memory: WordMemory, chosen: Value, address: Value, data: Value) -> None:
+        """Let the host write into a memory."""
+        m.d.comb += [
+            memory.write_valid.eq(self.load_valid & chosen),
+            memory.write_address.eq(address[: len(memory.write_address)]),
+            memory.write_data.eq(data[: len(memory.write_data)]),
+        ]
+
+    def _weights(self, word: Value, bits: int) -> Value:
+        """Return the weights of a loaded word, each cut to the bits of its memory."""
+        return Cat(word[lane * self.config.weight_bits :][:bits] for lane in range(self.config.lanes))
 
     # -- which address in which clock ------------------------------------------------------------
 
@@ -177,7 +204,7 @@ class Classifier(Block[ClassifierConfig]):
                     m.d.sync += [self.pending.eq(self.bin_end), self.state.eq(State.RECURRENT), self.index.eq(0)]
                 with m.Elif(self.event_valid):
                     channel = self.event_channel if config.channel_bits else 0
-                    m.d.sync += [self.state.eq(State.EVENT), self.index.eq(config.hidden + channel)]
+                    m.d.sync += [self.state.eq(State.EVENT), self.index.eq(channel)]
             with m.Case(State.RECURRENT):
                 m.d.comb += advance.eq(~fired | row_ends)
                 with m.If(advance):
@@ -236,8 +263,8 @@ class Classifier(Block[ClassifierConfig]):
 
     # -- what is done with the words ---------------------------------------------------------------
 
-    def _lanes(self, m: Module, words: Value, platform: Any) -> Value:
-        """Add the weights of a word to the potentials of a group; return the potential of the current neuron."""
+    def _lanes(self, m: Module, inputs: Value, recurrent: Value, platform: Any) -> Value:
+        """Add the weights of a word to the potentials of a group; return the potential of the neuron in turn."""
         config = self.config
         place = config.lanes.bit_length() - 1
         group = Mux(self.now_neuron, self.now_index >> place, self.now_step)
@@ -250,14 +277,14 @@ class Classifier(Block[ClassifierConfig]):
             own = (self.held_index[:place] == number) if place else 1
             m.d.comb += [
                 lane.add_valid.eq(self.now_adds),
-                lane.weight.eq(words[number * config.weight_bits : (number + 1) * config.weight_bits]),
+                lane.input_weight.eq(inputs.word_select(number, config.in_bits)),
+                lane.recurrent_weight.eq(recurrent.word_select(number, config.rec_bits)),
+                lane.recurrent.eq(self.now_recurrent),
                 lane.set_valid.eq(self.held_neuron & own),
                 lane.set_value.eq(self.next_potential),
             ]
             if config.row_bits:
                 m.d.comb += [lane.group.eq(group), lane.set_group.eq(written)]
-            if config.in_shift != config.rec_shift:
-                m.d.comb += lane.recurrent.eq(self.now_recurrent)
             potentials.append(lane.potential)
         chosen = Signal(signed(config.membrane_bits))
         m.d.comb += chosen.eq(Array(potentials)[lane_number] if place else potentials[0])

@@ -24,10 +24,8 @@ class Lane(Block[ClassifierConfig]):
         Which of its potentials is read, and which is written; absent where there is one.
     potential : Out(signed)
         As it is in this clock.
-    add_valid, weight : In
-        Add a weight at the end of this clock.
-    recurrent : In(1)
-        The weight is a recurrent one; absent where both kinds count the same.
+    add_valid, recurrent, input_weight, recurrent_weight : In
+        Add one of the two weights at the end of this clock.
     set_valid, set_value : In
         Write a potential instead.
     """
@@ -42,8 +40,9 @@ class Lane(Block[ClassifierConfig]):
                 "set_group": In(unsigned(config.row_bits)) if config.row_bits else None,
                 "potential": Out(signed(config.membrane_bits)),
                 "add_valid": In(1),
-                "weight": In(signed(config.weight_bits)),
-                "recurrent": In(1) if config.in_shift != config.rec_shift else None,
+                "recurrent": In(1),
+                "input_weight": In(signed(config.in_bits)),
+                "recurrent_weight": In(signed(config.rec_bits)),
                 "set_valid": In(1),
                 "set_value": In(signed(config.membrane_bits)),
             },
@@ -52,10 +51,10 @@ class Lane(Block[ClassifierConfig]):
     def elaborate(self, platform: Any) -> Module:
         m = Module()
         config = self.config
-        shifted = self.weight << config.in_shift
-        if config.in_shift != config.rec_shift:
-            shifted = Mux(self.recurrent, self.weight << config.rec_shift, shifted)
-        total = add(m, self.potential, shifted, config.membrane_bits, config.saturates)
+        weight = Mux(
+            self.recurrent, self.recurrent_weight << config.rec_shift, self.input_weight << config.in_shift
+        ).as_signed()
+        total = add(m, self.potential, weight, config.membrane_bits, config.saturates)
         value = Signal(signed(config.membrane_bits))
         written = Signal()
         m.d.comb += [

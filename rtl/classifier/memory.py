@@ -11,6 +11,10 @@ from amaranth.lib.wiring import In, Out
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.rtl.block import Block
 
+WIDEST = 64
+"""Bits of a part of a word. For 4,096 words of 128 bits in one part Yosys takes 30 block RAMs of 2,048 words and
+multiplexers behind them; in two parts it takes 32 of 4,096 words."""
+
 
 class WordMemory(Block[ClassifierConfig]):
     """Memory with one read port and one write port, without reset or initial content.
@@ -42,13 +46,22 @@ class WordMemory(Block[ClassifierConfig]):
         return _memory(self, self.words, self.bits, ~self.write_valid)
 
 
-class WeightMemory(WordMemory):
-    """Memory of the input and recurrent weights, with ``lanes`` weights per word."""
+class InputMemory(WordMemory):
+    """Rows of input weights, ``lanes`` in a word: one row per channel."""
 
-    module_name = "eskin_weights"
+    module_name = "eskin_input_weights"
 
     def __init__(self, config: ClassifierConfig) -> None:
-        super().__init__(config, config.weight_words, config.lanes * config.weight_bits)
+        super().__init__(config, config.input_words, config.lanes * config.in_bits)
+
+
+class RecurrentMemory(WordMemory):
+    """Rows of recurrent weights, ``lanes`` in a word: one row per hidden neuron."""
+
+    module_name = "eskin_recurrent_weights"
+
+    def __init__(self, config: ClassifierConfig) -> None:
+        super().__init__(config, config.recurrent_words, config.lanes * config.rec_bits)
 
 
 class NeuronMemory(WordMemory):
@@ -100,18 +113,21 @@ def _memory(block: WordMemory | PotentialMemory, words: int, bits: int, reads: V
     that does, and gets flops and multiplexers around it.
     """
     m = Module()
-    m.submodules.memory = memory = Memory(shape=unsigned(bits), depth=words, init=[])
-    read, write = memory.read_port(domain="comb"), memory.write_port()
     word = Signal.like(block.read_data, name="word", reset_less=True)
-    m.d.comb += [
-        read.addr.eq(block.read_address),
-        block.read_data.eq(word),
-        write.addr.eq(block.write_address),
-        write.data.eq(block.write_data),
-        write.en.eq(block.write_valid),
-    ]
-    with m.If(reads):
-        m.d.sync += word.eq(read.data)
+    m.d.comb += block.read_data.eq(word)
+    for first in range(0, bits, WIDEST):
+        part = slice(first, min(first + WIDEST, bits))
+        memory = Memory(shape=unsigned(part.stop - first), depth=words, init=[])
+        m.submodules[f"memory_{first // WIDEST}" if bits > WIDEST else "memory"] = memory
+        read, write = memory.read_port(domain="comb"), memory.write_port()
+        m.d.comb += [
+            read.addr.eq(block.read_address),
+            write.addr.eq(block.write_address),
+            write.data.eq(block.write_data[part]),
+            write.en.eq(block.write_valid),
+        ]
+        with m.If(reads):
+            m.d.sync += word[part].eq(read.data)
     return m
 
 

@@ -25,7 +25,7 @@ BINS = (7, 3, 3)
 """Time bins of three scans: flops are turned in the first; before the last the weights are loaded again."""
 UPSET_BINS = 3
 """Bins in which flops are turned."""
-MEMORY = re.compile(r"(weights|neurons)\.memory")
+MEMORY = re.compile(r"(inputs|recurrent|neurons)\.memory")
 """Flops that hold what the host loaded."""
 WATCHED = ("event_ready", "class_valid", "class_index", "evidence", "overrun", "stall_count")
 """Outputs that mean something in every clock; the others do where ``hidden_valid`` or ``output_valid`` is high."""

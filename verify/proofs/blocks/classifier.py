@@ -14,16 +14,17 @@ from amaranth.lib.wiring import In
 
 from eskin.model.classifier.config import ClassifierConfig, highest, lowest
 from eskin.rtl.classifier.core import STALL_BITS, Classifier, State
+from eskin.rtl.classifier.memory import address_bits
 from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 SPARE_BITS = 3
 """Bits of a sum of a checker beyond those of the classifier: a sum that leaves its bits is seen."""
 
-MEMORIES = ("eskin_weights", "eskin_neuron_weights")
+MEMORIES = ("eskin_input_weights", "eskin_recurrent_weights", "eskin_neuron_weights")
 
 
 class _ClassifierChecker(Checker[ClassifierConfig]):
-    """Common checker of the classifier; the words of both memories are free in every clock.
+    """Watches the whole classifier. The words of the memories are any words, another in every clock.
 
     Attributes
     ----------
@@ -46,10 +47,13 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         return super().observed(config) | {name: In(max((n - 1).bit_length(), 1)) for name, n in bits.items()}
 
     def inner(self, config: ClassifierConfig) -> dict[str, Any]:
-        lanes = {f"lane_{number}_weight": In(signed(config.weight_bits)) for number in range(config.lanes)}
-        return lanes | {
+        return {
             **{f"lane_{number}_set_valid": In(1) for number in range(config.lanes)},
-            "weights_read_address": In(max((config.weight_words - 1).bit_length(), 1)),
+            "inputs_read_address": In(address_bits(config.input_words)),
+            "inputs_read_data": In(config.lanes * config.in_bits),
+            "recurrent_read_address": In(address_bits(config.recurrent_words)),
+            "recurrent_read_data": In(config.lanes * config.rec_bits),
+            "lane_0_recurrent": In(1),
             "neurons_read_address": In(max((config.neuron_words - 1).bit_length(), 1)),
             "neurons_read_data": In(config.neuron_bits),
             "lane_0_add_valid": In(1),
@@ -82,8 +86,9 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         self.suppose(m, "events_fit", events <= config.events_per_bin)
         self.left = Signal(range(clears + 1), init=clears)
         m.d.sync += self.left.eq(Mux(self.scan_start, clears, self.left - (self.left != 0)))
-        self.read = before(m, self.weights_read_address, "row_read")
-        self.recurrent = (self.read >> config.row_bits) < config.hidden
+        self.recurrent = self.lane_0_recurrent
+        event_row = before(m, self.inputs_read_address, "event_row") + config.recurrent_words
+        self.read = Mux(self.recurrent, before(m, self.recurrent_read_address, "spike_row"), event_row)
         self.sets = Cat(getattr(self, f"lane_{number}_set_valid") for number in range(config.lanes)).any()
         word = before(m, self.neurons_read_address, "word_read")
         self.word, self.number = word, word[: config.neuron_row_bits]
@@ -293,8 +298,14 @@ class SumsChecker(_ClassifierChecker):
             held, spike, rest = self._fired(
                 m, total, config.threshold, config.floor, config.neuron_reset, config.leak_shift, f"neuron_{number}"
             )
-            weight = getattr(self, f"lane_{number % config.lanes}_weight")
-            plus = Mux(self.recurrent, weight << config.rec_shift, weight << config.in_shift)
+            of_event, of_spike = (
+                word.word_select(number % config.lanes, bits_of_one).as_signed()
+                for word, bits_of_one in (
+                    (self.inputs_read_data, config.in_bits),
+                    (self.recurrent_read_data, config.rec_bits),
+                )
+            )
+            plus = Mux(self.recurrent, of_spike << config.rec_shift, of_event << config.in_shift)
             kept = Mux(self.hidden_valid, rest, 0)
             exact = Signal(signed(bits + SPARE_BITS), name=f"sum_{number}")
             m.d.comb += exact.eq(Mux(sets, kept + (self.held_bias << config.bias_shift), total + plus))
