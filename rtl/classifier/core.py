@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Any
 
-from amaranth.hdl import Array, Cat, Module, Mux, Signal, Value, signed
+from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value, signed
 from amaranth.lib.wiring import In, Out
 
 from eskin.model.classifier.config import ClassifierConfig, Leak
@@ -248,6 +248,7 @@ class Classifier(Block[ClassifierConfig]):
     def _execute(self, m: Module, fired: Value) -> None:
         """Register the operation for the memory words that arrive in the next clock."""
         config, goes_on = self.config, ~self.scan_start
+        place = config.lanes.bit_length() - 1
         recurrent = (self.state == State.RECURRENT) & fired
         m.d.sync += [
             self.now_adds.eq(((self.state == State.EVENT) | recurrent) & goes_on),
@@ -258,37 +259,58 @@ class Classifier(Block[ClassifierConfig]):
             self.now_last.eq(self.index == config.classes - 1),
             self.now_clears.eq(self.clearing),
             self.now_index.eq(self.index[: len(self.now_index)]),
-            self.now_step.eq(self.step[: len(self.now_step)]),
+            self.now_step.eq(Mux(self.state == State.NEURONS, self.index >> place, self.step)[: len(self.now_step)]),
         ]
 
     # -- what is done with the words ---------------------------------------------------------------
 
     def _lanes(self, m: Module, inputs: Value, recurrent: Value, platform: Any) -> Value:
-        """Add the weights of a word to the potentials of a group; return the potential of the neuron in turn."""
+        """Add the weights of a word to the potentials of a group; return the potential of the neuron in turn.
+
+        No multiplexer chooses that neuron. In each clock that compares one, every lane takes the potential of the next
+        lane, so the neuron in turn is in lane 0. A potential after its reset comes a clock later and enters in the
+        last lane but one. So it reaches its own lane when the last neuron of its group is compared. The potential of
+        that neuron is written into the last lane in the clock after, beside the first shift of the next group.
+        """
         config = self.config
         place = config.lanes.bit_length() - 1
-        group = Mux(self.now_neuron, self.now_index >> place, self.now_step)
-        written = Mux(self.held_neuron, self.held_index >> place, self.now_step)
-        lane_number = self.now_index[:place]
-        potentials = []
-        for number in range(config.lanes):
-            lane = Lane(config)
+        lanes = [Lane(config) for _ in range(config.lanes)]
+        # The last lane of full groups, and of a group with fewer neurons: is it in turn, and its last neuron written?
+        ends: dict[int, tuple[Value, Value]] = {}
+        if config.hidden >= config.lanes:
+            ends[config.lanes - 1] = Const(1), self.held_index[:place].all() if place else Const(1)
+        if fewer := config.hidden % config.lanes:
+            ends[fewer - 1] = self.now_step == config.groups - 1, self.held_index == config.hidden - 1
+        for number, lane in enumerate(lanes):
             lane.place(m, f"lane_{number}", platform)
-            own = (self.held_index[:place] == number) if place else 1
+            shifts: Value = self.now_neuron
+            value = lanes[number + 1].potential if number + 1 < config.lanes else self.next_potential
+            group: Value = self.now_step
+            if number + 1 in ends:
+                in_turn, _ = ends[number + 1]
+                value = Mux(in_turn & self.now_index[:place].any(), self.next_potential, value)
+            if number in ends:
+                _, last = ends[number]
+                written = self.held_neuron & last
+                if number + 1 < config.lanes:
+                    shifts, value = shifts | written, Mux(written, self.next_potential, value)
+                else:
+                    shifts = written
+                group = Mux(written, self.held_index >> place, group)
             m.d.comb += [
                 lane.add_valid.eq(self.now_adds),
                 lane.input_weight.eq(inputs.word_select(number, config.in_bits)),
                 lane.recurrent_weight.eq(recurrent.word_select(number, config.rec_bits)),
                 lane.recurrent.eq(self.now_recurrent),
-                lane.set_valid.eq(self.held_neuron & own),
-                lane.set_value.eq(self.next_potential),
+                lane.set_valid.eq(shifts),
+                lane.set_value.eq(value),
             ]
             if config.row_bits:
-                m.d.comb += [lane.group.eq(group), lane.set_group.eq(written)]
-            potentials.append(lane.potential)
-        chosen = Signal(signed(config.membrane_bits))
-        m.d.comb += chosen.eq(Array(potentials)[lane_number] if place else potentials[0])
-        return chosen
+                m.d.comb += [
+                    lane.group.eq(self.now_step[: config.row_bits]),
+                    lane.set_group.eq(group[: config.row_bits]),
+                ]
+        return lanes[0].potential
 
     def _hidden(self, m: Module, potential: Value, word: Value, platform: Any) -> None:
         config = self.config
