@@ -30,11 +30,12 @@ def test_files_are_clean_complete_and_agree(config: ClassifierConfig, tmp_path: 
     text = (tmp_path / f"{TOP}.v").read_text()
     assert "initial" not in text
     assert not re.search(r"'[bh][0-9a-f]*x", text)
-    memories = re.findall(r"^  reg \[(\d+):0\] memory \[(\d+):0\];", text, re.MULTILINE)
-    bits = [(int(high) + 1) * (int(last) + 1) for high, last in memories]
-    if config.synapse_shift:
-        assert bits.pop(-2) == config.hidden * config.membrane_bits
-    assert sum(bits[-2:]) == config.memory_bits
+    bits = {}
+    for module in re.findall(r"^module .*?^endmodule", text, re.MULTILINE | re.DOTALL):
+        parts = re.findall(r"^  reg (?:\[(\d+):0\] )?memory\w* \[(\d+):0\];", module, re.MULTILINE)
+        bits[re.split(r"\W", module)[1]] = sum((int(high or 0) + 1) * (int(last) + 1) for high, last in parts)
+    assert sum(count for name, count in bits.items() if name.endswith("_weights")) == config.memory_bits
+    assert bits.get("eskin_potentials", 0) == (config.hidden * config.membrane_bits if config.synapse_shift else 0)
     described = json.loads((tmp_path / f"{TOP}.json").read_text())
     assert ClassifierConfig.from_dict(described["configuration"]) == config
     assert described["clock_hz"] == config.clock_hz

@@ -16,6 +16,8 @@ from eskin.rtl import yosys
 from eskin.rtl.block import Block, RtlilModules
 from eskin.rtl.classifier.chip import Chip
 from eskin.rtl.classifier.core import Classifier
+from eskin.rtl.classifier.lane import Limit
+from eskin.rtl.classifier.memory import InputMemory, RecurrentMemory
 from eskin.rtl.encoders.fields import Fields
 from eskin.rtl.frame import FrameReadout
 from eskin.rtl.gates import clock_gates
@@ -58,6 +60,8 @@ MEMORIES_WITHOUT_RESET = (
 )
 
 UNUSED_RESET = "a memory has no reset"
+
+UNUSED_ADDRESS = "the memory has one word"
 
 UNUSED_AWAKE = "low in a clock at whose end no register changes: for a clock gate, should there be one"
 
@@ -106,7 +110,8 @@ def verilog(config: Config, gated: bool = False) -> str:
 def block_verilog(block: Block[Any]) -> str:
     """Return a block and its submodules as Verilog text, with attributes at the synchronisers."""
     script = YOSYS_SCRIPT.format(top=block.module_name)
-    return _synchronised(yosys.tidy(yosys.run(script, block_rtlil(block), "readout.v")))
+    text = _synchronised(yosys.tidy(yosys.run(script, block_rtlil(block), "readout.v")))
+    return text.replace(f"module {Limit.module_name}(", f'(* keep_hierarchy = "yes" *)\nmodule {Limit.module_name}(')
 
 
 def _synchronised(text: str) -> str:
@@ -177,6 +182,10 @@ def _waive(text: str, config: Config) -> str:
     if isinstance(config, ClassifierConfig | ChipConfig):
         for module in MEMORIES_WITHOUT_RESET:
             text = yosys.waive_signal(text, module, "rst", "UNUSEDSIGNAL", UNUSED_RESET)
+        network = config.classifier if isinstance(config, ChipConfig) else config
+        for memory, words in ((InputMemory, network.input_words), (RecurrentMemory, network.recurrent_words)):
+            for port in ("read_address", "write_address") if words == 1 else ():
+                text = yosys.waive_signal(text, memory.module_name, port, "UNUSEDSIGNAL", UNUSED_ADDRESS)
         for name in re.findall(r"^  wire .*\b(leak_product\w*);", text, re.MULTILINE):
             text = yosys.waive_signal(text, "eskin_classifier", name, "UNUSEDSIGNAL", UNUSED_PRODUCT)
     return text

@@ -161,7 +161,7 @@ class ClassifierConfig:
 
     @property
     def weight_bits(self) -> int:
-        """Bits of a weight in a loaded word, which is a word of input or of recurrent weights."""
+        """Bits of a weight in a word that the host loads."""
         return max(self.in_bits, self.rec_bits)
 
     @property
@@ -171,17 +171,17 @@ class ClassifierConfig:
 
     @property
     def recurrent_words(self) -> int:
-        """Words of ``lanes`` recurrent weights: a row per hidden neuron, rounded up to a power of two."""
+        """Words of the recurrent weights: for each hidden neuron a power of two."""
         return self.hidden << self.row_bits
 
     @property
     def input_words(self) -> int:
-        """Words of ``lanes`` input weights: a row per input, rounded up to a power of two."""
+        """Words of the input weights: for each input a power of two."""
         return self.inputs << self.row_bits
 
     @property
     def weight_words(self) -> int:
-        """Words of weights in the order of their addresses: those of the hidden neurons, then those of the inputs."""
+        """Words of the recurrent weights and, behind them, of the input weights."""
         return self.recurrent_words + self.input_words
 
     @property
@@ -201,7 +201,7 @@ class ClassifierConfig:
 
     @property
     def memory_bits(self) -> int:
-        """Bits of all memories of weights."""
+        """Total bits of the three weight memories."""
         rows = self.recurrent_words * self.rec_bits + self.input_words * self.in_bits
         return rows * self.lanes + self.neuron_words * self.neuron_bits
 

@@ -8,7 +8,7 @@ from typing import Any
 from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value, signed
 from amaranth.lib.wiring import In, Out
 
-from eskin.model.classifier.config import ClassifierConfig, Leak
+from eskin.model.classifier.config import ClassifierConfig, Leak, highest
 from eskin.rtl.block import Block
 from eskin.rtl.classifier.lane import Lane
 from eskin.rtl.classifier.memory import (
@@ -167,7 +167,7 @@ class Classifier(Block[ClassifierConfig]):
         return m
 
     def _load(self, m: Module, memory: WordMemory, chosen: Value, address: Value, data: Value) -> None:
-        """Let the host write into a memory."""
+        """Connect the write port of a memory to the host."""
         m.d.comb += [
             memory.write_valid.eq(self.load_valid & chosen),
             memory.write_address.eq(address[: len(memory.write_address)]),
@@ -175,7 +175,7 @@ class Classifier(Block[ClassifierConfig]):
         ]
 
     def _weights(self, word: Value, bits: int) -> Value:
-        """Return the weights of a loaded word, each cut to the bits of its memory."""
+        """Return a loaded word with each weight cut to a bit width."""
         return Cat(word[lane * self.config.weight_bits :][:bits] for lane in range(self.config.lanes))
 
     # -- which address in which clock ------------------------------------------------------------
@@ -226,8 +226,10 @@ class Classifier(Block[ClassifierConfig]):
 
         with m.If(self.bin_end & (self.pending | working)):
             m.d.sync += self.overrun.eq(1)
-        with m.If(self.event_valid & ~self.event_ready & ~self.stall_count.all()):
-            m.d.sync += self.stall_count.eq(self.stall_count + 1)
+        stalls = Signal(STALL_BITS + 1)
+        m.d.comb += stalls.eq(self.stall_count + 1)
+        with m.If(self.event_valid & ~self.event_ready & ~stalls[-1]):
+            m.d.sync += self.stall_count.eq(stalls[:-1])
         with m.If(self.scan_start):
             m.d.sync += [self.state.eq(State.NEURONS), self.clearing.eq(1), self.index.eq(0), self.step.eq(0)]
             m.d.sync += [self.pending.eq(0), self.overrun.eq(0), self.stall_count.eq(0)]
@@ -243,7 +245,7 @@ class Classifier(Block[ClassifierConfig]):
         with m.If(advance):
             m.d.sync += self.spikes.eq(Cat(self.spikes[1:], self.spikes[0]))
         with m.Elif(self.held_neuron):
-            m.d.sync += self.spikes.eq(Cat(self.spikes[1:], self.hidden_spike & ~self.held_clears))
+            m.d.sync += self.spikes.eq(Cat(self.spikes[1:], self.hidden_spike))
 
     def _execute(self, m: Module, fired: Value) -> None:
         """Register the operation for the memory words that arrive in the next clock."""
@@ -265,17 +267,17 @@ class Classifier(Block[ClassifierConfig]):
     # -- what is done with the words ---------------------------------------------------------------
 
     def _lanes(self, m: Module, inputs: Value, recurrent: Value, platform: Any) -> Value:
-        """Add the weights of a word to the potentials of a group; return the potential of the neuron in turn.
+        """Add the weights of a word to the potentials of a group; return the potential of the current neuron.
 
-        No multiplexer chooses that neuron. In each clock that compares one, every lane takes the potential of the next
-        lane, so the neuron in turn is in lane 0. A potential after its reset comes a clock later and enters in the
-        last lane but one. So it reaches its own lane when the last neuron of its group is compared. The potential of
-        that neuron is written into the last lane in the clock after, beside the first shift of the next group.
+        No multiplexer selects the neuron: in every clock of a comparison each lane takes the potential of the next
+        lane, so the current neuron is in lane 0. Its potential after the reset is known one clock later and enters in
+        the last lane but one. It reaches its own lane when the last neuron of the group is compared. The potential of
+        the last neuron itself is written into the last lane one clock later, during the next group's first shift.
         """
         config = self.config
         place = config.lanes.bit_length() - 1
         lanes = [Lane(config) for _ in range(config.lanes)]
-        # The last lane of full groups, and of a group with fewer neurons: is it in turn, and its last neuron written?
+        # Last lane of a full group, and of a last group with fewer neurons: is the group current, and its last neuron?
         ends: dict[int, tuple[Value, Value]] = {}
         if config.hidden >= config.lanes:
             ends[config.lanes - 1] = Const(1), self.held_index[:place].all() if place else Const(1)
@@ -315,7 +317,7 @@ class Classifier(Block[ClassifierConfig]):
     def _hidden(self, m: Module, potential: Value, word: Value, platform: Any) -> None:
         config = self.config
         m.d.sync += [
-            self.held_potential.eq(potential),
+            self.held_potential.eq(Mux(self.now_clears, 0, potential)),
             self.held_bias.eq(word[: config.bias_bits]),
             self.held_index.eq(self.now_index[: len(self.held_index)]),
             self.held_clears.eq(self.now_clears),
@@ -329,9 +331,8 @@ class Classifier(Block[ClassifierConfig]):
         if config.synapse_shift:
             self._potentials(m, rest, platform)
             rest = leak(m, self.held_potential, Leak(config.synapse_shift, config.synapse_factor))
-        kept = Mux(self.held_clears, 0, rest)
         m.d.comb += [
-            self.next_potential.eq(add(m, kept.as_signed(), bias, config.membrane_bits, config.saturates)),
+            self.next_potential.eq(add(m, rest, bias, config.membrane_bits, config.saturates)),
             self.hidden_valid.eq(self.held_neuron & ~self.held_clears),
             self.hidden_index.eq(self.held_index),
             self.hidden_potential.eq(held),
@@ -348,9 +349,10 @@ class Classifier(Block[ClassifierConfig]):
             potentials.read_address.eq(self.index[: len(potentials.read_address)]),
             potentials.write_valid.eq(self.held_neuron),
             potentials.write_address.eq(self.held_index),
-            potentials.write_data.eq(Mux(self.held_clears, 0, rest)),
+            potentials.write_data.eq(rest),
         ]
-        m.d.sync += self.held_rest.eq(leak(m, potentials.read_data, Leak(config.leak_shift, config.leak_factor)))
+        kept = leak(m, potentials.read_data, Leak(config.leak_shift, config.leak_factor))
+        m.d.sync += self.held_rest.eq(Mux(self.now_clears, 0, kept))
 
     def _outputs(self, m: Module, word: Value) -> None:
         config = self.config
@@ -362,19 +364,24 @@ class Classifier(Block[ClassifierConfig]):
         if config.readout == "spikes":
             held, spike, rest = fire(m, v, config.out_threshold, config.out_floor, config.neuron_reset, leaks)
             m.d.comb += self.output_spike.eq(spike)
-            gained: Value = Cat(spike, 0).as_signed()
+            full = self.evidence_ring[: config.evidence_bits] == highest(config.evidence_bits)
+            gained: Value = Cat(spike & ~full, 0).as_signed()
         else:
             held, rest, gained = v, leak(m, v, leaks), v
         if config.out_synapse_shift:
             with m.If(self.now_output):
-                m.d.sync += self.rest_ring.eq(Cat(self.rest_ring[bits:], Mux(self.now_clears, 0, rest)))
+                rested = Signal(signed(bits))
+                m.d.comb += rested.eq(rest)
+                m.d.sync += self.rest_ring.eq(Cat(self.rest_ring[bits:], rested))
+            with m.If(self.scan_start):
+                m.d.sync += self.rest_ring.eq(0)
             rest = leak(m, own, Leak(config.out_synapse_shift, config.out_synapse_factor))
         weight = word[: config.out_bits].as_signed() << config.out_shift
         bias = word[: config.bias_bits].as_signed() << config.out_bias_shift
         left = Signal(signed(bits))
         right = Signal(signed(max(len(weight), len(bias))))
         m.d.comb += [
-            left.eq(Mux(self.now_output, Mux(self.now_clears, 0, rest), own)),
+            left.eq(Mux(self.now_output, rest, own)),
             right.eq(Mux(self.now_output, bias, weight)),
             self.output_valid.eq(self.now_output & ~self.now_clears),
             self.output_index.eq(self.now_index[: config.class_bits]),
@@ -383,20 +390,20 @@ class Classifier(Block[ClassifierConfig]):
         total = add(m, left, right, bits, config.output_saturates)
         with m.If(self.now_output | self.now_spike):
             m.d.sync += self.ring.eq(Cat(self.ring[bits:], total))
+        with m.If(self.scan_start):
+            m.d.sync += self.ring.eq(0)
         self._evidence(m, gained)
 
     def _evidence(self, m: Module, gained: Value) -> None:
         """Accumulate the evidence, and store the first class with the most evidence."""
         config = self.config
         bits = config.evidence_bits
-        more = Signal(signed(bits))
         most = Signal(signed(bits))
         best = Signal(config.class_bits)
         better = Signal()
         evidence = Signal(signed(bits))
         m.d.comb += [
-            more.eq(add(m, self.evidence_ring[:bits].as_signed(), gained, bits, True)),
-            evidence.eq(Mux(self.now_clears, 0, more)),
+            evidence.eq(add(m, self.evidence_ring[:bits].as_signed(), gained, bits, config.readout == "membrane")),
             better.eq((self.now_index == 0) | (evidence > most)),
             self.evidence.eq(self.evidence_ring),
             self.class_index.eq(self.class_found),
@@ -409,3 +416,5 @@ class Classifier(Block[ClassifierConfig]):
                 m.d.sync += [most.eq(evidence), best.eq(self.now_index[: config.class_bits])]
             with m.If(self.now_last):
                 m.d.sync += self.class_found.eq(Mux(better, self.now_index[: config.class_bits], best))
+        with m.If(self.scan_start):
+            m.d.sync += self.evidence_ring.eq(0)

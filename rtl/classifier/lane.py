@@ -4,13 +4,43 @@ from __future__ import annotations
 
 from typing import Any
 
-from amaranth.hdl import Module, Mux, Signal, signed, unsigned
+from amaranth.hdl import Cat, Module, Mux, Signal, signed, unsigned
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.rtl.block import Block
 from eskin.rtl.classifier.numbers import add
+
+
+class Limit(Block[ClassifierConfig]):
+    """Selection of the value that a lane writes: the sum, a limit of its bits, or the value that is set.
+
+    With these two select bits, each bit of the potential takes one table of four inputs. The delivered Verilog marks
+    this module with ``keep_hierarchy``: otherwise synthesis dissolves the select bits and needs twice the tables.
+
+    Attributes
+    ----------
+    set_valid : In(1)
+    left, right, total : In(1)
+        Signs of the two numbers and of their sum in as many bits.
+    saturated, other : Out(1)
+        00: the sum; 01: the value that is set; 10: the lowest, 11: the highest number.
+    """
+
+    module_name = "eskin_limit"
+
+    def __init__(self, config: ClassifierConfig) -> None:
+        inputs = dict.fromkeys(("set_valid", "left", "right", "total"), In(1))
+        super().__init__(config, inputs | {"saturated": Out(1), "other": Out(1)})
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        m.d.comb += [
+            self.saturated.eq(~self.set_valid & (self.left == self.right) & (self.left != self.total)),
+            self.other.eq(self.set_valid | (~self.left & ~self.right & self.total)),
+        ]
+        return m
 
 
 class Lane(Block[ClassifierConfig]):
@@ -54,13 +84,25 @@ class Lane(Block[ClassifierConfig]):
         weight = Mux(
             self.recurrent, self.recurrent_weight << config.rec_shift, self.input_weight << config.in_shift
         ).as_signed()
-        total = add(m, self.potential, weight, config.membrane_bits, config.saturates)
-        value = Signal(signed(config.membrane_bits))
+        bits = config.membrane_bits
+        value = Signal(signed(bits))
         written = Signal()
-        m.d.comb += [
-            value.eq(Mux(self.set_valid, self.set_value, total)),
-            written.eq(self.add_valid | self.set_valid),
-        ]
+        m.d.comb += written.eq(self.add_valid | self.set_valid)
+        if config.saturates and len(weight) <= bits:
+            total = add(m, self.potential, weight, bits, False)
+            limit = Limit(config)
+            limit.place(m, "limit", platform)
+            m.d.comb += [
+                limit.set_valid.eq(self.set_valid),
+                limit.left.eq(self.potential[-1]),
+                limit.right.eq(weight[-1]),
+                limit.total.eq(total[-1]),
+            ]
+            end = Cat(limit.other.replicate(bits - 1), ~limit.other)
+            m.d.comb += value.eq(Mux(limit.saturated, end, Mux(limit.other, self.set_value, total)))
+        else:
+            total = add(m, self.potential, weight, bits, config.saturates)
+            m.d.comb += value.eq(Mux(self.set_valid, self.set_value, total))
         if not config.row_bits:
             single = Signal(signed(config.membrane_bits))
             m.d.comb += self.potential.eq(single)

@@ -12,8 +12,8 @@ from eskin.model.classifier.config import ClassifierConfig
 from eskin.rtl.block import Block
 
 WIDEST = 64
-"""Bits of a part of a word. For 4,096 words of 128 bits in one part Yosys takes 30 block RAMs of 2,048 words and
-multiplexers behind them; in two parts it takes 32 of 4,096 words."""
+"""Largest number of bits in one array. Yosys maps one array of 4,096 x 128 bits to 30 block RAMs and 128 multiplexers,
+but two arrays of 4,096 x 64 bits to 32 block RAMs without multiplexers."""
 
 
 class WordMemory(Block[ClassifierConfig]):
@@ -47,7 +47,7 @@ class WordMemory(Block[ClassifierConfig]):
 
 
 class InputMemory(WordMemory):
-    """Rows of input weights, ``lanes`` in a word: one row per channel."""
+    """Memory of the input weights, with ``lanes`` weights per word and a row for each channel."""
 
     module_name = "eskin_input_weights"
 
@@ -56,7 +56,7 @@ class InputMemory(WordMemory):
 
 
 class RecurrentMemory(WordMemory):
-    """Rows of recurrent weights, ``lanes`` in a word: one row per hidden neuron."""
+    """Memory of the recurrent weights, with ``lanes`` weights per word and a row for each hidden neuron."""
 
     module_name = "eskin_recurrent_weights"
 

@@ -4,31 +4,40 @@ from __future__ import annotations
 
 from amaranth.hdl import Cat, Module, Mux, Signal, Value, signed
 
-from eskin.model.classifier.config import Leak, NeuronReset
+from eskin.model.classifier.config import Leak, NeuronReset, bits_of, highest, lowest
 
 
 def add(m: Module, left: Value, right: Value, bits: int, saturates: bool) -> Value:
     """Return a signed sum that saturates at a bit width."""
-    exact = Signal(signed(max(len(left), len(right)) + 1), name="exact")
+    wide = max(len(left), len(right))
+    fits = wide < bits
+    exact = Signal(signed(wide if wide == bits else wide + 1), name="exact")
     m.d.comb += exact.eq(left + right)
-    if not saturates or len(exact) <= bits:
+    if fits or not saturates:
         return exact[:bits].as_signed()
-    above = exact[bits - 1 :]
-    fits = above.all() | ~above.any()
-    end = Cat((~exact[-1]).replicate(bits - 1), exact[-1])
-    return Mux(fits, exact[:bits], end).as_signed()
+    if wide > bits:
+        above = exact[bits - 1 :]
+        over, negative = ~above.all() & above.any(), exact[-1]
+    else:
+        over, negative = (left[-1] == right[-1]) & (left[-1] != exact[-1]), left[-1]
+    return Mux(over, Cat((~negative).replicate(bits - 1), negative), exact[:bits]).as_signed()
 
 
 def fire(
     m: Module, v: Value, threshold: int, floor: int | None, reset: NeuronReset, leaks: Leak
 ) -> tuple[Value, Value, Value]:
-    """Return the clipped potential, its spike, and its value after reset and leak."""
+    """Return the clipped potential, its spike, and its value after reset and leak.
+
+    The floor is below the threshold, so both comparisons use ``v``. After a reset to zero the potential is between
+    floor and threshold and may need fewer bits than ``v``. A potential of 0 does not fire and stays 0.
+    """
     held = Signal(signed(len(v)), name="held")
     spike = Signal(name="spike")
-    rest = Signal(signed(len(v)), name="rest")
+    low, high = lowest(len(v)) if floor is None else floor, threshold if reset == "zero" else highest(len(v))
+    rest = Signal(signed(int(bits_of((low, high)))), name="rest")
     m.d.comb += [
         held.eq(v if floor is None else Mux(v < floor, floor, v)),
-        spike.eq(held > threshold),
+        spike.eq(v >= threshold + 1),  # > would need an inverter for each bit of v
         rest.eq(Mux(spike, held - threshold if reset == "subtract" else 0, held)),
     ]
     return held, spike, leak(m, rest, leaks)

@@ -24,7 +24,7 @@ MEMORIES = ("eskin_input_weights", "eskin_recurrent_weights", "eskin_neuron_weig
 
 
 class _ClassifierChecker(Checker[ClassifierConfig]):
-    """Watches the whole classifier. The words of the memories are any words, another in every clock.
+    """Common checker of the classifier; the words of the memories are free in every clock.
 
     Attributes
     ----------
@@ -48,7 +48,6 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
 
     def inner(self, config: ClassifierConfig) -> dict[str, Any]:
         return {
-            **{f"lane_{number}_set_valid": In(1) for number in range(config.lanes)},
             "inputs_read_address": In(address_bits(config.input_words)),
             "inputs_read_data": In(config.lanes * config.in_bits),
             "recurrent_read_address": In(address_bits(config.recurrent_words)),
@@ -89,7 +88,8 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         self.recurrent = self.lane_0_recurrent
         event_row = before(m, self.inputs_read_address, "event_row") + config.recurrent_words
         self.read = Mux(self.recurrent, before(m, self.recurrent_read_address, "spike_row"), event_row)
-        self.sets = Cat(getattr(self, f"lane_{number}_set_valid") for number in range(config.lanes)).any()
+        compared = before(m, (self.state == State.NEURONS.value) & ~self.scan_start, "neuron_read")
+        self.sets = before(m, compared & ~self.scan_start, "neuron_compared")
         word = before(m, self.neurons_read_address, "word_read")
         self.word, self.number = word, word[: config.neuron_row_bits]
         self.spike = before(m, (self.state == State.SPIKES.value) & self.spikes[0] & ~self.scan_start, "spike")
