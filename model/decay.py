@@ -31,3 +31,16 @@ def leak_of(u: Any, leak_shift: int) -> Any:
 def is_due(leak_period: int, phase: int, tick: int) -> bool:
     """Return True if a row with the given phase leaks at a sample tick."""
     return tick % leak_period == phase
+
+
+def leaking(phases: Any, now: int) -> tuple[Any, Any, Any, Any]:
+    """Return 0, the first taxel that leaks now, the end of these taxels, and the number of taxels, all unsigned.
+
+    ``phases``, shape (taxels,), rise from row to row, so taxels that leak together are neighbours. The middle numbers
+    equal the last if no taxel leaks. Compiled loops over unsigned numbers run on vectors.
+    """
+    end = len(phases)
+    first = int(np.searchsorted(phases, now))
+    if first == end or phases[first] != now:
+        return np.uint64(0), np.uint64(end), np.uint64(end), np.uint64(end)
+    return np.uint64(0), np.uint64(first), np.uint64(np.searchsorted(phases, now + 1)), np.uint64(end)

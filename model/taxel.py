@@ -60,7 +60,7 @@ def encode(config: ReadoutConfig, samples: Samples, out: Counts | None = None) -
         any number of taxels. N-LCS needs ``config.taxels``, because its leak depends on the row, and so do receptive
         fields, which are applied to the samples.
     out : array of the result's shape and type, optional
-        Array for the result, to avoid a new one.
+        Array for the result, to avoid a new one. Its content is undefined after an error.
 
     Returns
     -------
@@ -281,9 +281,17 @@ class _Bank:
         return cls(config, tuple(np.full(taxels, value, encoder.state_dtype(config)) for value in starts))
 
     def run(self, x: NDArray[Any], counts: Counts, late: Flags | None) -> None:
-        """Encode the samples x, shape (ticks, taxels), into counts and optional late flags."""
+        """Encode the samples x, shape (ticks, taxels), into counts and optional late flags.
+
+        Raises InputError afterwards if a sample is out of range.
+        """
         rule, flags = self.config.encoder.rule(self.config), late if late is not None else _NO_FLAGS
-        kernels.ticks(rule, x, self.state, _phases(self.config), self.tick, counts, flags, late is not None)
+        phases = _phases(self.config)
+        if (
+            kernels.ticks(rule, x, self.state, phases, self.tick, counts, flags, late is not None)
+            >= self.config.full_scale
+        ):
+            _refuse_range(self.config, x)
         self.tick += len(x)
 
 
@@ -297,7 +305,10 @@ def _count_dtype(config: ReadoutConfig) -> type[np.signedinteger[Any]]:
 
 
 def _check_samples(config: ReadoutConfig, samples: Samples) -> NDArray[Any]:
-    """Return checked samples after the receptive fields, as a C-ordered integer array."""
+    """Return samples after the receptive fields, as a C-ordered integer array.
+
+    ``_Bank.run`` checks the range of samples that pass through unchanged.
+    """
     samples = np.asarray(samples)
     if samples.ndim != 2:
         raise InputError(f"samples must have the shape (ticks, taxels), not {samples.shape}")
@@ -317,16 +328,19 @@ def _check_samples(config: ReadoutConfig, samples: Samples) -> NDArray[Any]:
         )
     wanted = np.dtype(np.int16 if config.sample_bits <= 16 else np.int32)
     checked = np.ascontiguousarray(samples, dtype=wanted)
-    narrowed = not np.can_cast(samples.dtype, wanted)
-    if narrowed or kernels.magnitude_bits(checked.reshape(-1)) >= config.full_scale:
-        low, high = -config.full_scale, config.full_scale - 1
-        for worst in (int(samples.min(initial=0)), int(samples.max(initial=0))):
-            if not low <= worst <= high:
-                raise InputError(
-                    f"samples must be in {low}..{high} ({config.sample_bits} bits), not {worst}; "
-                    f"scale or clip them first"
-                )
+    if not np.can_cast(samples.dtype, wanted) or config.fields != "own":
+        _refuse_range(config, samples)
     return signals(config, checked)
+
+
+def _refuse_range(config: ReadoutConfig, samples: NDArray[Any]) -> None:
+    """Raise InputError if a sample is out of range."""
+    low, high = -config.full_scale, config.full_scale - 1
+    for worst in (int(samples.min(initial=0)), int(samples.max(initial=0))):
+        if not low <= worst <= high:
+            raise InputError(
+                f"samples must be in {low}..{high} ({config.sample_bits} bits), not {worst}; scale or clip them first"
+            )
 
 
 def _silenced(config: ReadoutConfig, found: NDArray[Any]) -> NDArray[Any]:

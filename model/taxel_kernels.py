@@ -72,6 +72,9 @@ def reset(p: Any, taxel: Any) -> None:
 # encoder's grid g: x >= a g and floor(x / g) >= a are the same.
 
 
+BLOCK_SAMPLES = 2**16
+
+
 @njit(cache=True, nogil=True)
 def magnitude_bits(x: Any) -> Any:
     """Return the OR of x over an array, or of -x - 1 for negative x, to check that all codes fit W bits."""
@@ -84,9 +87,18 @@ def magnitude_bits(x: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
-    """Write the event counts of every tick; see ``Encoder.ticks``."""
-    compiled.ticks(rule, x, state, phase, tick, counts, late, timed)
+def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> Any:
+    """Write the event counts of every tick (``Encoder.ticks``); return ``magnitude_bits`` of the samples.
+
+    The samples are taken in blocks, which stay in the cache between the check and the encoder.
+    """
+    seen = x.dtype.type(0)
+    block = max(1, BLOCK_SAMPLES // max(1, x.shape[1]))
+    for start in range(0, x.shape[0], block):
+        part, stop = x[start : start + block], start + block
+        seen |= magnitude_bits(part.reshape(-1))
+        compiled.ticks(rule, part, state, phase, tick + start, counts[start:stop], late[start:stop], timed)
+    return seen
 
 
 @njit(cache=True, nogil=True)

@@ -129,46 +129,38 @@ class CwLcs(Encoder):
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
         """Write the event counts of every tick; u and half-widths are in closing steps.
 
-        An event in the first decision moves u by the half-width and opens the window; others follow as in LCS.
-        If the first is quiet the window may close, which the second decision sees; a third finds nothing new.
+        The first decision compares with the half-width. If it is quiet and the window closes, the second decision sees
+        the next half-width; a third finds nothing new. An event moves u by the half-width and opens the window; others
+        follow as in LCS. For d = x - u, ``a`` is d or -d - 1, whichever is not negative: ON is d >= h, OFF is d < -h,
+        and both are a >= h. The loop loads every state and selects afterwards, so that vectors need no masks.
         """
         u, closed, quiet = state
         code, word = x.dtype.type, u.dtype.type
-        shift, step_log2, levels = code(rule.grid_log2), word(rule.levels_log2), word(1 << rule.levels_log2)
-        high, low, period = word(rule.cap - 1), word(1 - rule.cap), word(rule.window_period)
-        none, one, minus, never = word(0), word(1), word(-1), word(np.iinfo(u.dtype).max)
+        shift, sign_shift, step_log2 = code(rule.grid_log2), word(8 * u.itemsize - 1), word(rule.levels_log2)
+        levels, high, period = word(1 << rule.levels_log2), word(rule.cap - 1), word(rule.window_period)
+        none, one = word(0), word(1)
         for i in range(x.shape[0]):
             for j in range(x.shape[1]):
                 d = word(word(np.right_shift(x[i, j], shift)) - u[j])
-                half, below = word(levels - closed[j]), word(closed[j] - levels)
-                move = half if d >= half else none
-                move = below if d < below else move
-                first = one if move > none else (minus if move < none else none)
-                d = word(d - move)
-                more = word(
-                    np.right_shift(d, step_log2) + (one if d < none else none)
-                )  # 0 after a quiet first decision
-                more = min(max(more, low), high)
-                move = word(move + np.left_shift(more, step_log2))
-
-                passed = word(quiet[j] + one) if first == none else none
-                shut = closed[j] if first == none else none
-                half = never
-                if passed == period:
-                    passed = none
-                    shut = min(word(shut + one), word(levels - one))
-                    half = word(levels - shut) if rule.cap > 1 else never
-                below = word(-half)
-                again = half if d >= half else none
-                again = below if d < below else again
-                second = one if again > none else (minus if again < none else none)
-
-                quiet[j] = passed
-                closed[j] = shut if second == none else none
-                u[j] = word(u[j] + word(move + again))
-                counts[i, j] = word(word(first + more) + second)
+                sign = np.right_shift(d, sign_shift)
+                a = word(d ^ sign)
+                was = closed[j]
+                passed = word(quiet[j] + one)
+                closes = passed == period
+                shut = min(word(was + (one if closes else none)), word(levels - one))
+                half = word(levels - was)
+                least = word(levels - (shut if high > none else was))
+                fires = a >= least
+                first = min(a, half)
+                more = min(np.right_shift(word(a - first), step_log2), high)
+                move = word(first + np.left_shift(more, step_log2)) if fires else none
+                n = word(more + one) if fires else none
+                quiet[j] = none if fires | closes else passed
+                closed[j] = none if fires else shut
+                u[j] = word(u[j] + word(word(move ^ sign) - sign))
+                counts[i, j] = word(word(n ^ sign) - sign)
                 if timed:
-                    late[i, j] = second != none
+                    late[i, j] = fires & (a < half)
 
     @staticmethod
     def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:

@@ -159,7 +159,7 @@ class Encoder(ABC):
         state : tuple of arrays of ``state_dtype``, shape (taxels,)
             The reference, in units of ``grid`` or its fraction, then the state; changed in place.
         phase : shape (taxels,)
-            Tick of the leak within its period.
+            Tick of the leak within its period, in rising order.
         tick : int
             Ticks since reset.
         counts, late : shape (ticks, taxels)

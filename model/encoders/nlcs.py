@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 
 from eskin.base.errors import InputError
-from eskin.model.decay import leak_of
+from eskin.model.decay import leak_of, leaking
 from eskin.model.encoders.encoder import Encoder, log2
 
 if TYPE_CHECKING:
@@ -113,21 +113,28 @@ class Nlcs(Encoder):
         """Write the event counts of every tick; u and D are in units of 2**-F codes.
 
         The order is: the first decision; the leak of the old u, if due; then events while x - u > D, which are ceil((x
-        - u) / D) - 1.
+        - u) / D) - 1. In a tick without a leak these events are all events.
         """
         (u,) = state
         word = u.dtype.type
         fraction, step, step_shift = word(rule.fraction_bits), word(1 << rule.step_log2), word(rule.step_log2)
-        high, none = word(rule.cap - 1), word(0)
+        most, high, none, one = word(rule.cap), word(rule.cap - 1), word(0), word(1)
         for i in range(x.shape[0]):
-            now = word((tick + i) % rule.leak_period)
-            for j in range(x.shape[1]):
+            zero, leak_from, leak_to, end = leaking(phase, (tick + i) % rule.leak_period)
+            for low, up in ((zero, leak_from), (leak_to, end)):
+                for j in range(low, up):
+                    d = word(np.left_shift(word(x[i, j]), fraction) - u[j])
+                    n = min(max(np.right_shift(word(d - one), step_shift), none), most)
+                    u[j] = word(u[j] + np.left_shift(n, step_shift))
+                    counts[i, j] = n
+                    if timed:
+                        late[i, j] = False
+            for j in range(leak_from, leak_to):
                 d = word(np.left_shift(word(x[i, j]), fraction) - u[j])
                 first = word(d > step)
-                leak = word(leak_of(u[j], rule.leak_shift)) if phase[j] == now else none
-                move = word(np.left_shift(first, step_shift) - leak)
+                move = word(np.left_shift(first, step_shift) - word(leak_of(u[j], rule.leak_shift)))
                 d = word(d - move)
-                more = min(max(np.right_shift(word(d - 1), step_shift), none), high)
+                more = min(max(np.right_shift(word(d - one), step_shift), none), high)
                 u[j] = word(u[j] + word(move + np.left_shift(more, step_shift)))
                 counts[i, j] = word(first + more)
                 if timed:

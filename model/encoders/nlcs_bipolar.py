@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from eskin.model.decay import leak_of
+from eskin.model.decay import leak_of, leaking
 from eskin.model.encoders.encoder import steps_up_to
 from eskin.model.encoders.nlcs import Nlcs
 
@@ -78,21 +78,31 @@ class NlcsBipolar(Nlcs):
         """Write the event counts of every tick; u and D are in units of 2**-F codes.
 
         The order is: the first decision; the leak of the old u, if due and if the step did not lead towards zero; then
-        ON while x - u > D, or OFF while x - u <= -D - 1 code.
+        ON while x - u > D, or OFF while x - u <= -D - 1 code. In a tick without a leak these events are all events.
         """
         (u,) = state
         word = u.dtype.type
         fraction, step_shift, one = word(rule.fraction_bits), word(rule.step_log2), word(1 << rule.fraction_bits)
         upper, lower = word(1 << rule.step_log2), word(-(1 << rule.step_log2) - (1 << rule.fraction_bits))
-        high, none = word(rule.cap - 1), word(0)
+        most, high, none = word(rule.cap), word(rule.cap - 1), word(0)
         for i in range(x.shape[0]):
-            now = word((tick + i) % rule.leak_period)
-            for j in range(x.shape[1]):
+            zero, leak_from, leak_to, end = leaking(phase, (tick + i) % rule.leak_period)
+            for low, up in ((zero, leak_from), (leak_to, end)):
+                for j in range(low, up):
+                    d = word(np.left_shift(word(x[i, j]), fraction) - u[j])
+                    ups = min(max(np.right_shift(word(d - 1), step_shift), none), most)
+                    downs = min(max(np.right_shift(word(word(-d) - one), step_shift), none), most)
+                    n = word(ups - downs)
+                    u[j] = word(u[j] + np.left_shift(n, step_shift))
+                    counts[i, j] = n
+                    if timed:
+                        late[i, j] = False
+            for j in range(leak_from, leak_to):
                 d = word(np.left_shift(word(x[i, j]), fraction) - u[j])
                 first = word(word(d > upper) - word(d <= lower))
-                leak = word(leak_of(u[j], rule.leak_shift)) if phase[j] == now else none
                 outward = (first == none) | ((first > none) == (u[j] >= none))
-                move = word(np.left_shift(first, step_shift) - (leak if outward else none))
+                leak = word(leak_of(u[j], rule.leak_shift)) if outward else none
+                move = word(np.left_shift(first, step_shift) - leak)
                 d = word(d - move)
                 ups = min(max(np.right_shift(word(d - 1), step_shift), none), high)
                 downs = min(max(np.right_shift(word(word(-d) - one), step_shift), none), high)
