@@ -65,7 +65,9 @@ STEPS: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "bench": (
         "measure speed against peers and limits; JSON in benchmarks/results",
-        tuple(f"benchmarks/{n}.py --json benchmarks/results/{n}.json" for n in ("encoder", "cosim", "network")),
+        tuple(
+            f"benchmarks/{n}.py --json benchmarks/results/{n}.json" for n in ("encoder", "cosim", "network", "training")
+        ),
     ),
     "check": (
         "run in a minute lint, types, layers, and a test of every block and command",

@@ -286,11 +286,9 @@ class _Bank:
         Raises InputError afterwards if a sample is out of range.
         """
         rule, flags = self.config.encoder.rule(self.config), late if late is not None else _NO_FLAGS
-        phases = _phases(self.config)
-        if (
-            kernels.ticks(rule, x, self.state, phases, self.tick, counts, flags, late is not None)
-            >= self.config.full_scale
-        ):
+        phases, timed = _phases(self.config), late is not None
+        seen = kernels.ticks(rule, x, self.state, phases, self.tick, counts, flags, timed)
+        if seen >= self.config.full_scale:
             _refuse_range(self.config, x)
         self.tick += len(x)
 

@@ -51,7 +51,7 @@ class Adam:
             parameter.mul_(1 - self.learning_rate * self.weight_decay)
             mean = state["exp_avg"].lerp_(grad, 1 - BETA_1)
             square = state["exp_avg_sq"].mul_(BETA_2).addcmul_(grad, grad, value=1 - BETA_2)
-            spread = (square.sqrt() / (1 - BETA_2**steps) ** 0.5).add_(EPSILON)
+            spread = square.sqrt().div_((1 - BETA_2**steps) ** 0.5).add_(EPSILON)
             parameter.addcdiv_(mean, spread, value=-(self.learning_rate / (1 - BETA_1**steps)))
 
     def state_dict(self) -> dict[str, Any]:

@@ -124,22 +124,40 @@ class SpikingNetwork(nn.Module):
             excess = (s.mean((0, 1)) - neurons.rate_limit).clamp_min(0.0)
             penalty = neurons.rate_weight * excess.square().mean()
         rate = float(s.detach().mean())
+        kept = s.new_ones(s.shape[1:])
         if config.dropout and self.training:
-            s = s * functional.dropout(s.new_ones(s.shape[1:]), config.dropout)
-        _, decay = self.decays()
-        synapse_decay = neurons.output_synapse_decay
+            kept = functional.dropout(kept, config.dropout)
         if neurons.readout == "spikes":
-            out = layer(neurons.rule, s, w_out, self.b_out, decay, None, self.backend, synapse_decay).sum(0)
+            s = s * kept if config.dropout and self.training else s
+            _, decay = self.decays()
+            currents = neurons.output_synapse_decay
+            out = layer(neurons.rule, s, w_out, self.b_out, decay, None, self.backend, currents).sum(0)
         else:
-            out = self._mean_membrane(synaptic(functional.linear(s, w_out, self.b_out), synapse_decay), decay)
+            out = self._mean_membrane(s, kept, w_out)
         return Output(out * config.output_scale, penalty, rate)
 
-    @staticmethod
-    def _mean_membrane(current: Tensor, decay: Tensor) -> Tensor:
-        """Return the mean over time of a leaky membrane, v <- decay v + current."""
-        left = torch.arange(len(current) - 1, -1, -1, device=current.device)  # steps behind each step
-        powers = torch.cumsum(decay[None, :] ** torch.arange(len(current), device=current.device)[:, None], 0)
-        return torch.einsum("tbo,to->bo", current, powers[left]) / len(current)
+    def _mean_membrane(self, s: Tensor, kept: Tensor, w_out: Tensor) -> Tensor:
+        """Return the mean over time of leaky membranes, v <- decay v + current, shape (scans, classes).
+
+        A current counts in all later steps, with weights that depend on time alone. The spikes are therefore summed
+        over time before the product with ``w_out``.
+
+        Parameters
+        ----------
+        s : shape (steps, scans, hidden)
+        kept : shape (scans, hidden)
+            Factors of the spikes.
+        w_out : shape (classes, hidden)
+        """
+        neurons = self.config.neurons
+        _, decay = self.decays()
+        different = decay if neurons.learn_decay else decay[:1]
+        powers = different ** torch.arange(len(s), device=s.device)[:, None]
+        reach = synaptic(torch.cumsum(powers, 0), neurons.output_synapse_decay).flip(0) / len(s)
+        summed = torch.mm(reach.t(), s.reshape(len(s), -1)).view(-1, *s.shape[1:]) * kept
+        if len(summed) == 1:
+            return functional.linear(summed[0], w_out) + self.b_out * reach.sum(0)
+        return torch.einsum("obh,oh->bo", summed, w_out) + self.b_out * reach.sum(0)
 
 
 def synaptic(currents: Tensor, decay: float) -> Tensor:

@@ -59,6 +59,11 @@ def speed_layer() -> None:
     table(["", *(f"{r['steps']} steps, {100 * r['input_density']:.0f} % of the inputs" for r in results)], rows)
 
 
+def speed_training() -> None:
+    """Print whole epochs of a training against their kernel."""
+    table("CPU time of an epoch / CPU time in | ratio", bench("training"), "{name} | " + TIMES.replace("X", "times"))
+
+
 def leak() -> None:
     """Print the error of the integer leak of N-LCS against floating point, in % of the event rate."""
     fractions = ("4", "6", "8", "10", "12")

@@ -56,11 +56,13 @@ def augment(
         batch = at_speed(batch, torch.from_numpy(generator.uniform(1 - spread, 1 + spread, scans)).to(batch))
     if config.shift_steps:
         shifts = generator.integers(-config.shift_steps, config.shift_steps + 1, scans)
-        source = torch.arange(steps)[:, None] - torch.from_numpy(shifts)[None, :]
-        outside = (source < 0) | (source >= steps)
-        batch = batch[source.clamp(0, steps - 1), torch.arange(scans)]
-        if not frames:
-            batch[outside] = 0.0
+        source, moved = batch.numpy(), np.empty(batch.shape, np.float32)
+        for scan, shift in enumerate(np.clip(shifts, -steps, steps).tolist()):
+            first, end = max(shift, 0), steps + min(shift, 0)
+            moved[first:end, scan] = source[first - shift : end - shift, scan]
+            moved[:first, scan] = source[0, scan] if frames else 0.0
+            moved[end:, scan] = source[-1, scan] if frames else 0.0
+        batch = torch.from_numpy(moved)
     if config.drop_taxels:
         kept = torch.from_numpy(generator.random((scans, taxels)) >= config.drop_taxels).to(batch)
         batch = batch * kept.repeat(1, channels // taxels)

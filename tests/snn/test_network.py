@@ -231,18 +231,27 @@ def test_every_variant_learns_on_every_parameter(variant: dict[str, Any]) -> Non
         assert parameter.grad.abs().sum() > 0 or "bias_hh" in name, name
 
 
-def test_the_mean_membrane_is_that_of_a_loop() -> None:
-    network = build(
-        NetworkConfig.from_dict({"inputs": 5, "classes": 3, "hidden": 16, "readout": "membrane", "output_decay": 0.8}),
-        seed=0,
-    )
+@pytest.mark.parametrize("fields", [{}, {"output_synapse_decay": 0.5}, {"learn_decay": True, "decay": 0.9}])
+def test_the_mean_membrane_and_its_gradients_are_those_of_a_loop(fields: dict[str, Any]) -> None:
+    common = {"inputs": 5, "classes": 3, "hidden": 16, "readout": "membrane", "output_decay": 0.8, "dropout": 0.5}
+    network = build(NetworkConfig.from_dict(common | fields), seed=0)
     assert isinstance(network, SpikingNetwork)
-    x = torch.poisson(torch.full((12, 2, 5), 1.0))
-    v, total = torch.zeros(2, 3), torch.zeros(2, 3)
+    if "learn_decay" in fields:
+        network.raw_output_decay.data += torch.tensor([-1.0, 0.0, 1.0])
+    x = torch.poisson(torch.full((12, 2, 5), 1.0), generator=torch.Generator().manual_seed(0))
+    torch.manual_seed(1)
+    kept = functional.dropout(torch.ones(2, 16), 0.5)
+    v, current, total = torch.zeros(2, 3), torch.zeros(2, 3), torch.zeros(2, 3)
     for spikes in network.spikes(x):
-        v = 0.8 * v + functional.linear(spikes, network.w_out, network.b_out)
+        current = fields.get("output_synapse_decay", 0.0) * current
+        current = current + functional.linear(spikes * kept, network.w_out, network.b_out)
+        v = network.decays()[1] * v + current
         total = total + v
-    torch.testing.assert_close(network(x).logits, total / 12)
+    torch.manual_seed(1)
+    found, learned = network(x).logits, list(network.parameters())
+    torch.testing.assert_close(found, total / 12)
+    expected = torch.autograd.grad((total / 12).square().sum(), learned)
+    torch.testing.assert_close(torch.autograd.grad(found.square().sum(), learned), expected)
 
 
 def test_building_and_running_leave_the_global_generator_alone() -> None:

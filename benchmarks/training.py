@@ -1,0 +1,103 @@
+"""Measure the CPU time of whole training epochs against the time in the compiled kernel and in the hidden layer.
+
+``python benchmarks/training.py --json benchmarks/results/training.json``
+
+The training is that of ``make train``: recipe "tuned", LCS 4 b, embedded textures, one thread. Ratios are taken within
+an epoch. The first epoch is not counted, and loading torch and recording the scans happen before. "Kernel" is the time
+in functions of the compiled library; "layer" also has the torch code that calls these functions.
+"""
+
+from __future__ import annotations
+
+import itertools
+import platform
+import statistics
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import torch
+import typer
+
+from eskin.base.files import origin, write_json
+from eskin.base.outputs import check_file
+from eskin.snn.data.scans import Split
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.recipes import RECIPES
+from eskin.snn.experiments.single import Fold
+from eskin.snn.flat import hints_of
+from eskin.snn.kernels import cpu
+from eskin.snn.kernels.sparse import SparseLayer
+from eskin.snn.train import train
+from eskin.snn.training import TrainConfig
+
+NAMES = {"kernel": "compiled functions alone", "layer": "hidden layer, forward and backward"}
+
+SPENT = {"kernel": 0.0, "layer": 0.0}
+"""CPU seconds so far."""
+
+
+def count(owner: Any, name: str, part: str) -> None:
+    """Replace a function by one that adds its CPU time to a part of ``SPENT``."""
+    inner = getattr(owner, name)
+
+    def counted(*arguments: Any) -> Any:
+        start = time.thread_time()
+        found = inner(*arguments)
+        SPENT[part] += time.thread_time() - start
+        return found
+
+    setattr(owner, name, staticmethod(counted) if isinstance(owner, type) else counted)
+
+
+def ratios(marks: list[dict[str, float]], part: str) -> dict[str, float]:
+    """Return the ratio of the whole epoch to a part: median, least and most of all epochs but the first."""
+    found = [
+        (after["whole"] - before["whole"]) / (after[part] - before[part]) for before, after in itertools.pairwise(marks)
+    ]
+    return {"median": statistics.median(found), "least": min(found), "most": max(found)}
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    json_file: Annotated[Path | None, typer.Option("--json", help="write the numbers to this file")] = None,
+    epochs: Annotated[int, typer.Option(min=3, help="epochs of the training")] = 20,
+) -> None:
+    """Time the epochs of a training on one core."""
+    if json_file is not None:
+        check_file(json_file)
+    torch.set_num_threads(1)
+    of_training = hints_of(TrainConfig)
+    tuned = RECIPES["tuned"] | {"epochs": epochs}
+    experiment = Experiment(
+        network={name: value for name, value in tuned.items() if name not in of_training},
+        train=TrainConfig.from_dict({name: value for name, value in tuned.items() if name in of_training}),
+    )
+    data = experiment.data()
+    count(cpu, "_call", "kernel")
+    count(SparseLayer, "forward", "layer")
+    count(SparseLayer, "backward", "layer")
+    marks: list[dict[str, float]] = []
+    train(
+        Split(data, Fold.choose(data, 0, 6).images, None),
+        experiment.network_config(data),
+        experiment.train,
+        0,
+        progress=lambda _: marks.append({"whole": time.thread_time(), **SPENT}),
+    )
+    results = [{"name": NAMES[part], "times": ratios(marks, part)} for part in SPENT]
+    for result in results:
+        print(result["name"], "{median:.2f} ({least:.2f} to {most:.2f})".format(**result["times"]))
+    if json_file is not None:
+        said = f"python benchmarks/training.py --epochs {epochs}"
+        machine = {"torch": torch.__version__, "instruction_set": platform.machine()}
+        capability = torch.backends.cpu.get_cpu_capability()
+        report = {"benchmark": "training", **origin(said), "epochs": epochs, **machine, "cpu_capability": capability}
+        write_json(json_file, report | {"results": results})
+
+
+if __name__ == "__main__":
+    app()
