@@ -133,6 +133,12 @@ def synthesise(
     return Netlist(netlist, top.module_name, config, library, gated)
 
 
+def cells_of(block: Block[Any], source: str, library: Library) -> str:
+    """Return the gated netlist, Verilog, of a block whose RTLIL was changed."""
+    text = _cells(block, library, PERIOD_NS, FEWEST_FLOPS, TO_VERILOG, "netlist.v", source=source)
+    return single_bits(text[text.index("module ") :])
+
+
 def mapped(top: Block[Any], library: Library, apart: Sequence[str] = ()) -> dict[str, Any]:
     """Return the Yosys design after mapping to cells; modules in ``apart`` are mapped once and stay separate.
 
@@ -164,10 +170,11 @@ def _cells(
     result: str,
     apart: Sequence[str] | None = None,
     gated_text: str = "",
+    source: str = "",
 ) -> str:
     """Return a file that Yosys writes after mapping a block to cells."""
     top, content = block.module_name, library.content
-    source = block_rtlil(block)
+    source = source or block_rtlil(block)
     gate = gating.gate_module(library)
     keep = "".join(KEEP.format(name=name) for name in [*_blocks(source, top), *(apart or ())])
     insert = INSERT.format(gate=clock_gates.GATE, fewest=fewest) if gate and not gated_text else ""

@@ -74,6 +74,7 @@ class PowerMeter:
     tables: LibertyPower
     opensta: OpenstaPower
     clock_hz: float
+    most_apart: float = MOST_APART
 
     def measure(
         self, name: str, activity: Activity, events: int, uses: dict[str, CellActivity] | None = None
@@ -83,17 +84,17 @@ class PowerMeter:
         Raises
         ------
         Disagreement
-            If the two ways lie more than ``MOST_APART`` apart.
+            If the two ways lie more than ``most_apart`` apart.
         """
         own = self.tables.power_w(activity, self.clock_hz, uses)
         internal, switching, leakage = (sum(power[part] for power in own.values()) for part in range(3))
         other = sum(sum(power) for power in self.opensta.power_w(activity, self.clock_hz).values())
         agreement = other / (internal + switching + self.tables.stateless_w())
-        if abs(agreement - 1) > MOST_APART:
+        if abs(agreement - 1) > self.most_apart:
             raise Disagreement(
                 f"{name}: OpenSTA and the library's tables differ by {100 * (agreement - 1):+.1f} %, "
                 f"{1e6 * other:.4g} and {1e6 * (internal + switching + self.tables.stateless_w()):.4g} uW; "
-                f"at most {100 * MOST_APART:.0f} % are allowed"
+                f"at most {100 * self.most_apart:.0f} % are allowed"
             )
         blocks: Counter[str] = Counter()
         for cell in self.tables.netlist.cells:

@@ -121,3 +121,19 @@ def write_glitches(config: ReadoutConfig, library: Path, folder: Path, origin: d
         path, origin | about | {"process": whole.name, "cell_delay_ns": GLITCH_DELAY_NS, "added": shares} | found
     )
     return shares
+
+
+def write_classifier(
+    config: ReadoutConfig, weights: Path, path: Path, out: Path, said: dict[str, Any]
+) -> dict[str, Any]:
+    """Write what the logic of a classifier takes behind a readout, in a library, to OUT/classifier-LIB.json."""
+    from eskin.flow.power.classifier import measure as measure_classifier
+    from eskin.model.classifier.chip_config import ChipConfig
+    from eskin.model.classifier.file import IntegerWeights
+
+    network = IntegerWeights.load(weights).network
+    chip = ChipConfig(readout=config, classifier=network.config)
+    result = said | measure_classifier(chip, network, read(path))
+    out.mkdir(parents=True, exist_ok=True)
+    write_json(out / f"classifier-{path.stem}.json", result)
+    return result

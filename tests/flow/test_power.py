@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 
 from eskin.base.errors import InputError
+from eskin.cocotb_tests.bench.chip import network_of
 from eskin.flow.gatesim import flat_netlist
 from eskin.flow.liberty.library import Library
+from eskin.flow.power import classifier
 from eskin.flow.power import measure as measuring
 from eskin.flow.power.activity import Activity, read_dump
 from eskin.flow.power.event_bench import Mismatch, play
@@ -24,10 +26,14 @@ from eskin.flow.power.opensta_power import OpenstaPower
 from eskin.flow.power.results import energies, name_of
 from eskin.flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, scenarios
 from eskin.flow.power.wires import Wires
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.readout import state_at
 from eskin.power.synthesis import SynthesisReport
+from eskin.rtl.classifier.core import Classifier
+from eskin.rtl.classifier.memory import InputMemory
 from tests.flow.test_gates import Made, make
 
 CONFIG = ReadoutConfig(rows=1, columns=2, resolution=5)
@@ -240,3 +246,26 @@ def test_power_with_wires_that_the_two_ways_do_not_agree_on_is_not_given(
     monkeypatch.setattr(PowerMeter, "measure", lambda *_: (_ for _ in ()).throw(Disagreement("without wires too")))
     with pytest.raises(Disagreement, match="without wires too"):
         measure(CONFIG, made.netlist.text, made.library, (0.0, 200.0))
+
+
+def test_the_energy_of_a_classifier_is_that_of_the_network_which_it_computes(
+    library: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chip = ChipConfig(
+        readout=ReadoutConfig(rows=1, columns=2, resolution=6),
+        classifier=ClassifierConfig(inputs=4, hidden=4, classes=2, lanes=2, bin_s=0.0004),
+    )
+    network = network_of(chip)
+    text = classifier.cells_of(Classifier(chip.classifier), classifier.outside(chip.classifier), library)
+    monkeypatch.setattr(classifier, "outside", lambda config: "")
+    monkeypatch.setattr(classifier, "cells_of", lambda *_: text)
+    found = classifier.measure(chip, network, library)
+    assert found["events"] > 0
+    assert found["energy_per_event_j"] > 0
+    assert found["energy_per_clock_of_work_j"] > 0
+    assert found["idle_w"] > found["leakage_w"] > 0
+    assert found["agreement"] == pytest.approx([1, 1, 1], abs=0.05)
+    wrong = (InputMemory, lambda given: [0] * given.config.input_words)
+    monkeypatch.setitem(classifier.MEMORIES, "inputs", wrong)
+    with pytest.raises(Mismatch, match=r"^the netlist of the classifier takes \d+ events and gives \d+ classes"):
+        classifier.measure(chip, network, library)

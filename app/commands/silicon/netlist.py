@@ -153,6 +153,9 @@ def gatepower(
     glitching: Annotated[
         bool, typer.Option("--glitches", help="measure the energy of an event with and without cell delays")
     ] = False,
+    weights: Annotated[
+        Path | None, typer.Option(help="measure the classifier of this integer network, behind the readout")
+    ] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results, JSON"), WRITES_FOLDER] = Path(
         "out/gatepower"
     ),
@@ -163,10 +166,10 @@ def gatepower(
     from eskin.cocotb_tests.runner.reproduce import variables
     from eskin.flow.power.event_bench import Mismatch
     from eskin.flow.power.measure import Disagreement
-    from eskin.flow.power.results import designs, write, write_glitches
+    from eskin.flow.power.results import designs, write, write_classifier, write_glitches
 
-    if three and glitching:
-        raise InputError("--glitches measures one readout, and --three three; give one of them")
+    if three + glitching + (weights is not None) > 1:
+        raise InputError("--glitches measures one readout, --three three, --weights a classifier; give one of them")
     chosen: dict[str, ReadoutConfig | FrameConfig] = {str(config.encoding): config}
     if three:
         chosen = designs(config)
@@ -175,11 +178,18 @@ def gatepower(
         *variables(config),
         *["THREE=1"] * three,
         *["GLITCHES=1"] * glitching,
+        *([f"WEIGHTS={weights}"] if weights else []),
     ]
     heads = ("readout", "library", "wires", "idle nW", "leakage nW", "pJ an event", "lone", "texture", "OpenSTA/tables")
     table = new_table(heads, "Power of the logic: per taxel, and per event beside that")
     said = origin(" ".join(["make gatepower", *words]))
     try:
+        if weights is not None:
+            for path in lib:
+                result = write_classifier(config, weights, path, out, said)
+                event, idle = 1e12 * result["energy_per_event_j"], 1e6 * result["idle_w"]
+                print(f"{path.name}: {event:.0f} pJ an event, {idle:.2f} uW idle, without wires and memories")
+            return
         for path in lib if glitching else ():
             for name, share in write_glitches(config, path, out, said).items():
                 print(f"{path.name}: glitches add {100 * share:.1f} % to an event ({name})")

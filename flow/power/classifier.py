@@ -1,0 +1,296 @@
+"""Compute the energy of a classifier: its logic from a gate-level simulation, its memories from accesses of macros."""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eskin.cocotb_tests.bench.textures import scan
+from eskin.flow.asic.synthesis import cells_of
+from eskin.flow.gatesim import icarus
+from eskin.flow.gatesim.flat_netlist import FlatNetlist, flatten
+from eskin.flow.gatesim.models import models
+from eskin.flow.liberty.library import Library
+from eskin.flow.power.activity import DUMP, HALF_NS, Activity, read_dump
+from eskin.flow.power.event_bench import Mismatch
+from eskin.flow.power.liberty_power import LibertyPower
+from eskin.flow.power.measure import PowerMeter, ScenarioPower
+from eskin.flow.power.opensta_power import OpenstaPower
+from eskin.model.classifier.chip import channels_of, simulate_chip
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.classifier.file import neuron_image
+from eskin.model.classifier.network import IntegerNetwork
+from eskin.model.classifier.run import ClassifierRun, first_ready, simulate
+from eskin.rtl import yosys
+from eskin.rtl.classifier.core import Classifier
+from eskin.rtl.classifier.memory import InputMemory, NeuronMemory, RecurrentMemory
+from eskin.rtl.verilog import block_rtlil
+
+BINS = 3
+"""Bins of the simulation; the last one is measured, when recurrent spikes have begun."""
+
+IDLE_CLOCKS = 256
+
+MOST_APART = 0.5
+"""Largest difference of the two methods. Both are reported, because they differ by more than for readouts."""
+
+
+def _rows(network: IntegerNetwork, weights: NDArray[Any], bits: int, words: int) -> list[int]:
+    """Return the words of a memory of rows, ``lanes`` weights each."""
+    config = network.config
+    full = np.zeros((words, config.lanes), np.int64)
+    rows = np.zeros((len(weights), (1 << config.row_bits) * config.lanes), np.int64)
+    rows[:, : config.hidden] = weights
+    full[: len(rows) << config.row_bits] = rows.reshape(-1, config.lanes)
+    mask = (1 << bits) - 1
+    return [sum((weight & mask) << bits * lane for lane, weight in enumerate(word)) for word in full.tolist()]
+
+
+def inputs_of(network: IntegerNetwork) -> list[int]:
+    """Return the words of the input weights' memory."""
+    return _rows(network, network.w_in, network.config.in_bits, network.config.input_words)
+
+
+def recurrent_of(network: IntegerNetwork) -> list[int]:
+    """Return the words of the recurrent weights' memory."""
+    return _rows(network, network.w_rec, network.config.rec_bits, network.config.recurrent_words)
+
+
+MEMORIES: dict[
+    str, tuple[type[InputMemory | RecurrentMemory | NeuronMemory], Callable[[IntegerNetwork], list[int]]]
+] = {
+    "inputs": (InputMemory, inputs_of),
+    "recurrent": (RecurrentMemory, recurrent_of),
+    "neurons": (NeuronMemory, neuron_image),
+}
+"""Memories of a classifier by the name of their instance, and the words that they hold."""
+
+POTENTIALS = (
+    "read_rtlil readout.il; hierarchy -check -top {top}; proc; memory_map eskin_lane; opt_clean; write_json a.json"
+)
+"""The potentials of a lane become flops."""
+
+BENCH = """`timescale 1ns / 1ns
+module play;
+  reg clk = 0, rst = 1, running = 0;
+  always #4 clk = ~clk;
+  reg [63:0] cycle = 0, n = 0;
+  reg [63:0] at [0:%(events)d];
+  reg [31:0] channel [0:%(events)d];
+%(memories)s
+%(wires)s
+  assign event_valid = running && n < %(events)d && cycle >= at[n];
+  assign bin_end = running && cycle %% %(width)d == %(width)d - 1;
+  %(top)s dut (%(pins)s);
+  always @(posedge clk) begin
+    if (running) begin
+      cycle <= cycle + 1;
+      if (event_valid && event_ready) begin
+        $display("event %%0d", cycle);
+        n <= n + 1;
+      end
+      if (class_valid) $display("class %%0d %%0d %%h", cycle, class_index, evidence);
+      if (cycle == %(clocks)d) $finish;
+    end
+%(reads)s
+  end
+  initial begin
+    $readmemh("at.hex", at);
+    $readmemh("channel.hex", channel);
+%(loads)s
+    repeat (4) @(posedge clk);
+    rst <= 0;
+    running <= 1;
+  end
+  initial begin
+    @(posedge running);
+    #%(before)d $dumpfile("%(file)s"); $dumpvars(1, dut);
+    #%(inside)d $dumpoff;
+  end
+endmodule
+"""
+
+
+@dataclass(frozen=True)
+class Window:
+    """Clocks of a simulation, and the events taken in them."""
+
+    start: int
+    clocks: int
+    events: int = 0
+
+
+def outside(config: ClassifierConfig) -> str:
+    """Return the RTLIL of a classifier whose memories stand outside: their pins are ports."""
+    block = Classifier(config)
+    script = POTENTIALS.format(top=block.module_name)
+    design = json.loads(yosys.run(script, block_rtlil(block), "a.json"))
+    top = design["modules"][block.module_name]
+    for name, (memory, _) in MEMORIES.items():
+        del design["modules"][memory.module_name]
+        cell = top["cells"].pop(name)
+        for pin, bits in cell["connections"].items():
+            if pin not in ("clk", "rst"):
+                way = {"input": "output", "output": "input"}[cell["port_directions"][pin]]
+                top["ports"][f"{name}_{pin}"] = {"direction": way, "bits": bits}
+    files = {"a.json": json.dumps(design).encode()}
+    return yosys.run(
+        f"read_json a.json; hierarchy -check -top {block.module_name}; write_rtlil b.il", "", "b.il", files
+    )
+
+
+def play(
+    network: IntegerNetwork,
+    netlist: FlatNetlist,
+    cells: str,
+    offered: Sequence[tuple[int, int]],
+    clocks: int,
+    dumped: Window,
+    folder: Path,
+) -> tuple[Path, ClassifierRun]:
+    """Play events into a netlist, hold clocks and evidence to the golden model; return dump and the model's run.
+
+    Raises
+    ------
+    Mismatch
+        If netlist and model differ.
+    """
+    config = network.config
+    width = config.clocks_per_bin
+    memories = {name: (image(network), memory(config).bits) for name, (memory, image) in MEMORIES.items()}
+    images = memories | {"at": ([clock for clock, _ in offered] or [0], 64)}
+    images["channel"] = ([channel for _, channel in offered] or [0], 32)
+    for name, (words, bits) in images.items():
+        lines = "".join(f"{word & (1 << bits) - 1:x}\n" for word in words)
+        (folder / f"{name}.hex").write_text(lines)
+    given = {"clk": "clk", "rst": "rst", "event_channel": f"channel[n][{max(config.channel_bits, 1) - 1}:0]"}
+    given |= {f"{name}_read_data": f"{name}_word" for name in MEMORIES}
+    own = {port.name: len(port.nets) for port in netlist.ports}
+    driven = {"event_valid", "bin_end"}
+    wires = [
+        f"  wire [{bits - 1}:0] {name};"
+        for port in netlist.ports
+        if (name := port.name) not in given and (port.direction == "output" or name in driven)
+        for bits in [own[name]]
+    ]
+    pins = [
+        f".{port.name}({given.get(port.name, port.name if port.direction == 'output' or port.name in driven else 0)})"
+        for port in netlist.ports
+    ]
+    first_edge = 2 * HALF_NS * (dumped.start + 1)
+    bench = BENCH % {
+        "events": len(offered),
+        "memories": "\n".join(
+            f"  reg [{bits - 1}:0] {name} [0:{len(words) - 1}], {name}_word;"
+            for name, (words, bits) in memories.items()
+        ),
+        "reads": "\n".join(f"    {name}_word <= {name}[{name}_read_address];" for name in memories),
+        "loads": "\n".join(f'    $readmemh("{name}.hex", {name});' for name in memories),
+        "wires": "\n".join(wires),
+        "pins": ", ".join(pins),
+        "width": width,
+        "top": netlist.top,
+        "clocks": clocks,
+        "before": first_edge - HALF_NS - 1,
+        "inside": 2 * HALF_NS * dumped.clocks + 6,
+        "file": DUMP,
+    }
+    said = icarus.run([bench, netlist.verilog(gather=True), cells], "play", folder)
+    run = simulate(network, offered, range(width - 1, clocks, width), clocks)
+    _hold(run, config, said)
+    return folder / DUMP, run
+
+
+def _hold(run: ClassifierRun, config: ClassifierConfig, said: str) -> None:
+    """Refuse a simulation whose clocks of events, classes or evidence differ from the model's."""
+    taken = [int(clock) for clock in re.findall(r"^event (\d+)$", said, re.MULTILINE)]
+    classes = [(int(c), int(k), int(e, 16)) for c, k, e in re.findall(r"^class (\d+) (\d+) (\w+)$", said, re.MULTILINE)]
+    mask = (1 << config.evidence_bits) - 1
+    wanted = [
+        (clock, bin_.winner, sum((int(e) & mask) << config.evidence_bits * k for k, e in enumerate(bin_.evidence)))
+        for clock, bin_ in zip(run.valid, run.bins, strict=True)
+    ]
+    if taken != run.accepted or classes != wanted[: len(classes)] or len(classes) < len(wanted) - 1:
+        text = f"the netlist of the classifier takes {len(taken)} events and gives {len(classes)} classes, the model "
+        raise Mismatch(
+            f"{text}{len(run.accepted)} and {len(wanted)}, or in other clocks", len(taken), len(run.accepted)
+        )
+
+
+def measure(chip: ChipConfig, network: IntegerNetwork, library: Library) -> dict[str, Any]:
+    """Return energies of a classifier's logic, without wires and memories, as JSON content.
+
+    An embedded texture slides over the array; its events go through the classifier for ``BINS`` bins.
+
+    Raises
+    ------
+    Mismatch
+        If the netlist does not do what the model does.
+    Disagreement
+        If the two ways of computing power lie too far apart.
+    """
+    config = chip.classifier
+    width = config.clocks_per_bin
+    network = IntegerNetwork(**(vars(network) | {"config": config}))
+    clocks = BINS * width + width // 2
+    readout = chip.readout
+    samples = scan(readout.rows, readout.columns, readout.sample_bits, 0)[: -(-clocks // readout.clocks_per_sample)]
+    run = simulate_chip(chip, network, samples, clocks)
+    offered = list(zip(run.events["t"].tolist(), channels_of(chip, run.events).tolist(), strict=True))
+    text = cells_of(Classifier(config), outside(config), library)
+    flat = flatten(text, Classifier.module_name, library.content)
+    cells = models(library, {cell.kind for cell in flat.cells})
+    tables = LibertyPower(flat, library, {})
+    meter = PowerMeter(tables, OpenstaPower(flat, library, {}), config.clock_hz, MOST_APART)
+    with tempfile.TemporaryDirectory() as name:
+        ready = first_ready(config, -1) + 8
+        dump, _ = play(network, flat, cells, [], ready + IDLE_CLOCKS + 8, Window(ready, IDLE_CLOCKS), Path(name))
+        idle = meter.measure("idle", read_dump(dump, HALF_NS + 1, IDLE_CLOCKS, flat.nets), 0)
+        begin, end = run.classifier.valid[BINS - 2] + 1, run.classifier.ended[BINS - 1]
+        whole = Window(begin, run.classifier.valid[BINS - 1] + 1 - begin)
+        dump, _ = play(network, flat, cells, offered, whole.start + whole.clocks + 8, whole, Path(name))
+
+        def part(window: Window) -> Activity:
+            return read_dump(dump, HALF_NS + 1 + 2 * HALF_NS * (window.start - begin), window.clocks, flat.nets)
+
+        events = sum(begin <= clock <= end for clock in run.classifier.accepted)
+        taking, working = Window(begin, end + 1 - begin), Window(end + 1, run.classifier.valid[BINS - 1] - end)
+        busy = meter.measure("events", part(taking), events)
+        work = meter.measure("end of a bin", part(working), 0)
+    second = 1 / config.clock_hz
+
+    def added(window: Window, power: ScenarioPower) -> dict[str, float]:
+        """Return the energy that a window adds to an idle classifier, by the tables and by OpenSTA."""
+        spent = {"by_tables": power.power_w - idle.power_w, "by_opensta": power.by_opensta_w - idle.by_opensta_w}
+        return {name: watts * window.clocks * second for name, watts in spent.items()}
+
+    of_events, of_work = added(taking, busy), added(working, work)
+    spikes = [int(bin_.spikes.sum()) for bin_ in run.classifier.bins[BINS - 2 : BINS]]
+    return {
+        "network": {"inputs": config.inputs, "hidden": config.hidden, "classes": config.classes, "lanes": config.lanes},
+        "library": library.name,
+        "supply_v": library.voltage_v,
+        "clock_hz": config.clock_hz,
+        "area_um2": sum(library.cells[cell.kind].area_um2 for cell in flat.cells),
+        "flop_um2": min(library.cells[cell.kind].area_um2 for cell in flat.cells if library.cells[cell.kind].flop),
+        "cells": len(flat.cells),
+        "idle_w": idle.power_w,
+        "leakage_w": idle.leakage_w,
+        "energy_per_event_j": of_events["by_tables"] / events,
+        "energy_per_event_by_opensta_j": of_events["by_opensta"] / events,
+        "energy_per_clock_of_work_j": of_work["by_tables"] / working.clocks,
+        "energy_per_clock_of_work_by_opensta_j": of_work["by_opensta"] / working.clocks,
+        "events": events,
+        "work_clocks": working.clocks,
+        "hidden_spikes": spikes,
+        "agreement": [one.agreement for one in (idle, busy, work)],
+    }
