@@ -2,12 +2,21 @@
 // Plays stimuli into the readout and records its events, all at the simulator's own speed: Python wakes once a run.
 //
 // A run: the testbench writes stimulus.bin, ready.bin and ack.bin into the working folder and increments `go`; the
-// harness releases the reset, plays, records events.txt, resets the readout and copies `go` to `done`.
+// harness releases the reset, plays, records events.bin, resets the readout and copies `go` to `done`.
 //
-// stimulus.bin is a row of records {gap: 32, end: 1, valid: 1, 0: 6, enable: n, sample: n * S}, enable and sample each
-// filled up with zeros at the top to whole bytes, most significant byte first. A record holds from its clock on,
-// `valid` for one clock, and the next one follows `gap` clocks later. The first record is at clock 0, the end one says where the run stops.
-// S is W; with the analog front end W + 6: four fraction bits and four times the range, signed.
+// stimulus.bin is a row of records {gap: 32, end: 1, valid: 1, 0: 6, enable: n, sample: n * word}, most significant
+// byte first; zeros fill enable up to whole bytes. A record holds from its clock on, `valid` for one clock, and the
+// next record follows `gap` clocks later. The first record is at clock 0; the end record marks where the run stops.
+// A sample has S bits in a word of 16 bits, or of 32 where S is larger. S is W; with the analog front end W + 6: four
+// fraction bits and four times the range, signed.
+//
+// events.bin has 64 bits for every event, least significant byte first: {clock: 48, address: 16}. The address is that
+// on the wires of the four-phase link, else {polarity: 1, row: 7, column: 8}; all ones if a level in it is unknown.
+//
+// With SKIPS and `skipping` the harness plays only the clocks in which something can change. While the readout is not
+// `awake`, every register keeps its value at the end of the clock, for any inputs (verify/proofs/clock_stop.py); no
+// input moves before the next record, so the harness counts these clocks and does not play their edges. The bench sets
+// `skipping` only where `event_ready` is always high.
 //
 // comparators.bin (analog) are words of 32 bits: noise, hysteresis, seed, and whether decisions.txt is written, then the
 // offset of every taxel's comparator above and below; all in 1/16 code. Noise is even from -noise to +noise, drawn anew in
@@ -15,8 +24,8 @@
 // for every clock: what the comparators above and below found, in hexadecimal.
 //
 // With CHIP the readout has its classifier behind it. weights.hex and neurons.hex are written into its memories while
-// the reset holds. events.txt then has a line for every event: the clock from which it was offered, that in which it
-// was taken, and its channel; classes.txt one for every bin: clock, class, overrun, stalls, sums over all potentials and
+// the reset holds. Events are in events.txt then, a line each: the clock from which the event was offered, the clock in
+// which it was taken, and its channel; classes.txt has one for every bin: clock, class, overrun, stalls, sums over all potentials and
 // spikes of the hidden and of the output neurons (`mixed`), evidence in hexadecimal; spikes.txt one for every hidden
 // spike: bin and neuron.
 
@@ -54,8 +63,9 @@ module harness;
 `else
   localparam SIGNAL_BITS = SAMPLE_BITS;
 `endif
+  localparam SIGNAL_WORD = SIGNAL_BITS > 16 ? 32 : 16;
   localparam ENABLE_BYTES = (TAXELS + 7) / 8;
-  localparam SAMPLE_BYTES = (TAXELS * SIGNAL_BITS + 7) / 8;
+  localparam SAMPLE_BYTES = TAXELS * SIGNAL_WORD / 8;
   localparam RECORD_BITS = 8 * (5 + ENABLE_BYTES + SAMPLE_BYTES);
   localparam PATTERN = 65536;  // clocks after which the pattern of the sink repeats
 
@@ -64,8 +74,37 @@ module harness;
   // Breaches of the link's protocol in the last run; all ones if a handshake did not end in reset, so that none began.
   reg [31:0] errors /* verilator public_flat_rw */ = 0;
 
+  reg skipping /* verilator public_flat_rw */ = 0;
+
   reg clk = 0;
+`ifdef SKIPS
+  // A burst of clocks passes in the delta cycles of one time step: nothing here has delays, and the simulator's own work
+  // for a time step takes as long as half a clock of the readout.
+  localparam BURST = 32;  // a clock takes two deltas, of the 100 that Verilator allows
+  reg beat = 0;
+  reg beaten = 0;
+  reg [5:0] burst = 0;
+  reg [31:0] skipped = 0;  // clocks that the next edge leaves behind, besides its own
+  always #8 beat = ~beat;
+  always @(beat or clk)
+    if (clk) clk <= 0;
+    else if (beat != beaten || burst != 0) begin
+      beaten <= beat;
+      burst <= burst != 0 ? burst - 1 : running ? BURST : 0;
+      skipped <= skipping && running && gap > 1 && !sample_valid && !event_valid && !dut.awake ? gap - 1 : 0;
+      clk <= 1;
+    end
+`else
+  wire [31:0] skipped = 0;
   always #4 clk = ~clk;
+`endif
+
+`ifdef VERILATOR
+  import "DPI-C" function void open_files();
+  import "DPI-C" function void close_files();
+  import "DPI-C" function int read_record(output bit [RECORD_BITS-1:0] record, input int bytes);
+  import "DPI-C" function void write_event(input longint word);
+`endif
 
 `ifdef WAVES
   initial begin
@@ -338,11 +377,13 @@ module harness;
   reg [63:0] cycle = 0;
   reg [31:0] gap = 0;
   reg [RECORD_BITS-1:0] record = 0;
-  reg [7:0] ready_pattern [0:PATTERN-1];
+  reg [7:0] ready_pattern [0:PATTERN/8-1];
   reg [15:0] ack_pattern [0:PATTERN/16-1];
   reg [2:0] hold = 0;
   reg [13:0] patience = 0;  // clocks in reset with a handshake under way; the longest delay of ACK has half of them
-  integer stimulus_file, pattern_file, event_file, decision_file, class_file, spike_file, count;
+  reg files_open = 0;
+  integer stimulus_file, pattern_file, event_file, pair_file, decision_file, class_file, spike_file, count, place;
+  reg [TAXELS*SIGNAL_BITS-1:0] fresh = 0;
 `ifdef FOUR_PHASE
   reg responding = 0;
   wire quiet = !responding && !aer_ack;
@@ -352,6 +393,11 @@ module harness;
 
   always @(posedge clk)
     if (!running) begin
+      if (files_open) begin  // behind the last clock, whose event is in them
+        close_all;
+        files_open <= 0;
+        done <= go;
+      end
       if (hold != 4) hold <= hold + 1;
 `ifdef CHIP
       else if (go != done && loaded != WEIGHT_WORDS + NEURON_WORDS + 1) begin
@@ -373,9 +419,14 @@ module harness;
         pattern_file = $fopen("ack.bin", "rb");
         count = $fread(ack_pattern, pattern_file);
         $fclose(pattern_file);
+`ifdef VERILATOR
+        open_files();
+`else
         stimulus_file = $fopen("stimulus.bin", "rb");
-        event_file = $fopen("events.txt", "w");
+        event_file = $fopen("events.bin", "wb");
+`endif
 `ifdef CHIP
+        pair_file = $fopen("events.txt", "w");
         class_file = $fopen("classes.txt", "w");
         spike_file = $fopen("spikes.txt", "w");
 `endif
@@ -386,6 +437,7 @@ module harness;
         dice = comparators[2];
         decision_file = $fopen("decisions.txt", "w");
 `endif
+        files_open <= 1;
         errors <= 0;
         cycle <= 0;
         running <= 1;
@@ -403,30 +455,58 @@ module harness;
 `ifdef ANALOG
       if (comparators[3] != 0) $fwrite(decision_file, "%h %h\n", above, below);
 `endif
-      cycle <= cycle + 1;
-      if (gap == 1) next_record;
+      cycle <= cycle + 1 + skipped;
+      if (gap - skipped == 1) next_record;
       else begin
         gap <= gap - 1;
         sample_valid <= 0;
       end
     end
 
+  task record_event(input [63:0] word);
+`ifdef VERILATOR
+    write_event(word);
+`else
+    $fwrite(event_file, "%u", ^word === 1'bx ? {word[63:16], 16'hffff} : word);
+`endif
+  endtask
+
+  task close_all;
+    begin
+`ifdef VERILATOR
+      close_files();
+`else
+      $fclose(stimulus_file);
+      $fclose(event_file);
+`endif
+`ifdef ANALOG
+      $fclose(decision_file);
+`endif
+`ifdef CHIP
+      $fclose(pair_file);
+      $fclose(class_file);
+      $fclose(spike_file);
+`endif
+    end
+  endtask
+
   task next_record;
     begin
+`ifdef VERILATOR
+      count = read_record(record, RECORD_BITS / 8);
+`else
       count = $fread(record, stimulus_file);
+`endif
       gap <= record[RECORD_BITS-1-:32];
       sample_valid <= record[RECORD_BITS-34];
       taxel_enable <= record[8*SAMPLE_BYTES+:TAXELS];
-      if (record[RECORD_BITS-34]) sample <= record[0+:TAXELS*SIGNAL_BITS];
+      if (record[RECORD_BITS-34]) begin
+        for (place = 0; place < TAXELS; place = place + 1)
+          fresh[place*SIGNAL_BITS+:SIGNAL_BITS] = record[place*SIGNAL_WORD+:SIGNAL_BITS];
+        sample <= fresh;
+      end
       if (record[RECORD_BITS-33] || count == 0) begin
-        $fclose(stimulus_file);
-        $fclose(event_file);
-`ifdef ANALOG
-        $fclose(decision_file);
-`endif
 `ifdef CHIP
-        $fclose(class_file);
-        $fclose(spike_file);
         loaded <= 0;
         left <= event_valid && !event_ready ? (waiting ? offered : cycle) + 1 : 0;
 `endif
@@ -434,7 +514,6 @@ module harness;
         rst <= 1;
         hold <= 0;
         sample_valid <= 0;
-        done <= go;
       end
     end
   endtask
@@ -443,6 +522,7 @@ module harness;
 
 `ifdef FOUR_PHASE
   reg [11:0] edges = 0;
+  wire [15:0] address = event_word;
   reg req_before = 0;
   reg ack_before = 0;
   reg [ROW_BITS+COLUMN_BITS:0] addr_before = 0;  // one bit wider where there is no polarity
@@ -460,7 +540,7 @@ module harness;
     ack_before <= aer_ack;
     addr_before <= aer_addr;
     if (running) begin
-      if (aer_req && !req_before) $fwrite(event_file, "%0d %0d\n", cycle - 1, event_word);
+      if (aer_req && !req_before) record_event({cycle[47:0] - 48'd1, address});
 `ifdef DUAL
       if (aer_req_on && aer_req_off) errors <= errors + 1;
 `endif
@@ -487,7 +567,7 @@ module harness;
     if (running) begin
       if (event_valid && !waiting) offered <= cycle;
       if (event_valid && event_ready)
-        $fwrite(event_file, "%0d %0d %0d\n", waiting ? offered : cycle, cycle, event_channel);
+        $fwrite(pair_file, "%0d %0d %0d\n", waiting ? offered : cycle, cycle, event_channel);
       if (waiting && (!event_valid || event_channel != channel_before)) errors <= errors + 1;
       if (hidden_valid) hidden_sum <= mixed(hidden_sum, hidden_potential, hidden_spike);
       if (hidden_valid && hidden_spike) $fwrite(spike_file, "%0d %0d\n", bin_count, hidden_index);
@@ -509,14 +589,16 @@ module harness;
   reg waiting = 0;
   reg [ROW_BITS+COLUMN_BITS+2:0] payload_before = 0;
   wire [ROW_BITS+COLUMN_BITS+2:0] payload = {event_polarity, event_row, event_col};
-  assign event_ready = ready_pattern[cycle[15:0]][0];
+  wire [7:0] row = event_row, column = event_col;
+  wire [15:0] address = {event_polarity, row[6:0], column};
+  assign event_ready = ready_pattern[cycle[15:3]][cycle[2:0]];
 
   always @(posedge clk) begin
     waiting <= running & event_valid & ~event_ready;
     payload_before <= payload;
     if (running) begin
       if (event_valid && event_ready)
-        $fwrite(event_file, "%0d %0d %0d %0d\n", cycle, event_row, event_col, event_polarity);
+        record_event({cycle[47:0], address});
       if (waiting && (!event_valid || payload != payload_before)) errors <= errors + 1;
     end
   end

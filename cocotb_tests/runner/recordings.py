@@ -96,6 +96,7 @@ def play(plan: OwnPlan, on_run: Callable[[Any], None]) -> Tally:
     job = dataclasses.replace(
         job_of(plan.material, plan.names, plan.config, program, " ".join(again)),
         ticks=plan.ticks,
+        skip=plan.names[1:],
         keep=str(make_folder(plan.out, f"{plan.folder}/events").resolve()),
     )
     tally = play_here(program, job, codes, make_folder(plan.out, f"{plan.folder}/run", empty=True), on_run)

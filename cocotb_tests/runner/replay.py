@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import hashlib
 from collections.abc import Callable
@@ -98,10 +99,11 @@ class Plan:
         """Names without a valid event file."""
         return [name for name in self.names if self.finished(name) is None]
 
-    def job(self, names: list[str]) -> Job:
-        """Return the job for given names."""
+    def job(self, names: list[str], every_clock: str) -> Job:
+        """Return the job that plays some of the names; only ``every_clock`` plays the still clocks too."""
         again = " ".join(["make replay", *variables(self.config), *self.material.again])
-        return job_of(self.material, names, self.config, self.program, again)
+        job = job_of(self.material, names, self.config, self.program, again)
+        return dataclasses.replace(job, skip=[name for name in names if name != every_clock])
 
 
 def plan_textures(
@@ -123,6 +125,8 @@ def plan_textures(
 def play(plan: Plan, missing: list[str], pool: WorkerPool, on_run: Callable[[], object]) -> Tally:
     """Simulate the missing inputs in parallel, store the events, and return the totals.
 
+    The first run plays every clock. The others skip the clocks in which the readout is not awake.
+
     Raises
     ------
     MismatchFound
@@ -132,7 +136,8 @@ def play(plan: Plan, missing: list[str], pool: WorkerPool, on_run: Callable[[], 
     size = max(1, min(MOST_IN_A_PART, -(-len(missing) // pool.workers)))
     parts = [missing[at : at + size] for at in range(0, len(missing), size)]
     total = Tally()
-    for played in each(pool, play_part, ((plan.job(names), plan.material.arrays(names)) for names in parts)):
+    jobs = ((plan.job(names, every_clock=missing[0]), plan.material.arrays(names)) for names in parts)
+    for played in each(pool, play_part, jobs):
         total += played.tally
         for name, content in played.files.items():
             make_folder(plan.events, Path(name).parent)

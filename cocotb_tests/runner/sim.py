@@ -203,6 +203,7 @@ def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_st
         job_of(material, plan.textures, config, program, again),
         seed=plan.seed if plan.scenarios else None,
         ticks=plan.ticks,
+        skip=plan.textures[1:],
         keep=str(make_folder(plan.out, f"{place}/events").resolve()),
     )
     on_stage("RTL against model")

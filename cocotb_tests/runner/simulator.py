@@ -37,6 +37,8 @@ from eskin.rtl.registers.host import selects
 from eskin.rtl.verilog import Config
 
 HARNESS = Path(__file__).parents[1] / "bench" / "harness.v"
+FILES = HARNESS.with_suffix(".cpp")
+"""The files of the harness in C++, for Verilator."""
 TEST_ENABLE = re.compile(r"input (wire )?test_enable;")
 """A port that only netlists have: it holds all clock gates open for a test of the chip."""
 ENVIRONMENT = {
@@ -209,6 +211,8 @@ def build(
     hierarchical = hierarchical and simulator == "verilator" and top == "harness" and not given
     if waves:
         defines["WAVES"] = "1"
+    elif harness and may_skip(config) and not (given or tools):
+        defines["SKIPS"] = "1"
     if macros is not None:
         defines |= macros
         text = "".join(f"`undef {name}\n" for name in sorted(defines)) + text
@@ -217,7 +221,8 @@ def build(
     control = _control(simulator, top, hierarchical, bare)
     tool = versions("verilator") if simulator == "verilator" else version_of("iverilog", "-V")
     options = [waves, bare, [*verilator_flags, optimise], sorted(defines), sorted(parameters.items()), control]
-    recipe = [text, harness, top, [simulator, tool, versions("cocotb")], *options]
+    files = FILES.read_text() if harness and simulator == "verilator" else ""
+    recipe = [text, harness, files, top, [simulator, tool, versions("cocotb")], *options]
     folder = BUILD / "sim" / f"{simulator}-{top}-{_name(config)}-{digest(recipe)}"
     program = Build(folder, top, simulator, waves, tools.on_tested if tools else None)
     if is_private(private_folder(folder.parent) / folder.name) and (folder / "built").exists():
@@ -230,6 +235,9 @@ def build(
     with scratch_folder(folder.parent, folder.name) as draft, refusing_a_full_disk(draft):
         sources = _write_sources(draft, text, harness, control, foreign=macros is not None)
         flags = ["--hierarchical"] * hierarchical + verilator_flags if simulator == "verilator" else []
+        if files:
+            (draft / FILES.name).write_text(files)
+            flags = [*flags, str(draft / FILES.name)]
         try:
             with build_environment(optimise):
                 runner(simulator, fast=not bare).build(
@@ -311,6 +319,18 @@ def require_programs(simulator: Simulator) -> None:
     needed = ["iverilog"] if simulator == "icarus" else ["g++", "make", "perl"]
     if missing := [program for program in needed if shutil.which(program) is None]:
         raise MissingProgram(f"{', '.join(missing)} not found; install with: apt-get install {' '.join(missing)}")
+
+
+def may_skip(config: Config) -> bool:
+    """Return whether the harness can skip the clocks in which the readout is not awake.
+
+    The proof that nothing changes then (``eskin.verify.proofs.clock_stop``) leaves out the four-phase link and the
+    host's registers, which listen in every clock, and the chip's classifier; comparators of the analog front end may
+    decide anew in every clock.
+    """
+    if not isinstance(config, ReadoutConfig):
+        return False
+    return config.frontend == "digital" and not config.handshake and config.registers == "none"
 
 
 def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
 
+from eskin.cocotb_tests.runner.simulator import may_skip
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders.registry import ENCODERS
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl import readout, taxel
 from eskin.rtl.arbiter import Arbiter
@@ -17,6 +20,12 @@ from eskin.verify.proofs.clock_stop import Clocked, clocked, stands_still
 from eskin.verify.proofs.mutants import make
 
 FEW = ReadoutConfig(rows=2, columns=2, sample_bits=6, resolution=2, window_period=3, leak_period=3)
+SKIPPED = [
+    FEW.replace(encoding=encoder.name, **more)
+    for encoder in ENCODERS
+    for more in ({}, {"decide_every": "sample"}, {"fields": "neighbours"})
+]
+"""A configuration of every kind for which the co-simulation skips still clocks: all that ``awake`` depends on."""
 BLOCKS = [
     Arbiter(FEW),
     *(
@@ -38,6 +47,12 @@ def test_a_block_that_is_not_awake_stands_still(block: Any) -> None:
     assert stands_still(block)
 
 
+@pytest.mark.parametrize("config", SKIPPED, ids=lambda c: f"{c.encoding}-{c.decide_every}-{c.fields}")
+def test_the_clocks_that_the_co_simulation_skips_change_nothing(config: ReadoutConfig) -> None:
+    assert may_skip(config)
+    assert stands_still(readout.Readout(config))
+
+
 def test_a_block_that_is_awake_moves() -> None:
     assert not stands_still(Arbiter(FEW), awake=1)
 
@@ -52,6 +67,17 @@ def test_a_row_that_sleeps_when_it_must_not_is_found(wire: str) -> None:
     found = make(made.text, row.module_name, 4, 0, f"-mode const0 -wire {wire}")
     assert found
     assert not any(stands_still(row, mutant=mutant.rtlil) for mutant in found)
+
+
+@pytest.mark.parametrize("term", ["arbiter_awake", "row_0_awake", "row_1_awake", "tick"])
+def test_a_term_that_the_readout_leaves_out_is_found(term: str) -> None:
+    top = readout.Readout(FEW.replace(encoding="nlcs"))
+    made = RtlilModules(async_reset=False)
+    made.add(top)
+    others, name, own = made.text.partition(f"module \\{top.module_name}\n")
+    mutant, count = re.subn(rf"(connect \\[AB]) \\{term} \[0\]\n", r"\1 1'0\n", own)
+    assert count == 1
+    assert not stands_still(top, mutant=others + name + mutant)
 
 
 PAIR = FEW.replace(rows=1)

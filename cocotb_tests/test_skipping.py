@@ -1,0 +1,58 @@
+"""The harness skips still clocks and finds the model's events; a wrong ``awake`` is found."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eskin.cocotb_tests.bench.textures import random_scan
+from eskin.cocotb_tests.runner import simulator
+from eskin.cocotb_tests.runner.build_cache import verilog_text
+from eskin.cocotb_tests.runner.chunk import play_here
+from eskin.cocotb_tests.runner.player import Job
+from eskin.cocotb_tests.runner.process import MismatchFound, Tally
+from eskin.model.config import Encoding, ReadoutConfig
+
+
+def play(encoding: Encoding, folder: Path) -> Tally:
+    """Play a scan with every clock; then, with still clocks skipped, the scan, a lone taxel and a signal at rest."""
+    config = ReadoutConfig(rows=2, columns=3, encoding=encoding)
+    samples = random_scan(config, 60, np.random.default_rng(3))
+    arrays = {"all": samples, "skipped": samples, "rest": np.repeat(samples[30:31], 60, axis=0)}
+    arrays["lone"] = samples * (np.arange(config.taxels) == 1)
+    job = Job(config.to_dict(), "again", played={name: {"proof": ""} for name in arrays}, keep=str(folder))
+    job.skip.extend(["skipped", "rest", "lone"])
+    return play_here(simulator.build(config, "icarus"), job, arrays, folder)
+
+
+@pytest.mark.parametrize("encoding", ["lcs", "cw-lcs", "nlcs", "nlcs-bipolar"])
+def test_skipped_runs_have_the_events_of_the_model(encoding: Encoding, tmp_path: Path) -> None:
+    tally = play(encoding, tmp_path)
+    assert (tally.runs, tally.clocks) == (4, 4 * 60 * 64)
+    assert tally.events > 100
+
+
+BROKEN: dict[str, tuple[Encoding, str, str, str]] = {
+    "stuck low": ("lcs", "eskin_readout", r"(assign awake =)[^;]*;", r"\1 1'b0;"),
+    "without a row": ("nlcs", "eskin_readout", r"(\| )row_1_awake", r"\g<1>1'b0"),
+    "without a taxel": ("lcs", "eskin_row", r"(\| )taxel_1_stirs", r"\g<1>1'b0"),
+}
+
+
+@pytest.mark.parametrize("fault", BROKEN)
+def test_a_wrong_awake_is_found(fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    encoding, module, pattern, replacement = BROKEN[fault]
+
+    def broken(config: ReadoutConfig) -> str:
+        before, name, after = verilog_text(config).partition(f"module {module}(")
+        inside, end, rest = after.partition("endmodule")
+        changed, count = re.subn(pattern, replacement, inside)
+        assert count == 1
+        return before + name + changed + end + rest
+
+    monkeypatch.setattr(simulator, "verilog_text", broken)
+    with pytest.raises(MismatchFound, match=r"scan of (skipped|lone): RTL and model differ"):
+        play(encoding, tmp_path)
