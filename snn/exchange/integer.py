@@ -52,6 +52,8 @@ class Precision:
         Bits of the potentials; None for as many as they can ever need.
     lanes : int
     clock_hz : float
+    narrow : bool
+        Without ``membrane_bits``: let hidden potentials saturate as in ``ClassifierConfig.narrow_bits``.
     """
 
     in_bits: int = 8
@@ -64,6 +66,7 @@ class Precision:
     output_bits: int | None = None
     lanes: int = 16
     clock_hz: float = 50e6
+    narrow: bool = False
 
     def __post_init__(self) -> None:
         for name, (low, high) in {"threshold_bits": (2, 16), "bias_bits": (2, 16)}.items():
@@ -163,8 +166,11 @@ def _with_widths(made: IntegerNetwork, precision: Precision) -> IntegerNetwork:
         for name in ("membrane_bits", "output_bits")
         if getattr(precision, name) is not None
     }
+    config = made.config
+    if precision.membrane_bits is None and precision.narrow:
+        changes["membrane_bits"] = config.narrow_bits
     per_bin = int(min(bits_of(made.output_ends), 22)) if made.config.readout == "membrane" else 1
-    config = made.config.replace(**changes, evidence_bits=per_bin + 10)
+    config = config.replace(**changes, evidence_bits=per_bin + 10)
     return IntegerNetwork(config, made.w_in, made.w_rec, made.w_out, made.b_hidden, made.b_out)
 
 
@@ -242,7 +248,9 @@ def summary(made: IntegerWeights) -> list[str]:
         if abs(trained - hardware) > 1e-6:
             means = "with a shift" if getattr(config, f"{place}_factor") == 1 else "in the decay's bits"
             lines.append(f"{name} of {trained:.4g} becomes {hardware:.4g}, the nearest value {means}")
-    fits = bits_of(made.network.hidden_ends) <= config.membrane_bits
-    saturates = "which cover all values" if fits else "which saturate"
+    enough = bits_of(made.network.hidden_ends)
+    saturates = f"which saturate ({enough} bits would cover all values)" if enough < math.inf else "which saturate"
+    if enough <= config.membrane_bits:
+        saturates = "which cover all values"
     lines.append(f"threshold {config.threshold}, potentials of {config.membrane_bits} bits, {saturates}")
     return lines

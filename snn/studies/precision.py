@@ -46,8 +46,8 @@ def parse_variants(text: str) -> dict[str, Precision]:
             )
         bits, threshold, membrane = (None if one is None else int(one) for one in match.groups())
         assert bits is not None
-        weights = dict.fromkeys(("in_bits", "rec_bits", "out_bits"), bits)
-        others = {} if threshold is None else {"threshold_bits": threshold}
+        weights: dict[str, Any] = dict.fromkeys(("in_bits", "rec_bits", "out_bits"), bits)
+        others: dict[str, Any] = {} if threshold is None else {"threshold_bits": threshold}
         found[name] = Precision(**weights, **others, membrane_bits=membrane)
     return found
 

@@ -48,11 +48,12 @@ def test_every_board_has_the_pins_and_the_clock() -> None:
     assert "25000000.0 HZ" in text
 
 
-def test_the_classifier_alone_never_saturates() -> None:
-    for bits, membrane in ((8, 22), (4, 20)):
+def test_the_classifier_alone_has_potentials_of_32_thresholds() -> None:
+    for bits in (8, 4):
         config = report.plain_classifier(bits)
         assert (config.inputs, config.hidden, config.classes, config.lanes) == (128, 256, 6, 16)
-        assert (config.membrane_bits, config.saturates, config.output_saturates) == (membrane, False, False)
+        assert (config.membrane_bits, 32 * config.threshold) == (14, 2**13)
+        assert (config.saturates, config.output_saturates) == (True, False)
 
 
 def test_a_report_says_what_was_found_and_aimed_at(tmp_path: Path) -> None:

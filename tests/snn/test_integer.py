@@ -64,7 +64,7 @@ def test_a_network_of_whole_numbers_stays_what_it_is(reset: str, readout: str) -
         assert np.array_equal(fired, spikes[number])
     assert 0.02 < spikes.mean() < 0.98
     expected = state.evidence if readout == "spikes" else state.evidence * whole.notes["output_unit"] / COUNTS.shape[1]
-    assert np.allclose(logits, expected, rtol=1e-5)
+    assert np.allclose(logits, expected, rtol=1e-5, atol=1e-5)  # a sum near 0 of terms near 40, in float32
     assert np.array_equal(whole.network.run_counts(COUNTS)[0], state.evidence)
 
 
@@ -189,7 +189,7 @@ def test_the_command_writes_the_network_and_its_images(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     assert "decay of 0.8 becomes 0.75" in done.output
     loaded = IntegerWeights.load(tmp_path / "integer.npz")
-    expected = quantise(weights_of(made), Precision(in_bits=4, rec_bits=4, out_bits=6))
+    expected = quantise(weights_of(made), Precision(in_bits=4, rec_bits=4, out_bits=6, narrow=True))
     assert loaded.network.config == expected.network.config
     assert loaded.network.config.clocks_per_bin == 200_000
     lines = (tmp_path / "integer.weights.hex").read_text().split()

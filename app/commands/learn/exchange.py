@@ -112,7 +112,7 @@ def quantise(
     ] = None,
     threshold_bits: Annotated[int, typer.Option(help="smallest number of bits of the threshold, 2..16")] = 8,
     membrane_bits: Annotated[
-        int | None, typer.Option(help="bits of a hidden potential [enough for all inputs]")
+        int | None, typer.Option(help="bits of a hidden potential [32 thresholds; without a floor: all values]")
     ] = None,
     lanes: Annotated[int, typer.Option(help="weights added per clock")] = 16,
     clock: Annotated[
@@ -144,6 +144,7 @@ def quantise(
         membrane_bits=membrane_bits,
         lanes=lanes,
         clock_hz=50e6 if clock is None else clock,
+        narrow=True,
     )
     trained = load_weights(weights)
     said = said_of_training(weights, trained)
