@@ -24,7 +24,7 @@ IDLE: dict[str, dict[str, str]] = {
     "sim gatesim": {"--only": "--seed --textures"},
     "sim": {"--data": "--seed", "no --dut": "--top"},
     "replay touch": {"--only": "--limit"},
-    "play": {"--samples": "--only"},
+    "play": {"--samples": "--only", "--sensor": "--only --raw --check"},
     "train": {"--test": "--fold --folds"},
     "predict": {"no --check-model": "--dataset"},
     "sweep": {"--events": "--points", "--test": "--folds"},
@@ -39,7 +39,7 @@ IDLE: dict[str, dict[str, str]] = {
     "verilog asic": {"--readout=frame": f"{SPIKING_OPTIONS} --tau"},
     "asic-scale": {"no --tiles": "--relays"},
     "gatepower": {"--three": "--encoding --frontend"},
-    "fpga": {"--alone": "--board"},
+    "fpga": {"--alone": "--board --baud --adc --settle", "--receiver": "--adc", "no --adc": "--settle"},
     "power": {
         "--parameters": "--mode --resolution --noise --tau --correct --without --crossover --synthesis --dataset "
         "--preset --rates",

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import zlib
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Literal
 
 from eskin.base.errors import InputError
+from eskin.board.sensor import SensorConfig
 from eskin.model.classifier.chip_config import ChipConfig
 
 Design = Literal["player", "receiver"]
@@ -24,6 +26,9 @@ OFF_FLAG = 1 << ADDRESS_BITS - 1
 BOTH_FLAG = OFF_FLAG >> 1
 """Bit of the address that two requests at once set, which no chip should make."""
 
+LEAST_CLOCKS = 4
+"""Of a bit on the serial line."""
+
 MOST_CLASSES = 64
 MOST_WORDS = 1 << 16
 
@@ -36,8 +41,8 @@ class SerialConfig:
     ----------
     clock_hz : int
         Clock of the board.
-    clocks_per_bit : int
-        Four or more.
+    baud : int
+        Bits per second, at most a quarter of the clock. A bit may last a fraction of a clock longer than the next.
     buffer_bytes : int
         What the board can keep of frames that it has not carried out yet, a power of two; the host never has more
         under way.
@@ -48,13 +53,13 @@ class SerialConfig:
     """
 
     clock_hz: int = 50_000_000
-    clocks_per_bit: int = 25
-    buffer_bytes: int = 1024
+    baud: int = 2_000_000
+    buffer_bytes: int = 4096
     idle_bits: int = 1 << 18
     records: int = 1024
 
     def __post_init__(self) -> None:
-        least = {"clock_hz": 1, "clocks_per_bit": 4, "buffer_bytes": 512, "idle_bits": 32, "records": 128}
+        least = {"clock_hz": 1, "baud": 1, "buffer_bytes": 512, "idle_bits": 32, "records": 128}
         for name, low in least.items():
             if getattr(self, name) < low:
                 raise InputError(f"{name} of the serial line must be at least {low}, not {getattr(self, name)}")
@@ -62,10 +67,16 @@ class SerialConfig:
             if getattr(self, name) & (getattr(self, name) - 1):
                 raise InputError(f"{name} of the serial line must be a power of two, not {getattr(self, name)}")
 
+        if self.clocks_per_bit < LEAST_CLOCKS:
+            raise InputError(
+                f"baud of the serial line must be at most clock_hz / {LEAST_CLOCKS} = {self.clock_hz // LEAST_CLOCKS}, "
+                f"not {self.baud}"
+            )
+
     @property
-    def baud(self) -> int:
-        """Bits per second."""
-        return round(self.clock_hz / self.clocks_per_bit)
+    def clocks_per_bit(self) -> Fraction:
+        """Clocks of a bit."""
+        return Fraction(self.clock_hz, self.baud)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +88,8 @@ class BoardConfig:
     chip : ChipConfig, optional
         Readout (digital front end) and classifier of a player; none for the receiver of a foreign chip.
     serial : SerialConfig
+    sensor : SensorConfig, optional
+        A skin at the pins of a player: its samples need no host.
 
     Raises
     ------
@@ -86,10 +99,15 @@ class BoardConfig:
 
     chip: ChipConfig | None
     serial: SerialConfig = field(default_factory=SerialConfig)
+    sensor: SensorConfig | None = None
 
     def __post_init__(self) -> None:
         if self.chip is None:
+            if self.sensor is not None:
+                raise InputError("a receiver has no converter; build a player for a skin at the board")
             return
+        if self.sensor is not None:
+            self.sensor.check(self.chip.readout, self.serial.clock_hz)
         readout = self.chip.readout
         if readout.frontend != "digital" or readout.registers != "none" or readout.reset != "sync":
             raise InputError(

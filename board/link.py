@@ -11,11 +11,10 @@ from types import TracebackType
 from typing import Any
 
 from eskin.base.errors import InputError
-from eskin.board.config import DESIGNS, BoardConfig, Design
-from eskin.board.records import VALUE_BITS, Ack, Reason, Record, RecordReader, Refused, Tag, Words
+from eskin.board.config import DESIGNS, BoardConfig, Design, SerialConfig
+from eskin.board.records import VALUE_BITS, Ack, Feature, Reason, Record, RecordReader, Refused, Tag, Words
 from eskin.board.serial_frames import Damaged, Frame, FrameReader, Kind
 
-BAUD = 2_000_000
 POLL_S = 0.05
 MOST_S = 600.0
 """How long a board that sends all the time may take to carry out a frame: a RUN may give millions of events."""
@@ -46,17 +45,20 @@ class Link:
 
     Attributes
     ----------
+    features : Feature
+        What the board takes in addition to the first protocol.
     arrived : float
         When the bytes came that are handed on now, by ``time.monotonic``.
     """
 
     def __init__(
-        self, port: str, sink: Callable[[list[Record]], object], baud: int = BAUD, patience_s: float = 3.0
+        self, port: str, sink: Callable[[list[Record]], object], baud: int = SerialConfig.baud, patience_s: float = 3.0
     ) -> None:
         import serial
 
         self.port, self.sink, self.patience_s = port, sink, patience_s
         self.said: dict[str, int] = {}
+        self.features = Feature(0)
         self._frames, self._records = FrameReader(), RecordReader()
         self._sequence, self._due, self._begun = 0, 0, False
         self._waiting: deque[Frame] = deque()
@@ -140,6 +142,11 @@ class Link:
                 )
             data = self._take()
         self._handle(data)
+
+    @property
+    def unfinished(self) -> int:
+        """Number of frames that the board has not yet acknowledged."""
+        return len(self._waiting)
 
     def wait(self, seconds: float = MOST_S) -> None:
         """Wait until the board has executed all frames.
@@ -237,8 +244,9 @@ class Link:
                     why = next((text for reason, text in WHY.items() if reason == record.reason), "was refused")
                     raise InputError(f"frame {record.sequence} to the board {why} (it waits for {record.expected})")
                 elif isinstance(record, Words) and record.tag == Tag.HELLO:
-                    self.said = record.values
+                    self.said, self.features = record.values, record.features
                     self._records.classes, self._records.addresses = self.said["classes"], self.said["channels"]
+                    self._records.interval = record.interval
                 else:
                     records.append(record)
         finally:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
 from eskin.base.errors import InputError
@@ -23,6 +23,13 @@ LOW_TIME = (1 << TIME_BITS) - 1
 EVENTS_END = 1 << VALUE_BITS
 """Words below are events: their tag is 0."""
 
+INTERVAL_BITS = 8
+PADDING = (1 << INTERVAL_BITS) - 1
+"""Interval of a short event that is none: the rest of the word is empty."""
+
+COUNT_BITS = 8
+"""Low bits of the first word of ``HELLO``: the words that follow. ``Feature`` and the usual interval stand above."""
+
 
 class Tag(IntEnum):
     """Tag in the upper four bits of the first word of a record."""
@@ -35,6 +42,15 @@ class Tag(IntEnum):
     REFUSED = 5
     HELLO = 6
     STATUS = 7
+    SHORT = 8
+
+
+class Feature(IntFlag):
+    """Additions to the first protocol that a board has; earlier boards report 0, and earlier hosts ignore them."""
+
+    CHANGES = 1
+    SHORT_EVENTS = 2
+    SENSOR = 4
 
 
 class Reason(IntEnum):
@@ -107,10 +123,27 @@ class Refused:
 
 @dataclass(frozen=True)
 class Words:
-    """Description (``HELLO_WORDS``) or counters (``STATUS_WORDS``) of a board, by name."""
+    """Description (``HELLO_WORDS``) or counters (``STATUS_WORDS``) of a board, by name.
+
+    Attributes
+    ----------
+    above : int
+        Of a description: ``Feature`` in the low 8 bits, and above the usual clocks between short events.
+    """
 
     tag: Tag
     values: dict[str, int]
+    above: int = 0
+
+    @property
+    def features(self) -> Feature:
+        """What the board takes in addition to the first protocol."""
+        return Feature(self.above & (1 << COUNT_BITS) - 1) & Feature(sum(Feature))
+
+    @property
+    def interval(self) -> int:
+        """Usual clocks between short events."""
+        return self.above >> COUNT_BITS & (1 << INTERVAL_BITS) - 1
 
 
 Record = Event | Class | Lost | Ack | Refused | Words
@@ -125,12 +158,16 @@ class RecordReader:
         Words of evidence behind a class.
     addresses : int
         Addresses that an event may have.
+    interval : int
+        Usual clocks between short events.
     """
 
-    def __init__(self, classes: int = 0, addresses: int = 1 << ADDRESS_BITS) -> None:
-        self.classes, self.addresses = classes, addresses
+    def __init__(self, classes: int = 0, addresses: int = 1 << ADDRESS_BITS, interval: int = 1) -> None:
+        self.classes, self.addresses, self.interval = classes, addresses, interval
         self._high = 0
         self._begun: list[int] = []
+        self._last = Event(0, 0)
+        self._bits = self._count = 0
 
     def feed(self, payload: bytes) -> Iterator[Record]:
         """Return the records completed by the payload of a frame.
@@ -146,14 +183,42 @@ class RecordReader:
                 f"the board sent {len(payload)} bytes of records, no whole words; load its bitstream again"
             )
         for (word,) in struct.iter_unpack("<I", payload):
-            if word < EVENTS_END and not self._begun and (address := word >> TIME_BITS) < self.addresses:
-                yield Event(self._high << TIME_BITS | word & LOW_TIME, address)  # nearly all records: a short way
-                continue
+            if not self._begun:
+                if word >> VALUE_BITS == Tag.SHORT:
+                    yield from self._short(word & EVENTS_END - 1)
+                    continue
+                self._bits = self._count = 0  # any other record ends the bits of short events
+                if word < EVENTS_END and (address := word >> TIME_BITS) < self.addresses:
+                    self._last = Event(self._high << TIME_BITS | word & LOW_TIME, address)
+                    yield self._last  # nearly all records: a short way
+                    continue
             self._begun.append(word)
             if len(self._begun) > self._follow(self._begun[0]):
                 words, self._begun = self._begun, []
                 if (record := self._record(words)) is not None:
                     yield record
+
+    def _short(self, value: int) -> Iterator[Event]:
+        """Yield the events that end within the bits of a word; a code may go on in the next word."""
+        bits, count = self._bits | value << self._count, self._count + VALUE_BITS
+        size = (self.addresses - 1).bit_length()
+        time, address = self._last
+        while True:
+            used = 1 + INTERVAL_BITS * (bits & 1)
+            interval = bits >> 1 & PADDING if bits & 1 else self.interval
+            far = bits >> used & 1
+            used += 1 + size * far
+            if used > count or interval == PADDING:
+                break
+            time += interval
+            address = bits >> used - size & (1 << size) - 1 if far else address + 1
+            if address >= self.addresses:
+                raise InputError(
+                    f"the board sent an event with the address {address}, and has {self.addresses}; {AGAIN}"
+                )
+            bits, count = bits >> used, count - used
+            yield Event(time, address)
+        self._bits, self._count, self._last = bits, count, Event(time, address)
 
     def _follow(self, first: int) -> int:
         """Return the number of words that follow the first word of a record."""
@@ -184,7 +249,8 @@ class RecordReader:
         if tag == Tag.REFUSED:
             return Refused(value & 0xFF, value >> 8 & 0xFF, above)
         if tag in (Tag.HELLO, Tag.STATUS):
-            return Words(Tag(tag), said(Tag(tag), words[1:]))
+            above = words[0] >> COUNT_BITS & (1 << VALUE_BITS - COUNT_BITS) - 1
+            return Words(Tag(tag), said(Tag(tag), words[1:]), above)
         raise InputError(f"the board sent a record with the unknown tag {tag}; {AGAIN}")
 
 
@@ -223,6 +289,15 @@ def hello_values(config: BoardConfig) -> dict[str, int]:
     }
 
 
+def additions(config: BoardConfig) -> int:
+    """Return the bits above the number of words in a board's description: features, and the usual interval."""
+    if config.chip is None:
+        return 0
+    interval = min(config.chip.classifier.groups, PADDING - 1)
+    features = Feature.CHANGES | Feature.SHORT_EVENTS | (Feature.SENSOR if config.sensor else Feature(0))
+    return features | interval << COUNT_BITS
+
+
 class RecordWriter:
     """Encoder that converts records to words, as the board does."""
 
@@ -253,7 +328,10 @@ class RecordWriter:
             words.append(_word(Tag.REFUSED, record.reason << TIME_BITS | record.expected << 8 | record.sequence))
         else:
             names = HELLO_WORDS if record.tag == Tag.HELLO else STATUS_WORDS
-            words += [_word(record.tag, len(names)), *(record.values[name] for name in names)]
+            words += [
+                _word(record.tag, len(names) | record.above << COUNT_BITS),
+                *(record.values[name] for name in names),
+            ]
         return words
 
 

@@ -24,6 +24,8 @@ class Kind(IntEnum):
     RUN = 4
     WEIGHTS = 5
     STATUS = 6
+    CHANGES = 7
+    SENSE = 8
     RECORDS = 0x81
 
 

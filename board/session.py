@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
+from eskin.board.changes import ChangeCoder, whole_tick
 from eskin.board.config import ADDRESS_BITS, BOTH_FLAG, OFF_FLAG, BoardConfig
 from eskin.board.journal import Journal
 from eskin.board.link import Link
-from eskin.board.records import Class, Event, Lost, Record, Tag, Words
+from eskin.board.records import Class, Event, Feature, Lost, Record, Tag, Words
 from eskin.board.serial_frames import MOST_PAYLOAD, Kind
 from eskin.board.udp import AddressEvent
 from eskin.model.address_events import Events
@@ -29,6 +30,11 @@ from eskin.skin.foreign.address_map import AddressMap
 
 MOST_CLOCKS = 1 << 24
 """Of one RUN: a board that runs says nothing unless something happens."""
+
+SENSE_S = 0.1
+"""How long a board reads its own skin for one frame of the host; the next frame waits on the board."""
+
+MOST_SCANS = (1 << 16) - 1
 
 ASK_S = 0.5
 """How often a board that listens is asked what it counts: whether it is still there."""
@@ -200,23 +206,63 @@ def load(link: Link, weights: IntegerWeights, on_frame: Callable[[], object] = l
     link.wait()
 
 
-def play(link: Link, chip: ChipConfig, samples: NDArray[Any], on_tick: Callable[[], object] = lambda: None) -> int:
-    """Play samples, shape (ticks, taxels), on a board after a reset; return the clocks of the chip."""
+def play(
+    link: Link,
+    chip: ChipConfig,
+    samples: NDArray[Any],
+    on_tick: Callable[[], object] = lambda: None,
+    whole: bool = False,
+) -> int:
+    """Play samples, shape (ticks, taxels), on a board after a reset; return the clocks of the chip.
+
+    Parameters
+    ----------
+    whole : bool
+        Send all samples with 16 bits each, and take each event in 32 bits, as for a board of the first protocol.
+    """
     clocks = clocks_to_play(chip, len(samples))
-    link.send(Kind.RESTART)
-    most = MOST_PAYLOAD // 2
-    for codes in samples.astype("<i2"):
-        for at in range(0, len(codes), most):
-            link.send(Kind.SAMPLES, codes[at : at + most].tobytes())
-        on_tick()
-    left = clocks - len(samples) * chip.readout.clocks_per_sample
+    features = Feature(0) if whole else link.features
+    link.send(Kind.RESTART, b"\x01" if features & Feature.SHORT_EVENTS else b"")
+    if features & Feature.CHANGES:
+        parts = ChangeCoder(chip.readout).feed(samples)
+    else:
+        parts = (part for codes in samples for part in whole_tick(codes))
+    for kind, payload, ticks in parts:
+        link.send(kind, payload)
+        for _ in range(ticks):
+            on_tick()
+    _finish(link, clocks - len(samples) * chip.readout.clocks_per_sample)
+    return clocks
+
+
+def sense(link: Link, chip: ChipConfig, ticks: int | None = None) -> int:
+    """Let a board read its own skin for a number of ticks, or until Ctrl-C; return the clocks of its chip."""
+    if not link.features & Feature.SENSOR:
+        raise InputError("the board has no converter of its own; build its bitstream with make fpga ADC=")
+    link.send(Kind.RESTART, b"\x01")
+    part, done = min(max(round(chip.readout.sample_rate_hz * SENSE_S), 1), MOST_SCANS), 0
+    try:
+        while ticks is None or done < ticks:
+            scans = part if ticks is None else min(part, ticks - done)
+            link.send(Kind.SENSE, scans.to_bytes(2, "little"))
+            done += scans
+            while link.unfinished > 1:
+                link.receive()
+    except KeyboardInterrupt:
+        pass
+    clocks = clocks_to_play(chip, done)
+    _finish(link, clocks - done * chip.readout.clocks_per_sample)
+    return clocks
+
+
+def _finish(link: Link, left: int) -> None:
+    """Run the clocks behind the last sample, and wait for the last record."""
     while left:
         part = min(left, MOST_CLOCKS)
         link.send(Kind.RUN, part.to_bytes(4, "little"))
         left -= part
     link.send(Kind.STATUS)
     link.wait()
-    return clocks
 
 
 def clocks_to_play(chip: ChipConfig, ticks: int) -> int:

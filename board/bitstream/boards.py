@@ -9,7 +9,8 @@ from amaranth.hdl import ClockDomain, ClockSignal, Elaboratable, Instance, Modul
 
 from eskin.base.errors import InputError
 from eskin.board.config import BoardConfig
-from eskin.board.gateware.top import Board
+from eskin.board.gateware.top import SKIN_PINS, Board
+from eskin.board.sensor import MOST_ROWS
 
 BOARDS = {
     "ulx3s": "ULX3S_85F_Platform",
@@ -29,6 +30,22 @@ AER_PINS = Resource(
     Attrs(IO_TYPE="LVCMOS33", PULLMODE="DOWN"),
 )
 """Where a foreign chip is connected, 3.3 V: an open pin is low."""
+
+
+def skin_pins(rows: int) -> Resource:
+    """Return where a skin is connected: its rows from 0+ on, and the SPI converter, 3.3 V."""
+    pins = [f"{pair}{sign}" for pair in range(MOST_ROWS // 2) for sign in "+-"]
+    return Resource(
+        "skin",
+        0,
+        Subsignal("rows", Pins(" ".join(pins[:rows]), dir="o", conn=("gpio", 0))),
+        Subsignal("sclk", Pins("8+", dir="o", conn=("gpio", 0))),
+        Subsignal("cs_n", Pins("8-", dir="o", conn=("gpio", 0))),
+        Subsignal("mosi", Pins("9+", dir="o", conn=("gpio", 0))),
+        Subsignal("miso", Pins("9-", dir="i", conn=("gpio", 0))),
+        Attrs(IO_TYPE="LVCMOS33", PULLMODE="NONE"),
+    )
+
 
 CRYSTAL_HZ, SYSTEM_HZ = 25_000_000, 50_000_000
 VCO_HZ = 600_000_000
@@ -90,7 +107,7 @@ class Clock(Elaboratable):
 
 
 class OnBoard(Elaboratable):
-    """Top level with a design connected to the pins: serial line, two LEDs, and the AER pins of another chip."""
+    """Top level with a design connected to the pins: serial line, two LEDs, and another chip or a skin."""
 
     def __init__(self, config: BoardConfig) -> None:
         self.config = config
@@ -115,4 +132,9 @@ class OnBoard(Elaboratable):
                 aer.ack.o.eq(board.aer_ack),
                 board.aer_addr.eq(aer.addr.i),
             ]
+        elif self.config.sensor is not None:
+            platform.add_resources([skin_pins(self.config.chip.readout.rows)])
+            skin = platform.request("skin", 0)
+            m.d.comb += [getattr(skin, name).o.eq(getattr(board, name)) for name in SKIN_PINS if name != "miso"]
+            m.d.comb += board.miso.eq(skin.miso.i)
         return m

@@ -7,14 +7,15 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from eskin.base.errors import InputError
-from eskin.board.bitstream.boards import OnBoard, platform_of
-from eskin.board.config import BoardConfig
+from eskin.board.bitstream.boards import SYSTEM_HZ, OnBoard, platform_of
+from eskin.board.config import BoardConfig, SerialConfig
+from eskin.board.sensor import SensorConfig
 from eskin.board.session import board_of
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.file import IntegerWeights
@@ -80,11 +81,14 @@ class Built:
         return self.blocks * BLOCK_BITS / 8 / KILOBYTE
 
 
-def design_of(weights: Path | None, receiver: bool) -> BoardConfig:
+def design_of(
+    weights: Path | None, receiver: bool, baud: int = SerialConfig.baud, sensor: SensorConfig | None = None
+) -> BoardConfig:
     """Return the design to build: the AER receiver, or readout and classifier with the weights of a network."""
+    serial = SerialConfig(clock_hz=SYSTEM_HZ, baud=baud)
     if receiver:
-        return BoardConfig(chip=None)
-    return board_of(IntegerWeights.load(weights or NETWORK))
+        return BoardConfig(chip=None, serial=serial)
+    return replace(board_of(IntegerWeights.load(weights or NETWORK)), serial=serial, sensor=sensor)
 
 
 def build(config: BoardConfig, board: str) -> Built:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from amaranth.hdl import Cat, Module, Signal
+from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib.wiring import Component, In, Out
 
+from eskin.board.changes import JUMP_BITS, unread_bits
 from eskin.board.config import BoardConfig
 from eskin.board.records import hello_values
 from eskin.board.serial_frames import Kind
@@ -15,12 +16,18 @@ from eskin.rtl.classifier.core import Classifier
 RUN_BITS = 32
 """Of the clocks that a RUN gives."""
 
+SCANS_BITS = 16
+"""Of the number of scans that a SENSE gives."""
+
 
 class Loader(Component):
     """Frame executor; the chip runs only for the requested number of clocks.
 
     A sample that comes is shifted in behind those of the taxels before: when that of the last is there, the chip gets a
     sample tick and the clocks of a sample. Frames are carried out in their order, and acknowledged then.
+
+    A frame of changes is read bit by bit. The code of the next taxel leaves the shift register at its end, and comes in
+    again, changed or not, at its beginning.
 
     Attributes
     ----------
@@ -34,6 +41,10 @@ class Loader(Component):
         It is reset.
     sample, sample_valid : Out
         Of the chip (player).
+    short : Out(1)
+        The host takes short events (player).
+    sensing, taxel_valid, taxel : Out(1), In(1), In
+        A scan of the skin may begin; a sample of its next taxel (player with a sensor).
     load_valid, load_neurons, load_address, load_data : Out
         Of the classifier, while it is reset (player).
     ack_valid, ack_sequence, ack_ready, unknown_valid, unknown_ready, status_valid, status_ready : Out, Out, In
@@ -55,7 +66,9 @@ class Loader(Component):
             ports |= {f"{name}_valid": Out(1), f"{name}_ready": In(1)}
         if config.chip:
             readout, own = config.chip.readout, Classifier(config.chip.classifier).signature.members
-            ports |= {"sample": Out(readout.taxels * readout.sample_bits), "sample_valid": Out(1)}
+            ports |= {"sample": Out(readout.taxels * readout.sample_bits), "sample_valid": Out(1), "short": Out(1)}
+            if config.sensor:
+                ports |= {"sensing": Out(1), "taxel_valid": In(1), "taxel": In(readout.sample_bits)}
             ports |= {name: Out(own[name].shape) for name in own if name.startswith("load_")}
         super().__init__(ports)
 
@@ -69,11 +82,14 @@ class Loader(Component):
         with m.If(taken):
             m.d.sync += left.eq(left - 1)
         if self.config.chip:
+            self.ticks, self.changes = Signal(8), Signal()  # of a frame of changes
+            self.scans = Signal(SCANS_BITS)
             self.count = Signal(range(self.config.chip.readout.taxels))  # taxels whose sample is there
             with m.If(self.run):
                 m.d.sync += self.sample_valid.eq(0)
+            self.falling = Signal(self.config.chip.readout.taxels)  # whether the last step of a taxel was a fall
             with m.If(self.restart):
-                m.d.sync += self.count.eq(0)
+                m.d.sync += [self.count.eq(0), self.sample.eq(0), self.falling.eq(0)]
         with m.FSM():
             for name, field, following in (
                 ("KIND", kind, "SEQUENCE"),
@@ -85,7 +101,7 @@ class Loader(Component):
                     with m.If(taken):
                         m.d.sync += field.eq(self.data)
                         m.next = following
-            with m.State("CHOOSE"), m.If(~self.active | (kind == Kind.SAMPLES)):
+            with m.State("CHOOSE"), m.If(~self.active | _samples_come(kind)):
                 self._choose(m, kind, left)
             with m.State("RESTART"):
                 m.d.comb += self.restart.eq(1)
@@ -107,7 +123,11 @@ class Loader(Component):
                 with m.If(self.ack_ready):
                     m.next = "KIND"
             if self.config.chip:
+                self._option(m, taken, left)
                 self._samples(m, taken, left, budget)
+                self._changes(m, taken, left)
+                if self.config.sensor:
+                    self._sense(m, taken, left)
                 self._run(m, taken, left, budget)
                 self._weights(m, taken, left)
         return m
@@ -115,9 +135,17 @@ class Loader(Component):
     def _choose(self, m: Module, kind: Signal, left: Signal) -> None:
         """Dispatch a frame; most kinds of frames wait until the chip has stopped."""
         m.next = "SKIP"
-        cases = [(Kind.RESTART, left == 0, "RESTART"), (Kind.STATUS, left == 0, "STATUS")]
         if self.config.chip:
+            with m.If(kind == Kind.RESTART):
+                m.d.sync += self.short.eq(0)
+        cases: list[tuple[Kind, Value, str]] = [(Kind.STATUS, left == 0, "STATUS")]
+        if not self.config.chip:
+            cases += [(Kind.RESTART, left == 0, "RESTART")]
+        else:
             cases += [
+                (Kind.RESTART, left <= 1, "OPTION"),
+                (Kind.CHANGES, left > 1, "TICKS"),
+                *([(Kind.SENSE, left == SCANS_BITS // 8, "SCANS")] if self.config.sensor else []),
                 (Kind.SAMPLES, (left != 0) & ~left[0], "LOW"),
                 (Kind.RUN, left == RUN_BITS // 8, "RUN"),
                 (Kind.WEIGHTS, left > 3, "NEURONS"),
@@ -130,7 +158,7 @@ class Loader(Component):
         """Add the states that shift samples in."""
         assert self.config.chip is not None
         readout = self.config.chip.readout
-        low, count = Signal(8), self.count
+        low = Signal(8)
         with m.State("LOW"):
             m.d.comb += self.ready.eq(1)
             with m.If(taken):
@@ -139,19 +167,114 @@ class Loader(Component):
         with m.State("HIGH"):
             m.d.comb += self.ready.eq(~self.sample_valid)  # which the chip has not yet taken
             with m.If(taken):
-                code = Cat(low, self.data)[: readout.sample_bits]
-                m.d.sync += [self.sample.eq(Cat(self.sample, code)[readout.sample_bits :]), count.eq(count + 1)]
-                m.next = "NEXT"
-                with m.If(count == readout.taxels - 1):
-                    m.d.sync += count.eq(0)
-                    m.next = "TICK"
+                self._shift(m, Cat(low, self.data)[: readout.sample_bits], self.falling[0], "NEXT")
         with m.State("TICK"), m.If(~self.active):
             m.d.sync += [self.sample_valid.eq(1), self.active.eq(1), budget.eq(readout.clocks_per_sample)]
             m.next = "NEXT"
         with m.State("NEXT"):
             m.next = "LOW"
-            with m.If(left == 0):
+            with m.If(self.changes):
+                m.d.sync += self.ticks.eq(self.ticks - 1)
+                m.next = "BITS"
+                with m.If(self.ticks == 1):
+                    m.next = "DONE"
+            if self.config.sensor:
+                with m.Elif(self.scans != 0):
+                    m.d.sync += self.scans.eq(self.scans - 1)
+                    m.next = "SENSE"
+                    with m.If(self.scans == 1):
+                        m.next = "ACK"
+            with m.Elif(left == 0):
                 m.next = "ACK"
+
+    def _sense(self, m: Module, taken: Signal, left: Signal) -> None:
+        """Add the states that take the samples of a number of scans from the skin."""
+        with m.State("SCANS"):
+            m.d.comb += self.ready.eq(left != 0)
+            with m.If(taken):
+                m.d.sync += self.scans.eq(Cat(self.scans[8:], self.data))
+            with m.If(left == 0):
+                m.next = "SENSE"
+                with m.If(self.scans == 0):
+                    m.next = "ACK"
+        with m.State("SENSE"):
+            m.d.comb += self.sensing.eq(~self.sample_valid)
+            with m.If(self.taxel_valid):
+                self._shift(m, self.taxel, self.falling[0], "SENSE")
+
+    def _shift(self, m: Module, code: Value, falling: Value, following: str) -> None:
+        """Shift in the sample of a taxel; a tick follows the last."""
+        assert self.config.chip is not None
+        readout, count = self.config.chip.readout, self.count
+        m.d.sync += [
+            self.sample.eq(Cat(self.sample, code)[readout.sample_bits :]),
+            self.falling.eq(Cat(self.falling, falling)[1:]),
+            count.eq(count + 1),
+        ]
+        m.next = following
+        with m.If(count == readout.taxels - 1):
+            m.d.sync += count.eq(0)
+            m.next = "TICK"
+
+    def _option(self, m: Module, taken: Signal, left: Signal) -> None:
+        """Add the state that takes the option of a restart: whether events may be short."""
+        with m.State("OPTION"):
+            m.d.comb += self.ready.eq(left != 0)
+            with m.If(taken):
+                m.d.sync += self.short.eq(self.data[0])
+            with m.If(left == 0):
+                m.next = "RESTART"
+
+    def _changes(self, m: Module, taken: Signal, left: Signal) -> None:
+        """Add the states that read changes: a taxel has up to three bits, and a whole code behind three ones."""
+        assert self.config.chip is not None
+        readout = self.config.chip.readout
+        low = unread_bits(readout)
+        width = readout.sample_bits - low
+        bits, valid = Signal(8), Signal(range(9))  # of the byte that came last
+        ones, code, had = Signal(range(JUMP_BITS)), Signal(width), Signal(range(width + 1))
+        bit = bits[0]
+        old, falling = self.sample[low : readout.sample_bits], self.falling[0]
+        down = Mux(ones == 2, ~falling, falling)
+        stepped = (old + Mux(down, -1, 1))[:width]
+        with m.State("TICKS"):
+            m.d.comb += self.ready.eq(1)
+            with m.If(taken):
+                m.d.sync += [self.ticks.eq(self.data), self.changes.eq(self.data != 0), valid.eq(0), ones.eq(0)]
+                m.next = "BITS"
+                with m.If(self.data == 0):
+                    m.next = "SKIP"
+        for name in ("BITS", "CODE"):
+            with m.State(name):
+                with m.If(valid == 0):
+                    m.d.comb += self.ready.eq(left != 0)
+                    with m.If(taken):
+                        m.d.sync += [bits.eq(self.data), valid.eq(8)]
+                    with m.If(left == 0):  # the frame ends in the middle of a tick
+                        m.d.sync += self.changes.eq(0)
+                        m.next = "UNKNOWN"
+                with m.Elif(~self.sample_valid):  # which the chip has not yet taken
+                    m.d.sync += [bits.eq(bits[1:]), valid.eq(valid - 1)]
+                    if name == "CODE":
+                        m.d.sync += [code.eq(Cat(code[1:], bit)), had.eq(had + 1)]
+                        with m.If(had == width - 1):
+                            self._shift(m, Cat(Const(0, low), code[1:], bit), falling, "BITS")
+                    else:
+                        m.d.sync += [ones.eq(ones + 1), had.eq(0)]
+                        with m.If(~bit):
+                            m.d.sync += ones.eq(0)
+                            with m.If(ones == 0):
+                                self._shift(m, self.sample[: readout.sample_bits], falling, "BITS")
+                            with m.Else():
+                                self._shift(m, Cat(Const(0, low), stepped), down, "BITS")
+                        with m.Elif(ones == JUMP_BITS - 1):
+                            m.d.sync += ones.eq(0)
+                            m.next = "CODE"
+        with m.State("DONE"):
+            m.d.sync += self.changes.eq(0)
+            m.next = "ACK"
+            with m.If(left != 0):
+                m.next = "SKIP"
 
     def _run(self, m: Module, taken: Signal, left: Signal, budget: Signal) -> None:
         """Add the states that run the chip without new samples."""
@@ -196,3 +319,8 @@ class Loader(Component):
             m.d.comb += [self.restart.eq(1), self.load_valid.eq(1)]
             m.d.sync += address.eq(address + 1)
             m.next = "WORD"
+
+
+def _samples_come(kind: Signal) -> Value:
+    """Return whether a frame with samples may begin while the chip runs."""
+    return (kind == Kind.SAMPLES) | (kind == Kind.CHANGES) | (kind == Kind.SENSE)

@@ -9,7 +9,19 @@ from amaranth.lib.fifo import SyncFIFOBuffered
 from amaranth.lib.wiring import Component, In, Out
 
 from eskin.board.config import ADDRESS_BITS, BoardConfig
-from eskin.board.records import HELLO_WORDS, STATUS_WORDS, TIME_BITS, VALUE_BITS, WORD_BITS, Tag, hello_values
+from eskin.board.records import (
+    COUNT_BITS,
+    HELLO_WORDS,
+    INTERVAL_BITS,
+    PADDING,
+    STATUS_WORDS,
+    TIME_BITS,
+    VALUE_BITS,
+    WORD_BITS,
+    Tag,
+    additions,
+    hello_values,
+)
 
 CLOCK_BITS = VALUE_BITS + TIME_BITS
 """Of the time: 4 days at 50 MHz."""
@@ -20,6 +32,9 @@ RESERVE = 32
 
 class Recorder(Component):
     """Recorder that writes one word per clock into the FIFO before the serial line.
+
+    Short events are shifted, bit by bit, into a word of their own. Before any other record the rest of this word is
+    filled with ones, which begin the code of an interval that is none.
 
     Attributes
     ----------
@@ -33,6 +48,8 @@ class Recorder(Component):
         A class of this clock; the evidence is held until all of it is written (player).
     event_time : In(CLOCK_BITS)
         When it was.
+    short, restart, rests : In(1)
+        Events that follow another one closely may be short; the time begins anew; no event comes for now (player).
     lost, lost_told : In, Out
         Events that were lost since the last ones were told; they are told now.
     ack_valid, ack_sequence, ack_ready, refused_valid, refused_word, refused_ready : In, In, Out
@@ -63,6 +80,8 @@ class Recorder(Component):
         }
         for name in ("ack", "refused", "hello", "status"):
             ports |= {f"{name}_valid": In(1), f"{name}_ready": Out(1)}
+        if config.chip:
+            ports |= {"short": In(1), "restart": In(1), "rests": In(1)}
         if self.classes:
             ports |= {
                 "class_valid": In(1),
@@ -87,6 +106,8 @@ class Recorder(Component):
             written.eq(memory.w_en & memory.w_rdy),
         ]
         low, high = time[:TIME_BITS], time[TIME_BITS:]
+        if self.config.chip:
+            self._open(m)
         classes = self.class_valid if self.classes else Const(0, 1)
         with m.FSM():
             with m.State("IDLE"):
@@ -96,19 +117,13 @@ class Recorder(Component):
                     m.d.sync += address.eq(self.event_address)
                     self._keep_class(m)
                     m.next = "LOST"
-                with m.Elif(self.refused_valid):
-                    self._put(m, memory, Tag.REFUSED, self.refused_word)
-                    m.d.comb += self.refused_ready.eq(memory.w_rdy)
-                with m.Elif(self.ack_valid):
-                    self._put(m, memory, Tag.ACK, self.ack_sequence)
-                    m.d.comb += self.ack_ready.eq(memory.w_rdy)
-                with m.Elif(self.hello_valid):
-                    m.next = "HELLO"
-                with m.Elif(self.status_valid):
-                    m.next = "STATUS"
+                with m.Else():
+                    self._answer(m, memory)
             with m.State("LOST"):
                 with m.If(self.lost == 0):
                     m.next = "TIME"
+                    if self.config.chip:
+                        self._shorten(m, time, address, has_event)
                 with m.Else():
                     self._put(m, memory, Tag.LOST, self.lost)
                     m.d.comb += self.lost_told.eq(written)
@@ -122,8 +137,12 @@ class Recorder(Component):
             with m.State("EVENT"):
                 with m.If(has_event):
                     self._put(m, memory, Tag.EVENT, Cat(low, address))
+                    if self.config.chip:
+                        m.d.sync += [self.last.eq(Cat(time, address)), self.has_last.eq(1)]
                 with m.If(written | ~has_event):
                     m.next = "CLASS" if self.classes else "IDLE"
+            if self.config.chip:
+                self._shift(m, memory, has_event, written)
             if self.classes:
                 self._classes(m, memory, low, index, written)
             hello = hello_values(self.config)
@@ -131,6 +150,84 @@ class Recorder(Component):
             parts = [self.status_words.word_select(n, WORD_BITS) for n in range(len(STATUS_WORDS))]
             self._words(m, memory, Tag.STATUS, parts, index, written)
         return m
+
+    def _answer(self, m: Module, memory: Any) -> None:
+        """Write the next record that is no event; fill the word of short events first."""
+        others = self.refused_valid | self.ack_valid | self.hello_valid | self.status_valid
+        waits = (self.filled != 0) & (others | self.rests) if self.config.chip else Const(0, 1)
+        with m.If(waits):
+            if self.config.chip:
+                m.next = "FILL"
+        with m.Elif(self.refused_valid):
+            self._put(m, memory, Tag.REFUSED, self.refused_word)
+            m.d.comb += self.refused_ready.eq(memory.w_rdy)
+        with m.Elif(self.ack_valid):
+            self._put(m, memory, Tag.ACK, self.ack_sequence)
+            m.d.comb += self.ack_ready.eq(memory.w_rdy)
+        with m.Elif(self.hello_valid):
+            m.next = "HELLO"
+        with m.Elif(self.status_valid):
+            m.next = "STATUS"
+
+    def _open(self, m: Module) -> None:
+        """Add the registers of short events."""
+        assert self.config.chip is not None
+        self.address_bits = self.config.chip.classifier.channel_bits
+        self.last, self.has_last = Signal(CLOCK_BITS + ADDRESS_BITS), Signal()
+        self.word_of_short, self.filled = Signal(VALUE_BITS), Signal(range(VALUE_BITS + 1))
+        self.code = Signal(1 + INTERVAL_BITS + 1 + self.address_bits)
+        self.left = Signal(range(len(self.code) + 1))
+        with m.If(self.restart):
+            m.d.sync += self.has_last.eq(0)
+
+    def _shorten(self, m: Module, time: Signal, address: Signal, has_event: Signal) -> None:
+        """Choose the code of a short event: its interval, if it is not the usual one, and its address, if not the next.
+
+        Otherwise the word of short events is filled first.
+        """
+        assert self.config.chip is not None
+        usual = additions(self.config) >> COUNT_BITS
+        passed = Signal(CLOCK_BITS)
+        m.d.comb += passed.eq(time - self.last[:CLOCK_BITS])
+        near = self.short & self.has_last & has_event & (passed < PADDING)
+        follows = address == (self.last[CLOCK_BITS:] + 1)[:ADDRESS_BITS]
+        place = Mux(follows, 0, Cat(Const(1, 1), address[: self.address_bits]))
+        place_bits = Mux(follows, 1, 1 + self.address_bits)
+        interval = Cat(Const(1, 1), passed[:INTERVAL_BITS])
+        with m.If(near):
+            m.d.sync += [
+                self.code.eq(Mux(passed == usual, Cat(Const(0, 1), place), Cat(interval, place))),
+                self.left.eq(place_bits + Mux(passed == usual, 1, len(interval))),
+                self.last.eq(Cat(time, address)),
+                has_event.eq(0),
+            ]
+            m.next = "SHIFT"
+        with m.Elif(self.filled != 0):
+            m.next = "FILL"
+
+    def _shift(self, m: Module, memory: Any, has_event: Signal, written: Signal) -> None:
+        """Add the states that shift in the code of a short event, and the ones that fill the last word of them."""
+        full = self.filled == VALUE_BITS
+        has_class = self.has_class if self.classes else Const(0, 1)
+        for name, bit, ends in (("SHIFT", self.code[0], self.left == 0), ("FILL", Const(1, 1), self.filled == 0)):
+            with m.State(name):
+                with m.If(full):
+                    self._put(m, memory, Tag.SHORT, self.word_of_short)
+                    with m.If(written):
+                        m.d.sync += self.filled.eq(0)
+                        if name == "FILL":
+                            m.d.sync += self.has_last.eq(0)  # a record that is not short ends the ones
+                with m.Elif(ends):
+                    m.next = "IDLE"
+                    with m.If(has_event | has_class):
+                        m.next = "LOST"
+                with m.Else():
+                    m.d.sync += [
+                        self.word_of_short.eq(Cat(self.word_of_short[1:], bit)),
+                        self.filled.eq(self.filled + 1),
+                        self.code.eq(self.code[1:]),
+                        self.left.eq(self.left - 1),
+                    ]
 
     def _keep_class(self, m: Module) -> None:
         """Capture the class that the chip reports in this clock."""
@@ -160,7 +257,8 @@ class Recorder(Component):
     def _words(self, m: Module, memory: Any, tag: Tag, words: list[Value], index: Signal, written: Signal) -> None:
         """Add the state that writes a record of several words."""
         with m.State(tag.name):
-            first = Const(tag << VALUE_BITS | len(words), WORD_BITS)
+            above = additions(self.config) << COUNT_BITS if tag == Tag.HELLO else 0
+            first = Const(tag << VALUE_BITS | above | len(words), WORD_BITS)
             m.d.comb += [memory.w_en.eq(1), memory.w_data.eq(Mux(index == 0, first, Array(words)[index - 1]))]
             with m.If(written):
                 m.d.sync += index.eq(index + 1)

@@ -99,7 +99,7 @@ class FrameReceiver(Component):
 
     def _late(self, m: Module) -> Signal:
         """Return a signal that is high if the rest of a frame is overdue."""
-        most = self.config.idle_bits * self.config.clocks_per_bit
+        most = round(self.config.idle_bits * self.config.clocks_per_bit)
         idle, late = Signal(range(most)), Signal()
         m.d.comb += late.eq(idle == most - 1)
         m.d.sync += idle.eq(Mux(self.byte_valid | ~self.is_open | (self.count == 0), 0, idle + 1))

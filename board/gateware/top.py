@@ -12,6 +12,7 @@ from eskin.board.config import ADDRESS_BITS, BoardConfig
 from eskin.board.gateware.aer import AerReceiver
 from eskin.board.gateware.loader import Loader
 from eskin.board.gateware.recorder import CLOCK_BITS, RESERVE, Recorder
+from eskin.board.gateware.sensor import Scanner
 from eskin.board.gateware.serial_frames import FrameReceiver, FrameSender
 from eskin.board.gateware.uart import UartReceiver, UartSender
 from eskin.board.records import STATUS_WORDS, VALUE_BITS, WORD_BITS, Reason
@@ -21,8 +22,14 @@ from eskin.rtl.classifier.chip import Chip
 TOP = "eskin_board"
 
 
+SKIN_PINS = ("rows", "sclk", "cs_n", "mosi", "miso")
+
+
 def _pins(config: BoardConfig) -> dict[str, Any]:
-    """Return the pins that an AER receiver needs in addition to the serial line."""
+    """Return the pins in addition to the serial line: those of an AER receiver, or of a skin and its converter."""
+    if config.sensor and config.chip:
+        members = Scanner(config.sensor, config.chip.readout, config.serial.clock_hz).signature.members
+        return {name: members[name] for name in SKIN_PINS}
     if config.chip:
         return {}
     return {"aer_req": In(1), "aer_req_off": In(1), "aer_ack": Out(1), "aer_addr": In(ADDRESS_BITS)}
@@ -142,6 +149,9 @@ class Core(Component):
             chip.taxel_enable.eq((1 << self.config.chip.readout.taxels) - 1),
             chip.sample.eq(loader.sample),
             chip.sample_valid.eq(loader.sample_valid),
+            recorder.short.eq(loader.short),
+            recorder.restart.eq(loader.restart),
+            recorder.rests.eq(~loader.active & (recorder.level == 0)),
             *(getattr(chip, n).eq(getattr(loader, n)) for n in loader.signature.members if n.startswith("load_")),
             recorder.event_valid.eq(chip.event_valid & chip.event_ready & run),
             recorder.event_address.eq(chip.event_channel if self.config.chip.classifier.channel_bits else 0),
@@ -151,7 +161,24 @@ class Core(Component):
             recorder.class_overrun.eq(chip.overrun),
             recorder.evidence.eq(chip.evidence),
         ]
-        return recorder.class_valid, chip.stall_count, Const(0, 1)
+        late: Any = self._skin(m, loader) if self.config.sensor else Const(0, 1)
+        return recorder.class_valid, chip.stall_count, late
+
+    def _skin(self, m: Module, loader: Loader) -> Signal:
+        """Add the scan of a skin, and return the signal of a scan that is late: its tick is lost."""
+        assert self.config.chip is not None
+        assert self.config.sensor is not None
+        scanner = Scanner(self.config.sensor, self.config.chip.readout, self.config.serial.clock_hz)
+        m.submodules.scanner = scanner
+        m.d.comb += [
+            scanner.allowed.eq(loader.sensing),
+            scanner.restart.eq(loader.restart),
+            loader.taxel_valid.eq(scanner.valid),
+            loader.taxel.eq(scanner.sample),
+            scanner.miso.eq(self.miso),
+            *(getattr(self, name).eq(getattr(scanner, name)) for name in SKIN_PINS if name != "miso"),
+        ]
+        return scanner.late
 
     def _aer(self, m: Module, recorder: Recorder, now: Signal) -> tuple[Any, Any, Any]:
         """Add the AER receiver; events that find the FIFO full are dropped and counted."""
@@ -181,6 +208,8 @@ class Board(Component):
     ----------
     rx, tx : In(1), Out(1)
         Serial line, from and to the host.
+    rows, sclk, cs_n, mosi, miso : Out, Out(1), Out(1), Out(1), In(1)
+        Of a player with a skin (``Scanner``).
     aer_req, aer_req_off, aer_ack, aer_addr : In(1), In(1), Out(1), In(ADDRESS_BITS)
         Of a receiver: four-phase, asynchronous, active high; ``aer_req_off`` is the second request of chips with two.
     """

@@ -33,17 +33,17 @@ class UartReceiver(Component):
         m = Module()
         line = Signal(init=1)
         m.submodules.synchroniser = FFSynchronizer(self.line, line, init=1)
-        width = self.config.clocks_per_bit
-        count, bit = Signal(range(width)), Signal(range(10))
+        whole, one = self.config.clocks_per_bit.as_integer_ratio()  # a clock is one part of a bit's whole
+        count, bit = Signal(range(whole)), Signal(range(10))
         m.d.sync += self.valid.eq(0)
         with m.FSM():
             with m.State("REST"), m.If(~line):
-                m.d.sync += [count.eq(width // 2 - 1), bit.eq(0)]
+                m.d.sync += [count.eq(whole // 2 - one), bit.eq(0)]
                 m.next = "BITS"
             with m.State("BITS"):
-                m.d.sync += count.eq(count - 1)
-                with m.If(count == 0):
-                    m.d.sync += [count.eq(width - 1), bit.eq(bit + 1)]
+                m.d.sync += count.eq(count - one)
+                with m.If(count < one):
+                    m.d.sync += [count.eq(count + (whole - one)), bit.eq(bit + 1)]
                     with m.If(bit == 0), m.If(line):  # no start bit, only noise
                         m.next = "REST"
                     with m.Elif(bit == 9):
@@ -72,19 +72,19 @@ class UartSender(Component):
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
-        width = self.config.clocks_per_bit
-        count, left = Signal(range(width)), Signal(range(11))
+        whole, one = self.config.clocks_per_bit.as_integer_ratio()  # a clock is one part of a bit's whole
+        count, left = Signal(range(whole)), Signal(range(11))
         bits = Signal(9)
         m.d.comb += self.ready.eq(left == 0)
         with m.If(self.ready & self.valid):
-            m.d.sync += [self.line.eq(0), bits.eq(Cat(self.data, Const(1, 1))), left.eq(10), count.eq(width - 1)]
-        with m.Elif(~self.ready & (count == 0)):
+            m.d.sync += [self.line.eq(0), bits.eq(Cat(self.data, Const(1, 1))), left.eq(10), count.eq(whole - one)]
+        with m.Elif(~self.ready & (count < one)):
             m.d.sync += [
                 self.line.eq(bits[0]),
                 bits.eq(Cat(bits[1:], Const(1, 1))),
                 left.eq(left - 1),
-                count.eq(width - 1),
+                count.eq(count + (whole - one)),
             ]
         with m.Else():
-            m.d.sync += count.eq(count - 1)
+            m.d.sync += count.eq(count - one)
         return m

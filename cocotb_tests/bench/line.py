@@ -42,13 +42,13 @@ class Line:
     Parameters
     ----------
     dut : cocotb handle
-    clocks_per_bit : int
+    baud : int
     to_board, to_host : Spoil
         Changes of the bytes on the line.
     """
 
-    def __init__(self, dut: Any, clocks_per_bit: int, to_board: Spoil = as_it_is, to_host: Spoil = as_it_is) -> None:
-        self.dut, self.bit_ns = dut, clocks_per_bit * CLOCK_NS
+    def __init__(self, dut: Any, baud: int, to_board: Spoil = as_it_is, to_host: Spoil = as_it_is) -> None:
+        self.dut, self.bit_ps = dut, round(1e12 / baud)
         self.to_board, self.to_host = to_board, to_host
         self.master, slave = os.openpty()
         tty.setraw(slave)
@@ -89,7 +89,7 @@ class Line:
                 data = b""
             if not data:
                 select.select([self.master], [], [], NAP_S if self.sent else LOADING_NAP_S)
-                await Timer(IDLE_BITS * self.bit_ns, "ns")
+                await Timer(IDLE_BITS * self.bit_ps, "ps")
             for byte in data:
                 if (sent := self.to_board(self.sent, byte)) is not None:
                     await self._send(sent)
@@ -99,7 +99,7 @@ class Line:
             sending.cancel()
 
     async def _interrupt(self, host: subprocess.Popen[str], wait_bits: int) -> None:
-        await Timer(wait_bits * self.bit_ns, "ns")
+        await Timer(wait_bits * self.bit_ps, "ps")
         host.send_signal(signal.SIGINT)
 
     async def _send(self, byte: int) -> None:
@@ -107,18 +107,18 @@ class Line:
         while bits:
             run = next((n for n, bit in enumerate(bits) if bit != bits[0]), len(bits))
             self.dut.rx.value = bits[0]
-            await Timer(run * self.bit_ns, "ns")
+            await Timer(run * self.bit_ps, "ps")
             bits = bits[run:]
 
     async def _from_board(self) -> None:
         tx = self.dut.tx
         while True:
             await FallingEdge(tx)
-            await Timer(self.bit_ns * 3 // 2, "ns")
+            await Timer(self.bit_ps * 3 // 2, "ps")
             byte = 0
             for n in range(8):
                 byte |= int(tx.value) << n
-                await Timer(self.bit_ns, "ns")
+                await Timer(self.bit_ps, "ps")
             if not int(tx.value):  # this began to look in the middle of a byte
                 await RisingEdge(tx)
                 continue

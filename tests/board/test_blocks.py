@@ -1,18 +1,25 @@
-"""Test the blocks of a board: frames compared with the Python codec, and rejected frames."""
+"""Test the blocks of a board: packets, samples and records compared with the Python codec, and rejected packets."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 from amaranth.sim import Simulator
 
-from eskin.board.config import SerialConfig
+from eskin.board.changes import ChangeCoder
+from eskin.board.config import BoardConfig, SerialConfig
+from eskin.board.gateware.loader import Loader
+from eskin.board.gateware.recorder import Recorder
 from eskin.board.gateware.serial_frames import FrameReceiver, FrameSender
-from eskin.board.records import Reason
+from eskin.board.records import COUNT_BITS, Class, Event, Reason, RecordReader, additions
 from eskin.board.serial_frames import Frame, FrameReader, Kind
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.config import ReadoutConfig
 
-SERIAL = SerialConfig(clocks_per_bit=4, buffer_bytes=512, idle_bits=32, records=128)
+SERIAL = SerialConfig(baud=12_500_000, buffer_bytes=512, idle_bits=32, records=128)
 
 
 def sent_by_rtl(words: list[int]) -> bytes:
@@ -125,3 +132,119 @@ def test_a_session_empties_what_waits() -> None:
     data = HELLO.encode() + altered(GOOD, 8, 3) + HELLO.encode() + again.encode()
     taken, refused, sessions = received_by_rtl(data)
     assert (taken, len(refused), sessions) == (body(again), 1, 2)
+
+
+# -- samples by their changes ------------------------------------------------------------------------
+
+
+def player(rows: int, columns: int, **readout: Any) -> BoardConfig:
+    """Return a player with few hidden neurons."""
+    config = ReadoutConfig(rows=rows, columns=columns, clocks_per_sample=4, **readout)
+    network = ClassifierConfig(
+        inputs=config.taxels * (1 + config.has_polarity), hidden=8, classes=2, lanes=2, bin_s=0.01
+    )
+    return BoardConfig(chip=ChipConfig(readout=config, classifier=network), serial=SERIAL)
+
+
+def loaded_by_rtl(config: BoardConfig, frames: list[Frame]) -> tuple[list[int], list[int], int]:
+    """Return the samples at each tick, the acknowledged frames, and the number of unknown ones."""
+    dut = Loader(config)
+    ticks, acks, unknown = [], [], 0
+
+    async def bench(ctx: Any) -> None:
+        nonlocal unknown
+        for name in ("ack_ready", "unknown_ready", "run"):
+            ctx.set(getattr(dut, name), 1)
+        queue = [byte for frame in frames for byte in body(frame)]
+        quiet = 0
+        while quiet < 40:
+            ctx.set(dut.run, ctx.get(dut.active))
+            ctx.set(dut.valid, bool(queue))
+            ctx.set(dut.data, queue[0] if queue else 0)
+            if ctx.get(dut.ready) and queue:
+                queue.pop(0)
+            if ctx.get(dut.sample_valid & dut.run):
+                ticks.append(ctx.get(dut.sample))
+            if ctx.get(dut.ack_valid):
+                acks.append(ctx.get(dut.ack_sequence))
+            unknown += ctx.get(dut.unknown_valid)
+            quiet = 0 if queue or ctx.get(dut.active) else quiet + 1
+            await ctx.tick()
+
+    simulate(dut, bench)
+    return ticks, acks, unknown
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "readout"),
+    [(3, 5, {"resolution": 6}), (1, 1, {"encoding": "nlcs"}), (2, 2, {"encoding": "nlcs", "sample_bits": 16})],
+)
+def test_changes_become_the_samples_that_the_encoder_reads(rows: int, columns: int, readout: dict[str, Any]) -> None:
+    """Steps, turns, jumps, rest, and ticks that are sent whole: all taxels at once over the full scale."""
+    config = player(rows, columns, **readout)
+    assert config.chip is not None
+    own, rng = config.chip.readout, np.random.default_rng(7)
+    low, high = ChangeCoder(own).low, own.full_scale
+    walk = np.cumsum(rng.choice([0, 0, 0, 1, -1, 1, 5], (12, own.taxels)) << low, axis=0)
+    ends = np.where(np.arange(4)[:, None] % 2, high - 1, -high).repeat(own.taxels, axis=1)
+    samples = np.vstack([walk, ends, walk[::-1], np.repeat(walk[:1], 600 if own.taxels == 1 else 3, axis=0)])
+    samples = samples.clip(-high, high - 1)
+    parts = list(ChangeCoder(own).feed(samples))
+    assert sum(part.ticks for part in parts) == len(samples)
+    assert {part.kind for part in parts} == ({Kind.CHANGES, Kind.SAMPLES} if own.sample_bits == 16 else {Kind.CHANGES})
+    frames = [Frame(Kind.RESTART, 0, b"")]
+    frames += [Frame(part.kind, number % 256, part.payload) for number, part in enumerate(parts, 1)]
+    ticks, acks, unknown = loaded_by_rtl(config, frames)
+    assert (acks, unknown) == ([frame.sequence for frame in frames], 0)
+    mask = (1 << own.sample_bits) - 1
+    found = [[tick >> own.sample_bits * n & mask for n in range(own.taxels)] for tick in ticks]
+    assert np.array_equal(np.array(found) >> low, (samples & mask) >> low)
+
+
+def test_a_frame_of_changes_that_ends_too_early_or_too_late_is_refused() -> None:
+    config = player(2, 2)
+    good = bytes([2, 0])  # two ticks of four zeros
+    for payload, refused in ((good, 0), (bytes([3, 0]), 1), (good + b"x", 1), (bytes([0, 0]), 1), (b"x", 1)):
+        _, acks, unknown = loaded_by_rtl(config, [Frame(Kind.RESTART, 0, b""), Frame(Kind.CHANGES, 1, payload)])
+        assert (acks, unknown) == ([0] if refused else [0, 1], refused), payload
+
+
+def test_short_events_are_the_events() -> None:
+    """Usual and other intervals, the next address and any other, long pauses, classes and frames between them."""
+    config, rng = player(3, 5), np.random.default_rng(3)
+    dut = Recorder(config)
+    gaps = rng.choice([4, 4, 4, 9, 254, 255, 70_000], 150)
+    addresses = np.where(rng.random(150) < 0.5, np.arange(150), rng.integers(0, 30, 150)) % 30
+    events = [Event(int(t), int(a)) for t, a in zip(np.cumsum(gaps), addresses, strict=True)]
+    words: list[int] = []
+    found: list[Any] = []
+
+    async def bench(ctx: Any) -> None:
+        ctx.set(dut.short, 1)
+        queue, ends, level = list(events), 0, 0
+        for clock in range(20_000):
+            takes = clock % 4 == 0 and level > 0  # a word shows a clock after it counts
+            level = ctx.get(dut.level)
+            ctx.set(dut.take, takes)
+            if takes:
+                words.append(ctx.get(dut.word))
+            comes = bool(queue) and clock % 3 == 0 and bool(ctx.get(dut.idle))
+            ctx.set(dut.event_valid, comes)
+            ctx.set(dut.class_valid, comes and len(queue) % 30 == 0)
+            ctx.set(dut.ack_valid, clock % 97 < 5)
+            ctx.set(dut.rests, not queue or clock % 200 < 10)
+            if comes:
+                ctx.set(dut.event_time, queue[0].time)
+                ctx.set(dut.event_address, queue.pop(0).address)
+            ends = ends + 1 if not queue else 0
+            if ends > 300:
+                break
+            await ctx.tick()
+
+    simulate(dut, bench)
+    reader = RecordReader(2, 30, additions(config) >> COUNT_BITS)
+    for word in words:
+        found += reader.feed(word.to_bytes(4, "little"))
+    assert [one for one in found if isinstance(one, Event)] == events
+    assert sum(word >> 28 == 8 for word in words) > 40
+    assert sum(isinstance(one, Class) for one in found) == 5

@@ -32,10 +32,9 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 
 JOB = "ESKIN_BOARD_JOB"
-CLOCKS_PER_BIT = 4
-BAUD = 2_000_000
+BAUD = 12_500_000
 TICKS = 70
-SERIAL = SerialConfig(clocks_per_bit=CLOCKS_PER_BIT, buffer_bytes=512, idle_bits=4096, records=128)
+SERIAL = SerialConfig(baud=BAUD, buffer_bytes=512, idle_bits=4096, records=128)
 
 
 def small_chip(threshold: int = 60) -> ChipConfig:
@@ -104,7 +103,7 @@ async def hosts_come_and_go(dut: Any) -> None:
         for pin in pins:  # a chip whose host ended may stop in the middle of a handshake
             pin.value = 0
         to_board, to_host = (spoiled(*one.get(way, ("nothing", 0))) for way in ("to_board", "to_host"))
-        line = Line(dut, CLOCKS_PER_BIT, to_board, to_host)
+        line = Line(dut, BAUD, to_board, to_host)
         words = [sys.executable, "-m", "eskin", *one["words"], "--port", line.port, "--patience", "10"]
         pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
         with subprocess.Popen(words, **pipes, preexec_fn=hears_ctrl_c) as host:
@@ -112,7 +111,7 @@ async def hosts_come_and_go(dut: Any) -> None:
             sender = foreign_chip(dut, one["events"], requests) if "events" in one else None
             await line.run(host, one.get("pull_after"), sender, wait_bits=12_000)
             out, err = host.communicate(timeout=60)
-        said[name] = {"code": host.returncode, "out": out, "err": err, "requests": requests}
+        said[name] = {"code": host.returncode, "out": out, "err": err, "requests": requests, "bytes": line.sent}
     Path("said.json").write_text(json.dumps(said))
 
 
@@ -184,10 +183,10 @@ def test_a_recording_on_the_board_gives_the_events_and_classes_of_the_model(
         return {"words": [*play, str(tmp_path / f"{name}.npz"), *words], **line}
 
     faults = {
-        "flipped": job("flipped", to_board=["flip", 3300]),
-        "dropped": job("dropped", to_board=["drop", 3400]),
-        "back": job("back", to_host=["flip", 1400]),
-        "pulled": job("pulled", pull_after=1400),
+        "flipped": job("flipped", to_board=["flip", 3000]),
+        "dropped": job("dropped", to_board=["drop", 3100]),
+        "back": job("back", to_host=["flip", 700]),
+        "pulled": job("pulled", pull_after=700),
     }
     said = hosts(
         small_chip(),
@@ -196,14 +195,17 @@ def test_a_recording_on_the_board_gives_the_events_and_classes_of_the_model(
             "other": {"words": ["load", str(other)]},
             "receiver": {"words": ["listen", "--seconds", "0.1", "--out", str(tmp_path / "heard.npz")]},
             "again": job("again", "--no-check"),
+            "raw": job("raw", "--raw"),
         },
     )
-    recordings = {name: Recording.load(tmp_path / f"{name}.npz") for name in ("clean", "again", *faults)}
+    recordings = {name: Recording.load(tmp_path / f"{name}.npz") for name in ("clean", "again", "raw", *faults)}
     whole = recordings["clean"].events
     assert (said["clean"]["code"], said["again"]["code"]) == (0, 0), said
     assert said["clean"]["out"].splitlines()[1] == "events and classes equal the model's"
     assert len(whole) > 300
     assert np.array_equal(recordings["again"].events, whole)
+    assert said["raw"]["out"].splitlines()[1] == "events and classes are the model's"
+    assert said["clean"]["bytes"] < said["raw"]["bytes"] - TICKS * small_chip().readout.taxels
     sentences = {
         "flipped": "to the board (arrived damaged|arrived out of order)",
         "dropped": "to the board (arrived damaged|arrived out of order)",

@@ -405,7 +405,7 @@ def test_the_page_shows_what_came() -> None:
 @pytest.mark.parametrize(
     ("fields", "sentence"),
     [
-        ({"clocks_per_bit": 3}, "clocks_per_bit of the serial line must be at least 4, not 3"),
+        ({"baud": 13_000_000}, "baud of the serial line must be at most clock_hz / 4 = 12500000, not 13000000"),
         ({"buffer_bytes": 1000}, "buffer_bytes of the serial line must be a power of two, not 1000"),
     ],
 )

@@ -62,7 +62,7 @@ def test_a_large_array_is_proved_by_its_modules() -> None:
 
 
 def test_the_design_of_a_board_is_proved_with_its_initial_values() -> None:
-    config = BoardConfig(chip=None, serial=SerialConfig(clocks_per_bit=8, buffer_bytes=512, records=128))
+    config = BoardConfig(chip=None, serial=SerialConfig(baud=6_250_000, buffer_bytes=512, records=128))
     text, written = board.netlist(config), board.verilog(config)
     assert prove(text, written, initial=True)[board.TOP] > 30
     begun = re.search(r"^  reg (\[.*\] )?\w+ = \d+'h0*1;$", written, re.MULTILINE)

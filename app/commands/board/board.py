@@ -50,10 +50,14 @@ def play(
     data: OwnData = None,
     dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded' [embedded]")] = None,
     only: Annotated[str | None, typer.Option(help="texture or recording, by name")] = None,
-    limit: Annotated[int | None, typer.Option(min=1, help="number of sample ticks [all]")] = None,
+    sensor: Annotated[bool, typer.Option("--sensor", help="read the skin at the board; see fpga --adc")] = False,
+    limit: Annotated[int | None, typer.Option(min=1, help="number of sample ticks [all; a skin: until Ctrl-C]")] = None,
     check: Annotated[bool, typer.Option(help="compare events and classes with the model")] = True,
     page: Page = None,
     udp: Udp = None,
+    raw: Annotated[
+        bool, typer.Option("--raw", help="send all samples in 16 bits and take events in 32, as an earlier board needs")
+    ] = False,
     baud: Baud = BAUD,
     patience: Patience = 3.0,
     out: Annotated[Path, typer.Option("-o", "--out", help="file for the events"), WRITES_FILE] = Path("out/played.npz"),
@@ -69,15 +73,19 @@ def play(
     from eskin.board.stimulus import codes_to_play
     from eskin.model.classifier.file import IntegerWeights
 
-    if sum(one is not None for one in (samples, data, dataset)) > 1:
-        raise InputError("--samples, --data and --dataset each choose an input; give one of them")
+    if sum(bool(one) for one in (samples, data, dataset, sensor)) > 1:
+        raise InputError("--samples, --data, --dataset and --sensor each choose an input; give one of them")
     network = IntegerWeights.load(weights)
     chip = session.chip_of(network, weights)
-    name, codes = codes_to_play(network, chip.readout, samples=samples, recordings=data, dataset=dataset, only=only)
-    codes = codes[:limit]
-    piece = piece_of(name, codes, chip.readout)
-    view = View(chip.readout, chip.clock_hz, piece.seconds, network.class_names, chip.classifier.clocks_per_bin)
-    view.begin(piece, piece.seconds)
+    if sensor:
+        name, codes = "the skin", None
+        view = View(chip.readout, chip.clock_hz, WINDOW_S, network.class_names, chip.classifier.clocks_per_bin)
+    else:
+        name, codes = codes_to_play(network, chip.readout, samples=samples, recordings=data, dataset=dataset, only=only)
+        codes = codes[:limit]
+        piece = piece_of(name, codes, chip.readout)
+        view = View(chip.readout, chip.clock_hz, piece.seconds, network.class_names, chip.classifier.clocks_per_bin)
+        view.begin(piece, piece.seconds)
     received = session.Received(session.player_events(chip))
     with _link(port, received, baud, patience) as link:
         link.hello("player", BoardConfig(chip=chip))
@@ -86,13 +94,21 @@ def play(
             _shown(view, page, udp, received, link),
         ):
             session.load(link, network)
-            received.observed = session.play(link, chip, codes)
+            if codes is None:
+                received.observed = session.sense(link, chip, limit)
+            else:
+                received.observed = session.play(link, chip, codes, whole=raw)
     found = (
         network.class_names[received.classes[-1].winner]
         if received.classes
         else "no class, because no bin was complete"
     )
     print(printable(f"{name}: {found}; {len(received.events)} events, {len(received.classes)} bins; {out}"))
+    if codes is None:
+        if late := received.counts.get("lost", 0):
+            print(f"LATE {late} scans: the serial line did not take all events in time")
+            raise typer.Exit(1)
+        return
     if check and (difference := session.difference(chip, network, codes, received)) is not None:
         print(f"{difference}\nMISMATCH")
         raise typer.Exit(1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
@@ -11,6 +11,9 @@ from eskin.app.commands.outcome import check_name, conclude
 from eskin.app.options import LOGIC, WRITES_FOLDER, with_config
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
+
+if TYPE_CHECKING:
+    from eskin.board.sensor import PartName
 
 
 @with_config(fields=LOGIC)
@@ -54,6 +57,11 @@ def fpga(
             metavar="BITS", min=2, max=8, help="build only the classifier 128-256-6 with weights of BITS, on an ECP5-25"
         ),
     ] = None,
+    adc: Annotated[
+        str | None, typer.Option(metavar="PART", help="read a skin at the board: mcp3008, mcp3208 or ads7953")
+    ] = None,
+    settle: Annotated[float, typer.Option(metavar="SECONDS", help="from a row's drive to its first column")] = 5e-6,
+    baud: Annotated[int, typer.Option(help="bits per second of the serial line")] = 2_000_000,
     out: Annotated[
         Path, typer.Option("-o", "--out", help="parent folder for the files of the board"), WRITES_FOLDER
     ] = Path("out/fpga"),
@@ -65,6 +73,8 @@ def fpga(
     from eskin.base.files import origin
     from eskin.board.bitstream import report
     from eskin.board.bitstream.build import build, build_classifier, design_of
+    from eskin.board.config import SerialConfig
+    from eskin.board.sensor import SensorConfig
 
     if sum((receiver, weights is not None, alone is not None)) > 1:
         raise InputError("--weights, --receiver and --alone each choose a design; give one of them")
@@ -73,9 +83,11 @@ def fpga(
         said = {"design": "classifier"} | origin(f"make fpga ALONE={alone}")
         aims = report.classifier_aims(built, alone)
     else:
-        config = design_of(weights, receiver)
+        sensor = SensorConfig(part=cast("PartName", adc), settle_s=settle) if adc else None
+        config = design_of(weights, receiver, baud, sensor)
         name, built = board, build(config, board)
         words = [f"BOARD={board}"] + ([f"WEIGHTS={weights.name}"] if weights else []) + ["RECEIVER=1"] * receiver
+        words += [f"BAUD={baud}"] * (baud != SerialConfig.baud) + [f"ADC={adc} SETTLE={settle:g}"] * bool(adc)
         said = {"design": config.design, "identity": f"{config.identity:08x}"} | origin(" ".join(["make fpga", *words]))
         aims = [report.clock_aim(built)]
     print(report.write(out, name, built, said, aims))

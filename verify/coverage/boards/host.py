@@ -41,7 +41,7 @@ class Host:
 
     def __init__(self, dut: Any, config: BoardConfig, rng: random.Random) -> None:
         self.dut, self.config, self.rng = dut, config, rng
-        self.bit_ns = config.serial.clocks_per_bit * CLOCK_NS
+        self.bit_ns = int(config.serial.clocks_per_bit * CLOCK_NS)
         self.classes = config.chip.classifier.classes if config.chip else 0
         self.listening: Any = None
         self._begin()
@@ -137,11 +137,13 @@ class Host:
         serial, chip = self.config.serial, self.config.chip
         values = {"version": VERSION, "design": DESIGNS.index(self.config.design) + 1}
         values |= {"identity": self.config.identity, "clock_hz": serial.clock_hz, "buffer_bytes": serial.buffer_bytes}
-        channels, size = 1 << ADDRESS_BITS, 0
+        channels, size, above = 1 << ADDRESS_BITS, 0, 0
         if chip:
+            above = 3 | -(-chip.classifier.hidden // chip.classifier.lanes) << 8
             channels = chip.classifier.inputs
             size = max(chip.classifier.lanes * chip.classifier.weight_bits, chip.classifier.neuron_bits)
-        return Words(Tag.HELLO, values | {"channels": channels, "classes": self.classes, "word_bytes": -(-size // 8)})
+        values |= {"channels": channels, "classes": self.classes, "word_bytes": -(-size // 8)}
+        return Words(Tag.HELLO, values, above)
 
     async def hello(self, number: int = 0, wait: bool = True) -> None:
         """Start a session."""

@@ -44,7 +44,7 @@ def text(config: BoardConfig) -> str:
 
 def small_board(design: str) -> BoardConfig:
     """Return a ``player`` or ``receiver`` board with a fast serial line and small memories."""
-    serial = SerialConfig(clocks_per_bit=4, buffer_bytes=512, idle_bits=64, records=128)
+    serial = SerialConfig(baud=12_500_000, buffer_bytes=512, idle_bits=64, records=128)
     readout = ReadoutConfig(rows=2, columns=3, sample_bits=8, resolution=5, clocks_per_sample=64)
     network = ClassifierConfig(
         inputs=12,
@@ -81,7 +81,8 @@ def board(config: BoardConfig, folder: Path) -> None:
     program.test("eskin.verify.coverage.boards.script", folder, None, {JOB: str(folder / "job.json")})
     for name, samples in scans.items():
         assert config.chip is not None
-        hold(config.chip, network, samples, json.loads((folder / f"{name}.json").read_text()), name)
+        for played in (name, f"{name}-short"):
+            hold(config.chip, network, samples, json.loads((folder / f"{played}.json").read_text()), played)
 
 
 def scans_of(chip: ChipConfig) -> dict[str, NDArray[np.int16]]:

@@ -15,8 +15,9 @@ from cocotb.clock import Clock
 from cocotb.triggers import Timer
 from cocotb.utils import get_sim_time
 
+from eskin.board.changes import ChangeCoder
 from eskin.board.config import ADDRESS_BITS, BOTH_FLAG, OFF_FLAG, BoardConfig, SerialConfig
-from eskin.board.records import Class, Event, Refused, Words
+from eskin.board.records import Class, Event, Record, Refused, Words
 from eskin.board.serial_frames import ESCAPE, FLAG, MOST_PAYLOAD, Frame, Kind
 from eskin.cocotb_tests.bench.line import CLOCK_NS
 from eskin.model.classifier.chip_config import ChipConfig
@@ -98,7 +99,7 @@ async def frames(host: Host) -> None:
     await host.unknown(0)
     await host.unknown(Kind.RECORDS, b"xyz")
     await host.unknown(Kind.HELLO + 0x40, bytes(range(256))[:MOST_PAYLOAD])
-    await host.unknown(Kind.RESTART, b"1")
+    await host.unknown(Kind.RESTART, b"12")
     await host.unknown(Kind.STATUS, b"12")
     if host.config.chip is None:
         for kind in (Kind.SAMPLES, Kind.RUN, Kind.WEIGHTS):
@@ -199,9 +200,15 @@ async def player(host: Host, job: dict[str, Any]) -> None:
         await host.unknown(Kind.RUN, bytes(length))
     for payload in payloads:  # again: what was refused may have written
         await host.carry_out(Kind.WEIGHTS, payload)
+    for payload in (b"", b"1", bytes([0, 0]), bytes([9, 0]), bytes([1, 0, 0, 0])):
+        await host.carry_out(Kind.RESTART)
+        await host.unknown(Kind.CHANGES, payload)
     for number, (name, samples) in enumerate(scans.items()):
+        clocks = len(samples) * chip.readout.clocks_per_sample + sum(RUN_CLOCKS)
         await _play(host, chip, samples, number)
-        await _leave(host, f"{name}.json", len(samples) * chip.readout.clocks_per_sample + sum(RUN_CLOCKS))
+        await _leave(host, f"{name}.json", clocks)
+        await _play_changes(host, chip, samples)
+        await _leave(host, f"{name}-short.json", clocks)
     await _no_room(host)
 
 
@@ -209,7 +216,7 @@ async def _play(host: Host, chip: ChipConfig, samples: np.ndarray, number: int) 
     """Play samples after a reset, with few or many taxels per frame."""
     await host.carry_out(Kind.RESTART)
     codes = samples.astype("<i2").ravel()
-    at, acks = 0, []
+    at, acks = 0, list[Record]()
     while at < len(codes):
         count = host.rng.choice([1, 2, chip.readout.taxels, 3 * chip.readout.taxels, MOST_SAMPLES // 2])
         acks.append(await host.send(Kind.SAMPLES, codes[at : at + count].tobytes()))
@@ -218,9 +225,26 @@ async def _play(host: Host, chip: ChipConfig, samples: np.ndarray, number: int) 
         if number % 2 or host.rng.random() < 0.3:
             await host.expect(*acks)
             acks = []
+    await _run(host, acks)
+
+
+async def _run(host: Host, acks: list[Record]) -> None:
+    """Run the clocks behind the last sample, and see all frames acknowledged."""
     for clocks in RUN_CLOCKS:
         acks.append(await host.send(Kind.RUN, clocks.to_bytes(4, "little")))
     await host.expect(*acks)
+
+
+async def _play_changes(host: Host, chip: ChipConfig, samples: np.ndarray) -> None:
+    """Play samples by their changes, and take short events: a few ticks in a frame, and a pause behind most."""
+    await host.carry_out(Kind.RESTART, b"\x01")
+    coder, at = ChangeCoder(chip.readout), 0
+    while at < len(samples):
+        count = host.rng.choice([1, 2, 20])
+        for part in coder.feed(samples[at : at + count]):
+            await host.carry_out(part.kind, part.payload)
+        at += count
+    await _run(host, [])
 
 
 async def _leave(host: Host, name: str, clocks: int) -> None:

@@ -86,6 +86,9 @@ def _player(config: BoardConfig) -> Named:
     yield "sample tick waits", "sample_valid && !run && active"
     yield "bytes of samples come while the chip runs", "run && valid && ready"
     yield "frame waits for the chip", "active && valid && !ready"
+    yield "taxel falls", "loader.falling != 0"
+    yield "short event", "recorder.left != 0"
+    yield "short event waits and the line rests", "recorder.rests && recorder.filled != 0"
     yield "clocks are over", "!active && $past(active) && !session && !rst"
     yield from loads(config.chip.classifier)
     yield "session begins while the chip runs", "session && active"

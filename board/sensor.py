@@ -1,0 +1,130 @@
+"""Describe a skin at a board: a resistive matrix, scanned row by row, behind an SPI converter."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+
+PartName = Literal["mcp3008", "mcp3208", "ads7953"]
+
+MOST_ROWS = 16
+"""Rows that the header of the board can drive."""
+
+MOST_SETTLE_S = 0.01
+
+
+class Part(NamedTuple):
+    """An SPI converter at 2.7 to 3.6 V. Its code stands in the last bits of a frame, highest bit first.
+
+    All parts take bits at the rising edge of SCLK, and change their output after the falling edge.
+
+    Attributes
+    ----------
+    channels, bits : int
+    frame_bits : int
+        Clocks of SCLK in a frame.
+    most_hz : float
+        Of SCLK.
+    pause_s : float
+        CS is high for so long between frames.
+    cycle_s : float
+        From frame to frame at least.
+    latency : int
+        Frames from the one with a channel's number to the one with the channel's code.
+    first : int
+        The frame of channel 0, as a number.
+    channel_bit : int
+        Place of the channel's number in the frame.
+    """
+
+    channels: int
+    bits: int
+    frame_bits: int
+    most_hz: float
+    pause_s: float
+    cycle_s: float
+    latency: int
+    first: int
+    channel_bit: int
+
+
+PARTS: dict[str, Part] = {
+    # Microchip DS21295: start, single-ended, 3 bits of channel, a clock to sample, a null bit, the code.
+    "mcp3008": Part(8, 10, 17, 1.35e6, 270e-9, 0, 0, 0b11 << 15, 12),
+    "mcp3208": Part(8, 12, 19, 1e6, 500e-9, 0, 0, 0b11 << 17, 14),  # Microchip DS21298
+    # TI SLAS605: manual mode, programmed in each frame; the code of a channel comes two frames later, at most 1 MS/s.
+    "ads7953": Part(16, 12, 16, 20e6, 40e-9, 1e-6, 2, 0b0001_1 << 11, 7),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorConfig:
+    """A skin at the pins of a board: one output for each row, one channel of the converter for each column.
+
+    Parameters
+    ----------
+    part : str
+        Name of ``PARTS``.
+    settle_s : float
+        From the drive of a row to its first frame.
+    """
+
+    part: PartName
+    settle_s: float = 5e-6
+
+    def __post_init__(self) -> None:
+        if self.part not in PARTS:
+            raise InputError(f"the converter must be one of {', '.join(PARTS)}, not {self.part!r}")
+        if not 0 <= self.settle_s <= MOST_SETTLE_S:
+            raise InputError(f"settle_s must be in 0..{MOST_SETTLE_S:g}, not {self.settle_s:g}")
+
+    def check(self, readout: ReadoutConfig, clock_hz: int) -> None:
+        """Refuse a readout or a rate that the converter does not have.
+
+        Raises
+        ------
+        InputError
+            With the highest rate, if the rate is too high.
+        """
+        if readout.columns > PARTS[self.part].channels:
+            raise InputError(
+                f"{self.part} has {PARTS[self.part].channels} channels, one for each column; take another converter "
+                f"for {readout.columns} columns"
+            )
+        if readout.rows > MOST_ROWS:
+            raise InputError(f"a board drives at most {MOST_ROWS} rows of a skin, not {readout.rows}")
+        highest = math.floor(clock_hz / self.scan_clocks(readout, clock_hz))
+        if readout.sample_rate_hz > highest:
+            raise InputError(
+                f"{self.part} scans {readout.rows} x {readout.columns} taxels at most {highest} times a second, but "
+                f"the network was trained at {readout.sample_rate_hz:g} Hz; train it at a lower rate"
+            )
+        if readout.clocks_per_sample * readout.sample_rate_hz > clock_hz:
+            raise InputError(
+                f"{readout.clocks_per_sample} clocks per sample at {readout.sample_rate_hz:g} Hz need a clock of "
+                f"{readout.clocks_per_sample * readout.sample_rate_hz:g} Hz; the board has {clock_hz} Hz"
+            )
+
+    def half_clocks(self, clock_hz: int) -> int:
+        """Return the clocks of half a period of SCLK."""
+        return math.ceil(clock_hz / (2 * PARTS[self.part].most_hz))
+
+    def pause_clocks(self, clock_hz: int) -> int:
+        """Return the clocks between two frames, in which CS is high."""
+        part = PARTS[self.part]
+        frame = (2 * part.frame_bits + 1) * self.half_clocks(clock_hz)
+        return max(math.ceil(part.pause_s * clock_hz), math.ceil(part.cycle_s * clock_hz) - frame, 4)
+
+    def settle_clocks(self, clock_hz: int) -> int:
+        """Return the clocks from the drive of a row to its first frame."""
+        return max(math.ceil(self.settle_s * clock_hz), 1)
+
+    def scan_clocks(self, readout: ReadoutConfig, clock_hz: int) -> int:
+        """Return the clocks of a scan of all rows."""
+        part, half = PARTS[self.part], self.half_clocks(clock_hz)
+        frame = (2 * part.frame_bits + 1) * half + self.pause_clocks(clock_hz)
+        return readout.rows * (self.settle_clocks(clock_hz) + (readout.columns + part.latency) * frame) + 1
