@@ -82,7 +82,8 @@ class Loader(Component):
         with m.If(taken):
             m.d.sync += left.eq(left - 1)
         if self.config.chip:
-            self.ticks, self.changes = Signal(8), Signal()  # of a frame of changes
+            self.ticks = Signal(8)  # of a frame of changes
+            self.changes = Signal()
             self.scans = Signal(SCANS_BITS)
             self.count = Signal(range(self.config.chip.readout.taxels))  # taxels whose sample is there
             with m.If(self.run):

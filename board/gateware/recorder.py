@@ -173,8 +173,10 @@ class Recorder(Component):
         """Add the registers of short events."""
         assert self.config.chip is not None
         self.address_bits = self.config.chip.classifier.channel_bits
-        self.last, self.has_last = Signal(CLOCK_BITS + ADDRESS_BITS), Signal()
-        self.word_of_short, self.filled = Signal(VALUE_BITS), Signal(range(VALUE_BITS + 1))
+        self.last = Signal(CLOCK_BITS + ADDRESS_BITS)
+        self.has_last = Signal()
+        self.word_of_short = Signal(VALUE_BITS)
+        self.filled = Signal(range(VALUE_BITS + 1))
         self.code = Signal(1 + INTERVAL_BITS + 1 + self.address_bits)
         self.left = Signal(range(len(self.code) + 1))
         with m.If(self.restart):

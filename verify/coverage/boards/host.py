@@ -43,12 +43,15 @@ class Host:
         self.dut, self.config, self.rng = dut, config, rng
         self.bit_ns = int(config.serial.clocks_per_bit * CLOCK_NS)
         self.classes = config.chip.classifier.classes if config.chip else 0
+        self.interval = -(-config.chip.classifier.hidden // config.chip.classifier.lanes) if config.chip else 0
         self.listening: Any = None
         self._begin()
 
     def _begin(self) -> None:
         """Wait for the first records of a session."""
-        self.frames, self.records = FrameReader(), RecordReader(self.classes)
+        chip = self.config.chip
+        described = (chip.classifier.inputs, self.interval) if chip else ()
+        self.frames, self.records = FrameReader(), RecordReader(self.classes, *described)
         self.begun, self.due, self.sequence, self.taken, self.refused = False, 0, 1, 0, 0
         self.said: list[Record] = []
         self.data: list[Record] = []
@@ -139,7 +142,7 @@ class Host:
         values |= {"identity": self.config.identity, "clock_hz": serial.clock_hz, "buffer_bytes": serial.buffer_bytes}
         channels, size, above = 1 << ADDRESS_BITS, 0, 0
         if chip:
-            above = 3 | -(-chip.classifier.hidden // chip.classifier.lanes) << 8
+            above = 3 | self.interval << 8
             channels = chip.classifier.inputs
             size = max(chip.classifier.lanes * chip.classifier.weight_bits, chip.classifier.neuron_bits)
         values |= {"channels": channels, "classes": self.classes, "word_bytes": -(-size // 8)}
