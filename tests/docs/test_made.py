@@ -17,6 +17,8 @@ ROOT = Path(__file__).parents[2]
 ROOMS = {path.name for path in ROOT.iterdir() if path.is_dir() and path.name.isidentifier()} - {"out", "build", "dist"}
 SOURCES = {
     "docs/data/event_rates.json": "published rates beside ours, which are compared with those of the power model",
+    "docs/data/asic/memories-ihp.json": "Liberty files of IHP's design kit, each named with its commit",
+    "docs/data/classifier/peers.json": "published, each with its source",
     "snn/figures/published_fig9.json": "published",
 }
 """Files of data that no command wrote, each with where it is from."""

@@ -1,0 +1,145 @@
+"""Energy of the whole chain, from touch to class, beside published classifiers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from docs.tables.write import ROOT, digits, read, table
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.run import work_clocks
+
+CHIPS = {
+    cells: name
+    for cells, name in {"ihp": "IHP 130 nm", "osu": "OSU 180 nm"}.items()
+    if (ROOT / f"docs/data/asic/classifier-{cells}.json").exists()
+}
+"""Cell libraries of the measured netlists."""
+NOT_MEASURED = "not measured"
+
+
+def chain(cells: str) -> dict[str, Any]:
+    """Return the energy of a decision in parts, in joules, averaged over the recorded scans.
+
+    Events, bins, spikes and clocks are those of ``make touch``; the energy of each comes from netlists, and that of a
+    memory access from the macro's Liberty file.
+    """
+    touch, logic = read("docs/data/touch.json"), read(f"docs/data/asic/classifier-{cells}.json")
+    readout = read(f"docs/data/asic/lcs-digital-8x8-{cells}.json")
+    config = ChipConfig.from_dict(touch["chip"]).classifier
+    scans = touch["images"]
+    events, bins, spikes = (touch[name] / scans for name in ("events", "bins", "hidden_spikes"))
+    second = touch["clocks"] / scans / config.clock_hz
+    mean = spikes / bins
+    work = bins * work_clocks(config, mean, mean)  # type: ignore[arg-type]  # linear in both
+    reads = {"inputs": events * config.groups, "recurrent": spikes * config.groups}
+    reads["neurons"] = bins * (config.hidden + config.classes) + spikes * config.classes
+    memories = read("docs/data/asic/memories-ihp.json")
+    energy = {name: count * memories[name]["read_j"] for name, count in reads.items()}
+    at_idle = readout["idle_w_per_taxel"] * readout["rows"] * readout["columns"]
+    parts = {
+        "readout": _part(readout["energy_per_texture_event_j"] * events, 0.0, at_idle, events, second),
+        "logic": _part(
+            logic["energy_per_event_j"] * events,
+            work * logic["energy_per_clock_of_work_j"],
+            logic["idle_w"],
+            events,
+            second,
+        ),
+    }
+    if cells == "ihp":
+        leakage = sum(memories[name]["leakage_w"] for name in reads)
+        parts["memories"] = _part(energy["inputs"], energy["recurrent"] + energy["neurons"], leakage, events, second)
+    every_clock = sum((touch["clocks"] / scans - count) * memories[name]["read_j"] for name, count in reads.items())
+    return {
+        "parts": parts,
+        "decision_j": sum(part["decision_j"] for part in parts.values()),
+        "event_j": sum(part["event_j"] for part in parts.values()),
+        "events": events,
+        "second": second,
+        "every_clock_j": every_clock,
+        "right": touch["right"],
+        "scans": scans,
+        "agreement": logic["agreement"],
+        "area_um2": logic["area_um2"],
+        "config": config,
+        "flop_mm2": config.memory_bits * logic["flop_um2"] / 1e6,
+    }
+
+
+def _part(events_j: float, ends_j: float, idle_w: float, events: float, second: float) -> dict[str, float]:
+    """Return the energies of a part of the chain: of events, of the ends of bins, at rest, and together."""
+    found = {"events_j": events_j, "ends_j": ends_j, "idle_j": idle_w * second}
+    return found | {"decision_j": sum(found.values()), "event_j": events_j / events}
+
+
+def energy_parts() -> None:
+    """Print the parts of the energy of a decision."""
+    rows = []
+    for cells, name in CHIPS.items():
+        found = chain(cells)
+        for part, value in found["parts"].items():
+            rows.append(
+                [
+                    name,
+                    part,
+                    digits(1e12 * value["event_j"], 3),
+                    *(
+                        digits(1e6 * value[f"{key}_j"], 3) if value[f"{key}_j"] else "-"
+                        for key in ("events", "ends", "idle")
+                    ),
+                    digits(1e6 * value["decision_j"], 3),
+                ]
+            )
+    table("cells | part | pJ an event | uJ a decision: events | ends of bins | idle and leakage | together", rows)
+
+
+def energy_peers() -> None:
+    """Print energies a decision beside published ones, each with task and contents."""
+    rows = []
+    for cells, name in CHIPS.items():
+        found = chain(cells)
+        memory = "weights in SRAM macros" if "memories" in found["parts"] else "no memories"
+        rows.append(
+            [
+                "this project",
+                f"{name}, gates",
+                f"texture of 6, {found['second']:.2f} s, {found['events']:,.0f} events",
+                f"{found['right'] / found['scans']:.1%}",
+                f"readout and 128-128-6 network, {memory}; no wires, clock tree, converters, pads",
+                f"{1e6 * found['decision_j']:.1f}",
+                f"{1e12 * found['event_j']:,.0f} pJ an event",
+                "this page",
+            ]
+        )
+    elsewhere = ["OSU 180 nm, gates"] * ("osu" not in CHIPS) + ["ECP5 FPGA"]
+    rows += [["this project", name, *["the same"] * 3, NOT_MEASURED, "", ""] for name in elsewhere]
+    for peer in read("docs/data/classifier/peers.json")["peers"]:
+        energy = "not given" if peer["decision_j"] is None else digits(1e6 * peer["decision_j"], 3)
+        link = f"[{peer['source'].split('/')[2].removeprefix('www.')}]({peer['source']})"
+        rows.append(
+            [
+                *(peer[key] or "-" for key in ("name", "process", "task", "accuracy", "contents")),
+                energy,
+                peer["given"],
+                link,
+            ]
+        )
+    table("design | process | task | accuracy | contents | uJ a decision | stated as | source", rows)
+
+
+def energy_clocks() -> dict[str, Any]:
+    """Return values for the sentences of the page."""
+    found = chain("ihp")
+    config = found["config"]
+    return {
+        "groups": config.groups,
+        "work": work_clocks(config, 0, 0),
+        "every": 1e6 * found["every_clock_j"],
+        "decision": 1e6 * found["decision_j"],
+        "share": found["parts"]["memories"]["decision_j"] / found["decision_j"],
+        "low": min(found["agreement"]),
+        "high": max(found["agreement"]),
+        "area": found["area_um2"] / 1e6,
+        "flops": found["flop_mm2"],
+        "kbit": config.memory_bits / 1024,
+    }
