@@ -213,11 +213,8 @@ def build(
         defines["WAVES"] = "1"
     elif harness and may_skip(config) and not (given or tools):
         defines["SKIPS"] = "1"
-    if macros is not None:
-        defines |= macros
-        text = "".join(f"`undef {name}\n" for name in sorted(defines)) + text
-    elif given and TEST_ENABLE.search(text):
-        defines["TEST_ENABLE"] = "1"
+    if given:
+        defines, text = _with_macros(defines, text, macros)
     control = _control(simulator, top, hierarchical, bare)
     tool = versions("verilator") if simulator == "verilator" else version_of("iverilog", "-V")
     options = [waves, bare, [*verilator_flags, optimise], sorted(defines), sorted(parameters.items()), control]
@@ -262,6 +259,14 @@ def build(
                 raise
     trim(folder.parent)
     return program
+
+
+def _with_macros(defines: dict[str, str], text: str, macros: dict[str, str] | None) -> tuple[dict[str, str], str]:
+    """Return macros of the harness and a given text; a foreign text starts without these macros."""
+    if macros is None:
+        return defines | ({"TEST_ENABLE": "1"} if TEST_ENABLE.search(text) else {}), text
+    defines = defines | macros
+    return defines, "".join(f"`undef {name}\n" for name in sorted(defines)) + text
 
 
 def _control(simulator: Simulator, top: str, hierarchical: bool, bare: bool) -> str:

@@ -127,7 +127,7 @@ def synthesise(
     if delivered and not gating.gate_module(library):
         raise InputError(f"{library.path} has neither a clock gate nor a latch; leave out --from-verilog")
     gated_text = verilog(config, gated=True) if delivered else ""
-    text = _cells(top, library, period_ns, fewest, TO_VERILOG, "netlist.v", gated_text=gated_text)
+    text = _cells(top, library, period_ns, fewest, TO_VERILOG, gated_text=gated_text)
     gated = bool(gating.gate_module(library))
     netlist = header(config, "//") + single_bits(text[text.index("module ") :])
     return Netlist(netlist, top.module_name, config, library, gated)
@@ -135,7 +135,7 @@ def synthesise(
 
 def cells_of(block: Block[Any], source: str, library: Library) -> str:
     """Return the gated netlist, Verilog, of a block whose RTLIL was changed."""
-    text = _cells(block, library, PERIOD_NS, FEWEST_FLOPS, TO_VERILOG, "netlist.v", source=source)
+    text = _cells(block, library, PERIOD_NS, FEWEST_FLOPS, TO_VERILOG, source=source)
     return single_bits(text[text.index("module ") :])
 
 
@@ -157,7 +157,7 @@ def mapped(top: Block[Any], library: Library, apart: Sequence[str] = ()) -> dict
     InputError
         If the library does not have the cells that the readout needs.
     """
-    text = _cells(top, library, PERIOD_NS, FEWEST_FLOPS, TO_JSON, "mapped.json", apart)
+    text = _cells(top, library, PERIOD_NS, FEWEST_FLOPS, TO_JSON, apart)
     return dict(json.loads(text))
 
 
@@ -167,7 +167,6 @@ def _cells(
     period_ns: float,
     fewest: int,
     end: str,
-    result: str,
     apart: Sequence[str] | None = None,
     gated_text: str = "",
     source: str = "",
@@ -195,7 +194,7 @@ def _cells(
         drawn="" if apart is None else _drawn(source, apart),
     )
     try:
-        return yosys.run(script, "", result, files)
+        return yosys.run(script, "", end.split()[-1], files)
     except yosys.YosysError as error:
         library.check()
         raise InputError(
