@@ -32,7 +32,7 @@ from eskin.skin.textures.presets import preset
 SHIPPED = Path(__file__).parents[2] / "model" / "classifier" / "networks"
 """Networks that come with the project: a folder for each dataset, a file for each fold."""
 
-MOST_IN_A_PART = 8
+MOST_IN_A_PART = 40
 
 
 @dataclass(frozen=True)
