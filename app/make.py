@@ -51,6 +51,7 @@ APART = ("layout",)
 """Commands with an environment of their own, of the same name."""
 
 LINT = ("-m ruff format --check .", "-m ruff check .", "-m mypy")
+MEASURED = "benchmarks/results"
 STEPS: dict[str, tuple[str, tuple[str, ...]]] = {
     "setup": ("make the virtual environment with all pinned packages (every target installs what it needs)", ()),
     "docs": (
@@ -64,9 +65,11 @@ STEPS: dict[str, tuple[str, tuple[str, ...]]] = {
         ),
     ),
     "bench": (
-        "measure speed against peers and limits; JSON in benchmarks/results",
-        tuple(
-            f"benchmarks/{n}.py --json benchmarks/results/{n}.json" for n in ("encoder", "cosim", "network", "training")
+        "measure speed against peers and limits; JSON in benchmarks/results, tables in docs/results/speed.md",
+        (
+            *(f"benchmarks/{n}.py --json {MEASURED}/{n}.json" for n in ("encoder", "cosim", "network", "training")),
+            f"benchmarks/encoder.py --signals 64 --samples 200000 --json {MEASURED}/encoder_64.json",
+            "-m docs.tables",
         ),
     ),
     "check": (

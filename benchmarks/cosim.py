@@ -1,6 +1,7 @@
-"""Compare the speed of co-simulation and model with a bare Verilator loop and a clock-by-clock testbench.
+"""Co-simulation and cycle model against a bare Verilator loop and a testbench that wakes every clock.
 
-All play the same texture scan through the same Verilog and must give the same number of events.
+All play the same samples through the same Verilog and must give the same number of events. Times are processor time,
+because other work may use the machine; each round plays all contenders one after the other in one process.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ import statistics
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,27 +25,36 @@ from cocotb.triggers import FallingEdge
 from eskin.base.files import origin
 from eskin.cocotb_tests.bench.readout import Bench
 from eskin.cocotb_tests.bench.textures import scan
-from eskin.cocotb_tests.runner.build_cache import BUILD
+from eskin.cocotb_tests.runner.build_cache import BUILD, digest
 from eskin.cocotb_tests.runner.cocotb_runners import VERILATOR_FLAGS, build_environment
-from eskin.cocotb_tests.runner.simulator import build
+from eskin.cocotb_tests.runner.simulator import Build, build
 from eskin.model.config import ReadoutConfig
 from eskin.model.readout import Stimulus, simulate
 
-CONFIG = ReadoutConfig()
 RESULTS = Path(__file__).parent / "results" / "cosim.json"
 TEXTURE, TICKS_PER_CLOCK_TEST = 0, 150
+ENCODERS = ("lcs", "cw-lcs", "nlcs")
+BARE, ALL, SKIPPING, EVERY, MODEL = (
+    "bare Verilator loop (C++)",
+    "co-simulation (harness), every clock",
+    "co-simulation (harness), still clocks skipped",
+    "testbench waking every clock",
+    "cycle-accurate model",
+)
+JOB = "ESKIN_BENCHMARK"
+"""Environment variable with encoder, rounds, and the command of the bare loop without its samples."""
 
 BARE_LOOP = r"""
 #include "Veskin_readout.h"
 #include "verilated.h"
-#include <chrono>
+#include <ctime>
 #include <cstdio>
 #include <cstring>
 #include <vector>
 int main(int argc, char** argv) {
   const int words = atoi(argv[1]), clocks_per_sample = atoi(argv[2]);
   std::vector<uint32_t> samples;
-  FILE* file = fopen("samples.bin", "rb");
+  FILE* file = fopen(argv[3], "rb");
   uint32_t word;
   while (fread(&word, 4, 1, file) == 1) samples.push_back(word);
   fclose(file);
@@ -56,7 +65,7 @@ int main(int argc, char** argv) {
   top.rst = 0;
   const size_t ticks = samples.size() / words;
   uint64_t events = 0, sum = 0;
-  auto start = std::chrono::steady_clock::now();
+  const std::clock_t start = std::clock();
   for (size_t tick = 0; tick < ticks; tick++) {
     memcpy(&top.sample, &samples[tick * words], 4 * words);
     for (int clock = 0; clock < clocks_per_sample; clock++) {
@@ -66,15 +75,23 @@ int main(int argc, char** argv) {
       top.clk = 1; top.eval();
     }
   }
-  std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+  const double seconds = double(std::clock() - start) / CLOCKS_PER_SEC;
   printf("{\"events\": %llu, \"sum\": %llu, \"seconds\": %.6f}\n", (unsigned long long)events,
-         (unsigned long long)sum, seconds.count());
+         (unsigned long long)sum, seconds);
 }
 """
 
 
-def _stimulus(ticks: int | None = None) -> Stimulus:
-    return Stimulus.from_samples(CONFIG, scan(CONFIG.rows, CONFIG.columns, CONFIG.sample_bits, TEXTURE)[:ticks])
+def _config(encoding: str) -> ReadoutConfig:
+    return ReadoutConfig(encoding=encoding)  # type: ignore[arg-type]
+
+
+def _stimulus(config: ReadoutConfig, scene: str, ticks: int | None = None) -> Stimulus:
+    """Return a texture scan, or its middle sample throughout (``scene="rest"``)."""
+    samples = scan(config.rows, config.columns, config.sample_bits, TEXTURE)[:ticks]
+    if scene == "rest":
+        samples = np.repeat(samples[len(samples) // 2][None], len(samples), axis=0)
+    return Stimulus.from_samples(config, samples)
 
 
 # -- inside the simulator ----------------------------------------------------------------------------
@@ -82,59 +99,81 @@ def _stimulus(ticks: int | None = None) -> Stimulus:
 
 @cocotb.test()
 async def whole_runs(dut: Any) -> None:
-    """Time runs of the harness, from samples to events in memory."""
-    bench = Bench(dut, CONFIG, Path.cwd())
-    stimulus = _stimulus()
-    await bench.check("warm-up", stimulus)
-    start = time.perf_counter()
-    events, _ = await bench.play(stimulus)
-    played = time.perf_counter() - start
-    await bench.check("again", stimulus)
-    Path("measured.json").write_text(json.dumps({"events": len(events), "seconds": played}))
+    """Time runs of the harness, from the samples to the events in memory, beside bare loop and model."""
+    job = json.loads(os.environ[JOB])
+    config = _config(job["encoding"])
+    bench = Bench(dut, config, Path.cwd())
+    found = []
+    for scene in ("texture", "rest"):
+        stimulus = _stimulus(config, scene)
+        for skip in (False, True):  # RTL and model are equal; the model is compiled
+            await bench.check(scene, stimulus, skip)
+        _write_words(config, stimulus, Path("samples.bin"))
+        for _ in range(job["rounds"]):
+            run = json.loads(subprocess.run([*job["bare"], "samples.bin"], check=True, capture_output=True).stdout)
+            took = {BARE: (run["events"], run["seconds"])}
+            for name, skip in ((ALL, False), (SKIPPING, True)):
+                start = time.process_time()
+                events, _ = await bench.play(stimulus, skip)
+                took[name] = (len(events), time.process_time() - start)
+            start = time.process_time()
+            events = simulate(config, stimulus)
+            took[MODEL] = (len(events), time.process_time() - start)
+            if len({count for count, _ in took.values()}) > 1:
+                raise AssertionError(f"different numbers of events: {took}")
+            clocks = {name: stimulus.clocks / seconds for name, (_, seconds) in took.items()}
+            found.append({"scene": scene, "events": len(events), "clocks": stimulus.clocks, "per_second": clocks})
+    Path("measured.json").write_text(json.dumps(found))
 
 
 @cocotb.test()
 async def every_clock(dut: Any) -> None:
-    """Time a common testbench, in which Python drives and samples in every clock."""
-    stimulus = _stimulus(TICKS_PER_CLOCK_TEST)
-    weights = 1 << (np.arange(CONFIG.taxels, dtype=object) * CONFIG.sample_bits)
-    words = [int(((row & (1 << CONFIG.sample_bits) - 1).astype(object) * weights).sum()) for row in stimulus.samples]
+    """Time a testbench of the usual kind: Python drives and samples in every clock."""
+    config = _config("lcs")
+    stimulus = _stimulus(config, "texture", TICKS_PER_CLOCK_TEST)
+    weights = 1 << (np.arange(config.taxels, dtype=object) * config.sample_bits)
+    words = [int(((row & (1 << config.sample_bits) - 1).astype(object) * weights).sum()) for row in stimulus.samples]
     dut.rst.value = 1
     dut.sample_valid.value = 0
     dut.event_ready.value = 1
-    dut.taxel_enable.value = (1 << CONFIG.taxels) - 1
+    dut.taxel_enable.value = (1 << config.taxels) - 1
     cocotb.start_soon(Clock(dut.clk, 10, unit="ns").start())
     for _ in range(4):
         await FallingEdge(dut.clk)
     dut.rst.value = 0
     events = 0
-    start = time.perf_counter()
+    start = time.process_time()
     for word in words:
         dut.sample.value = word
-        for clock in range(CONFIG.clocks_per_sample):
+        for clock in range(config.clocks_per_sample):
             dut.sample_valid.value = int(clock == 0)
             await FallingEdge(dut.clk)
             if dut.event_valid.value:
                 events += 1
                 _ = (dut.event_row.value, dut.event_col.value, dut.event_polarity.value)
-    seconds = time.perf_counter() - start
-    Path("measured.json").write_text(json.dumps({"events": events, "seconds": seconds}))
+    seconds = time.process_time() - start
+    if events != len(simulate(config, stimulus)):
+        raise AssertionError(f"the testbench that wakes every clock saw {events} events, the model another number")
+    Path("measured.json").write_text(json.dumps(stimulus.clocks / seconds))
 
 
 # -- outside -----------------------------------------------------------------------------------------
 
 
-def _bare_program() -> tuple[Path, int]:
-    """Build the bare loop with the flags of the co-simulation; return it and the words per sample."""
-    program = build(CONFIG, "verilator")
-    folder = BUILD / "bench" / f"bare-{program.folder.name}"
+def _write_words(config: ReadoutConfig, stimulus: Stimulus, path: Path) -> None:
+    """Write samples as words of 32 bits for the bare loop."""
+    samples = stimulus.samples.astype(np.int64)
+    bits = (samples[:, :, None] >> np.arange(config.sample_bits)) & 1
+    flat = np.pad(bits.reshape(len(samples), -1), ((0, 0), (0, -config.taxels * config.sample_bits % 32)))
+    path.write_bytes(np.packbits(flat.astype(np.uint8), axis=1, bitorder="little").tobytes())
+
+
+def _bare_program(config: ReadoutConfig) -> list[str]:
+    """Build the bare loop, with the flags of the co-simulation; return its command, which lacks the samples."""
+    program = build(config, "verilator")
+    folder = BUILD / "bench" / f"bare-{digest([program.folder.name, BARE_LOOP])}"
     executable = folder / "Veskin_readout"
-    words = (CONFIG.taxels * CONFIG.sample_bits + 31) // 32
-    samples = _stimulus().samples.astype(np.int64)
-    bits = (samples[:, :, None] >> np.arange(CONFIG.sample_bits)) & 1
-    flat = np.pad(bits.reshape(len(samples), -1), ((0, 0), (0, words * 32 - CONFIG.taxels * CONFIG.sample_bits)))
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "samples.bin").write_bytes(np.packbits(flat.astype(np.uint8), axis=1, bitorder="little").tobytes())
     if not executable.exists():
         (folder / "main.cpp").write_text(BARE_LOOP)
         flags = [flag for flag in VERILATOR_FLAGS if flag != "--timing"]
@@ -144,72 +183,44 @@ def _bare_program() -> tuple[Path, int]:
                 [*command, str(program.folder / "eskin_readout.v"), "main.cpp"],
                 cwd=folder, check=True, stdout=subprocess.DEVNULL,
             )  # fmt: skip
-    return executable, words
+    words = (config.taxels * config.sample_bits + 31) // 32
+    return [str(executable), str(words), str(config.clocks_per_sample)]
 
 
-def _in_simulator(testcase: str, bare: bool) -> Callable[[], dict[str, Any]]:
-    program = build(CONFIG, "verilator", top="eskin_readout" if bare else "harness", bare=bare)
+def _measured(program: Build, testcase: str, job: dict[str, Any]) -> Any:
+    with tempfile.TemporaryDirectory() as folder:
+        program.test("cosim", Path(folder), testcase, {JOB: json.dumps(job)})
+        return json.loads((Path(folder) / "measured.json").read_text())
 
-    def run() -> dict[str, Any]:
-        with tempfile.TemporaryDirectory() as folder:
-            program.test("cosim", Path(folder), testcase)
-            measured: dict[str, Any] = json.loads((Path(folder) / "measured.json").read_text())
-            return measured
 
-    return run
+def _row(encoding: str, scene: str, name: str, rates: list[float], reference: list[float]) -> dict[str, Any]:
+    ratios = [a / b for a, b in zip(rates, reference, strict=True)]
+    of_bare = {"median": statistics.median(ratios), "least": min(ratios), "most": max(ratios)}
+    print(f"{encoding:7} {scene:8} {name:46} {of_bare['median']:7.3f} ({min(ratios):.3f}..{max(ratios):.3f})")
+    said = {"name": f"{name}, {encoding}, {scene}", "contender": name, "encoding": encoding, "scene": scene}
+    return said | {"clocks_per_second": statistics.median(rates), "of_bare_loop": of_bare}
 
 
 def main(
     rounds: Annotated[int, typer.Option(help="rounds; every contender plays once in each")] = 7,
     out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS,
 ) -> None:
-    """Run the benchmark, check for equal events, print a table and write JSON."""
-    stimulus, short = _stimulus(), _stimulus(TICKS_PER_CLOCK_TEST)
-    executable, words = _bare_program()
-
-    def bare() -> dict[str, Any]:
-        command = [str(executable), str(words), str(CONFIG.clocks_per_sample)]
-        done = subprocess.run(command, cwd=executable.parent, check=True, capture_output=True, text=True)
-        result: dict[str, Any] = json.loads(done.stdout)
-        return result
-
-    def model() -> dict[str, Any]:
-        start = time.perf_counter()
-        events = simulate(CONFIG, stimulus)
-        return {"events": len(events), "seconds": time.perf_counter() - start}
-
-    simulate(CONFIG, stimulus)  # compiles
-    contenders: dict[str, tuple[int, Callable[[], dict[str, Any]]]] = {
-        "bare Verilator loop (C++)": (stimulus.clocks, bare),
-        "co-simulation (harness)": (stimulus.clocks, _in_simulator("whole_runs", bare=False)),
-        "testbench waking every clock": (short.clocks, _in_simulator("every_clock", bare=True)),
-        "cycle-accurate model": (stimulus.clocks, model),
-    }
-    expected = {stimulus.clocks: len(simulate(CONFIG, stimulus)), short.clocks: len(simulate(CONFIG, short))}
-    rates: dict[str, list[float]] = {name: [] for name in contenders}
-    for number in range(rounds):
-        for name, (clocks, run) in contenders.items():
-            result = run()
-            if result["events"] != expected[clocks]:
-                raise SystemExit(f"{name} saw {result['events']} events, the model {expected[clocks]}")
-            rates[name].append(clocks / result["seconds"])
-        print(f"round {number + 1} of {rounds}", end="\r", flush=True)
-    reference = rates["bare Verilator loop (C++)"]
-    rows = []
-    print(f"{'':32}  {'M clocks/s':>10}  of the bare loop (least..most)")
-    for name, values in rates.items():
-        ratios = [a / b for a, b in zip(values, reference, strict=True)]
-        rows.append(
-            {
-                "name": name,
-                "clocks_per_second": statistics.median(values),
-                "of_bare_loop": {"median": statistics.median(ratios), "least": min(ratios), "most": max(ratios)},
-            }
-        )
-        print(
-            f"{name:32}  {statistics.median(values) / 1e6:10.3f}  "
-            f"{statistics.median(ratios):.3f} ({min(ratios):.3f}..{max(ratios):.3f})"
-        )
+    """Measure, check that all candidates give the same events, print ratios to the bare loop and write JSON."""
+    rows, played = [], []
+    for encoding in ENCODERS:
+        config = _config(encoding)
+        job = {"encoding": encoding, "rounds": rounds, "bare": _bare_program(config)}
+        found = _measured(build(config, "verilator"), "whole_runs", job)
+        for scene in ("texture", "rest"):
+            runs = [run for run in found if run["scene"] == scene]
+            rates = {name: [run["per_second"][name] for run in runs] for name in runs[0]["per_second"]}
+            if (encoding, scene) == ("lcs", "texture"):
+                program = build(config, "verilator", top="eskin_readout", bare=True)
+                rates[EVERY] = [_measured(program, "every_clock", job) for _ in runs]
+            rows += [_row(encoding, scene, name, values, rates[BARE]) for name, values in rates.items()]
+            played.append(
+                {"encoding": encoding, "scene": scene, "clocks": runs[0]["clocks"], "events": runs[0]["events"]}
+            )
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(
         json.dumps(
@@ -217,9 +228,8 @@ def main(
             | {
                 "benchmark": "cosim",
                 "rounds": rounds,
-                "clocks": stimulus.clocks,
-                "events": expected[stimulus.clocks],
-                "config": CONFIG.to_dict(),
+                "played": played,
+                "config": _config("lcs").to_dict(),
                 "versions": {"python": platform.python_version(), "numpy": np.__version__, "cpus": os.cpu_count()},
                 "results": rows,
             },

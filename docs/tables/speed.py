@@ -17,9 +17,17 @@ def bench(name: str) -> list[dict[str, Any]]:
 
 
 def speed_cosim() -> None:
-    """Print the speed of co-simulation and model relative to a bare Verilator loop."""
-    cells = "{name} | {clocks_per_second:,.0f} | " + TIMES.replace("X", "of_bare_loop")
-    table(" | clocks/s | ratio to the bare loop", bench("cosim"), cells)
+    """Print the speed of co-simulation and model relative to a bare Verilator loop, for every encoder and scene."""
+    rows: dict[str, dict[str, str]] = {}
+    for found in bench("cosim"):
+        ratio = found["of_bare_loop"]
+        cell = f"{digits(ratio['median'], 3)} ({digits(ratio['least'], 3)} to {digits(ratio['most'], 3)})"
+        rows.setdefault(found["contender"], {})[f"{found['encoding']} {found['scene']}"] = cell
+    columns = list(dict.fromkeys(column for row in rows.values() for column in row))
+    titles = {encoder.name: encoder.title for encoder in registry.ENCODERS}
+    heads = [f"{titles[encoding]}, {scene}" for encoding, scene in (column.split() for column in columns)]
+    table(["", *heads], [[name, *(row.get(column, "") for column in columns)] for name, row in rows.items()])
+    source(read("benchmarks/results/cosim.json"), "")
 
 
 def speed_encoders() -> None:
@@ -40,6 +48,7 @@ def speed_encoders() -> None:
         + " | {one[median]:#3}"
     )
     table(" | million taxel-samples/s | time / copy | time / copy, 64 taxels", rows, cells)
+    source(read("benchmarks/results/encoder.json"), "")
 
 
 def speed_layer() -> None:
@@ -57,6 +66,7 @@ def speed_layer() -> None:
     rows.append(["fastest library or loop / kernel", *(f"{o / k:.1f}" for o, k in zip(others, kernels, strict=True))])
     rows.append(["kernel / matrix products", *(f"{k / limit:.2f}" for k, limit in zip(kernels, limits, strict=True))])
     table(["", *(f"{r['steps']} steps, {100 * r['input_density']:.0f} % of the inputs" for r in results)], rows)
+    source(read("benchmarks/results/network.json"), "")
 
 
 def speed_training() -> None:
