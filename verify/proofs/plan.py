@@ -73,7 +73,8 @@ class Proof:
         if self.block == "decay":
             return f"{config.rows} rows, {config.leak_period} ticks{' at most' if config.registers != 'none' else ''}"
         if self.block == "classifier":
-            return f"{config.inputs}-{config.hidden}-{config.classes}, {config.lanes} lanes, {config.readout}"
+            ends = ", saturates" if config.saturates else ""
+            return f"{config.inputs}-{config.hidden}-{config.classes}, {config.lanes} lanes, {config.readout}{ends}"
         if self.block == "fields":
             return f"{config.rows} x {config.columns} {config.fields if isinstance(config.fields, str) else 'lists'}"
         if self.block == "readout":
@@ -250,6 +251,9 @@ def classifiers() -> list[Proof]:
         *(Proof(ScheduleChecker, config, 24) for config in (more, other)),
         Proof(SumsChecker, few, 16, True, True),
         Proof(SumsChecker, few.replace(classes=2), 18, False, True),
+        Proof(SumsChecker, few.replace(clocks_per_bin=8, membrane_bits=4), 16),
+        Proof(SumsChecker, few.replace(hidden=2, lanes=2), 18),
+        Proof(SumsChecker, few.replace(hidden=3, lanes=2), 22),
     ]
 
 
