@@ -127,7 +127,7 @@ def frontier_targets() -> None:
         point = at(name)
         verdict = "met" if point["accuracy"] >= least and point["rate_hz"] <= 2200 else "missed"
         rows.append([words, filled(reached, point | {"verdict": verdict})])
-    rows.append(["97.15 % at 1,000 events/s; 92 % at 2,200 on the `paper` scan", "not trained"])
+    rows.append(["97.15 % at 1,000 events/s; 92 % at 2,200 events/s on the `paper` scan", "not trained"])
     rows.append(["97.15 % in the RTL chip with weights of 4 b", "not trained"])
     table("target: `physical`, three seeds, last epoch | reached", rows)
 

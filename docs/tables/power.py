@@ -142,7 +142,8 @@ def power_rows() -> list[list[str]]:
         value = f"{by_frames('lcs', library)} (LCS), {by_frames('nlcs', library)} (N-LCS)"
         rows.append(
             [
-                f"power of spikes / power of frames, as above: seven corrections, logic from netlists in {cells} cells",
+                "power of spikes / power of frames (6 b, 1 mV of noise): "
+                f"seven corrections, measured logic of netlists in {cells} cells",
                 "",
                 value,
             ]

@@ -9,7 +9,7 @@ from docs.tables.write import filled, read, source, table
 
 EVIDENCE = {
     "proved": ("formal", "properties of the RTL, for simulations of any length"),
-    "second solver": ("crossproof", "the proved properties, searched again with z3, with and without planted bugs"),
+    "second solver": ("crossproof", "the proved properties; z3 searches them again, with and without planted bugs"),
     "covered": ("coverage", "lines, branches and toggles of the Verilog; points of the specification"),
     "killed": ("mutants", "generated mutants of the RTL, killed by tests or proofs"),
     "killed, model": (
@@ -141,7 +141,7 @@ def mutants() -> None:
         rows,
         "{block} | {total:,} | {equivalent:,} | {argued:,} | {share} | {quick} | {alive}",
     )
-    source(report, ": {result}. {by_a_property_alone} of the killed fall to a property of `make formal` alone")
+    source(report, ": {result}. Only a property of `make formal` killed {by_a_property_alone} of these mutants")
 
 
 def model_mutants() -> None:

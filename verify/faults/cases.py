@@ -198,14 +198,24 @@ CASES = (
     Case("another mask in every clock", "every event is that of the model, clock by clock", every_mask),
     Case(
         "reset at every phase",
-        "what comes before and behind it is the model's; what was latched, or on the link, is lost",
+        "events before and after the reset are those of the model; latched events and the event on the link are lost",
         reset_at_every_phase,
     ),
-    Case("sink stuck", "what is offered stays; taxels freeze and catch up; the model's events", sink_stuck, "stream"),
     Case(
-        "ACK never falls", "no REQ while it is high; behind it all goes on, nothing lost", ack_never_falls, "four_phase"
+        "sink stuck",
+        "the offered event stays; waiting taxels do not change; all events are those of the model",
+        sink_stuck,
+        "stream",
     ),
-    Case("ACK wrong for a clock", "REQ falls early or late; nothing is lost or sent twice", ack_glitches, "four_phase"),
+    Case(
+        "ACK never falls",
+        "no REQ while ACK is high; after that the readout sends every event",
+        ack_never_falls,
+        "four_phase",
+    ),
+    Case(
+        "ACK wrong for a clock", "REQ falls early or late; no event is lost or sent twice", ack_glitches, "four_phase"
+    ),
 )
 
 
