@@ -117,7 +117,7 @@ async def host_of_another_clock_reads_what_it_wrote(dut: Any) -> None:
             await block.edge()
 
     cocotb.start_soon(clock())
-    host = Host(block, 2 * Block.HALF_PS + Block.SETTLE_PS, rng)
+    host = Host(block, 2 * Block.HALF_PS, rng)
     await host.wait(5)
     expected: dict[int, int] = {}
     for _ in range(30):
