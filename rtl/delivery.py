@@ -46,8 +46,7 @@ PORTS = PORTS_OF_ALL | {
     "aer_req_on": "request of an ON event, four-phase; never high beside aer_req_off",
     "aer_req_off": "request of an OFF event, four-phase",
     "aer_ack": "acknowledge, asynchronous",
-    "aer_addr": "{{polarity, row, column}}, {{row, column}} with two requests; stable from one clock before a request "
-    "rises until aer_ack has fallen",
+    "aer_addr": "{address_bits}; stable from one clock before a request rises until aer_ack has fallen",
     "spi_sck": "SPI mode 0, asynchronous; its times stand in eskin_registers.md",
     "spi_cs_n": "chip select, active low, asynchronous",
     "spi_mosi": "from the host, asynchronous",
@@ -129,7 +128,19 @@ def _fields(config: ReadoutConfig) -> dict[str, Any]:
         "above": f"x >= reference_code + {half_width + (' + 1' if config.encoder.strict else '')}",
         "below": f"x < reference_code - {half_width}",
         "half_width_bits": config.half_width_bits,
+        "address_bits": _address_bits(config),
     }
+
+
+def _address_bits(config: ReadoutConfig) -> str:
+    """Return the meaning of each bit of an address, such as ``[4] polarity (1 = ON), [3:2] row, [1:0] column``."""
+    parts, low = [], 0
+    polarity = config.has_polarity and config.link != "four_phase_dual"
+    for name, bits in (("column", config.column_bits), ("row", config.row_bits), ("polarity (1 = ON)", int(polarity))):
+        if bits:
+            parts.append(f"[{low}] {name}" if bits == 1 else f"[{low + bits - 1}:{low}] {name}")
+        low += bits
+    return ", ".join(reversed(parts)) or "constant"
 
 
 def ports(config: Config) -> Iterator[dict[str, Any]]:

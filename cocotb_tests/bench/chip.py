@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.cocotb_tests.bench.readout import Bench, Mismatch
+from eskin.cocotb_tests.bench.readout import Bench, Mismatch, breaches
 from eskin.model.address_events import Events
 from eskin.model.classifier.chip import channels_of, clocks_of, events_of
 from eskin.model.classifier.chip_config import ChipConfig
@@ -112,7 +112,8 @@ class ChipBench:
         errors = await self.bench.play_chip(stimulus)
         run = ChipRun.read(self.config.classifier, self.folder, int(self.dut.left.value))
         if errors:
-            raise Mismatch(f"{errors} breaches of the protocol between readout and classifier; reproduce: {again}")
+            said = breaches(errors, self.bench.scoreboard.breach)
+            raise Mismatch(f"between readout and classifier: {said}; reproduce: {again}")
         if not len(run.taken):
             raise Mismatch(f"there was no event, so nothing was compared; reproduce: {again}")
         model = hold(self.config, self.network, stimulus, run, again)

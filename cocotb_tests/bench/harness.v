@@ -73,6 +73,8 @@ module harness;
   reg [31:0] done /* verilator public_flat_rw */ = 0;
   // Breaches of the link's protocol in the last run; all ones if a handshake did not end in reset, so that none began.
   reg [31:0] errors /* verilator public_flat_rw */ = 0;
+  // Clock and rule of the first breach; the rules stand in readout.py.
+  reg [63:0] breach /* verilator public_flat_rw */ = 0;
 
   reg skipping /* verilator public_flat_rw */ = 0;
 
@@ -520,6 +522,13 @@ module harness;
 
   // -- the sink: takes events, records them, and watches the protocol ---------------------------------
 
+  task broken(input [2:0] rule);
+    begin
+      if (errors == 0) breach <= {cycle[60:0], rule};
+      errors <= errors + 1;
+    end
+  endtask
+
 `ifdef FOUR_PHASE
   reg [11:0] edges = 0;
   wire [15:0] address = event_word;
@@ -542,11 +551,11 @@ module harness;
     if (running) begin
       if (aer_req && !req_before) record_event({cycle[47:0] - 48'd1, address});
 `ifdef DUAL
-      if (aer_req_on && aer_req_off) errors <= errors + 1;
+      if (aer_req_on && aer_req_off) broken(0);
 `endif
-      if ((aer_req || aer_ack) && aer_addr != addr_before) errors <= errors + 1;
-      if (aer_req && !req_before && ack_before) errors <= errors + 1;
-      if (!aer_req && req_before && !ack_before) errors <= errors + 1;
+      if ((aer_req || aer_ack) && aer_addr != addr_before) broken(1);
+      if (aer_req && !req_before && ack_before) broken(2);
+      if (!aer_req && req_before && !ack_before) broken(3);
     end
   end
 `elsif CHIP
@@ -568,7 +577,7 @@ module harness;
       if (event_valid && !waiting) offered <= cycle;
       if (event_valid && event_ready)
         $fwrite(pair_file, "%0d %0d %0d\n", waiting ? offered : cycle, cycle, event_channel);
-      if (waiting && (!event_valid || event_channel != channel_before)) errors <= errors + 1;
+      if (waiting && (!event_valid || event_channel != channel_before)) broken(4);
       if (hidden_valid) hidden_sum <= mixed(hidden_sum, hidden_potential, hidden_spike);
       if (hidden_valid && hidden_spike) $fwrite(spike_file, "%0d %0d\n", bin_count, hidden_index);
       if (output_valid) output_sum <= mixed(output_sum, output_potential, output_spike);
@@ -599,7 +608,7 @@ module harness;
     if (running) begin
       if (event_valid && event_ready)
         record_event({cycle[47:0], address});
-      if (waiting && (!event_valid || payload != payload_before)) errors <= errors + 1;
+      if (waiting && (!event_valid || payload != payload_before)) broken(4);
     end
   end
 `endif

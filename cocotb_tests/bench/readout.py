@@ -130,18 +130,33 @@ class Mismatch(AssertionError):
     """Raised if RTL and model differ; the message gives place, difference and repeat command."""
 
 
+RULES = (
+    "both requests are high",
+    "the address changes while REQ or ACK is high",
+    "REQ rises while ACK is high",
+    "REQ falls while ACK is low",
+    "an offered event changes or is withdrawn",
+)
+"""Rules of the link as the harness numbers them, in the words of a breach."""
+
+
 @dataclass
 class Scoreboard:
     """Scoreboard that compares the events of RTL and model, and counts equal ones.
 
     Attributes
     ----------
+    reproduce : str
+        Command that repeats the run.
+    breach : int
+        Clock and rule of the run's first breach of the protocol, as the harness gives them.
     runs, clocks, events : int
         Totals of the comparison so far.
     """
 
     config: ReadoutConfig
     reproduce: str = ""
+    breach: int = 0
     runs: int = 0
     clocks: int = 0
     events: int = 0
@@ -157,7 +172,7 @@ class Scoreboard:
         if difference is not None:
             raise Mismatch(self._describe(name, again(), difference))
         if errors:
-            raise Mismatch(f"{name}: {errors} breaches of the {self.config.link} protocol; reproduce: {self.reproduce}")
+            raise Mismatch(f"{name}: {breaches(errors, self.breach)}\nreproduce: {self.reproduce}")
         self.runs += 1
         self.clocks += clocks
         self.events += len(rtl)
@@ -168,8 +183,9 @@ class Scoreboard:
 
         clock, row, column, _ = min(event for event in (difference.a, difference.b) if event is not None)
         lines = [f"{name}: RTL and model differ", difference.describe(("model", "RTL"))]
-        lines.append(f"the model before the clocks up to {clock}, taxel ({row}, {column}):")
-        for t in range(max(clock - 4, 0), clock + 1):
+        first = max(clock - 4, 0)
+        lines.append(f"state of the model before clocks {first} to {clock}, taxel ({row}, {column}):")
+        for t in range(first, clock + 1):
             state = state_at(self.config, stimulus, t)
             lines.append(
                 f"  clock {t}: sample {state.sample[row, column]}, reference {state.reference[row, column]}, "
@@ -178,6 +194,11 @@ class Scoreboard:
                 f"requesting rows {np.flatnonzero(state.pending.any(axis=1)).tolist()}"
             )
         return "\n".join([*lines, f"reproduce: {self.reproduce}"])
+
+
+def breaches(errors: int, first: int) -> str:
+    """Return the number of breaches of the link's protocol, and the clock and rule of the first."""
+    return f"{errors} breaches of the protocol, first in clock {first >> 3}: {RULES[first & 7]}"
 
 
 @dataclass(frozen=True)
@@ -244,6 +265,7 @@ class Bench:
     async def _done(self) -> int:
         self.dut.go.value = int(self.dut.done.value) + 1
         await ValueChange(self.dut.done)
+        self.scoreboard.breach = int(self.dut.breach.value)
         return int(self.dut.errors.value)
 
     async def play_chip(self, stimulus: Stimulus) -> int:

@@ -23,10 +23,6 @@ from eskin.model.config import ReadoutConfig
 POLL_S = 0.2
 
 
-class MismatchFound(Exception):  # the outcome that is looked for, not a defect of the program
-    """Raised if RTL and model differ, with the scoreboard's message."""
-
-
 @dataclass
 class Tally:
     """Totals of a comparison.
@@ -49,6 +45,20 @@ class Tally:
         for field in dataclasses.fields(self):
             setattr(self, field.name, getattr(self, field.name) + getattr(other, field.name))
         return self
+
+
+class MismatchFound(Exception):  # the outcome that is looked for, not a defect of the program
+    """Raised if RTL and model differ, with the scoreboard's message.
+
+    Attributes
+    ----------
+    before : Tally
+        Runs of the same simulation that were equal.
+    """
+
+    def __init__(self, text: str, before: Tally | None = None) -> None:
+        super().__init__(text)
+        self.before = before or Tally()
 
 
 def run_job(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, Any]], None] | None = None) -> Tally:
@@ -133,7 +143,7 @@ def follow(
             break
         thread.join(POLL_S)
     if mismatch.exists():
-        raise MismatchFound(mismatch.read_text())
+        raise MismatchFound(mismatch.read_text(), tally)
     if refused.exists():
         raise InputError(refused.read_text())
     if failure:

@@ -166,7 +166,9 @@ def with_dut(plan: Plan, config: ReadoutConfig, files: Sequence[Path], top: str)
     wrong += [f"has the unknown {found[name].direction} {name}" for name in more if name != TEST]
     if wrong:
         raise InputError(
-            f"module {top} {', '.join(wrong)}; give it these ports, or write a wrapper and name it with --top"
+            f"as a readout of {config.rows} x {config.columns} taxels with {config.encoding} and link {config.link}, "
+            f"module {top} {', '.join(wrong)}; give the configuration of your Verilog, for example with --config "
+            f"eskin_readout.json, or write a wrapper and name it with --top"
         )
     macros = {"READOUT": top} | ({"TEST_ENABLE": "1"} if TEST in found else {})
     names = shlex.quote(" ".join(map(str, files)))

@@ -116,9 +116,9 @@ def link_warning(config: ReadoutConfig, codes: NDArray[np.int32]) -> str:
         return ""
     enough = power_of_two(clocks_needed(config, codes))
     return (
-        f"the link is too slow for this signal: its load is {min(quality.load, 1):.0%}; of "
-        f"{quality.expected} events {quality.late} wait for a later sample and {quality.merged} merge with others; "
-        f"try --clocks-per-sample {enough}, an estimate for the busiest sample"
+        f"the link is too slow for the busiest samples: of {quality.expected} events {quality.late} leave after the "
+        f"next sample and {quality.merged} merge with others, at a mean load of {min(quality.load, 1):.0%}; a faster "
+        f"clock helps, with --clocks-per-sample {enough} (an estimate)"
     )
 
 

@@ -118,7 +118,9 @@ def test_a_readout_of_the_user_is_held_to_the_model(tmp_path: Path, monkeypatch:
     options = ["sim", "--rows", 2, "--columns", 2, "--sim", "icarus", "--textures", 0, "-o", "out", "--dut"]
     theirs = [*options, "wrapper.v", "--top", "wrapper", "--link", "four_phase", "--dut"]
     good = call(*theirs, "core.v")
-    line = BIT_EXACT.fullmatch(good.stdout.strip())
+    first, last = good.stdout.splitlines()
+    assert first == "wrapper.v, core.v, 2 x 2 taxels, link four_phase: 9 scenarios and 0 scans for each of lcs"
+    line = BIT_EXACT.fullmatch(last)
     assert line is not None, good.stdout + good.stderr
     assert (line[1], int(line[3]) > 100) == ("9", True)
 
@@ -129,6 +131,17 @@ def test_a_readout_of_the_user_is_held_to_the_model(tmp_path: Path, monkeypatch:
     assert re.search(r"differs in polarity: model clock (\d+), row 1, column 1, (ON|OFF); RTL clock \1", bad.stdout)
     assert "\n  clock " in bad.stdout  # the model's state
     assert re.search(r"reproduce: make sim .*LINK=four_phase .*DUT='wrapper.v bug.v' TOP=wrapper\n", bad.stdout)
+    assert re.search(r"MISMATCH; equal runs before it: \d; report: out/\S+/run/mismatch.txt\n", bad.stdout)
+
+    early = WRAPPER.replace(".addr(aer_addr)", ".addr(a)").replace(
+        "theirs it", "wire [2:0] a; assign aer_addr = a ^ {3{aer_ack & ~aer_req}}; theirs it"
+    )
+    Path("early.v").write_text(early)
+    broken = call(*options, "early.v", "--dut", "core.v", "--top", "wrapper", "--link", "four_phase")
+    said = (
+        r"breaches of the protocol, first in clock \d+: the address changes while REQ or ACK is high\nreproduce: make"
+    )
+    assert (broken.returncode, bool(re.search(said, broken.stdout))) == (1, True), broken.stdout
 
     Path("x.v").write_text(text.replace(right, "{event_polarity, event_row, event_col & (event_row ? 1'bx : 1'b1)}"))
     assert re.search(r"the event in clock \d+ has an unknown address or polarity", call(*theirs, "x.v").stdout)
@@ -141,15 +154,19 @@ def test_a_readout_of_the_user_is_held_to_the_model(tmp_path: Path, monkeypatch:
     for arguments, sentence in [
         (
             ["core.v"],
+            "as a readout of 2 x 2 taxels with lcs and link stream, "
             "module eskin_readout lacks event_valid (output, 1 bit), lacks event_ready (input, 1 bit), lacks event_row "
             "(output, 1 bit), lacks event_col (output, 1 bit), lacks event_polarity (output, 1 bit), has the unknown "
-            "input aer_ack; give it these ports, or write a wrapper and name it with --top",
+            "input aer_ack; give the configuration of your Verilog, for example with --config eskin_readout.json, or "
+            "write a wrapper and name it with --top",
         ),
         (
             ["core.v", "--link", "four_phase", "--rows", 4],
+            "as a readout of 4 x 2 taxels with lcs and link four_phase, "
             "module eskin_readout has taxel_enable (input, 4 bits) in place of (input, 8 bits), has sample (input, "
             "48 bits) in place of (input, 96 bits), has aer_addr (output, 3 bits) in place of (output, 4 bits); give "
-            "it these ports, or write a wrapper and name it with --top",
+            "the configuration of your Verilog, for example with --config eskin_readout.json, or write a wrapper and "
+            "name it with --top",
         ),
         (
             ["wrapper.v"],
@@ -261,9 +278,9 @@ def test_a_link_too_slow_for_the_signal_is_said_before_and_is_no_failure(
     assert done.returncode == 0, done.stdout + done.stderr
     warning, *waiting = done.stderr.splitlines()
     assert warning == (
-        "warning: nlcs 8 b, 4 x 4 taxels: the link is too slow for this signal: its load is 100%; of 2559 "
-        "events 0 wait for a later sample and 2536 merge with others; try --clocks-per-sample 16384, an estimate for "
-        "the busiest sample"
+        "warning: nlcs 8 b, 4 x 4 taxels: the link is too slow for the busiest samples: of 2559 events 0 leave after "
+        "the next sample and 2536 merge with others, at a mean load of 100%; a faster clock helps, with "
+        "--clocks-per-sample 16384 (an estimate)"
     )
     assert re.fullmatch(r"building 4 x 4 taxels for icarus: \d+ s so far", waiting[0])
     *_, picture, rest, line = done.stdout.splitlines()
@@ -327,12 +344,12 @@ def test_sim_replaces_links_to_files_in_its_folder(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_is_one_sentence(tmp_path: Path) -> None:
-    def no_file_above_32_kb() -> None:  # a program meets the same error, too late, as on a full disk
-        resource.setrlimit(resource.RLIMIT_FSIZE, (32_000, 32_000))
+    def no_file_above_8_kb() -> None:  # a program meets the same error, too late, as on a full disk
+        resource.setrlimit(resource.RLIMIT_FSIZE, (8_000, 8_000))
 
     command = [*COMMAND, *SMALL, "--textures", "0", "-o", str(tmp_path / "out")]
     done = subprocess.run(
-        command, capture_output=True, text=True, env=os.environ | OURS, preexec_fn=no_file_above_32_kb, check=False
+        command, capture_output=True, text=True, env=os.environ | OURS, preexec_fn=no_file_above_8_kb, check=False
     )
     assert done.returncode == 2
     assert done.stderr.splitlines()[-1] == f"error: cannot write to {tmp_path}/out/1x1-lcs-6b/run: File too large"

@@ -17,7 +17,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 
 if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.process import Tally
+    from eskin.cocotb_tests.runner.process import MismatchFound, Tally
 
 
 @with_config(every=True)
@@ -43,7 +43,10 @@ def sim(
         "out/sim"
     ),
 ) -> None:
-    """Compare RTL and model on test scenarios and texture scans, or on your recordings; exit code 1 if they differ."""
+    """Compare RTL and model on test scenarios and texture scans, or on your recordings; exit code 1 if they differ.
+
+    Without --encoding, all encoders are compared; with --dut, only LCS.
+    """
     from eskin.cocotb_tests.runner.process import Tally
 
     check_alone(data, prepared, {"--dataset": dataset, "--dut": dut or None})
@@ -78,6 +81,9 @@ def _play_textures(
     plan = session.plan(*asked)
     if dut:
         plan = session.with_dut(plan, config, dut, top)
+    runs = f"{plan.runs(config) - len(plan.textures)} scenarios and {len(plan.textures)} scans"
+    what = f"{', '.join(map(str, dut)) or 'RTL'}, {config.rows} x {config.columns} taxels, link {config.link}"
+    print(printable(f"{what}: {runs} for each of {', '.join(encodings)}"))
     with bars() as show:
         for encoding in encodings:
             chosen = config.replace(encoding=encoding)
@@ -92,7 +98,7 @@ def _play_textures(
                     lambda stage, say=say, encoding=encoding: say(f"{encoding}: {stage}"),  # type: ignore[misc]
                 )
             except MismatchFound as mismatch:
-                _differ(mismatch, total, f"; log: {plan.running(chosen)}")
+                _differ(mismatch, total, plan.running(chosen), plan.waveform(chosen) if plan.waves else None)
             if plan.waves:
                 wave = plan.waveform(chosen)
                 print(printable(f"waveform: {wave}; open it with: gtkwave {wave}"))
@@ -123,10 +129,14 @@ def _play_own(
         try:
             total += session.play(plan, lambda _: progress())
         except MismatchFound as mismatch:
-            _differ(mismatch, total)
+            _differ(mismatch, total, plan.out / plan.folder / "run")
     print(printable(f"picture: {plan.picture}; event files: {plan.picture.parent / 'events'}"))
 
 
-def _differ(mismatch: Exception, total: Tally, log: str = "") -> None:
-    print(f"{mismatch}\nMISMATCH after {total.runs} bit-exact runs{log}")
+def _differ(mismatch: MismatchFound, total: Tally, folder: Path, wave: Path | None = None) -> None:
+    """Print the first difference, and where its report is; exit with 1."""
+    total += mismatch.before
+    print(f"{mismatch}\nMISMATCH; equal runs before it: {total.runs}; report: {folder / 'mismatch.txt'}")
+    if wave is not None:
+        print(printable(f"waveform: {wave}; open it with: gtkwave {wave}"))
     raise typer.Exit(1) from None
