@@ -1,6 +1,7 @@
 """Measure generation, lint, build and simulation time against array size, and a skin of 65,536 taxels.
 
-``python benchmarks/scale.py arrays`` and ``... skins``, each into a file of its own in ``benchmarks/results``.
+``python benchmarks/scale.py arrays``, ``... skins`` and ``... encoders``, each into a file of its own in
+``benchmarks/results``.
 
 Every array plays the start of a scan over an embedded photograph and is held to the model. Times are processor seconds
 of the programs, so that other work on the machine counts little; Verilator's own library is compiled before.
@@ -11,8 +12,10 @@ from __future__ import annotations
 import functools
 import json
 import math
+import multiprocessing
 import os
 import resource
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -35,6 +38,7 @@ from eskin.cocotb_tests.runner.simulator import build
 from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
 from eskin.model.readout import Stimulus, simulate
+from eskin.model.taxel import encode
 from eskin.model.tiles.config import TilesConfig
 from eskin.model.tiles.run import scan_skin, simulate_skin
 from eskin.skin.textures.dataset import embedded_dataset
@@ -155,6 +159,53 @@ def skin(resolution: int, clocks_per_sample: int) -> dict[str, Any]:
     }
 
 
+def _second(config: ReadoutConfig, image: Any) -> Any:
+    """Return the samples of one second over an image, to and fro, shape (ticks, taxels)."""
+    ticks, samples = int(config.sample_rate_hz), PhysicalScan().samples(config, image)[0].astype(np.int16)
+    return np.resize(np.concatenate([samples, samples[-2:0:-1]]), (ticks, config.taxels))
+
+
+def _encode(job: tuple[ReadoutConfig, list[str]]) -> tuple[float, int]:
+    """Return the processor seconds of the functional model for the tiles of one process, and their events.
+
+    Each tile is encoded three times; the median counts.
+    """
+    config, names = job
+    images = {texture.name: texture for texture in embedded_dataset()}
+    counts = np.zeros((int(config.sample_rate_hz), config.taxels), np.int16)
+    encode(config, np.zeros((8, config.taxels), np.int16))  # loads the compiled loop
+    seconds, events = 0.0, 0
+    for name in names:
+        samples = _second(config, large_enough(images[name].load(), config))
+        times = []
+        for _ in range(3):
+            start = time.process_time()
+            encode(config, samples, counts)
+            times.append(time.process_time() - start)
+        seconds += statistics.median(times)
+        events += int(np.abs(counts.astype(np.int64)).sum())
+    return seconds, events
+
+
+def functional(tiles: int, side: int) -> dict[str, Any]:
+    """Return the time of the functional model for a second of texture on two cores."""
+    config = ReadoutConfig(rows=side, columns=side)
+    textures = [texture.name for texture in embedded_dataset()]
+    names = [textures[tile % len(textures)] for tile in range(tiles)]
+    with multiprocessing.get_context("spawn").Pool(2) as pool:
+        found = pool.map(_encode, [(config, names[core::2]) for core in range(2)], chunksize=1)
+    taxels, seconds = tiles * config.taxels, sum(seconds for seconds, _ in found)
+    return {
+        "taxels": taxels,
+        "tiles": tiles,
+        "side": side,
+        "samples": taxels * int(config.sample_rate_hz),
+        "events": sum(events for _, events in found),
+        "slower_core_s": round(max(seconds for seconds, _ in found), 3),
+        "ns_per_taxel_sample": round(1e9 * seconds / (taxels * config.sample_rate_hz), 3),
+    }
+
+
 def _bubbles(events: Events) -> int:
     """Return the number of clocks without an event between the first and the last event."""
     return int(events["t"][-1] - events["t"][0]) + 1 - len(events)
@@ -187,6 +238,16 @@ def skins(out: Annotated[Path, typer.Option("--json", help="result file")] = RES
     """Measure a skin of 65,536 taxels at several clock frequencies and event rates."""
     parts = [(f"{bits} b", functools.partial(skin, bits, clocks)) for bits, clocks in ((6, 64), (6, 5000), (2, 5000))]
     _measure("scale of skins", "skins", out, parts)  # type: ignore[arg-type]
+
+
+@app.command()
+def encoders(
+    out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS / "scale_encoders.json",
+) -> None:
+    """Measure the functional model on a second of texture, from 64 to 65,536 taxels."""
+    sizes = ((1, 8), (4, 8), (1, 32), (4, 32), (16, 32), (64, 32))
+    parts = [(f"{tiles} tiles of {side} x {side}", functools.partial(functional, tiles, side)) for tiles, side in sizes]
+    _measure("scale of encoders", "encoders", out, parts)
 
 
 if __name__ == "__main__":

@@ -198,6 +198,16 @@ def scale_tiles() -> None:
     )
 
 
+def scale_encoders() -> None:
+    """Print the time of the functional model for one second of texture."""
+    table(
+        "taxels | tiles | samples | events | slower of two cores, s | ns per taxel and sample",
+        bench("scale_encoders"),
+        "{taxels:,} | {tiles} of {side} x {side} | {samples:,} | {events:,} | {slower_core_s:.2f}"
+        " | {ns_per_taxel_sample:.2f}",
+    )
+
+
 def scale_skins() -> None:
     """Print results of a skin of 65,536 taxels with one output."""
     table(
