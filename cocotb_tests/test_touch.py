@@ -68,7 +68,7 @@ def test_touch_plays_an_image_once_and_draws_it_from_texture_to_class(tmp_path: 
     assert (line[1], line[3]) == ("1", "1")
     assert int(line[2]) > 1000
     summary = json.loads((tmp_path / "embedded" / "summary.json").read_text())
-    assert summary["answers"] == {"brick/brick-00": [0, 0, 0]}
+    assert summary["answers"] == {"brick/brick-00": {"true": "brick", "class": "brick", "float": "brick"}}
     assert (tmp_path / "embedded" / "touch.png").stat().st_size > 50_000
     again = call(*command)
     assert again.stdout.splitlines()[-1] == line[0]

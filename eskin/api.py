@@ -310,9 +310,12 @@ def _codes(config: ReadoutConfig, signal: ArrayLike) -> NDArray[np.int32]:
     wrong = ~((values >= -1) & (values <= 1)) if values.dtype.kind == "f" else np.zeros_like(values, np.bool_)
     if wrong.any():
         tick, taxel = (int(place) for place in np.argwhere(wrong)[0])
+        remedy = "divide it by its largest value, or give integer codes"
+        if np.isnan(values[tick, taxel]):
+            remedy = "replace the missing samples, for example by interpolation"
         raise InputError(
             f"signal is {values[tick, taxel]:g} at tick {tick} of taxel {taxel}, and floats are full scales from -1 to "
-            f"1; divide it by its largest value, or give integer codes"
+            f"1; {remedy}"
         )
     if values.dtype.kind == "f":
         return quantise(values.astype(np.float64), config.sample_bits)[0]

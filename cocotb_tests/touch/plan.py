@@ -245,7 +245,10 @@ def choose(material: Material, names: Sequence[str], networks: Sequence[Network]
         fit = [n for n in networks if n.dataset == material.name and name in n.tested]
         foreign = [n for n in networks if n.dataset != material.name]
         if not (fit or foreign):
-            raise InputError(f"every network here was trained on {name}; give the weights of the fold without it")
+            learned = f"every network here was trained on {name}; give the weights of the fold without it"
+            if isinstance(material, Own) and name.split("/")[0] not in networks[0].weights.class_names:
+                learned = f"{networks[0].path} has no class {name.split('/')[0]}; train it on all classes"
+            raise InputError(learned)
         found[name] = (fit or foreign)[0]
     return found
 
@@ -304,7 +307,7 @@ def summarise(plan: Plan) -> dict[str, Any]:
     there = [said for said in found.values() if said]
     known = [said for said in there if said["true"] is not None]
     sums = {key: sum(said[key] for said in there) for key in ("clocks", "events", "bins", "hidden_spikes", "stalls")}
-    chip = plan.networks[plan.names[0]].chip
+    chip, names = plan.networks[plan.names[0]].chip, plan.networks[plan.names[0]].weights.class_names
     return {
         "dataset": plan.material.name,
         "preset": plan.material.preset or None,
@@ -321,5 +324,9 @@ def summarise(plan: Plan) -> dict[str, Any]:
         "float_known": sum(said["float"] is not None for said in known),
         "as_ideal_bins": sum(said["class"] == said["ideal"] for said in there),
         "latency_clocks": max((said["latency_clocks"] for said in there), default=0),
-        "answers": {name: [said["true"], said["class"], said["float"]] for name, said in found.items() if said},
+        "answers": {
+            name: {key: None if said[key] is None else names[said[key]] for key in ("true", "class", "float")}
+            for name, said in found.items()
+            if said
+        },
     }

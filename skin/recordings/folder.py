@@ -121,8 +121,8 @@ def encoded(config: ReadoutConfig, codes: NDArray[np.int32]) -> tuple[Events, Qu
 def sources_of(folder: Path, flat: bool = False, strict: bool = False) -> tuple[tuple[Source, ...], tuple[str, ...]]:
     """Return the recording files of class folders ordered by name, or a single file.
 
-    With ``flat``, files may be beside the class folders, and have no class. The second value is a warning on unreadable
-    entries with the name of a recording; with ``strict`` they are refused.
+    With ``flat``, files may be beside the class folders, and have no class. The second value is warnings: on unreadable
+    entries with the name of a recording, which ``strict`` refuses, and on folders without a recording.
 
     Raises
     ------
@@ -154,8 +154,11 @@ def sources_of(folder: Path, flat: bool = False, strict: bool = False) -> tuple[
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(f"{folder} holds {twice} twice, with two endings; remove one of them")
-    left_out = f"{len(others)} recordings of {folder} cannot be read and are left out: {', '.join(others[:4])}"
-    return tuple(found), (left_out,) * bool(others)
+    warnings = [f"{len(others)} recordings of {folder} cannot be read and are left out: {', '.join(others[:4])}"]
+    inside = sorted(one.name for one in folder.iterdir() if one.is_dir() and not one.name.startswith("."))
+    empty = [name for name in inside if name not in {source.class_name for source in found}]
+    warnings = warnings * bool(others) + [f"folder {folder / name} contains no recording" for name in empty]
+    return tuple(found), tuple(warnings)
 
 
 def read_set(

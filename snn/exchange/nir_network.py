@@ -118,7 +118,7 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
     return nir.NIRGraph(nodes, edges, metadata)
 
 
-def save_nir(path: Path, weights: Weights) -> None:
+def save_nir(path: Path | str, weights: Weights) -> None:
     """Write a network as a NIR file (HDF5).
 
     Raises
@@ -126,6 +126,7 @@ def save_nir(path: Path, weights: Weights) -> None:
     InputError
         If the name does not end in .nir, the network is a baseline, or the file cannot be written.
     """
+    path = Path(path)
     if path.suffix != ".nir":
         raise InputError(f"NIR files end in .nir, {path.name} does not; rename the output")
     data = io.BytesIO()
@@ -167,7 +168,7 @@ def _raw(arrays: dict[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
 
 
 def load_nir(
-    path: Path, step_s: float | None = None, class_names: Sequence[str] | None = None, reset: str | None = None
+    path: Path | str, step_s: float | None = None, class_names: Sequence[str] | None = None, reset: str | None = None
 ) -> Weights:
     """Return the network from a NIR file.
 
@@ -187,7 +188,7 @@ def load_nir(
         If the file cannot be read, is damaged, or contains a graph that the network cannot express; the text names the
         node.
     """
-    data = read_hdf5(path, "a NIR graph; export it again")
+    data = read_hdf5(Path(path), "a NIR graph; export it again")
     try:
         graph = nir.read(io.BytesIO(data), type_check=False)  # from_nir checks, and names the node
     except Exception:  # a damaged file makes h5py and nir raise almost any type

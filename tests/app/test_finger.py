@@ -34,7 +34,7 @@ def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(
     out = done("train", "--data", "finger", "--test", "*_1", *small)
     assert [line.split("'")[1] for line in out.splitlines() if "is left out" in line] == ["proximity1", "proximity2"]
     assert "12 recordings to learn (12 scans), 12 to test, 4 classes" in out
-    assert "logistic regression on statistics of the same events: " in out
+    assert "logistic regression on statistics of the network's inputs: " in out
     result = json.loads(Path("made/result.json").read_text())
     assert {name: one["right"] >= 9 for name, one in result["references"].items()} == {
         "events": True,
@@ -58,4 +58,5 @@ def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(
     images = [data.names.index(name) for name in answers]
     assert [name.endswith("_1") for name in answers] == [True, True], "learned recordings are left out"
     whole = integer_classes(IntegerWeights.load(Path("made/whole.npz")).network, data, images)
-    assert [chip for _, chip, _ in answers.values()] == whole.tolist()
+    assert [answer["class"] for answer in answers.values()] == [data.class_names[found] for found in whole]
+    assert [f"{name}: {answer['class']}, " in out for name, answer in answers.items()] == [True, True]

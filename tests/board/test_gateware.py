@@ -204,7 +204,7 @@ def test_a_recording_on_the_board_gives_the_events_and_classes_of_the_model(
     assert said["clean"]["out"].splitlines()[1] == "events and classes equal the model's"
     assert len(whole) > 300
     assert np.array_equal(recordings["again"].events, whole)
-    assert said["raw"]["out"].splitlines()[1] == "events and classes are the model's"
+    assert said["raw"]["out"].splitlines()[1] == "events and classes equal the model's"
     assert said["clean"]["bytes"] < said["raw"]["bytes"] - TICKS * small_chip().readout.taxels
     sentences = {
         "flipped": "to the board (arrived damaged|arrived out of order)",

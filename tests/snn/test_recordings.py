@@ -158,7 +158,11 @@ def test_from_class_folders_to_classes(skin: Path, snn: Call) -> None:
     assert folder.name.startswith("train-recordings-")
     assert (folder / "weights.npz").exists()
     assert Path("out/train/weights.npz").read_bytes() == weights
+    assert f"next: eskin quantise {folder}/weights.npz -o {folder}/whole.npz" in out
     assert snn(*other)[2] == error, "called again, it goes on in the same folder"
+    code, _, error = snn("train", "--events", skin, *SMALL, "--test", "*/0[0-4]", "--seed", 1)
+    assert code == 0, error
+    assert str(folder) not in error, "other test recordings, another folder"
     code, _, error = snn(*other, "-o", "out/train")
     assert (code, "belongs to another configuration" in error) == (2, True)
     # The studies take textures only: they leave these out, and name the command that makes others.
@@ -224,8 +228,11 @@ OWN = ("--data", "skin", "--baseline", "median", *SMALL, "--folds", 2)
 def own(folder: Path, snn: Call) -> dict[str, Any]:
     """Train on the tables of a slow skin; return the result."""
     write_skin(folder / "skin", taxels=4, each=8, jitter_s=0.003)
+    (folder / "skin" / "none").mkdir()
     code, out, error = snn("train", *OWN)
     assert code == 0, error
+    assert "warning: folder skin/none contains no recording" in error
+    assert "classes: press, stroke, tap" in out
     assert "event files of skin: out/recordings/skin-" in out
     assert "note: 24 of 24 recordings have uneven time stamps" in out
     found: dict[str, Any] = json.loads(Path("out/train/result.json").read_text())

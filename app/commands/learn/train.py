@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,6 +23,7 @@ from eskin.base.progress import bar
 if TYPE_CHECKING:
     from eskin.snn.data.scans import ScanData
     from eskin.snn.experiments.experiment import Experiment
+    from eskin.snn.experiments.single import Fold
     from eskin.snn.training import Epoch, Training
 
 
@@ -81,6 +83,7 @@ def train(
         f"{len(chosen.images)} {noun} to learn ({len(data.scans_of(chosen.images))} scans), {len(chosen.test)} to "
         f"test, {len(data.class_names)} classes; {data.steps} steps of {data.channels} channels"
     )
+    print(printable(f"classes: {', '.join(data.class_names[:8])}{', ...' if len(data.class_names) > 8 else ''}"))
     if not kernel.available():
         print("no C++ compiler was found: the dense torch path is used, about five times slower")
     options: dict[str, Any] = {"checkpoint_every": checkpoint_every, "device": device, "watch_test": watch_test}
@@ -90,7 +93,7 @@ def train(
         except OtherTraining:
             if chosen_out is not None:
                 raise
-            out = OUT.with_name(_name_of(made, data, fold, seed))
+            out = OUT.with_name(_name_of(made, chosen, seed))
             print(printable(f"{OUT} holds another training; this one goes to {out}"), file=sys.stderr)
             output_folder(out, *FILES)
             training, result = train_fold(made, chosen, seed, out, progress=progress, **options)
@@ -101,6 +104,12 @@ def train(
     pictures = draw_training(result, [data.names[number] for number in chosen.test], out)
     print(printable(f"result: {out / 'result.json'}, weights: {out / 'weights.npz'}"))
     print(printable(f"{'picture' if len(pictures) == 1 else 'picture and page'}: {', '.join(map(str, pictures))}"))
+    if made.frames is None:
+        place = str(out / "weights.npz")
+        words = ["export", place, "-o", str(out / "network.nir")]
+        if made.events is not None:
+            words = ["quantise", place, "-o", str(out / "whole.npz")]
+        print(f"next: {shlex.join(['eskin', *words])}")
 
 
 def _print_result(training: Training, result: dict[str, Any], data: ScanData, noun: str) -> None:
@@ -118,12 +127,14 @@ def _print_result(training: Training, result: dict[str, Any], data: ScanData, no
             print(line)
 
 
-def _name_of(made: Experiment, data: ScanData, fold: int, seed: int) -> str:
+def _name_of(made: Experiment, fold: Fold, seed: int) -> str:
     """Return a folder name for a training: data, readout, and a digest of all settings."""
-    own = made.to_dict() | {"fold": fold, "seed": seed, "names": data.names}
+    own = made.to_dict() | {"tested": fold.test.tolist(), "seed": seed, "names": fold.data.names}
     digest = hashlib.sha256(json.dumps(own, sort_keys=True, default=str).encode()).hexdigest()[:6]
-    what = made.preset if made.events is None else "recordings"
-    return f"train-{what}-{made.readout.encoding}-{made.readout.resolution}b-{digest}"
+    what, readout = made.preset, made.readout
+    if made.events is not None:
+        what, readout = "recordings", made.with_readout_of_events().readout
+    return f"train-{what}-{readout.encoding}-{readout.resolution}b-{digest}"
 
 
 @contextmanager

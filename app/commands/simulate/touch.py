@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eskin.app.cli import printable
-from eskin.app.commands.signals.recordings import OwnData, check_alone
+from eskin.app.commands.signals.recordings import OwnData, check_alone, warn
 from eskin.app.options import WRITES_FOLDER
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.files import atomic_write, origin
@@ -20,6 +20,10 @@ from eskin.skin.textures.dataset import EMBEDDED
 
 if TYPE_CHECKING:
     from eskin.cocotb_tests.touch.plan import Plan
+
+
+MOST_LINES = 20
+"""Largest number of printed answers."""
 
 
 def touch(
@@ -52,6 +56,9 @@ def touch(
     plan = session.plan(weights, data, dataset or EMBEDDED, limit, only, out)
     if only is None and limit is None and (learned := len(plan.material.names) - len(plan.names)):
         print(f"{learned} left out, because every network was trained on them")
+    known = plan.networks[plan.names[0]].weights.class_names
+    if data is not None and (others := sorted({name.split("/")[0] for name in plan.material.names} - set(known))):
+        warn([f"the network has the classes {', '.join(known)}; it was not trained on {', '.join(others)}"])
     with open_pool(workers, scheduler, replay.NEEDS, threads=True) as pool, bars() as show:
         print("building the chip for Verilator", file=sys.stderr)
         with reported("building the chip"):
@@ -77,14 +84,19 @@ def _conclude(plan: Plan, now: dict[str, Any]) -> None:
         print(f"FAILED: {summary['missing']} results are missing, {summary['events']} events")
         raise typer.Exit(1)
     summary = origin(plan.again) | summary | {"played_now": now}
+    for name, answer in list(summary["answers"].items())[:MOST_LINES]:
+        judged = "" if answer["true"] is None else ", right" if answer["class"] == answer["true"] else ", wrong"
+        print(printable(f"{name}: {answer['class']}{judged}"))
+    if (more := len(summary["answers"]) - MOST_LINES) > 0:
+        print(f"... and {more} more, in summary.json")
     with atomic_write(plan.folder / "summary.json") as file:
         file.write((json.dumps(summary, indent=1) + "\n").encode())
     picture = draw(plan, summary, plan.folder / "touch.png")
     if summary["float_known"]:
-        print(f"the float networks: {summary['right_float']} of {summary['float_known']} right")
+        print(f"float network: {summary['right_float']} of {summary['float_known']} right")
     print(
-        f"{summary['as_ideal_bins']} of {summary['images']} classes equal those without stalls; "
-        f"{summary['stalls']} stalled clocks, {summary['overruns']} scans with an overrun; "
+        f"the classifier stalled the readout in {summary['stalls'] / summary['clocks']:.1%} of the clocks, which "
+        f"changed {summary['images'] - summary['as_ideal_bins']} classes; {summary['overruns']} scans with an overrun; "
         f"at most {summary['latency_clocks']} clocks from bin end to class"
     )
     print(printable(f"answers: {plan.folder / 'summary.json'}" + (f"; picture: {picture}" if picture else "")))
