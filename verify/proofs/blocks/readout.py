@@ -78,17 +78,17 @@ class ReadoutChecker(Checker[ReadoutConfig]):
 
     def places(self, config: ReadoutConfig) -> dict[str, str]:
         """Return the internal signals that show the decisions of each taxel, unless the ports show them."""
-        wires = [] if shows_steps(config) else ["asks", "moves", *(["on"] if config.has_polarity else [])]
+        wires = [] if shows_steps(config) else ["asks", "moves", *(["polarity"] if config.has_polarity else [])]
         taxels = [divmod(taxel, config.columns) for taxel in range(config.taxels)]
         return {f"{wire}_{r}_{c}": f"row_{r}.taxel_{c}.{wire}" for wire in wires for r, c in taxels}
 
     def _steps_within(self, m: Module) -> tuple[Any, Any]:
         """Return whether the watched taxel stepped one clock before, and whether it stepped up."""
         found = {}
-        for wire in ("asks", "moves", "on"):
+        for wire in ("asks", "moves", "polarity"):
             own = [getattr(self, name) for name in self.places(self.config) if name.startswith(f"{wire}_")]
             found[wire] = self._pick(own, 0) if own else Const(1)
-        return before(m, found["asks"] & found["moves"], "decided"), before(m, found["on"], "up")
+        return before(m, found["asks"] & found["moves"], "decided"), found["polarity"]
 
     def _steps_at_ports(self, m: Module, enable: Signal) -> tuple[Any, Any]:
         """Return whether the watched reference moved one clock before, and whether it moved up."""
