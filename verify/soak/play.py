@@ -87,7 +87,7 @@ def failure(draw: Draw, simulator: Simulator) -> Failure | None:
 
 def failure_of(draw: Draw, text: str) -> Failure:
     """Return the failure described by a mismatch message."""
-    said = re.search(r"before the clocks up to (\d+)", text)
+    said = re.search(r"before clocks \d+ to (\d+)", text)
     return Failure(draw, int(said[1]) if said else draw.clocks - 1, text)
 
 
