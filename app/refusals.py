@@ -106,7 +106,7 @@ def _check_range(option: str, value: float, low: float, high: float) -> None:
 
 
 def _rules(command: str) -> Iterator[tuple[str, str]]:
-    """Yield conditions on the options of a command, with the options that have no effect under each."""
+    """Yield each condition on the options of a command, and the options without effect while the condition holds."""
     for commands, rules in IDLE.items():
         if command in commands.split():
             yield from rules.items()

@@ -145,7 +145,7 @@ Load = tuple[str, float, list[NDArray[np.int64]]]
 
 
 def loads(side: int, clocks: int, seed: int) -> list[Load]:
-    """Return the loads: name, share of the link's capacity, and event times of every taxel."""
+    """Return the name of each load, its share of the link's capacity, and the event times of every taxel."""
     rng = np.random.default_rng(seed)
     n = side * side
 

@@ -51,7 +51,7 @@ def count(owner: Any, name: str, part: str) -> None:
 
 
 def ratios(marks: list[dict[str, float]], part: str) -> dict[str, float]:
-    """Return the ratio of the whole epoch to a part: median, least and most of all epochs but the first."""
+    """Divide the time of an epoch by the time of a part; return median, least and most, without the first epoch."""
     found = [
         (after["whole"] - before["whole"]) / (after[part] - before[part]) for before, after in itertools.pairwise(marks)
     ]

@@ -189,7 +189,7 @@ def recording(path: Path, config: ReadoutConfig, metadata: dict[str, Any], recei
 
 
 def weight_frames(weights: IntegerWeights, word_bytes: int) -> Iterator[bytes]:
-    """Yield the payloads of frames that write both weight memories: memory, first address, words."""
+    """Yield the payloads (memory, first address, words) of the frames that write both weight memories."""
     network = weights.network
     size = (MOST_PAYLOAD - 3) // word_bytes
     for neurons, image in enumerate((weight_image(network), neuron_image(network))):

@@ -45,7 +45,7 @@ SCANS = 12
 
 @cocotb.test()
 async def bins_begin_anew(dut: Any) -> None:
-    """Start scans without events by a reset or by ``scan_start``, and record the clocks of the classes."""
+    """Start scans without events by a reset or by ``scan_start``, and record the clocks with ``class_valid``."""
     job = json.loads(os.environ[JOB])
     config, rng = ChipConfig.from_dict(job["config"]), random.Random(job["seed"])
     block = Block(dut)

@@ -144,7 +144,7 @@ class FrameConfig:
 
     @property
     def bit_rate_hz(self) -> float:
-        """Bits of samples per second: N M per frame (Fig. 5a of the paper)."""
+        """Sample bits per second. A frame has ``resolution * taxels`` bits (N times M in Fig. 5a of the paper)."""
         return self.resolution * self.taxels * self.frame_rate_hz
 
     @property

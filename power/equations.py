@@ -73,7 +73,10 @@ class RateSource(Protocol):
 
 @dataclass(frozen=True)
 class FittedRates:
-    """The published rate fits: 2429 * 2^(N-2) (LCS), 3009.6 * 2^(N-4) * 0.2 s / tau (N-LCS), 64 taxels."""
+    """Event rates of 64 taxels, fitted in the paper.
+
+    The rate of LCS is 2429 * 2^(N-2) events/s. The rate of N-LCS is 3009.6 * 2^(N-4) * 0.2 s / tau events/s.
+    """
 
     parameters: PowerParameters
 

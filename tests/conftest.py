@@ -37,7 +37,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def call(folder: Path, capsys: pytest.CaptureFixture[str]) -> Callable[[str], tuple[int, str, str]]:
-    """Return a function that runs ``eskin`` in the folder: exit code, standard output, standard error."""
+    """Return a function that runs ``eskin`` in the folder and returns exit code, standard output and standard error."""
 
     def call(line: str) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as left:

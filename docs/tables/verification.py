@@ -71,7 +71,11 @@ def proofs() -> None:
         report["properties"],
         "{block} | {property} | {meaning} | {sizes} | {length} | {mutants}",
     )
-    source(report)
+    report["commit"] = report["commit"].replace("; the ", ", for the ")
+    proved = sum(row["unbounded"] and not row["problems"] for row in report["properties"])
+    source(
+        report, f". The solvers proved {proved} of {len(report['properties'])} properties for simulations of any length"
+    )
 
 
 def proof_mutants() -> dict[str, int]:
@@ -141,7 +145,9 @@ def mutants() -> None:
         rows,
         "{block} | {total:,} | {equivalent:,} | {argued:,} | {share} | {quick} | {alive}",
     )
-    source(report, ": {result}. Only a property of `make formal` killed {by_a_property_alone} of these mutants")
+    source(
+        report, ": {result}. Mutants that a property of `make formal` killed and no test killed: {by_a_property_alone}"
+    )
 
 
 def model_mutants() -> None:

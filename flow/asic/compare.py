@@ -37,9 +37,9 @@ class Register:
 
 
 def compare(gold: dict[str, Any], gate: dict[str, Any]) -> tuple[int, list[str]]:
-    """Return the number of points proved equal in two designs, and the names of all other points.
+    """Return how many compare points of two designs are proved equal, and the names of all other compare points.
 
-    A point is a flop (what it will hold and what resets it) or a bit of an output port.
+    A compare point is a flop (what it will hold and what resets it) or a bit of an output port.
 
     Parameters
     ----------

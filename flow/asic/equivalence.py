@@ -36,7 +36,7 @@ class Equivalence:
     Attributes
     ----------
     proved, of : int
-        Points, flops and outputs among them, that are proved equal, and all that were compared.
+        Compare points (flops and bits of outputs) that are proved equal, and all compare points.
     unproved : tuple of str
         Names of the others.
     flops, gated_flops : int

@@ -70,7 +70,7 @@ def _steps(changes: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def _runs(values: Sequence[Value]) -> list[tuple[int, int, Value]]:
-    """Return stretches of equal values: first clock, clock after the last, value."""
+    """Return first clock, clock after the last, and value of each stretch of equal values."""
     starts = [i for i, value in enumerate(values) if not i or value != values[i - 1]]
     ends = [*starts[1:], len(values)]
     return [(start, end, values[start]) for start, end in zip(starts, ends, strict=True)]

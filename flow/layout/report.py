@@ -49,7 +49,7 @@ class Report:
     circuit : Circuit
     cell_area_um2 : float
     proved, of : int
-        Points of the netlist that equal the RTL's.
+        Compare points (flops and bits of outputs) that are proved equal to the RTL, and all compare points.
     tries : tuple of Try
         The last is the layout.
     comparison : Comparison or None

@@ -1,4 +1,4 @@
-"""Compute the energy of a classifier: its logic from a gate-level simulation, its memories from accesses of macros."""
+"""Compute the energy of a classifier: simulate the gates of its logic, and count the accesses to its memories."""
 
 from __future__ import annotations
 

@@ -224,7 +224,7 @@ def _draw_zoom(panel: Axes, played: ScanToClass) -> None:
 
 
 def _shown(played: ScanToClass) -> NDArray[np.int64]:
-    """Return the drawn taxels: first, middle and last."""
+    """Return the numbers of the taxels in the figure: the first, the middle and the last taxel."""
     return np.unique(np.linspace(0, played.recording.config.taxels - 1, _SHOWN).astype(np.int64))
 
 

@@ -45,7 +45,7 @@ def only_taxels(tables: Sequence[Table]) -> tuple[list[Table], tuple[str, ...]]:
 
 
 def _reasons(tables: Sequence[Table]) -> dict[int, str]:
-    """Return the reason why each column is not a taxel, by column number."""
+    """Return a dictionary from the number of each column that is not a taxel to the reason."""
     names, found = tables[0].names, {}
     together = np.concatenate([table.values for table in tables])
     low, high = np.percentile(np.abs(together), [10, 90], axis=0)

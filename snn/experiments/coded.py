@@ -17,7 +17,7 @@ SCANS = 24
 
 
 def coded_bps(experiment: Experiment) -> dict[str, float]:
-    """Return compressed bits per second: of ``addresses`` and ``events``, or of ``samples`` and ``differences``."""
+    """Return the compressed bits per second of each form in which ``snn/data/coding.py`` codes events or frames."""
     if experiment.events is not None:
         files = event_files([Path(experiment.events)])
         return _of_events(read_recordings(files[:: -(-len(files) // SCANS)]))

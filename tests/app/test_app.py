@@ -62,7 +62,7 @@ def fail(how: str) -> None:
 
 
 def call(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[int, str, str]:
-    """Return a function that runs the test program: exit code, standard output, standard error."""
+    """Run the test program, and return its exit code, standard output and standard error."""
     with pytest.raises(SystemExit) as left:
         run(app, "test", args)
     assert isinstance(left.value.code, int)
@@ -70,7 +70,7 @@ def call(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[int, str, str]
 
 
 def shown(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[ReadoutConfig, set[str]]:
-    """Return a function that gives the configuration and the given fields for options."""
+    """Return the configuration for options, and the names of the fields that the options set."""
     code, out, err = call(capsys, "show", *args)
     assert (code, err) == (0, "")
     data = json.loads(out)

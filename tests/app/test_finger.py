@@ -1,4 +1,4 @@
-"""Test the project's recordings of a robot finger, from files to the class in RTL."""
+"""Train, quantise and simulate a classifier in RTL with the project's recordings of a robot finger."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def make(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> Make:
 
 @pytest.fixture
 def launch(make: Make, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
-    """Return a function that runs a recipe dry: its exit code, commands and errors."""
+    """Return a function that makes a target as a dry run, and returns exit code, commands and errors."""
 
     def launch(target: str, *variables: str) -> tuple[int, list[list[str]], str]:
         quoted = [re.sub(r"([\\\\ ])", r"\\\1", word).replace("$", "$$") for word in variables]

@@ -70,7 +70,7 @@ class Converter:
         self.program = self.due = self.mux = 0
 
     def miso(self, now: float) -> int:
-        """Return the output: until it is valid, the wrong level."""
+        """Return the level of the output, which is wrong until the output is valid."""
         return self.level if now >= self.valid_at else 1 - self.level
 
     def step(self, now: float, cs_n: int, sclk: int, mosi: int, rows: int) -> None:

@@ -46,7 +46,7 @@ def small_network(**fields: Any) -> NetworkConfig:
 
 
 def caller(app: typer.Typer) -> Callable[[str, pytest.CaptureFixture[str]], tuple[int, str]]:
-    """Return a function that runs ``eskin`` with a command line: exit code and output."""
+    """Return a function that runs ``eskin`` with a command line and returns exit code and output."""
 
     def call(line: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
         with pytest.raises(SystemExit) as left:

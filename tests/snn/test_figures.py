@@ -127,7 +127,7 @@ def files(folder: Path) -> list[str]:
 
 @pytest.fixture
 def snn(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
-    """Return a function that runs a command in the folder: exit code, standard output, standard error."""
+    """Return a function that runs a command in the folder and returns exit code, standard output and standard error."""
     app = make_app("figures")
     for command in (fig8, fig9):
         app.command()(command)

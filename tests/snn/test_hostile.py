@@ -44,7 +44,7 @@ Call = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture
 def snn(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
-    """Return a function that runs ``eskin`` in an empty folder: exit code, standard output, standard error."""
+    """Return a function that runs ``eskin`` in an empty folder and returns exit code, output and error output."""
 
     def snn(*words: str) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as left:

@@ -67,7 +67,7 @@ def replayed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def call(tmp_path: Path, capsys: pytest.CaptureFixture[str], trained: Path) -> Call:
-    """Return a function that runs predict with the trained weights: exit code, output, error."""
+    """Return a function that runs predict with the trained weights and returns exit code, output and error output."""
     app = make_app("predict")
     app.command()(predict)
 

@@ -59,7 +59,7 @@ def skin(folder: Path) -> Path:
 
 @pytest.fixture
 def snn(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
-    """Return a function that runs ``eskin`` in the folder: exit code, standard output, standard error."""
+    """Return a function that runs ``eskin`` in the folder and returns exit code, standard output and standard error."""
 
     def snn(*words: object) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as left:

@@ -93,7 +93,7 @@ def problems_of(trial: Trial, upset: Upset) -> str:
 
 
 def run(trial: Trial) -> tuple[list[dict[str, Any]], list[str]]:
-    """Run a trial; return a result for every block, and the bit flips that exceed the limits."""
+    """Run a trial; return one result per block, and a sentence for each bit flip whose effect exceeds the limits."""
     tallies: dict[str, Tally] = {}
     problems: list[str] = []
     for upset in _upsets(trial):

@@ -154,6 +154,6 @@ def _opened(design: Design, name: str) -> Design:
 
 
 def _memory_ports(cell: Design) -> dict[str, tuple[str, int]]:
-    """Return the ports of a memory, without read clocks."""
+    """Return a dictionary from the name of each port of a memory, except read clocks, to direction and width."""
     pins = cell["connections"].items()
     return {name: (cell["port_directions"][name], len(bits)) for name, bits in pins if name != "RD_CLK"}

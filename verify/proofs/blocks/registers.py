@@ -1,4 +1,4 @@
-"""Properties of the register file: reads return written words, no other changes, and exact event counts."""
+"""Properties of the register file: a read returns the last written word, and every counter is exact."""
 
 from __future__ import annotations
 

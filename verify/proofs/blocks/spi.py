@@ -77,7 +77,7 @@ class SpiChecker(Checker[ReadoutConfig]):
         return found
 
     def _reading(self, m: Module, rise: Signal, fall: Signal, first: Value, reads: Value) -> None:
-        """Check that the slave samples the word to read once, at the falling SCK edge before its first bit."""
+        """Check that the slave samples a read word only once, at the falling SCK edge before the first bit."""
         kept = Signal(self.block.word_bits)
         with m.If(fall & reads & first):
             m.d.sync += kept.eq(self.read_data)
