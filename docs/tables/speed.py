@@ -72,6 +72,7 @@ def speed_layer() -> None:
 def speed_training() -> None:
     """Print whole epochs of a training against their kernel."""
     table("CPU time of an epoch / CPU time in | ratio", bench("training"), "{name} | " + TIMES.replace("X", "times"))
+    source(read("benchmarks/results/training.json"), "")
 
 
 def leak() -> None:
@@ -203,9 +204,10 @@ def scale_encoders() -> None:
     table(
         "taxels | tiles | samples | events | slower of two cores, s | ns per taxel and sample",
         bench("scale_encoders"),
-        "{taxels:,} | {tiles} of {side} x {side} | {samples:,} | {events:,} | {slower_core_s:.2f}"
+        "{taxels:,} | {tiles} of {side} x {side} | {samples:,} | {events:,} | {slower_core_s:.3f}"
         " | {ns_per_taxel_sample:.2f}",
     )
+    source(read("benchmarks/results/scale_encoders.json"), "")
 
 
 def scale_skins() -> None:
