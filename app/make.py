@@ -131,7 +131,7 @@ def options_of(target: str) -> dict[str, Any]:
 
 def needs_of(target: str, variables: dict[str, str]) -> list[str]:
     """Return the extras that a target needs."""
-    if target in ("setup", "test"):
+    if target in ("setup", "test", "check"):  # the quick tests are of all blocks
         return groups()
     if target not in MODULES:
         return [BASE, "sim", "snn", "dev", *(["docs"] if target == "docs" else [])]

@@ -25,6 +25,7 @@ from eskin.app.make import (
     TARGETS,
     command_lines,
     main,
+    needs_of,
     options_of,
     typed_variables,
 )
@@ -225,6 +226,11 @@ def test_steps_take_the_words_of_a_variable(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 # -- groups of packages ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("target", ["setup", "check", "test"])
+def test_tests_need_every_group(target: str) -> None:
+    assert needs_of(target, {}) == setup.groups()
 
 
 def test_groups_are_installed_when_what_they_are_made_of_changes(
