@@ -253,7 +253,7 @@ def classifiers() -> list[Proof]:
         Proof(SumsChecker, few.replace(classes=2), 18, False, True),
         Proof(SumsChecker, few.replace(clocks_per_bin=8, membrane_bits=4), 16),
         Proof(SumsChecker, few.replace(hidden=2, lanes=2), 18),
-        Proof(SumsChecker, few.replace(hidden=3, lanes=2), 22),
+        Proof(SumsChecker, few.replace(hidden=3, lanes=2), 26),
     ]
 
 
