@@ -72,7 +72,7 @@ def clean(root: Path) -> None:
 
 
 def drawn(attack: Callable[[], None]) -> None:
-    """Return a test that runs a fuzz function with a seed."""
+    """Run a fuzz function, with the seed of the environment if there is one."""
     (seed(int(os.environ[SEED]))(attack) if SEED in os.environ else attack)()
 
 

@@ -30,7 +30,7 @@ RUNS = 20
 
 
 def differs(config: ReadoutConfig, stimulus: Stimulus, readout: Any = None) -> str:
-    """Return the first difference in events or registers, or None, and the number of events."""
+    """Return the first difference in events or registers, or an empty text."""
     expected = simulate(config, stimulus)
     events, readout = play(config, stimulus, readout)
     found = first_difference(expected, events)

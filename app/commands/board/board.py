@@ -198,7 +198,7 @@ def _link(port: str, sink: Callable[[list[Record]], object], baud: int, patience
 
 @contextmanager
 def served(view: View, port: int, option: str = "--page") -> Iterator[ThreadingHTTPServer]:
-    """Yield a server of the live page, or None without ``--page``."""
+    """Yield a server of the live page."""
     from eskin.board.live import serve
 
     server = serve(view, port, option)

@@ -62,7 +62,7 @@ def noise_power(
 
 
 def two_of(text: str | None, known: Collection[str]) -> list[str]:
-    """Return the names of the two networks to compare, or None."""
+    """Return the names of the two networks to compare, or an empty list without ``--pair``."""
     names = [name.strip() for name in text.split(",")] if text is not None else []
     if text is not None and (len(names) != 2 or not set(names) <= set(known)):
         raise InputError(f"--pair takes two of {', '.join(sorted(known))}, with a comma between, not {text!r}")

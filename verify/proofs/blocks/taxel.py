@@ -145,7 +145,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
         return self.config.reference_reset << self._fraction
 
     def _settings(self, m: Module) -> None:
-        """Return D in codes and the leak shift, now and one clock ago."""
+        """Set D in codes and the leak shift, now and one clock ago."""
         config = self.config
         if config.registers == "none":
             self._d, self._d_before, self._k, self._k_before = (
