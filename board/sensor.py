@@ -113,11 +113,15 @@ class SensorConfig:
         """Return the clocks of half a period of SCLK."""
         return math.ceil(clock_hz / (2 * PARTS[self.part].most_hz))
 
+    def frame_clocks(self, clock_hz: int) -> int:
+        """Return the clocks of a frame, in which CS is low."""
+        return (2 * PARTS[self.part].frame_bits + 1) * self.half_clocks(clock_hz)
+
     def pause_clocks(self, clock_hz: int) -> int:
         """Return the clocks between two frames, in which CS is high."""
         part = PARTS[self.part]
-        frame = (2 * part.frame_bits + 1) * self.half_clocks(clock_hz)
-        return max(math.ceil(part.pause_s * clock_hz), math.ceil(part.cycle_s * clock_hz) - frame, 4)
+        shortest = math.ceil(part.cycle_s * clock_hz) - self.frame_clocks(clock_hz)
+        return max(math.ceil(part.pause_s * clock_hz), shortest, 4)
 
     def settle_clocks(self, clock_hz: int) -> int:
         """Return the clocks from the drive of a row to its first frame."""
@@ -125,6 +129,6 @@ class SensorConfig:
 
     def scan_clocks(self, readout: ReadoutConfig, clock_hz: int) -> int:
         """Return the clocks of a scan of all rows."""
-        part, half = PARTS[self.part], self.half_clocks(clock_hz)
-        frame = (2 * part.frame_bits + 1) * half + self.pause_clocks(clock_hz)
-        return readout.rows * (self.settle_clocks(clock_hz) + (readout.columns + part.latency) * frame) + 1
+        frame = self.frame_clocks(clock_hz) + self.pause_clocks(clock_hz)
+        frames = readout.columns + PARTS[self.part].latency
+        return readout.rows * (self.settle_clocks(clock_hz) + frames * frame) + 1

@@ -124,11 +124,11 @@ def synthesise(
         If the library does not have the cells that the readout needs.
     """
     top = top_block(config)
-    if delivered and not gating.gate_module(library):
+    gated = bool(gating.gate_module(library))
+    if delivered and not gated:
         raise InputError(f"{library.path} has neither a clock gate nor a latch; leave out --from-verilog")
     gated_text = verilog(config, gated=True) if delivered else ""
     text = _cells(top, library, period_ns, fewest, TO_VERILOG, gated_text=gated_text)
-    gated = bool(gating.gate_module(library))
     netlist = header(config, "//") + single_bits(text[text.index("module ") :])
     return Netlist(netlist, top.module_name, config, library, gated)
 

@@ -10,9 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from eskin.cocotb_tests.bench.textures import scan
 from eskin.flow.asic.synthesis import cells_of
 from eskin.flow.gatesim import icarus
@@ -27,7 +24,7 @@ from eskin.flow.power.opensta_power import OpenstaPower
 from eskin.model.classifier.chip import channels_of, simulate_chip
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
-from eskin.model.classifier.file import neuron_image
+from eskin.model.classifier.file import neuron_image, row_image
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.model.classifier.run import ClassifierRun, first_ready, simulate
 from eskin.rtl import yosys
@@ -44,25 +41,14 @@ MOST_APART = 0.5
 """Largest difference of the two methods. Both are reported, because they differ by more than for readouts."""
 
 
-def _rows(network: IntegerNetwork, weights: NDArray[Any], bits: int, words: int) -> list[int]:
-    """Return the words of a memory of rows, ``lanes`` weights each."""
-    config = network.config
-    full = np.zeros((words, config.lanes), np.int64)
-    rows = np.zeros((len(weights), (1 << config.row_bits) * config.lanes), np.int64)
-    rows[:, : config.hidden] = weights
-    full[: len(rows) << config.row_bits] = rows.reshape(-1, config.lanes)
-    mask = (1 << bits) - 1
-    return [sum((weight & mask) << bits * lane for lane, weight in enumerate(word)) for word in full.tolist()]
-
-
 def inputs_of(network: IntegerNetwork) -> list[int]:
     """Return the words of the input weights' memory."""
-    return _rows(network, network.w_in, network.config.in_bits, network.config.input_words)
+    return row_image(network.config, network.w_in, network.config.in_bits, network.config.input_words)
 
 
 def recurrent_of(network: IntegerNetwork) -> list[int]:
     """Return the words of the recurrent weights' memory."""
-    return _rows(network, network.w_rec, network.config.rec_bits, network.config.recurrent_words)
+    return row_image(network.config, network.w_rec, network.config.rec_bits, network.config.recurrent_words)
 
 
 MEMORIES: dict[

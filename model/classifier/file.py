@@ -100,12 +100,25 @@ def weight_image(network: IntegerNetwork) -> list[int]:
     """
     config = network.config
     rows = np.concatenate([network.w_rec, network.w_in])
+    return row_image(config, rows, config.weight_bits, config.weight_words)
+
+
+def row_image(config: ClassifierConfig, rows: NDArray[Any], bits: int, words: int) -> list[int]:
+    """Return the words of a memory of rows of weights, with ``bits`` for each weight.
+
+    Parameters
+    ----------
+    config : ClassifierConfig
+    rows : integer array, shape (rows, hidden)
+    bits, words : int
+        Bits of a weight, and words of the memory.
+    """
     full = np.zeros((len(rows), config.groups * config.lanes), np.int64)
     full[:, : config.hidden] = rows
-    image = [0] * config.weight_words
+    image = [0] * words
     for number, row in enumerate(full.reshape(len(rows), config.groups, config.lanes).tolist()):
         for group, weights in enumerate(row):
-            image[number << config.row_bits | group] = _packed(weights, config.weight_bits)
+            image[number << config.row_bits | group] = _packed(weights, bits)
     return image
 
 

@@ -57,15 +57,17 @@ def write_signals(recordings: RecordingSet, folder: Path) -> None:
         np.savez_compressed(file, **named)
 
 
-def has_signals(folder: Path) -> bool:
-    """Return True if a folder of event files also holds the original samples."""
-    return (folder / _CODES).exists()
-
-
 def signals_of(folder: Path) -> tuple[dict[str, NDArray[np.int32]], float]:
-    """Return the codes of each recording by name, shape (ticks, taxels), and their sampling rates."""
+    """Return the codes of each recording by name, shape (ticks, taxels), and the samples per second of all.
+
+    Raises
+    ------
+    InputError
+        If the folder has no samples, as one of event files alone, or they are damaged.
+    """
     content = _read(folder)
-    assert content is not None, "has_signals was asked"
+    if content is None or not (folder / _CODES).exists():
+        raise InputError("frames need samples, and event files have none; give textures or --data")
     try:
         with np.load(folder / _CODES, allow_pickle=False) as stored:
             codes = {name: stored[name].astype(np.int32) for name in content["recordings"]}

@@ -61,10 +61,11 @@ def frames_of_recordings(folder: Path, frames: FrameSteps) -> ScanData:
     Raises
     ------
     InputError
-        If the frames are faster than the samples or have more bits, or a recording is shorter than a step.
+        If the folder has no samples, the frames are faster than the samples or have more bits, or a recording is
+        shorter than a step.
     """
-    events = load_recordings(folder, BinConfig(bin_s=frames.step_s))
-    own, (codes, sample_rate_hz) = own_readout(folder), signals_of(folder)
+    codes, sample_rate_hz = signals_of(folder)
+    events, own = load_recordings(folder, BinConfig(bin_s=frames.step_s)), own_readout(folder)
     assert own is not None, "recordings with samples are a user's"
     bits = own.config.sample_bits
     if frames.rate_hz > 1.01 * sample_rate_hz or frames.bits > bits:

@@ -11,7 +11,6 @@ from typing import Any, get_args
 from eskin.base.errors import InputError
 from eskin.base.files import plain
 from eskin.model.config import ReadoutConfig
-from eskin.skin.recordings.statistics import has_signals
 from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.physical import PhysicalScan
 from eskin.skin.textures.presets import PRESETS, Scan, preset
@@ -93,8 +92,6 @@ class Experiment:
         if self.taxels:
             self._check_taxels()
         object.__setattr__(self, "tests", tuple(self.tests))
-        if self.events is not None and self.frames is not None and not has_signals(Path(self.events)):
-            raise InputError("frames need samples, and event files have none; give textures or --data")
         if self.frames is not None and self.train.augment.speed_spread:
             raise InputError("speed_spread moves events in time and cannot be used for frames; set it to 0")
         if self.disturbed:
