@@ -14,7 +14,8 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl import yosys
 from eskin.rtl.verilog import verilog
-from eskin.verify.proofs.bind import properties
+from eskin.verify.proofs.bind import checkers, properties
+from eskin.verify.proofs.blocks.readout import ReadoutChecker
 
 CONFIG = ReadoutConfig(rows=2, columns=2, frontend="analog", link="four_phase")
 MAIN = """#include "Vbound.h"
@@ -67,6 +68,12 @@ def test_yosys_reads_properties_and_readout(config: ReadoutConfig | FrameConfig)
     )
     read = yosys.run(script, "", "said.txt", files)
     assert "$assert" in read or "$check" in read
+
+
+@pytest.mark.parametrize(("registers", "bound"), [("none", True), ("spi", False)])
+def test_the_whole_readout_is_bound_where_it_is_proved(registers: str, bound: bool) -> None:
+    found = checkers(CONFIG.replace(registers=registers))  # the test pattern of a host sends events without a step
+    assert any(isinstance(checker, ReadoutChecker) for checker, _, _ in found) == bound
 
 
 def test_the_command_writes_what_goes_with_the_verilog(tmp_path: Path) -> None:

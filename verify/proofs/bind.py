@@ -37,8 +37,9 @@ def checkers(config: ReadoutOrFrame) -> Iterator[tuple[Checker[Any], str, dict[s
         yield WindowChecker(config), "eskin_window", {}
     if config.handshake:
         yield LinkChecker(config), "eskin_link", {}
-    whole = ReadoutChecker(config)
-    yield whole, "eskin_readout", whole.places(config)
+    if config.registers == "none":  # a host masks taxels too, and its test pattern sends events without a step
+        whole = ReadoutChecker(config)
+        yield whole, "eskin_readout", whole.places(config)
     arbiter = ArbiterChecker(config)
     places = {name: f"arbiter.{name}" for name in arbiter.block(config).signature.members}
     taxels = [f"row_{row}.taxel_{column}" for row in range(config.rows) for column in range(config.columns)]
