@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import read_json, write_json
+from eskin.base.files import read_arrays, read_json, write_arrays, write_json
 from eskin.skin.recordings.folder import RecordingSet
 
 SEGMENT, BANDS = 64, 16
 """Samples of a segment of the spectrum (Welch, half overlapping, Hann), and bands into which its lines are averaged."""
 
-_FILE, _CODES = "signals.json", "signals.codes"
+_FILE = "signals.json"
+_CODES = "signals.codes"
+"""An archive as ``.npz``, which is the ending of event files."""
+
 _LEAST = 1e-6
 """Added before a logarithm, beside deviations and powers of signals in full scale."""
 
@@ -53,8 +55,7 @@ def write_signals(recordings: RecordingSet, folder: Path) -> None:
     write_json(folder / _FILE, {"sample_rate_hz": recordings.config.sample_rate_hz, "recordings": found})
     sources = zip(recordings.sources, recordings.codes, strict=True)
     named: dict[str, Any] = {source.name: codes.astype(np.int16) for source, codes in sources}
-    with (folder / _CODES).open("wb") as file:  # not .npz, the ending of event files
-        np.savez_compressed(file, **named)
+    write_arrays(folder / _CODES, named, compressed=True)
 
 
 def signals_of(folder: Path) -> tuple[dict[str, NDArray[np.int32]], float]:
@@ -68,12 +69,10 @@ def signals_of(folder: Path) -> tuple[dict[str, NDArray[np.int32]], float]:
     content = _read(folder)
     if content is None or not (folder / _CODES).exists():
         raise InputError("frames need samples, and event files have none; give textures or --data")
-    try:
-        with np.load(folder / _CODES, allow_pickle=False) as stored:
-            codes = {name: stored[name].astype(np.int32) for name in content["recordings"]}
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile):
-        raise InputError(f"{folder / _CODES} is damaged; remove its folder") from None
-    return codes, float(content["sample_rate_hz"])
+    stored = read_arrays(folder / _CODES, "the samples of recordings", "remove its folder")
+    if set(stored) != set(content["recordings"]):
+        raise InputError(f"{folder / _CODES} and {_FILE} name other recordings; remove their folder")
+    return {name: codes.astype(np.int32) for name, codes in stored.items()}, float(content["sample_rate_hz"])
 
 
 def seconds_of(folder: Path) -> NDArray[np.float64] | None:
