@@ -363,7 +363,11 @@ def headline() -> None:
         more = {"of": WORDS[point["network"]], "count": len(point["taxels"]), "theirs": theirs}
         rows.append(filled(few, point | more | {"words": filled(words, point)}))
     rows.append(filled("textures classified by the RTL, weights of {classifier_rec_bits} b", chip["chip"]) + " |  | ")
-    rows[-1] += filled("{right} of {labelled} right, {mismatches} mismatches with the model", chip)
+    more = {"stalled": chip["stalls"] / chip["clocks"]}
+    rows[-1] += filled(
+        "{right} of {labelled} right, {mismatches} mismatches with the model; one network per fold; ", chip
+    )
+    rows[-1] += filled("the classifier stalls the readout in {stalled:.0%} of the clocks", more)
     rows += power_rows()[:2]
     table(" | published | here", rows)
 
