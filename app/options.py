@@ -49,7 +49,7 @@ class Writes:
     folder: bool | Callable[[Mapping[str, Any]], bool] = False
 
     def path(self, path: Path, given: Mapping[str, Any], inputs: Iterable[Path]) -> Path:
-        """Return the path to write, with links resolved.
+        """Return the path to write: a folder as given, a file with its links resolved.
 
         Raises
         ------
@@ -314,7 +314,7 @@ def build_config(
     file: Path | None = None,
     stored: dict[str, Any] | None = None,
 ) -> tuple[ReadoutConfig, frozenset[str]]:
-    """Return the configuration for a file, explicit fields and a time constant; later arguments take precedence.
+    """Return the configuration from a file; explicit fields override it, and a time constant sets the leak.
 
     Parameters
     ----------

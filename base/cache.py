@@ -52,7 +52,7 @@ def private_folder(path: Path) -> Path:
 
 
 def _made_private(path: Path) -> bool:
-    """Create a folder with private permissions if missing; return True if only this user owns it."""
+    """Create a folder if missing, forbid others to write to it; return True if it is private and writable."""
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not path.is_symlink() and (mode := path.stat().st_mode) & _OTHERS_WRITE:

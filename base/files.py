@@ -139,7 +139,7 @@ def keep_line(path: Path, content: Any) -> None:
 
 
 def kept_lines(path: Path) -> Iterator[Any]:
-    """Yield the objects of a JSON-lines file, without an incomplete last line."""
+    """Yield the objects of a JSON-lines file, without incomplete lines; nothing if the file is missing."""
     for line in path.read_text(errors="replace").splitlines() if path.exists() else ():
         with contextlib.suppress(ValueError):
             yield json.loads(line)

@@ -20,5 +20,5 @@ def with_unit(value: float, unit: str, digits: int = 3) -> str:
 
 
 def plain(value: float, digits: int = 3) -> str:
-    """Return a number as text, rounded to significant digits: 0.000123, 3.66, 12,345."""
+    """Return a number as text, with significant digits, or from 1000 on whole: 0.000123, 3.66, 12,345."""
     return f"{value:,.0f}" if abs(value) >= 999.5 else f"{value:.{digits}g}"

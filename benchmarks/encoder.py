@@ -99,7 +99,7 @@ def numpy_lcs(config: ReadoutConfig, samples: Codes, counts: Codes) -> None:
 
 
 def snntorch_delta(config: ReadoutConfig, samples: Codes) -> Candidate | None:
-    """Return the result of snnTorch's delta modulation, or None if it is not installed."""
+    """Return snnTorch's delta modulation as a candidate, or None if snnTorch is not installed."""
     try:
         import torch  # type: ignore[import-not-found]  # optional, and not part of the project
         from snntorch import spikegen

@@ -65,7 +65,7 @@ def receive(pipe: Connection) -> None:
 
 
 def measure(rate_hz: int, seconds: int) -> dict[str, Any]:
-    """Return numbers of sent, received and lost events, and the latency on the host."""
+    """Return numbers of sent and received events and of lost datagrams, and the latency on the host."""
     spawn = multiprocessing.get_context("spawn")
     (board, board_end), (other, other_end) = spawn.Pipe(), spawn.Pipe()
     processes = [

@@ -75,7 +75,7 @@ class Show:
 
     @property
     def chip(self) -> ChipConfig | None:
-        """Configuration of the readout, and of the classifier if a network is given."""
+        """Configuration of readout and classifier, or None without a network."""
         return session.chip_of(self.network) if self.network else None
 
 

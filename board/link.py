@@ -159,7 +159,7 @@ class Link:
         self._until(lambda: not self._waiting, seconds)
 
     def waited_s(self) -> float:
-        """Return the age in seconds of the oldest unprocessed bytes."""
+        """Return the age in seconds of the current bytes on this machine."""
         return time.monotonic() - self.arrived
 
     def _until(self, done: Callable[[], bool], seconds: float) -> None:
@@ -209,7 +209,7 @@ class Link:
             raise InputError(f"the board at {self.port} is gone; check the cable") from None
 
     def _begins(self, frame: Frame | Damaged) -> bool:
-        """Return True if a frame starts the current session, after skipping frames of an earlier one."""
+        """Return True if a frame starts the current session, False if it is of an earlier session."""
         if (
             isinstance(frame, Damaged)
             or frame.kind != Kind.RECORDS

@@ -61,7 +61,7 @@ class Frame(NamedTuple):
 
 
 class Damaged(NamedTuple):
-    """Raised for bytes between two flags that are not a valid frame.
+    """Bytes between two flags that are not a valid frame.
 
     Attributes
     ----------

@@ -168,7 +168,7 @@ def foreign_events(config: ReadoutConfig, mapping: AddressMap | None = None) -> 
 
 @contextmanager
 def recording(path: Path, config: ReadoutConfig, metadata: dict[str, Any], received: Received) -> Iterator[None]:
-    """Write events to a file as they arrive, and save the recording even after an error."""
+    """Write events to a file as they arrive, and save the received events even after an error."""
     journal = Journal(path, config, metadata)
     received.journal = journal
     try:

@@ -202,7 +202,7 @@ class SimulatedPlayer(SimulatedBoard):
         self._counts: dict[str, int] = {}
 
     def may(self, frame: Frame) -> bool:
-        """Return True if the chip has finished the work of the previous frame."""
+        """Return True for samples and clocks to run, and for other frames after all previous work."""
         return frame.kind in (Kind.SAMPLES, Kind.RUN) or not (self._acks or self._out)
 
     def carry_out(self, frame: Frame) -> None:

@@ -42,7 +42,7 @@ class RowsAgent:
         self.requests = [[None] * self.config.columns for _ in range(self.config.rows)]
 
     def raise_requests(self, want: Want) -> Iterator[AddressEvent]:
-        """Raise requests that are not yet pending; yield them."""
+        """Raise the wanted requests that are not yet pending; yield them."""
         for row, line in enumerate(self.requests):
             for column, pending in enumerate(line):
                 if pending is None and want(row, column):
@@ -138,7 +138,7 @@ class ArbiterContract:
         self.outstanding = any(self.raised.values())
 
     def fair(self, wanting: list[tuple[int, int]]) -> None:
-        """Check Fairness: rows that always request get equal service."""
+        """Check Fairness: taxels that always request get equal service, within one event."""
         shares = [self.served[taxel] for taxel in wanting]
         self.check.holds("Fairness", max(shares) - min(shares) <= 1 and min(shares) > 1, shares)
 

@@ -195,7 +195,7 @@ async def taxel_follows_its_reference(dut: Any) -> None:
 
 @cocotb.test()
 async def overloaded_taxel_raises_a_request_every_clock(dut: Any) -> None:
-    """Step to full scale, and check that a request is raised in every clock."""
+    """Step to full scale, and check for a request in every clock until the reference has caught up."""
     config, _ = job()
     bench = TaxelBench(dut, config, random.Random(0))
     bench.block.drive(enable=0, granted=0, tick=0, decay=0, sample=0, sample_valid=0, above=0, below=0)

@@ -443,7 +443,7 @@ class ReadoutConfig:
 
     @classmethod
     def of_file(cls, path: Path, beside: Collection[str] = ()) -> tuple[ReadoutConfig, dict[str, Any]]:
-        """Return the configuration from a JSON file, and the names of the fields in the file.
+        """Return the configuration from a JSON file, and a dictionary of all fields in the file.
 
         Fields ``beside`` those of this class, which another configuration has, may stand in it too.
 

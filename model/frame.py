@@ -212,7 +212,7 @@ class FrameStimulus:
 
 @dataclass(frozen=True)
 class FrameRun:
-    """Words and samples of one simulated run of a frame readout.
+    """Words, conversion starts and missed frame starts of one simulated run.
 
     Attributes
     ----------

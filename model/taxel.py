@@ -342,7 +342,7 @@ def _refuse_range(config: ReadoutConfig, samples: NDArray[Any]) -> None:
 
 
 def _silenced(config: ReadoutConfig, found: NDArray[Any]) -> NDArray[Any]:
-    """Return counts or flags with 0 for every disabled taxel."""
+    """Return counts or flags with 0 for every taxel whose receptive field is off."""
     if not isinstance(config.fields, str):
         found[..., is_off(config)] = 0
     return found

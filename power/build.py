@@ -20,7 +20,7 @@ MEASURED = frozenset({"event_rates", "bandwidth"})
 
 
 def chosen_corrections(mode: str | None, correct: str | None, without: str | None) -> frozenset[str]:
-    """Return the corrections chosen by mode and options: none in mode ``paper``, all in mode ``consistent``."""
+    """Return the corrections chosen by the options; without a list, all for ``consistent`` and else none."""
     from eskin.power.equations import CORRECTIONS, PowerMode, check_corrections
 
     if mode is not None and mode not in get_args(PowerMode):
@@ -70,7 +70,7 @@ def rate_table(
 def _with_bandwidth(
     parameters: PowerParameters, source: RateSource, settings: Sequence[str], published_sensor: bool
 ) -> PowerParameters:
-    """Return the parameters with the signal bandwidth of the measured dataset."""
+    """Return the parameters with the measured signal bandwidth, unless a setting or the paper fixes it."""
     from eskin.power.rates import RateTable
 
     if not isinstance(source, RateTable) or any(s.startswith("signal_bandwidth_hz=") for s in settings):

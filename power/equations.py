@@ -73,7 +73,7 @@ class RateSource(Protocol):
 
 @dataclass(frozen=True)
 class FittedRates:
-    """Event rates of 64 taxels, fitted in the paper.
+    """Fitted event rates of the original model, given for 64 taxels.
 
     The rate of LCS is 2429 * 2^(N-2) events/s. The rate of N-LCS is 3009.6 * 2^(N-4) * 0.2 s / tau events/s.
     """

@@ -297,7 +297,7 @@ _HIGHEST_HZ = 2500.0  # no texture has power there, and slower samples would fol
 
 
 def _spectrum(signals: FloatArray, sample_rate_hz: float) -> FloatArray:
-    """Return the power spectrum of zero-mean signals, summed over taxels (Hann window)."""
+    """Return the power spectrum of signals minus their mean, summed over taxels (Hann window)."""
     from scipy.signal import get_window
 
     window = get_window("hann", len(signals))[:, None]

@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 
 def published(readout: str, *, lcs: T, nlcs: T) -> T:
-    """Return the published readout that represents an encoder.
+    """Return the given value for a readout with published equations: ``lcs`` or ``nlcs``.
 
     Raises
     ------

@@ -114,7 +114,7 @@ class Arbiter(Block[ReadoutConfig]):
 
 
 def event_ports(config: ReadoutConfig, flow: Any) -> dict[str, Any]:
-    """Return the ports of an event stream, without zero-width fields; ``flow`` is the direction at the source.
+    """Return the ports of an event stream, without empty fields; ``flow`` is Out in the source, else In.
 
     Not a ``stream.Signature``: that makes one packed port ``event__payload``, and the specification (section 4)
     promises ``event_row``, ``event_col`` and ``event_polarity``, each only where it has bits.

@@ -240,7 +240,7 @@ class FrameReadout(Block[FrameConfig]):
 
 
 def sample_ports(config: FrameConfig, flow: Any) -> dict[str, Any]:
-    """Return the ports of a stream of codes; ``flow`` is the direction at the source."""
+    """Return the ports of a stream of codes; ``flow`` is Out at the source and In at the sink."""
     back = In if flow is Out else Out
     ports = {
         "sample_valid": flow(1),

@@ -108,7 +108,7 @@ def modules(rtlil: str) -> dict[str, str]:
 
 
 def tidy(verilog: str) -> str:
-    """Return Yosys' Verilog with plain identifiers, one declaration per port, and without a time stamp."""
+    """Return Yosys' Verilog with plain identifiers, one declaration per port, without its first comment."""
     verilog = verilog[verilog.index("module ") :]
     verilog = "".join(plain_names(module) + "endmodule\n" for module in verilog.split("endmodule\n")[:-1])
     # "output x; reg x;" and "input x; wire x;" become one declaration.

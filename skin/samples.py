@@ -186,7 +186,7 @@ def fit_array(values: NDArray[Any], rows: int, columns: int, size_given: bool) -
 
 
 def _suggest_size(taxels: int) -> str:
-    """Return a hint that lists the array sizes for a number of taxels."""
+    """Return a hint: an array size for a number of taxels, or the advice to leave taxels out."""
     if taxels <= MAX_SIDE:
         return f"use --rows 1 --columns {taxels}"
     for rows in range(math.isqrt(taxels), 1, -1):

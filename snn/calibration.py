@@ -22,7 +22,7 @@ ROUNDS = 30
 
 @torch.no_grad()
 def calibrate(network: nn.Module, scans: Tensor) -> None:
-    """Set the input scale, the input offset and the initial biases of a network in place.
+    """Set input scale and offset, and the biases of a spiking network in place, as configured.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ class Checkpoint:
 
 
 def fingerprint(split: Split, network_config: NetworkConfig, train_config: TrainConfig, seed: int) -> str:
-    """Return a digest of everything that determines the result of a training."""
+    """Return a JSON text of everything that determines the result of a training."""
     parts = {
         "network": network_config.to_dict(),
         "train": train_config.to_dict(),
@@ -132,7 +132,7 @@ def _check_sound(training: Training) -> None:
 
 
 def _differences(there: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    """Return a text that names differing fields, with both values if they are short."""
+    """Return a text for each field that differs, with both values if they are short."""
     found = []
     for name, value in now.items():
         other = there.get(name)

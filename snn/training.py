@@ -161,4 +161,4 @@ class Training:
 
 
 class DivergedError(InputError):
-    """Raised if the loss is not finite."""
+    """Raised if the loss or a weight is not finite."""

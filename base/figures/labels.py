@@ -81,7 +81,7 @@ def frame_of(panel: Axes) -> Box:
 
 
 def side_by_side(boxes: Sequence[Box], taken: Iterable[Box], step: float = STEP_POINTS) -> float:
-    """Return the smallest shift to the right that separates boxes from all occupied areas."""
+    """Return the smallest shift to either side that separates boxes from all occupied areas, else 0."""
     taken = list(taken)
     moves = [0.0] + [sign * step * k for k in range(1, 31) for sign in (-1, 1)]
     for move in moves:

@@ -68,7 +68,7 @@ class WorkerPool(Protocol):
         """Number of tasks to keep submitted."""
 
     def submit(self, work: Callable[..., Any], *arguments: Any, shared: Shared | None = None) -> Any:
-        """Submit the task ``work(shared value, *arguments)`` and return its future."""
+        """Submit ``work(value, *arguments)``, the value only if one is shared; return its future."""
 
     def forget(self, name: str) -> None:
         """Delete a shared value that no further task needs."""

@@ -91,7 +91,7 @@ class FrameBench:
         self.block.drive(frame_start=0, adc_done=0, adc_code=0, word_ready=0, rst=1)
 
     def begin(self, timing: str, sink: str) -> None:
-        """Change ADC and receiver while the readout is idle."""
+        """Begin with a new idle ADC and a new receiver, and clear the records of words and samples."""
         self.adc = SarAdc(self.config, timing, self.rng)
         self.sink = Sink(sink, self.rng)
         self.words: list[tuple[int, int]] = []

@@ -125,7 +125,7 @@ async def given_scans(dut: Any) -> None:
 
 
 def play_scans(made: IntegerWeights, scans: NDArray[Any], simulator: Simulator, folder: Path) -> Counter[str]:
-    """Run events, shape (scans, bins, inputs), through a network's RTL; return the number of matches with the model.
+    """Compare a network's RTL with the model on events, shape (scans, bins, inputs); return the counts.
 
     Raises
     ------

@@ -60,7 +60,7 @@ def draw(plan: Plan, summary: dict[str, Any], path: Path) -> Path | None:
 
 
 def numbers(chip: ChipConfig, summary: dict[str, Any]) -> dict[str, str]:
-    """Return a text with rates and sizes of each step from touch to class."""
+    """Return a text for each step from touch to class, with its rates and sizes."""
     readout, classifier = chip.readout, chip.classifier
     seconds = summary["clocks"] / readout.clock_hz
     samples_bps = readout.taxels * readout.sample_rate_hz * readout.sample_bits

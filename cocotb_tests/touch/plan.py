@@ -176,7 +176,7 @@ class Plan:
         return scan.samples(network.chip.readout, self.image(name, array), self.material.start_row)[0]
 
     def image(self, name: str, array: NDArray[Any]) -> NDArray[Any]:
-        """Return the image to scan, large enough for the array."""
+        """Return the image to scan; embedded images are repeated for large arrays."""
         return large_enough(array, self.networks[name].chip.readout) if self.material.name == EMBEDDED else array
 
 
@@ -204,7 +204,7 @@ def plan(weights: Path | None, data: Path | None, dataset: str, limit: int | Non
 
 
 def not_learned(material: Material, networks: Sequence[Network]) -> list[str]:
-    """Return the names that at least one network was not trained on, or all names."""
+    """Return the names that at least one network was not trained on; all names if there are none."""
     found = [name for name in material.names if any(n.dataset != material.name or name in n.tested for n in networks)]
     return found or material.names
 

@@ -114,7 +114,7 @@ def house() -> nx.DiGraph:
 
 
 def places_of(graph: nx.DiGraph) -> dict[str, tuple[float, float]]:
-    """Return column and row of every package, with few arrow crossings and short arrows."""
+    """Return column and row of every package, with the fewest arrows over packages and short arrows."""
     floors = list(map(sorted, nx.topological_generations(graph.reverse())))
     columns = max(map(len, floors))
     best: tuple[tuple[float, float], dict[str, tuple[float, float]]] = ((np.inf, np.inf), {})

@@ -99,7 +99,7 @@ def measured_libraries() -> dict[str, str]:
 
 
 def breakdown(library: str = "") -> dict[str, Any]:
-    """Return the power of the readouts at 0.92 mV and 6 b with all corrections and measured logic."""
+    """Return the power at 0.92 mV and 6 b with all corrections, and a library's measured logic if given."""
     path = f"docs/data/asic/{library}/fig6.json" if library else "docs/data/fig6.json"
     return dict(read(path)["modes"]["consistent"][1])
 

@@ -92,7 +92,7 @@ class Clocks:
         return possible(cell.functions[pin], tuple(known.items()))
 
     def touches(self, bit: Bit) -> bool:
-        """Return True if the clock port or a latch drives a net through combinational cells only."""
+        """Return True if clock port or latch drive a net through combinational cells and clock gates only."""
         if bit not in self._touches:
             self._touches[bit] = False  # round a loop
             if bit in self.driver:
@@ -127,7 +127,7 @@ class Clocks:
         return bit if inverted == cell.latch.rising else None
 
     def latches_behind(self, bit: Bit) -> frozenset[str]:
-        """Return the latches that drive a net through combinational cells only."""
+        """Return the latches that drive a net through combinational cells and clock gates only."""
         if bit not in self._latches:
             self._latches[bit] = frozenset()  # round a loop
             if bit in self.driver and self.touches(bit):

@@ -68,7 +68,7 @@ def _delays(netlist: Netlist) -> Iterator[str]:
 
 
 def _edges(netlist: Netlist) -> Iterator[str]:
-    """Yield the driving cells of the input ports."""
+    """Yield the driving cells of the inputs, or edge times for clk, rst and libraries without a buffer."""
     names = [p["name"] + ("[*]" if p["width"] > 1 else "") for p in ports(netlist.config) if p["direction"] == "input"]
     driven = " ".join([*(name for name in names if name not in ("clk", "rst")), TEST])
     if buffers := plain_buffers(netlist.library):

@@ -51,7 +51,7 @@ class Equivalence:
 
     @property
     def holds(self) -> bool:
-        """True if all points are proved."""
+        """True if all points are proved, and there are more points than flops."""
         return self.proved == self.of > self.flops
 
     def to_dict(self) -> dict[str, int]:

@@ -53,7 +53,7 @@ class Latencies:
 
 
 def _saturated(config: ReadoutConfig) -> tuple[ReadoutConfig, Stimulus]:
-    """Return a simulation in which every taxel requests as often as possible."""
+    """Return configuration and stimulus for a run in which every taxel requests as often as possible."""
     sample = np.full((1, config.taxels), config.full_scale - 1, np.int32)
     clocks = 20 * (config.taxels + 2)
     eager = config.replace(decide_every="clock")

@@ -72,12 +72,12 @@ def _blocks(config: ReadoutConfig) -> Iterator[str]:
 
 
 def _names(config: ReadoutConfig) -> list[str]:
-    """Return the table of port names."""
+    """Return the names of the ports."""
     return [port["name"] for port in ports(config)]
 
 
 def _taxel(config: ReadoutConfig) -> str:
-    """Return the section on the contents of a taxel."""
+    """Return the parts of a taxel as one line of text, for the block diagram."""
     parts = ["sample", "comparator"] if config.frontend == "digital" else []
     parts += ["reference", *(["window"] if config.closes else []), "request"]
     return ", ".join(parts)

@@ -54,7 +54,7 @@ class Wave:
 
 
 def from_zero(config: ReadoutConfig) -> ReadoutConfig:
-    """Return the configuration with references of 0 after reset, so that steps in both directions are possible."""
+    """Return the configuration with references of 0 after reset, so that there is room for a step up."""
     return config.replace(reference_reset=0)
 
 

@@ -36,7 +36,7 @@ class Unknown:
 
     @property
     def clean(self) -> bool:
-        """True if the netlist has flops and all are known."""
+        """True if the netlist has flops, and all flops and outputs are known."""
         return self.flops > 0 and not (self.in_reset or self.after or self.outputs)
 
 

@@ -137,7 +137,7 @@ def name_of(config: ReadoutConfig) -> str:
 
 
 def command_of(config: ReadoutConfig, compare: bool) -> str:
-    """Return the command line of a run, without default options."""
+    """Return the command line of a run: its size, and the other options that differ from the defaults."""
     size = {f"ROWS={config.rows}": None, f"COLUMNS={config.columns}": None}
     words = size | dict.fromkeys(variables(config, NO_LOGIC))
     return " ".join(["make layout", *words, *([] if compare else ["COMPARE=0"])])

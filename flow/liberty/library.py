@@ -171,7 +171,7 @@ class Cell:
 
     @functools.cached_property
     def functions(self) -> dict[str, str]:
-        """Boolean function of every output pin, in Liberty syntax."""
+        """Boolean function of every output pin that has one, in Liberty syntax."""
         return {name: pin.function for name, pin in self.pins.items() if pin.direction != "input" and pin.function}
 
     @functools.cached_property
@@ -283,7 +283,7 @@ class Library:
 
     @property
     def gate_latch(self) -> Cell | None:
-        """Smallest latch without clear and preset, for building a clock gate."""
+        """Smallest latch without clear and preset for building a clock gate, preferably open at low enable."""
         simple = [c for c in self.cells.values() if c.latch and not (c.latch.clear or c.latch.preset)]
         return min(simple, key=lambda cell: (cell.latch.rising if cell.latch else True, cell.area_um2), default=None)
 

@@ -41,7 +41,7 @@ class Table:
 
 
 def _place(grid: Floats, values: Any) -> tuple[Any, Any, Any]:
-    """Return the lower grid index for interpolation, and the weight of the upper grid point."""
+    """Return the lower and the upper grid index for interpolation, and the weight of the upper grid point."""
     if len(grid) == 1:
         none = np.zeros(np.shape(values), np.int64)
         return none, none, none
@@ -140,7 +140,7 @@ def energies(pin: Entry, scales: Scales) -> list[Energy]:
 
 
 def arcs(pin: Entry, name: str, scales: Scales) -> list[Arc]:
-    """Return the timing arcs to a pin."""
+    """Return the timing arcs to a pin that have a delay or a transition time."""
     found = []
     for group in pin.all("timing"):
         tables = [by_edge(group, kind, scales, scales.time) for kind in ("cell_{}", "{}_transition")]

@@ -31,7 +31,7 @@ endmodule
 
 
 class Mismatch(Exception):  # the outcome that is looked for, not a defect of the program
-    """Raised at the first difference between netlist and model.
+    """Raised if a netlist differs from the model.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def _defined(macros: dict[str, str], netlist: FlatNetlist) -> str:
 
 
 def _hold_to_model(scenario: Scenario, events: Any, errors: int) -> None:
-    """Raise Mismatch if the events of a run differ from those of the model."""
+    """Raise Mismatch if the events of a run differ from those of the model, or its link broke the protocol."""
     if difference := first_difference(scenario.events, events):
         raise Mismatch(
             f"{scenario.name}: the netlist does not do what the model does: "

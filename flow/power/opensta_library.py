@@ -50,7 +50,7 @@ def _one_energy(cell: Cell) -> Any:
 
 
 def _mean(groups: list[Entry], clocks: list[str]) -> Any:
-    """Return one group that is the mean of conditional groups."""
+    """Return one group that is the mean of groups: those caused by a clock, else conditional ones, else all."""
     chosen = [g for g in groups if g.text("related_pin") in clocks] or [g for g in groups if g.text("when")] or groups
     first = copy.deepcopy(chosen[0].group)
     first.attributes = [a for a in first.attributes if a.name not in ("when", "related_pin")]

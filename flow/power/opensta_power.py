@@ -130,7 +130,7 @@ class OpenstaPower:
         return [*found, self._gates_alone(folder)]
 
     def _gates_alone(self, folder: Path) -> dict[str, tuple[float, float, float]]:
-        """Return the power of clock gates with an idle output, ordered by depth."""
+        """Return the power of clock gates with an idle output, from one run per depth."""
         levels: dict[int, list[Cell]] = {}
         for cell in self.netlist.cells:
             if self._gated(cell):
@@ -168,7 +168,7 @@ class OpenstaPower:
         return depth
 
     def _gated(self, cell: Cell) -> list[str]:
-        """Return the output net of a clock gate."""
+        """Return the connected output pin of a clock gate in a list; empty for other cells."""
         gate = self.library.cells[cell.kind].gate
         return [gate.gated] if gate and gate.gated in cell.pins else []
 
@@ -223,7 +223,7 @@ class OpenstaPower:
 
 
 def run(lines: list[str], folder: Path) -> None:
-    """Run an OpenSTA script and return its output.
+    """Run an OpenSTA script and raise an error if it fails.
 
     Raises
     ------

@@ -110,7 +110,7 @@ def write(
 
 
 def write_glitches(config: ReadoutConfig, library: Path, folder: Path, origin: dict[str, str]) -> dict[str, float]:
-    """Measure the energy of glitches, write a file, and return the additional energy per event by scenario."""
+    """Measure the energy of glitches, write a file, and return the relative increase per event by scenario."""
     whole = read(library)
     found = glitches(config, synthesise(config, whole).text, whole)
     shares = {name: found["delay"][name] / energy - 1 for name, energy in found["no_delay"].items() if name != "idle_w"}

@@ -133,7 +133,7 @@ def _lone(config: ReadoutConfig) -> Scenario:
 
 
 def _saturated(config: ReadoutConfig) -> Scenario:
-    """Return the scenario with an event in every clock: all samples are far from their references."""
+    """Return the scenario with a link that is always busy: all samples are far from their references."""
     most = MOST_SATURATED + 64  # what follows the window is not played
     ticks = 2 + -(-min(config.full_scale // config.step * config.taxels, most) // config.clocks_per_sample)
     stimulus, events = _run(config, np.full((ticks, config.taxels), config.full_scale - 1, np.int32), spare=1)

@@ -69,7 +69,7 @@ def sizes_of(text: str) -> list[tuple[int, int]]:
 
 
 def designs_of(config: ReadoutConfig, sizes: str, tiles: str = "", relays: str = "") -> list[ReadoutConfig]:
-    """Return the designs to measure: every size as one array, and divided into tiles with relay stations.
+    """Return the designs to measure: every size as one array, or divided into the given tiles with relay stations.
 
     Raises
     ------

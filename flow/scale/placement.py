@@ -16,7 +16,7 @@ FAR_REACHING = 0.5
 
 
 class Placement:
-    """Positions of cells in um, x to the right and y down, with taxel (0, 0) at the origin.
+    """Positions in um, x to the right and y down, with the corner of taxel (0, 0) at the origin.
 
     Ports that belong to a taxel, samples for instance, are at that taxel; the others at the middle of the left edge.
     """

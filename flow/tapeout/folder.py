@@ -130,7 +130,7 @@ class Tapeout:
         return {"info.yaml": "\n".join(lines) + "\n", "src/config.json": json.dumps(settings, indent=2) + "\n"}
 
     def _wafer(self) -> dict[str, str]:
-        """Return the files that replace those in the template of wafer.space."""
+        """Return the files to copy over the template of wafer.space."""
         settings: dict[str, Any] = {
             "meta": {"version": 3, "flow": "Chip"},
             "VERILOG_FILES": [f"dir::../src/{name}" for name in ("chip_top.sv", "chip_core.sv", *self.sources)],

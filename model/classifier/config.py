@@ -210,7 +210,7 @@ class ClassifierConfig:
         return rows * self.lanes + self.neuron_words * self.neuron_bits
 
     def additions(self, events: float, spikes: float, bins: float) -> float:
-        """Return the number of row additions for a number of events, hidden spikes and bins."""
+        """Return the number of additions of weights and biases for a number of events, hidden spikes and bins."""
         neurons = self.hidden + self.classes
         return events * self.hidden + (spikes + bins) * neurons
 
@@ -251,13 +251,13 @@ class ClassifierConfig:
         return self.output_ends(low, high)
 
     def hidden_ends(self, low: int, high: int) -> tuple[int, int] | None:
-        """Return the ranges of hidden potential and current if each bin adds between ``low`` and ``high``."""
+        """Return one range for hidden potentials and currents if each bin adds between ``low`` and ``high``."""
         synapse = Leak(self.synapse_shift, self.synapse_factor)
         leak = Leak(self.leak_shift, self.leak_factor)
         return neuron_ends(low, high, synapse, self.threshold, self.floor, self.neuron_reset, leak)
 
     def output_ends(self, low: int, high: int) -> tuple[int, int] | None:
-        """Return the ranges of output potential and current if each bin adds between ``low`` and ``high``."""
+        """Return one range for output potentials and currents if each bin adds between ``low`` and ``high``."""
         synapse = Leak(self.out_synapse_shift, self.out_synapse_factor)
         leak = Leak(self.out_leak_shift, self.out_leak_factor)
         if self.readout == "membrane":
@@ -292,7 +292,7 @@ class ClassifierConfig:
         return self.from_dict(self.to_dict() | changes)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as a dictionary, without unused synaptic and leak fields."""
+        """Return all fields as a dictionary; synaptic shifts and leak factors only if they are not the defaults."""
         fields = dataclasses.asdict(self)
         return {name: value for name, value in fields.items() if name not in OPTIONAL or value != OPTIONAL[name]}
 
@@ -353,7 +353,7 @@ def neuron_ends(
     reset: NeuronReset,
     leak: Leak,
 ) -> tuple[int, int] | None:
-    """Return the ranges of the potential and the synaptic current of a neuron; see ``ends`` for the parameters."""
+    """Return one range for potential and synaptic current of a neuron; see ``ends`` for the parameters."""
     if not synapse.shift:
         return ends(low, high, threshold, floor, reset, leak)
     current = ends(low, high, None, None, "zero", synapse)

@@ -80,6 +80,6 @@ for _module in MODULES:
 
 
 def sources() -> Iterator[Path]:
-    """Yield the source files that determine a compiled loop, and their folders."""
+    """Yield the source files that determine a compiled loop, and the folder of the encoders."""
     folder = Path(__file__).parent
     yield from (folder, Path(__file__), *(Path(str(module.__file__)) for module in MODULES))

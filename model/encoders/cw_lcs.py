@@ -46,9 +46,10 @@ class CwLcs(Encoder):
         return config.closing_step
 
     def check(self, config: ReadoutConfig) -> None:
-        """Check that D has enough codes for all closing steps.
+        """Check that D has enough codes for all closing steps, if the readout has registers.
 
-        Then a coarser D, which a host may set, would have more closing steps than the window was built for.
+        Otherwise a coarser D, which a host may set, would have more closing steps than the
+        window was built for.
         """
         most = config.sample_bits - 2 - config.resolution
         if config.registers != "none" and config.closing_shift > most:
@@ -78,7 +79,7 @@ class CwLcs(Encoder):
         return -config.step, config.step - 1
 
     def slope_limit(self, config: ReadoutConfig) -> float:
-        """Return D times the decisions per tick, or one step less for one decision and a closing window."""
+        """Return D times the decisions per tick; a closing window with one decision loses a closing step."""
         decisions = config.decisions_per_tick
         closing = config.closing_step if decisions == 1 and config.closing_levels_log2 else 0
         return float(config.step * decisions - closing)

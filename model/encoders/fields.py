@@ -146,7 +146,7 @@ def unused(config: ReadoutConfig) -> set[int]:
 
 
 def signals(config: ReadoutConfig, samples: NDArray[Any], scale: int | None = None) -> NDArray[Any]:
-    """Return the inputs of the encoders: the saturated, rounded sum of each field.
+    """Return the inputs of the encoders: the sum of each field, shifted right, rounded and saturated.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ class Nlcs(Encoder):
         return -leak, config.step + (leak if config.decisions_per_tick == 1 else 0)
 
     def slope_limit(self, config: ReadoutConfig) -> float:
-        """Return D times the decisions per tick, minus the leak.
+        """Return D times the usable decisions per tick, minus the leak.
 
         With several decisions, one of them waits for the leak, and the others must make up for it. A negative limit
         means that the leak of a full-scale reference alone is too large.

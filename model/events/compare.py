@@ -148,7 +148,7 @@ def count_per_taxel(events: Events, config: ReadoutConfig) -> NDArray[np.int64]:
 
 
 def covering_config(a: ReadoutConfig, b: ReadoutConfig) -> ReadoutConfig:
-    """Return the first recording's configuration, enlarged to the addresses of both recordings."""
+    """Return a configuration for the addresses and polarities of both, with the clock of the first."""
     polar = next((c for c in (a, b) if c.has_polarity), a)
     return polar.replace(
         rows=max(a.rows, b.rows),

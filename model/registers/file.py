@@ -113,7 +113,7 @@ class Settings(NamedTuple):
 
     @classmethod
     def of(cls, config: ReadoutConfig, signals: Mapping[str, int]) -> Settings:
-        """Return the settings for signals of the register file; missing signals take their default values."""
+        """Return the settings for signals of the register file; missing signals take the built-in values."""
         whole, whole_fields = (bits // WORD_BITS * WORD_BITS for bits in (config.taxels, 2 * config.taxels))
         return cls(
             resolution=signals["resolution_bits"],

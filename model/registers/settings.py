@@ -55,13 +55,13 @@ def new_host() -> NDArray[np.int64]:
 
 @njit(inline="always")
 def next_change(host: Any, given: Any, clocks: int) -> Any:
-    """Return the clock of the next change of settings, or the last clock of the run."""
+    """Return the clock of the next settings, or the end of the run (its number of clocks)."""
     return min(given[host[NUMBER]].t, clocks) if host[NUMBER] < len(given) else clocks
 
 
 @njit(inline="always")
 def hear(host: Any, given: Any, t: int, ticks: int, rows: Any, latch: Any) -> tuple[bool, bool]:
-    """Apply the settings of a clock; return whether settings changed, and whether a test pattern runs.
+    """Apply the settings of a clock; return whether there are any, and whether a test pattern runs.
 
     A restarted pattern withdraws its request.
     """

@@ -44,7 +44,7 @@ class Limit(Block[ClassifierConfig]):
 
 
 class Lane(Block[ClassifierConfig]):
-    """Lane that reads and writes a potential in every clock, so that additions never stall.
+    """Lane that reads and writes a potential in the same clock, so that additions never stall.
 
     A value that is set goes past the adder; ``set_group`` is then another group than that which is read.
 

@@ -35,7 +35,7 @@ def signals(config: ReadoutConfig) -> dict[str, Any]:
 
 
 class RegisterFile(Block[ReadoutConfig]):
-    """Register file that stores the settings of the host and counts events.
+    """Register file that stores the settings of the host, and counts events and clocks of waiting.
 
     A word with a field out of its range is refused as a whole. A hole reads 0. A counter stops at its end. A flop is
     clocked only where its register is written, or its counter counts.

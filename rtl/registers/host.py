@@ -19,7 +19,7 @@ SETTINGS = ("decay_shift", "decay_period", "window_period")
 
 
 class Host(Block[ReadoutConfig]):
-    """Host interface that receives settings over SPI, counts events and sends test patterns.
+    """Host interface: receives settings over SPI, counts events and stalls, and sends test patterns.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ class Host(Block[ReadoutConfig]):
         return m
 
     def _choose(self, m: Module, file: RegisterFile, spi: SpiSlave) -> Any:
-        """Connect the fields chosen by the host; return the enable of every taxel."""
+        """Connect the fields chosen by the host; return for every taxel whether its field is not off."""
         words = [getattr(file, name) for name in ("fields_taxels", "fields_rest_taxels") if hasattr(file, name)]
         numbers = Signal(2 * self.config.taxels)
         m.d.comb += numbers.eq(Cat(words))

@@ -231,7 +231,7 @@ class _Folder:
             yield head + "".join(word + tail for word, tail in zip(words, tails, strict=True))
 
     def _names(self, tree: Node) -> float:
-        """Return the names in a logic expression after substitution; infinite for arithmetic expressions."""
+        """Return the number of names in a logic expression after substitution; infinite for arithmetic."""
         if tree.kind == "name" and tree.text in self.steps:
             return self._names(self.steps[tree.text])
         if tree.kind in ("name", "slice"):

@@ -20,7 +20,7 @@ MOST_INPUT_BITS = 65_000
 
 
 class Skin(Block[TilesConfig]):
-    """Top module of a skin; tile i drives slice i of every port that is not common to all tiles.
+    """Top module of a skin; tile i has slice i of every port that the tiles do not share.
 
     Attributes
     ----------

@@ -93,15 +93,15 @@ def plot_signals(
 ) -> None:
     """Plot signals above their events and write the picture.
 
-        Parameters
-        ----------
-        events : ndarray of EVENT_DTYPE, shape (events,)
-        signal : float array, shape (ticks, taxels)
-    Signals in full scale; row k is the sample tick at clock ``k * clocks_per_sample``.
-        label : str
-            Name of the signals.
-        config, path, title, duration_clocks
-            Same as for :func:`plot_comparison`.
+    Parameters
+    ----------
+    events : ndarray of EVENT_DTYPE, shape (events,)
+    signal : float array, shape (ticks, taxels)
+        Signals in full scale; row k is the sample tick at clock ``k * clocks_per_sample``.
+    label : str
+        Name of the signals.
+    config, path, title, duration_clocks
+        Same as for :func:`plot_comparison`.
     """
     check_picture_path(path)
     save_figure(draw_signals(events, {} if signal is None else {label: signal}, config, title, duration_clocks), path)

@@ -82,7 +82,7 @@ def in_order(events: ForeignEvents) -> ForeignEvents:
 def configuration(
     events: ForeignEvents, config: ReadoutConfig, given: frozenset[str], mapping: AddressMap | None
 ) -> ReadoutConfig:
-    """Return the configuration enlarged to the addresses of the events, unless the user gave a size.
+    """Return the configuration with the array size of the events or their map, where the user gave none.
 
     Parameters
     ----------

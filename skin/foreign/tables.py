@@ -105,7 +105,7 @@ def _text_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
 
 
 def _parsed(path: Path, name: str, cells: Sequence[str]) -> NDArray[Any]:
-    """Return a column as int64 if all its cells are integers, else as float64."""
+    """Return a column as int64 if all cells are integers, else float64; an unknown column may stay text."""
     truths = {"true": 1, "false": 0, "on": 1, "off": 0}
     numbers = [truths[cell.lower()] if cell.lower() in truths else _number(cell) for cell in cells]
     if None in numbers:
@@ -156,7 +156,7 @@ def _array_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
 def _named(
     path: Path, columns: Mapping[str, NDArray[Any]], fields: Sequence[str]
 ) -> tuple[dict[str, NDArray[Any]], str | None]:
-    """Return the columns t, x, y, p, and the time unit that the name of the time column contains."""
+    """Return the columns by the names t, x, y, p, address, and the unit in the name of the time column."""
     if fields:
         if unknown := [field for field in fields if field not in (*NAMES, "-")]:
             raise InputError(f"--fields names {unknown[0]!r}; columns are {', '.join(NAMES)}, or - for others")

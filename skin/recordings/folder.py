@@ -229,7 +229,7 @@ def read_set(
 
 
 def _with_array(config: ReadoutConfig, taxels: int, given: Collection[str], path: Path) -> ReadoutConfig:
-    """Return the configuration with an array for a number of taxels, or the user's array if large enough."""
+    """Return the configuration with an array for a number of taxels; a user's array must have as many."""
     if {"rows", "columns"} & set(given) or config.taxels == taxels:
         if config.taxels != taxels:
             raise InputError(

@@ -99,7 +99,7 @@ def prepare(tables: Sequence[Table], options: Preparation, sample_bits: int, rat
 
 
 def _common_rate(tables: Sequence[Table]) -> float:
-    """Return the common sampling rate of recordings; raise an error if rates are missing or differ."""
+    """Return the median sampling rate of recordings; refuse a missing rate, or one off by a factor of 2."""
     rates = []
     for table in tables:
         if table.time_s is not None:

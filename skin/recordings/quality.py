@@ -107,7 +107,7 @@ def measure_quality(config: ReadoutConfig, codes: NDArray[np.int32], events: Eve
 
 
 def link_warning(config: ReadoutConfig, codes: NDArray[np.int32]) -> str:
-    """Return a warning about events that the link delays, with the option that helps; empty if none.
+    """Return a warning about events that the link delays or merges, with the option that helps.
 
     Empty if at most ``MUCH_LATE`` of the decisions merge.
     """

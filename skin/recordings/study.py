@@ -134,7 +134,7 @@ def _point(recordings: Sequence[Codes], config: ReadoutConfig) -> dict[str, Any]
 
 
 def uniform(recordings: Sequence[Codes], bps: float, rate_hz: float, sample_bits: int) -> dict[str, Any] | None:
-    """Return SNR and data rate of the best uniform sampling up to a data rate.
+    """Return SNR, bits and frame rate of the best uniform sampling up to a data rate.
 
     For every number of bits, the function uses the highest sampling rate within the data rate, up to that of the
     recordings; the best SNR counts. The result is None if less than one bit per second remains for a taxel.

@@ -44,7 +44,7 @@ def choose(text: str, rows: int, columns: int) -> tuple[int, ...]:
 
 
 def _spread(length: int, count: int) -> list[int]:
-    """Return evenly spread positions on a line, including both ends."""
+    """Return evenly spread positions on a line, including both ends; a single one is the first."""
     if not 1 <= count <= length:
         raise ValueError
     return [round(place) for place in np.linspace(0, length - 1, count)]

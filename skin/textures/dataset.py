@@ -157,7 +157,7 @@ def _named_dataset(where: str, what: str) -> Dataset:
 
 
 def directory_dataset(root: Path) -> Dataset:
-    """Return the dataset of a directory with a folder per class.
+    """Return the dataset of a directory with a folder per class, checked if it has a SHA256SUMS file.
 
     With that file every listed image must be there with the right sum, and no class folder or image may be
     there that it does not list. Names that start with a dot are ignored.

@@ -66,7 +66,7 @@ class PaperScan(Scan):
                 raise InputError(f"{name} must be a whole number from {least}, not {value!r}")
 
     def loop_samples(self, config: ReadoutConfig, tau_s: float | None = None) -> int:
-        """Return the loop time in samples of the image line.
+        """Return the loop time in samples of the played line, at least 1.
 
         LSB / maxSR; with a leak LSB tau / (LSB + tau maxSR) / 3 (docs/specification.md, section 6).
         """
@@ -93,7 +93,7 @@ class PaperScan(Scan):
         return config.replace(sample_rate_hz=rate_hz, decide_every="sample", reference_reset=reset, **leak)
 
     def duration_s(self, config: ReadoutConfig, shape: tuple[int, int]) -> float:
-        """Return the duration of the image line in seconds."""
+        """Return the duration of the played line in seconds."""
         return self._kept_pixels(config, shape) * self.upsampling / self.playback_hz
 
     def skipped_ticks(self, config: ReadoutConfig) -> int:
@@ -134,7 +134,7 @@ class PaperScan(Scan):
         return -(-(long - rows + 1) // self.pixel_step)
 
     def _every(self, config: ReadoutConfig) -> int:
-        """Return the number of image line samples per sample tick."""
+        """Return the number of samples of the played line per sample tick."""
         every = self.playback_hz / config.sample_rate_hz
         whole = round(every)
         if whole < 1 or abs(every - whole) > 1e-6 * every:

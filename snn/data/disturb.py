@@ -128,7 +128,7 @@ def _rotation(draft: Draft, strength: float, _: Generator) -> None:
 
 
 def _scene_signals(draft: Draft) -> Signals:
-    """Return the signals of the scene for a movement in any direction."""
+    """Return the signals of the scene for a movement to the right, up, left or down."""
     config, turns = draft.config, draft.quarter_turns
     image = np.rot90(draft.image, -turns)  # a movement upwards becomes one to the right
     rows, columns = (config.columns, config.rows) if turns % 2 else (config.rows, config.columns)
@@ -361,7 +361,7 @@ TRAINING: dict[str, tuple[float, float, float]] = {
 
 
 def draw_strengths(generator: Generator) -> dict[str, float]:
-    """Return random strengths of all disturbances for a training scan."""
+    """Return random strengths of randomly chosen disturbances for a training scan."""
     found = {}
     for name, (probability, low, high) in TRAINING.items():
         drawn, strength = generator.random() < probability, float(generator.uniform(low, high))

@@ -24,7 +24,7 @@ Variant = Literal["", "on"]
 
 
 def said_of(texture: Texture, dataset_name: str, scan: Scan) -> dict[str, Any]:
-    """Return the metadata of a recording: texture, dataset and scan parameters."""
+    """Return the metadata of a recording: texture, dataset and scan preset."""
     return {
         "name": texture.name,
         "class": texture.class_name,

@@ -18,7 +18,7 @@ from eskin.skin.recordings.trained_on import OwnReadout
 
 
 class EventFile(NamedTuple):
-    """An event file, and the folder given by the user.
+    """An event file, and the folder to which its name is relative.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ def class_of(recording: Recording) -> str | None:
 
 
 def own_readout(folder: Path) -> OwnReadout | None:
-    """Return the readout configuration of a user's recordings, or None for other event files."""
+    """Return preparation and readout of a user's recordings, or None for other event files."""
     return OwnReadout.of(Recording.load(event_files([folder])[0].path))
 
 

@@ -160,7 +160,7 @@ def _gain(decay: NDArray[Any], synapse: float = 0.0) -> NDArray[np.float64]:
 
 
 def _raw(arrays: dict[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
-    """Return learned decays before the logistic function, or None without learned decays."""
+    """Return learned decays before the logistic function by name; empty without learned decays."""
     return {"raw_decay": arrays[name]} if name in arrays else {}
 
 

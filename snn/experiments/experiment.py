@@ -128,7 +128,11 @@ class Experiment:
         object.__setattr__(self, "bins", dataclasses.replace(self.bins, polarity=False))
 
     def _settle_leak(self) -> None:
-        """Store the leak of the readout as a time constant; raise an error unless ``given_leak`` is set."""
+        """Raise an error for a readout's own leak if neither ``tau_s`` nor ``given_leak`` is set.
+
+        If ``tau_s`` is set or the leak is the default, a set ``given_leak`` is cleared and ``tau_s`` holds
+        the leak.
+        """
         if self.tau_s is None and _has_own_leak(self.readout):
             if not self.given_leak:
                 raise InputError("the readout has its own leak; set given_leak to use it, or give tau_s")
@@ -221,7 +225,7 @@ class Experiment:
         return NetworkConfig.from_dict({"inputs": inputs, "classes": classes} | self.network)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as a dictionary."""
+        """Return the fields for ``from_dict`` as plain values; for events, preset and readout are None."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "given_leak"}
         if not self.disturbed:  # files and cells of experiments without are those of before
             del fields["disturbed"]

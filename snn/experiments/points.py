@@ -154,7 +154,7 @@ class PointSummary:
 
 
 def as_word(classes: Iterable[int]) -> str:
-    """Return the classes of images as a text of one digit per image, with ``.`` for none."""
+    """Return the classes of images as one digit each, ``.`` for none; empty if there are too few digits."""
     found = [int(number) for number in classes]
     return "".join(DIGITS[n] if n >= 0 else "." for n in found) if max(found) < len(DIGITS) else ""
 

@@ -64,7 +64,9 @@ def idle_settings(made: Experiment, settings: list[str] | None) -> tuple[str, li
 
 
 def parse_points(text: str) -> list[tuple[str, str]]:
-    """Return encoder and resolution, or frame rate and bits, of every sweep point in a text.
+    """Return readout and numbers of every sweep point in a text.
+
+    The numbers are the resolution of an encoder, rate and bits of frames, or frames per step of a baseline.
 
     Raises
     ------

@@ -63,7 +63,7 @@ class TrainingResult:
         return [a == b for a, b in zip(self.labels, self.predicted, strict=True)] if self.predicted else []
 
     def default_image(self, test: NDArray[np.int64]) -> int:
-        """Return the first correctly classified test image, or the first test image if unknown."""
+        """Return the first test image known to be classified correctly, else the first test image."""
         return int(test[self.right.index(True)] if True in self.right else test[0])
 
     def test_images(self, labels: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -145,7 +145,7 @@ class Trained:
     of_recordings: bool = False
 
     def other_fields(self, config: ReadoutConfig) -> list[str]:
-        """Return the names of fields in which a readout differs from the readout of the training."""
+        """Return a text for each field in which a readout differs from the readout of the training."""
         if self.readout is None:
             return []
         learned = self.readout.to_dict()
@@ -255,7 +255,7 @@ def accuracies_on_test(
 
 
 def said_of_training(path: Path, weights: Weights) -> dict[str, Any]:
-    """Return a text about the training for files made from its weights; empty without ``result.json``.
+    """Return a dictionary about the training for files made from its weights; empty without a result.
 
     Returns
     -------

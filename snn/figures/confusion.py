@@ -21,7 +21,7 @@ TITLE_LETTERS = 46
 
 
 def confusion_data(sweeps: Sequence[Sweep], reading: str, name: str | None = None) -> Data:
-    """Return the confusion matrices of the named points, or of the best spiking point of each preset."""
+    """Return the confusion matrices of a named point, or of the best finished spiking points by preset."""
     candidates = [(sweep, point) for sweep in sweeps for point in sweep.points if point.measured]
     if name is not None:
         chosen = [(sweep, point) for sweep, point in candidates if point.name == name]

@@ -51,7 +51,7 @@ PUBLISHED_NAME = "published"
 
 
 def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
-    """Return the sweeps from files or folders; the default is all sweeps of the project and the latest one."""
+    """Return the sweeps from files or folders; by default those of ``kept_sweeps`` and the latest one."""
     files = list(paths) or kept_sweeps() + ([LATEST] if LATEST.is_file() else [])
     if not files:
         raise InputError(f"there is no sweep in {KEPT}, nor {LATEST}; make one with eskin sweep")
@@ -152,7 +152,7 @@ def title(sweep: str) -> str:
 
 
 def detail(point: Data) -> str:
-    """Return the text that distinguishes the points of a readout: resolution, or frame rate and bits."""
+    """Return what distinguishes points of a readout: resolution; for frames network, or rate and bits."""
     words = str(point.get("name", "")).removeprefix("frame").strip("-").split("-")
     if not point["readout"].startswith("frame") or words == [""]:
         return f"{point['resolution']} b"

@@ -19,7 +19,7 @@ LEAST = 50.0
 
 
 def plot_precision(points: Sequence[dict[str, Any]], path: Path) -> None:
-    """Plot accuracy against weight bits, memory and additions, one line per network.
+    """Plot accuracy against memory and additions, one line per network; labels give the weight bits.
 
     Networks whose names differ only from the number of their neurons on share a column of panels. The more neurons,
     the darker the line; lines of networks that were trained with few bits are dashed.

@@ -233,7 +233,7 @@ class Frontier:
         return self._pieces.of(f"trivial/{_digest(fields)}", lambda: {"accuracy": _trivial(self._data(experiment))})
 
     def _data(self, experiment: Experiment) -> ScanData:
-        """Return the scans of a point, cached in memory."""
+        """Return the scans of a point; only those of the last point stay in memory."""
         key = _digest(experiment.to_dict() | {"network": None, "train": None})
         if self._scans is None or self._scans[0] != key:
             self._scans = key, experiment.data()
@@ -251,7 +251,7 @@ class Frontier:
         return {"name": point.name, "folds": folds, "bits_per_s": rates["bits_per_s"], "accuracy": accuracy}
 
     def point(self, point: Point, seeds: int, step: Callable[[], object]) -> dict[str, Any]:
-        """Return a point with its accuracy over all folds and given seeds."""
+        """Return a point with its accuracy over all folds and a number of seeds."""
         words, labels = [], ""
         for seed in range(seeds):
             cells = []

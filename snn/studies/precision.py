@@ -29,7 +29,10 @@ _VARIANT = re.compile(r"([2-8])(?::t(\d+))?(?::m(\d+))?")
 
 
 def parse_variants(text: str) -> dict[str, Precision]:
-    """Return the bit widths for a text such as ``8,4:t6,4:m12`` (weights, threshold, hidden potential).
+    """Return the precision of each variant in a text such as ``8,4:t6,4:m12``.
+
+    A variant gives the bits of all weights, the least bits of the threshold (t),
+    and the bits of a hidden potential (m).
 
     Raises
     ------

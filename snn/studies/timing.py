@@ -33,7 +33,9 @@ Crossings = dict[tuple[int, int, bool], NDArray[np.float64]]
 def timing_points(
     dataset: Dataset, config: ReadoutConfig, frames: Sequence[FrameSteps], tick: Callable[[], object]
 ) -> list[dict[str, Any]]:
-    """Return detected level crossings and timing errors of events, and of frames with and without interpolation.
+    """Return the share of level crossings found and their timing errors, for events and frames.
+
+    Frames are judged with and without interpolation.
 
     ``config`` is of LCS, at its own sample rate and with its arbiter and link.
     """

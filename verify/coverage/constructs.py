@@ -19,12 +19,12 @@ COUNT = re.compile(r"^C '(.*)' (\d+)$", re.MULTILINE)
 
 @dataclass(frozen=True, order=True)
 class Construct:
-    """A coverable construct in a module: a line, a branch, a toggle or a point.
+    """A coverable construct in a module: a line, a branch, a condition, a toggle or a point.
 
     Attributes
     ----------
     kind : str
-        ``line``, ``branch``, ``toggle`` or ``point``.
+        ``line``, ``branch``, ``condition``, ``toggle`` or ``point``.
     module : str
     text : str
         Digest of the module's text: designs in which it is the same share its constructs.
@@ -60,7 +60,7 @@ class Construct:
 
     @property
     def operator(self) -> str:
-        """Edge of a toggle, ``0->1``, or result of a condition, ``=> 0``."""
+        """Edge of a toggle, ``0->1``; result of a condition, ``=> 0``; else Verilator's name of the construct."""
         if self.kind == "toggle":
             return self.what.rpartition(":")[2]
         return f"=> {self.what.rpartition(' => ')[2]}" if self.kind == "condition" else self.what

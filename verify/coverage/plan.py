@@ -72,7 +72,7 @@ def runs() -> list[Run]:
 
 
 def _readouts() -> Iterator[Run]:
-    """Yield runs of readouts: every encoder with both front ends, both links and both decision rates."""
+    """Yield runs of every encoder, front end and link; decisions by the sample with the stream link only."""
     variants = itertools.product(registry.NAMES, ("digital", "analog"), ("stream", "four_phase"))
     for number, (encoding, frontend, link) in enumerate(variants):
         own = {"encoding": encoding, "frontend": frontend, "link": link}

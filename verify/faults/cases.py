@@ -164,7 +164,7 @@ def sink_stuck(config: ReadoutConfig) -> tuple[int, int]:
 
 
 def ack_never_falls(config: ReadoutConfig) -> tuple[int, int]:
-    """Hold ACK high from a different time in each run, and check that no event is lost."""
+    """Hold ACK high from a different time in each run; check that no REQ rises and no event is lost."""
     played = course(config, calm=True)
     inputs = dict(played.inputs)
     stuck = _from(len(inputs["rst"]), RESET, STUCK)

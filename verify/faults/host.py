@@ -126,7 +126,7 @@ def _more(config: ReadoutConfig, codes: NDArray[np.int16]) -> NDArray[np.int64]:
 
 
 def _play(config: ReadoutConfig, mode: int) -> Play:
-    """Return a stimulus: SPI transfers with moving samples, full-scale swings, new writes, and swings again."""
+    """Return a stimulus: transfers with moving samples, swings, all registers written and read, swings again."""
     rng = np.random.default_rng(0)
     found = {register.name: register for register in registers(config)}
     kept = [register for register in found.values() if any(field.kind == "setting" for field in register.fields)]

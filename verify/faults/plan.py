@@ -104,7 +104,7 @@ def hosts() -> list[ReadoutConfig]:
 
 
 def classifiers() -> list[ClassifierConfig]:
-    """Return classifiers with five hidden neurons, with firing and with non-firing outputs."""
+    """Return classifiers: four hidden neurons with firing outputs, and five with non-firing outputs."""
     bits = {"in_bits": 4, "rec_bits": 4, "out_bits": 4, "bias_bits": 4, "membrane_bits": 8, "output_bits": 7}
     both = {"inputs": 4, "classes": 3, "lanes": 2, "clocks_per_bin": 80, "evidence_bits": 6, **bits}
     both |= {"threshold": 12, "out_threshold": 6, "floor": -20, "out_floor": -10}

@@ -74,7 +74,7 @@ class Done:
 
 
 def problems_of(trial: Trial, upset: Upset) -> str:
-    """Return the ways in which an outcome exceeds the documented limits."""
+    """Return how an outcome exceeds the documented limits; empty if it does not."""
     if upset.outcome == NEVER:
         return "never recovers"
     if upset.outcome == WRITTEN and not upset.may_stay:

@@ -24,7 +24,7 @@ SWING = 5
 
 @dataclass(frozen=True)
 class Course:
-    """A stimulus and its events without bit flips.
+    """A stimulus, with the clocks in which flops are flipped and responses are compared.
 
     Attributes
     ----------

@@ -173,14 +173,14 @@ def passes(checkout: Path, test: str) -> bool:
 
 
 def failing(checkout: Path) -> list[str]:
-    """Return the tests that fail without a mutant."""
+    """Return the tests that are known to fail without a mutant."""
     known = checkout.with_name(f"{checkout.name}-tests")
     lines = known.read_text().splitlines() if known.exists() else []
     return [line.removesuffix(" fails") for line in lines if line.endswith(" fails")]
 
 
 def failed_property(place: Path, block: str, limit_s: float = MOST_S) -> str:
-    """Return the first property of a block that fails, as ``block: property``; empty if none.
+    """Return the first property of a block that is not proved, as ``block: property``; empty if all are.
 
     Raises
     ------

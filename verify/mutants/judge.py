@@ -41,7 +41,9 @@ class Asked:
 
 
 def judge(mutant: Mutant, asked: Asked) -> dict[str, Any]:
-    """Return the verdict of a mutant: stillborn (rejected by the generator), killed, equivalent or left.
+    """Return the verdict of a mutant: stillborn, killed, equivalent, left or alive.
+
+    Stillborn mutants are rejected by the generator. Survivors are left in the RTL, and alive elsewhere.
 
     The cheap questions come first: the tests of ``make check``, the comparison with the original, the properties of the
     block, the other tests of the file.
@@ -90,7 +92,7 @@ def _originals(file: str, asked: Asked) -> Path:
 
 
 def _difference(place: Path, file: str, asked: Asked) -> str:
-    """Return the modules of a mutant that are not proved equal to the original."""
+    """Return how a mutant's modules may differ from the original; empty if all are proved equal."""
     before, after = _originals(file, asked), place / "after.json"
     if not _made(place, file, asked.seed, after, asked.designs):
         return "the generator is too slow"

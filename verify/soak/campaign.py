@@ -100,7 +100,7 @@ def soak(plan: Plan, on_piece: Callable[[dict[str, Any]], None]) -> None:
 
 
 def draws_of(plan: Plan, seed: int) -> list[Draw]:
-    """Return the runs of a configuration whose samples fit into memory."""
+    """Return the runs of a configuration, each so short that its samples fit into memory."""
     draws: list[Draw] = []
     left = plan.clocks
     while left > 0:
@@ -144,7 +144,7 @@ def _kept(plan: Plan, found: Failure) -> str:
 
 @contextlib.contextmanager
 def _claimed(piece: Path, plan: Plan) -> Iterator[bool]:
-    """Return True if this process should test a configuration."""
+    """Yield True if a configuration has runs left and no other process tests it; keep others away meanwhile."""
     handle = os.open(piece.with_suffix(".lock"), os.O_RDWR | os.O_CREAT)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -167,12 +167,12 @@ def _pieces(folder: Path) -> list[dict[str, Any]]:
 
 
 def summary(folder: Path) -> dict[str, Any]:
-    """Return the totals of a folder, for the current sources and for others.
+    """Return the totals of a folder, of the current and of other sources together.
 
     Raises
     ------
     InputError
-        If nothing was.
+        If a file is damaged.
     """
     pieces = _pieces(folder)
     mismatches = len(list((folder / "mismatches").glob("*.txt")))

@@ -183,7 +183,7 @@ def load(
 def rescue(
     journal: Annotated[Path, typer.Argument(metavar="FILE.npz.part", help="partial file of a killed recording")],
 ) -> None:
-    """Convert the partial file of an interrupted recording into an event file."""
+    """Convert the partial file of a killed recording into an event file."""
     from eskin.board.journal import convert
 
     recording = convert(journal)

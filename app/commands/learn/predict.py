@@ -128,7 +128,7 @@ def _own_events(trained: Trained, data: Path | None, check_model: bool) -> Path:
 
 
 def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> None:
-    """Print the number of RTL recordings that equal the model; exit with 1 on a difference."""
+    """Print the number of RTL recordings equal to the model; exit with 1 if one differs or none exists."""
     from eskin.snn.experiments.evaluate import LEVELS
 
     names = [recording.metadata["name"] for recording in recordings]
@@ -149,7 +149,7 @@ def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> N
 
 
 def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float32], trained: Trained) -> None:
-    """Print names, classes and predictions of recordings."""
+    """Print the predictions of a few recordings; of more than ``MOST_LINES``, those without a class."""
     from eskin.snn.data.recordings import class_of
 
     for recording, row in zip(recordings, logits, strict=True):

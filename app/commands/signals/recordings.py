@@ -67,7 +67,7 @@ def preparation(prepared: Mapping[str, Any]) -> Preparation:
 def own_recordings(
     place: Path, prepared: Mapping[str, Any], config: ReadoutConfig, given: Collection[str], again: bool = False
 ) -> RecordingSet:
-    """Return a user's recordings with a suitable configuration, and print a summary."""
+    """Return a user's recordings with a suitable configuration, and print a summary unless ``again``."""
     from eskin.skin.recordings.folder import read_set
 
     if not place.exists():
@@ -112,7 +112,7 @@ def warn(warnings: Iterable[str]) -> None:
 
 
 def print_set(recordings: RecordingSet, again: bool = False) -> None:
-    """Print a summary of recordings and their configuration."""
+    """Print a summary of recordings, unless ``again``, and their configuration."""
     config = recordings.config
     print_notes(() if again else recordings.notes)
     classes = sorted({source.class_name for source in recordings.sources if source.class_name is not None})

@@ -29,7 +29,7 @@ def formal(
     limit: Annotated[int, typer.Option(min=1, metavar="SECONDS", help="time limit of one proof")] = 300,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
-    """Prove the properties of every block by bounded model checking and induction.
+    """Prove the properties of every block by property-directed reachability.
 
     The last line gives the number of proved properties. With --mutants and --out, a stopped search for mutants
     continues. With --block, the file keeps its results for other blocks.
@@ -173,7 +173,7 @@ def crossproof(
     mutants: Annotated[bool, typer.Option(help="compare generated mutants too")] = False,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
-    """Repeat the bounded proofs of make formal with the solver z3, and compare the first failing clocks.
+    """Repeat the bounded search of make formal with z3; both solvers must find the same first clocks.
 
     With --out a stopped run continues.
     """

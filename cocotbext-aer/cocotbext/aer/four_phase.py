@@ -37,7 +37,7 @@ class _FourPhase(Component):
         super().__init__(f"{bus.ack._path}.{type(self).__name__}", reset, reset_active_level)
 
     async def _delay(self, delay: Delay) -> None:
-        """Wait for a delay of at least one simulator time step."""
+        """Wait for a delay: at least one clock, or without a clock at least one simulator time step."""
         length = delay() if callable(delay) else delay
         if self.clock is None:
             await Timer(max(get_sim_steps(length, self.unit, round_mode="round"), 1), "step")

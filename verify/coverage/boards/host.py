@@ -48,7 +48,7 @@ class Host:
         self._begin()
 
     def _begin(self) -> None:
-        """Wait for the first records of a session."""
+        """Reset the state for a new session."""
         chip = self.config.chip
         described = (chip.classifier.inputs, self.interval) if chip else ()
         self.frames, self.records = FrameReader(), RecordReader(self.classes, *described)

@@ -86,7 +86,7 @@ def board(config: BoardConfig, folder: Path) -> None:
 
 
 def scans_of(chip: ChipConfig) -> dict[str, NDArray[np.int16]]:
-    """Return test samples, shape (ticks, taxels): random walk, full-scale steps, all taxels at once, and rest."""
+    """Return test samples, shape (ticks, taxels): random walk, noise, square wave of all taxels, and rest."""
     rng, taxels, high = np.random.default_rng(2), chip.readout.taxels, chip.readout.full_scale
     walk = np.cumsum(rng.integers(-high // 8, high // 8 + 1, (60, taxels)), axis=0).clip(-high, high - 1)
     square = np.where(np.arange(40) // 4 % 2, high - 1, -high)[:, None].repeat(taxels, axis=1)

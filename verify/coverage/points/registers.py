@@ -31,7 +31,7 @@ def _plain(register: Register) -> str:
 
 
 def _register(register: Register) -> Named:
-    """Yield the points of a register: reads, writes and rejected writes, with every field limit and every bit."""
+    """Yield the points of a register: limits and bits of every field, and rejected writes."""
     here = f"at_{_plain(register)}"
     name = register.key.replace("[", " ").replace("]", "")
     if not register.writable:

@@ -429,7 +429,7 @@ def _wide(value: Value, bits: int) -> Value:
 
 
 def _limited(value: Value, bits: int, saturates: bool) -> tuple[Value, Value]:
-    """Return a signed value limited or truncated to a width, and whether it is unchanged."""
+    """Return a signed value limited or truncated to a width, and whether it fits (always true if limited)."""
     low, high = -(1 << bits - 1), (1 << bits - 1) - 1
     if saturates:
         return Mux(value < low, low, Mux(value > high, high, value)), Const(1)
