@@ -327,7 +327,12 @@ def folders(draw: Draw, root: Path) -> None:
     strict = draw(st.booleans())
     sources, warnings = sources_of(root / "skin", flat=draw(st.booleans()), strict=strict)
     assert {source.path for source in sources} == wanted
-    assert bool(warnings) == bool(odd)
+    labels = {path for path in (root / "skin").iterdir() if not path.name.startswith(".")}
+    empty = {
+        f"folder {label} contains no recording" for label in labels if not any(label in one.parents for one in wanted)
+    }
+    assert {text for text in warnings if text.startswith("folder ")} == empty
+    assert len(warnings) - len(empty) == bool(odd)
     assert not (strict and odd)
 
 
