@@ -112,7 +112,8 @@ def quantise(
     ] = None,
     threshold_bits: Annotated[int, typer.Option(help="smallest number of bits of the threshold, 2..16")] = 8,
     membrane_bits: Annotated[
-        int | None, typer.Option(help="bits of a hidden potential [32 thresholds; without a floor: all values]")
+        int | None,
+        typer.Option(help="bits of a hidden potential [32 thresholds; no floor, or synaptic currents: all values]"),
     ] = None,
     lanes: Annotated[int, typer.Option(help="weights added per clock")] = 16,
     clock: Annotated[

@@ -38,7 +38,7 @@ def frontier(
         WRITES_FOLDER,
     ] = Path("out/frontier"),
 ) -> None:
-    """Train networks on a few taxels, and compare accuracy with events/s, bits/s and power.
+    """Train networks on chosen taxels, and compare accuracy with events/s, bits/s and power.
 
     A stopped run continues with the missing trainings.
     """

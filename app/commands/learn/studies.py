@@ -37,7 +37,7 @@ def noise_power(
         WRITES_FOLDER,
     ] = Path("out/noise-power"),
 ) -> None:
-    """Measure accuracy, event rate and power of trained networks at several levels of AFE noise."""
+    """Measure accuracy, event rate and power of trained networks at several AFE noises, in both power modes."""
     from eskin.snn.figures.noise_power import plot_noise_power
     from eskin.snn.studies.noise import MODES, points_of, under_noise
     from eskin.snn.studies.paired import paired

@@ -29,7 +29,7 @@ def study(
     out: OutOption = DEFAULT_OUT,
     as_json: JsonOption = False,
 ) -> None:
-    """Compare SNR and data rate of every encoder with uniform sampling on slow signals."""
+    """Compare SNR and data rate of every encoder with uniform sampling at no higher rate, on slow signals."""
     from eskin.skin.figures.study import plot_study
     from eskin.skin.recordings.study import RESOLUTIONS, study_data
 

@@ -154,7 +154,7 @@ def gatepower(
         bool, typer.Option("--glitches", help="measure the energy of an event with and without cell delays")
     ] = False,
     weights: Annotated[
-        Path | None, typer.Option(help="measure the classifier of this integer network, behind the readout")
+        Path | None, typer.Option(help="measure the classifier of this network behind the readout, without wires")
     ] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results, JSON"), WRITES_FOLDER] = Path(
         "out/gatepower"

@@ -45,7 +45,7 @@ def sim(
 ) -> None:
     """Compare RTL and model on test scenarios and texture scans, or on your recordings; exit code 1 if they differ.
 
-    Without --encoding, all encoders are compared; with --dut, only LCS.
+    Without an encoding in --encoding or --config, all encoders are compared; with --dut, only LCS.
     """
     from eskin.cocotb_tests.runner.process import Tally
 

@@ -24,7 +24,7 @@ def mutants(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="seed of the random edits")] = 1,
     apart_from: Annotated[
-        int | None, typer.Option(min=0, help="leave out mutants that were drawn with this seed")
+        int | None, typer.Option(min=0, help="leave out mutants that this seed draws at the same share")
     ] = None,
     again: Annotated[bool, typer.Option(help="test survivors again, after new tests were added")] = False,
     limit: Annotated[int | None, typer.Option(min=1, help="largest number of mutants [all]")] = None,

@@ -41,7 +41,7 @@ def soak(
 ) -> None:
     """Compare RTL and model on random configurations for a given time; exit code 1 on a difference.
 
-    Several processes may share the same --out.
+    A difference is reduced to one command that repeats it. Several processes may share the same --out.
     """
     from eskin.cocotb_tests.runner.simulator import require_programs
     from eskin.verify.soak import campaign
