@@ -8,7 +8,7 @@ from typing import Any
 from docs.tables.write import filled, read, source, table
 
 EVIDENCE = {
-    "proved": ("formal", "properties of the RTL, for simulations of any length"),
+    "proved": ("formal", "properties of the RTL, for any number of clocks"),
     "second solver": ("crossproof", "the proved properties; z3 searches them again, with and without planted bugs"),
     "covered": ("coverage", "lines, branches and toggles of the Verilog; points of the specification"),
     "killed": ("mutants", "generated mutants of the RTL, killed by tests or proofs"),
@@ -67,14 +67,14 @@ def proofs() -> None:
         row["length"] = "any" if row["unbounded"] else "not proved"
         row["mutants"] = row["mutants"] or "not run"
     table(
-        "block | name | property | configurations | length of the simulation | mutants that violate the property",
+        "block | name | property | configurations | proved for how many clocks | mutants that violate the property",
         report["properties"],
         "{block} | {property} | {meaning} | {sizes} | {length} | {mutants}",
     )
     report["commit"] = report["commit"].replace("; the ", ", for the ")
     proved = sum(row["unbounded"] and not row["problems"] for row in report["properties"])
     source(
-        report, f". The solvers proved {proved} of {len(report['properties'])} properties for simulations of any length"
+        report, f". The solvers proved {proved} of {len(report['properties'])} properties for any number of clocks"
     )
 
 
@@ -146,7 +146,7 @@ def mutants() -> None:
         "{block} | {total:,} | {equivalent:,} | {argued:,} | {share} | {quick} | {alive}",
     )
     source(
-        report, ": {result}. Mutants that a property of `make formal` killed and no test killed: {by_a_property_alone}"
+        report, ": {result}. Mutants that a property of `make formal` killed before a test did: {by_a_property_alone}"
     )
 
 
