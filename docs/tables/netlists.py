@@ -160,8 +160,8 @@ def asic_targets() -> None:
             "nW per taxel",
         ),
     ]
-    for text, most, key in (("in every clock", 6e-12, "event"), ("without others", 15e-12, "lone_event")):
-        asked += [(f"an event {text}, {name}", most, name, f"energy_per_{key}_j", 1e12, "pJ") for name in both]
+    for text, most, key in (("an event in every clock", 6e-12, "event"), ("a single event", 15e-12, "lone_event")):
+        asked += [(f"{text}, {name}", most, name, f"energy_per_{key}_j", 1e12, "pJ") for name in both]
     for name, most in (("digital", 2217.0), ("analog", 1485.0)):
         asked.append((f"area, {name}", most, name, "area_um2_per_taxel", 1.0, "um2 per taxel"))
     rows = []
