@@ -14,17 +14,18 @@
 # # Tutorial: from a sine to the class of a texture
 #
 # This tutorial takes a quarter of an hour and shows the result of every step. First, one taxel samples a sine. A
-# decoder rebuilds the signal from its events, and the hardware sends the same events. Then 64 taxels slide over brick,
-# grass and gravel, and a network classifies the textures.
+# decoder rebuilds the sine from the taxel's events, and a simulation of the hardware sends the same events. Then 64
+# taxels slide over brick, grass and gravel, and a network classifies the textures.
 #
-# Run `docs/tutorial.py` from the top of the project with `.venv/bin/python` (after `make setup`), cell by cell or
-# whole. This page and a notebook are generated from that file.
+# After `make setup`, run `docs/tutorial.py` in the repository root with `.venv/bin/python`, as a whole or cell by cell.
+# This page and a notebook are generated from that file.
 
 # %% [markdown]
 # ## One sine, and its events
 #
-# `ReadoutConfig` holds every parameter of a readout. Here one taxel samples a signal at 20 kHz with 12 bits. At a
-# resolution of 4 bits an LSB is 2^-4 of full scale. The encoder steps by half an LSB: 64 codes.
+# `ReadoutConfig` holds every parameter of a readout. Here one taxel samples a signal at 20 kHz with 12 bits. A sample
+# is an integer *code*. At a resolution of 4 bits an LSB is 2^-4 of full scale. The step of the encoder is half an LSB,
+# which is 64 codes.
 
 # %%
 import matplotlib.pyplot as plt
@@ -39,9 +40,9 @@ samples = signal[:, None]  # (sample ticks, taxels)
 print(f"step D = {config.step} codes of {config.full_scale}, clock {config.clock_hz:,.0f} Hz")
 
 # %% [markdown]
-# The encoder uses level crossing. When the signal is one step above the reference, the taxel sends an ON event and the
-# reference rises by one step. When the signal is one step below, the taxel sends an OFF event and the reference falls.
-# So events are dense where the sine is steep, and absent at its peaks.
+# The encoder compares the signal with a stored level, the *reference*. When the signal is one step above the reference,
+# the taxel sends an ON event and the reference rises by one step. When the signal is one step below, the taxel sends an
+# OFF event and the reference falls. So events are dense where the sine is steep, and absent at its peaks.
 
 # %%
 from eskin.model.taxel import decode, encode_timed, error_bound, uncontended_events
@@ -97,9 +98,9 @@ for encoding in registry.NAMES:
 # %% [markdown]
 # ## Clock by clock
 #
-# So far every event left immediately. `simulate` models the whole readout clock by clock, with arbiter and link. The
-# first event leaves three clocks after its sample. For a single taxel the two models agree. Four taxels that sample the
-# same sine must share the link and wait for each other.
+# So far the taxel did not share its link. `simulate` models the whole readout clock by clock, with arbiter and link.
+# The first event leaves three clocks after its sample. For a single taxel, `simulate` returns the events of the cells
+# above. Four taxels that sample the same sine must share the link and wait for each other.
 
 # %%
 from eskin.model.readout import Stimulus, simulate
@@ -166,8 +167,8 @@ for axis, name, column in zip(axes, ("sample_valid", "event_valid", "event_polar
 _ = axes[-1].set(xlabel="clock", xticks=window)
 
 # %% [markdown]
-# That was Amaranth's simulator. `make sim` compares the delivered Verilog with the model, in Icarus or Verilator and
-# over many stimuli. It also writes a waveform for GTKWave:
+# So far we used Amaranth's simulator. `make sim` compares the delivered Verilog with the model, in Icarus or
+# Verilator and over many stimuli. With `--waves` the next cell also writes a waveform for GTKWave:
 
 # %%
 import subprocess
@@ -210,10 +211,10 @@ raster.scatter(
 _ = raster.set(xlabel="time (ms)", ylabel="taxel", title="address events, ON blue, OFF orange")
 
 # %% [markdown]
-# The network takes event counts in bins, here of 2 ms, not single events. It has 128 input channels: one for each taxel
-# and polarity. We record all 48 images, train on 36 and test on 12. The hidden neurons leak, and the outputs do not
-# fire. Twenty epochs take seconds and show that the network learns. [Classifier](guide/classifier.md) describes full
-# trainings with six textures and a test protocol.
+# The network reads the number of events in each time bin of 2 ms, not single events. The network has 128 input
+# channels, one for each taxel and polarity. We record all 48 images, train on 36 and test on 12. The hidden neurons
+# leak, and the outputs do not fire. Twenty epochs take seconds and show that the network learns.
+# [Classifier](guide/classifier.md) describes full trainings with six textures and a test protocol.
 
 # %%
 from eskin.snn.data.bins import BinConfig
@@ -253,9 +254,9 @@ _ = axis.set(xlabel="time (ms)", ylabel="SoftMax (0 to 1)", ylim=(-0.05, 1.05))
 # %% [markdown]
 # ## Your own sensor
 #
-# This example is a slow piezoresistive skin: 16 taxels, 35 samples per second, and raw counts on a baseline of several
-# thousand. The first column is a time stamp, and each class has a folder. The cell generates the files. Your own files
-# may have decimal commas, other columns and irregular time stamps.
+# This example imitates a slow piezoresistive skin with 16 taxels, 35 samples per second, and raw counts on a baseline
+# of several thousand. The first column is a time stamp, and each class has a folder. The cell generates the files. Your
+# own files may have decimal commas, other columns and irregular time stamps.
 
 # %%
 from pathlib import Path
@@ -277,9 +278,9 @@ for kind, starts in {"press": (1.0,), "tap": (0.5, 1.5, 2.5, 3.5), "rub": (0.8, 
         (skin / kind / f"{number}.csv").write_text("\n".join([header, *lines]) + "\n")
 
 # %% [markdown]
-# Two commands classify these recordings and play them through the RTL: `make train DATA=my_skin/` and
-# `make sim DATA=my_skin/`. They detect time stamps, rate, baseline, scale and clock. Each warning names the option
-# that fixes the problem.
+# `make train DATA=my_skin/` trains a network that classifies these recordings. `make sim DATA=my_skin/` plays
+# recordings through the RTL. Both commands detect time stamps, rate, baseline, scale and clock. Each warning names the
+# option that fixes the problem.
 
 
 # %%
@@ -296,7 +297,7 @@ print(played.stdout)
 # %% [markdown]
 # ## Next steps
 #
-# - Read all options for recordings, and `make replay`, `make predict`, `make study`:
+# - See all options for recordings, and use `make replay`, `make predict` and `make study` with recordings:
 #   [Your own recordings](guide/recordings.md).
 # - Get Verilog for your flow with `make verilog ROWS=12 COLUMNS=16`: [Verilog](guide/verilog.md).
 # - Play a whole dataset through the RTL and classify its spikes with `make replay`, `make train`, `make predict`:

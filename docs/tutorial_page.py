@@ -1,7 +1,7 @@
 """Run the cells of docs/tutorial.py, and write docs/tutorial.md with their output and pictures.
 
-``python docs/tutorial_page.py`` from the top of the project; does nothing where the page was made from this source,
-and makes the page all the same with ``--again``. The notebook of the site is made from the same source.
+Run ``python docs/tutorial_page.py`` in the repository root. The program does nothing if the page was made from the
+current source, unless you give ``--again``. The notebook of the site is made from the same source.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def run(pictures: Path) -> str:
     Parameters
     ----------
     pictures : Path
-        Folder, made if need be. The page names them by their place in the documents all the same.
+        Folder, created if it does not exist. The page always links to ``figures/tutorial``.
     """
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt

@@ -60,7 +60,7 @@ LCS_CONVOLUTIONS = "physical/convolutions/lcs:2/12x16:across:12"
 FRAMES_CONVOLUTIONS = "physical/convolutions/frame-diff:250:6/12x16:across:6"
 """Points of the frontier in the README."""
 
-WORDS = {"leaky": "a leaky network", "leaky-2ms": "a leaky network", "convolutions": "convolutions"}
+WORDS = {"leaky": "leaky network", "leaky-2ms": "leaky network", "convolutions": "convolutions"}
 NETWORKS = {"leaky": "leaky", "leaky-2ms": "leaky, 2 ms", "convolutions": "convolutions", "paper": "the paper's"}
 
 
@@ -347,7 +347,7 @@ def headline() -> None:
     rows = [
         filled("events equal in RTL and model ({images} scans, three encoders) |  | {events:,}", replays),
         filled("accuracy: the paper's network, LCS 6 b | {published:100*.2f} % | {last:%}", paper),
-        filled("accuracy: a leaky network, LCS 3 b, {data_rate_bps:1e-3*.0f} kb/s |  | {last:%}", best),
+        filled("accuracy: leaky network, LCS 3 b, {data_rate_bps:1e-3*.0f} kb/s |  | {last:%}", best),
     ]
     kind = frame_points()["rnn"]
     rows.append(["accuracy: the paper's ReLU network on frames, 3,200 kb/s", kind["theirs"], filled("{last:%}", kind)])
@@ -356,17 +356,16 @@ def headline() -> None:
     for name, words, theirs in (
         (LCS_LEAKY, "LCS 2 b, {rate_hz:,.0f} events/s", "97.15 % at 2,200 events/s (INTUITIVE chip)"),
         (FRAMES_LEAKY, "frames", ""),
-        (LCS_CONVOLUTIONS, "LCS 2 b, {rate_hz:,.0f} events/s", ""),
+        (LCS_CONVOLUTIONS, "LCS 2 b", ""),
         (FRAMES_CONVOLUTIONS, "frames", ""),
     ):
         point = at(name)
         more = {"of": WORDS[point["network"]], "count": len(point["taxels"]), "theirs": theirs}
         rows.append(filled(few, point | more | {"words": filled(words, point)}))
-    rows.append(filled("textures classified by the RTL, weights of {classifier_rec_bits} b", chip["chip"]) + " |  | ")
+    rtl = "textures [classified by the RTL](docs/reference/classifier.md#from-touch-to-class)"
+    rows.append(filled(f"{rtl}, weights of {{classifier_rec_bits}} b, one network per fold |  | ", chip["chip"]))
     more = {"stalled": chip["stalls"] / chip["clocks"]}
-    rows[-1] += filled(
-        "{right} of {labelled} right, {mismatches} mismatches with the model; one network per fold; ", chip
-    )
+    rows[-1] += filled("{right} of {labelled} right, {mismatches} mismatches with the model; ", chip)
     rows[-1] += filled("the classifier stalls the readout in {stalled:.0%} of the clocks", more)
     rows += power_rows()[:2]
     table(" | published | here", rows)
