@@ -30,8 +30,20 @@ GROUPS = {
 EXIT_INPUT_ERROR = 2
 
 
+NETWORK = "weights"
+"""Name of the argument that every command also takes as an option."""
+
+
 class Command(typer.core.TyperCommand):
     """Command whose help lists its own options first, then groups of common options."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse a command line; ``--weights FILE`` gives the argument WEIGHTS too, as it does in other commands."""
+        if any(p.name == NETWORK and p.param_type_name == "argument" for p in self.params):
+            if args[-1:] == [f"--{NETWORK}"]:
+                raise InputError(f"--{NETWORK} needs a file; give one behind it")
+            args = [word.removeprefix(f"--{NETWORK}=") for word in args if word != f"--{NETWORK}"]
+        return super().parse_args(ctx, args)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the help sections: arguments, the command's own options, then groups of common options."""
@@ -39,6 +51,8 @@ class Command(typer.core.TyperCommand):
         for parameter in self.get_params(ctx):
             own = "Arguments" if parameter.param_type_name == "argument" else "Options"
             if (record := parameter.get_help_record(ctx)) is not None:
+                if own == "Arguments" and parameter.name == NETWORK:
+                    record = (record[0], f"{record[1]}; also --{NETWORK} FILE")
                 found.setdefault(getattr(parameter, "rich_help_panel", None) or own, []).append(record)
         for heading in sorted(found, key=["Arguments", "Options", *SHARED].index):
             if found[heading]:

@@ -12,6 +12,7 @@ from eskin.base.outputs import check_file
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.text import Text
 
 PALETTE = {
     "black": "#000000",
@@ -55,13 +56,13 @@ def new_figure(width_in: float, height_in: float, title: str) -> Figure:
     return figure
 
 
-def dress(panel: Axes, title: str = "") -> None:
-    """Apply the common style to a panel: title on the left, thin grid lines, two spines."""
+def dress(panel: Axes, title: str = "") -> Text:
+    """Apply the common style to a panel: title on the left, thin grid lines, two spines; return the title."""
     panel.spines[["top", "right"]].set_visible(False)
     panel.tick_params(labelsize=8, length=3)
     panel.grid(axis="y", color="#e5e5e5", lw=0.6)
     panel.set_axisbelow(True)
-    panel.set_title(title, loc="left", fontsize=9.5, fontweight="bold", pad=4)
+    return panel.set_title(title, loc="left", fontsize=9.5, fontweight="bold", pad=4)
 
 
 def plain_numbers(panel: Axes) -> None:

@@ -220,10 +220,10 @@ def _load(place: Path) -> list[Network]:
 
 
 def _own(network: Network, place: Path) -> Own:
-    """Return a user's recordings, prepared as in the training."""
+    """Return a user's recordings, prepared as in the training; a recording need not have a class."""
     if network.own is None:
         raise InputError(f"{network.path} was trained on textures; leave --data out, or train on recordings")
-    return Own(network.own.read(place), place)
+    return Own(network.own.read(place, flat=True), place)
 
 
 def choose(material: Material, names: Sequence[str], networks: Sequence[Network]) -> dict[str, Network]:

@@ -206,8 +206,7 @@ def _draw_signals(panel: Axes, played: ScanToClass) -> None:
     kinds = len(set(labels))
     panel.legend(handles[:kinds], labels[:kinds], loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False,
                  fontsize=8, handletextpad=0.1, markerscale=2.5, borderaxespad=0.1)  # fmt: skip
-    dress(panel, "pressure signals and their events")
-    _above(panel, played, "signals", f"lanes {gap:.2g} full scales apart", before_legend=True)
+    _above(panel, played, "signals", "pressure signals and their events", f"lanes {gap:.2g} full scales apart")
 
 
 def _draw_zoom(panel: Axes, played: ScanToClass) -> None:
@@ -267,8 +266,7 @@ def _draw_events(panel: Axes, played: ScanToClass) -> None:
                    color=colour, alpha=0.8, rasterized=True)  # fmt: skip
     panel.set_ylim(config.taxels - 0.5, -0.5)
     panel.set_ylabel("taxel", fontsize=8.5)
-    dress(panel, "address events")
-    _above(panel, played, "events", f"{len(events):,} events of {config.taxels} taxels")
+    _above(panel, played, "events", "address events", f"{len(events):,} events of {config.taxels} taxels")
 
 
 def _draw_hidden(panel: Axes, played: ScanToClass) -> None:
@@ -282,9 +280,10 @@ def _draw_hidden(panel: Axes, played: ScanToClass) -> None:
         if played.start_s >= _NOTE * played.recording.duration_s:
             panel.text(500 * played.start_s, played.spikes.shape[1] / 2, "events do not\ncount yet", fontsize=8,
                        color=GREY, ha="center", va="center")  # fmt: skip
-    dress(panel, "hidden neurons")
-    steps = f"steps of {1e3 * played.step_s:g} ms"
-    _above(panel, played, "hidden", f"{played.spikes.sum():,.0f} spikes of {played.spikes.shape[1]} neurons, {steps}")
+    neurons, steps = played.spikes.shape[1], f"steps of {1e3 * played.step_s:.4g} ms"
+    _above(
+        panel, played, "hidden", "hidden neurons", f"{played.spikes.sum():,.0f} spikes of {neurons} neurons, {steps}"
+    )
 
 
 def _draw_evidence(panel: Axes, played: ScanToClass) -> None:
@@ -294,8 +293,7 @@ def _draw_evidence(panel: Axes, played: ScanToClass) -> None:
         won = label == winner
         panel.plot(played.ends_ms, played.evidence[:, label], color=_colour(label), lw=2.4 if won else 1.1,
                    zorder=3 if won else 2, label=name)  # fmt: skip
-    dress(panel, "evidence for each class")
-    _above(panel, played, "evidence", played.meaning)
+    _above(panel, played, "evidence", "evidence for each class", played.meaning)
     panel.set_ylabel("logit", fontsize=8.5)
     top = float(played.evidence[-1, winner])
     low, high = panel.get_ylim()
@@ -326,12 +324,14 @@ def _draw_final(panel: Axes, played: ScanToClass) -> None:
     panel.grid(visible=False)
 
 
-def _above(panel: Axes, played: ScanToClass, name: str, text: str, before_legend: bool = False) -> None:
-    """Write the title of a panel, and its numbers at the right end of the title line."""
+def _above(panel: Axes, played: ScanToClass, name: str, title: str, text: str) -> None:
+    """Dress a panel with a title, and write its numbers on a line of their own below the title."""
+    from matplotlib.transforms import ScaledTranslation
+
+    heading = dress(panel, title)
     text = "; ".join([text, *([played.numbers[name]] if name in played.numbers else [])])
-    title = panel.set_title(text, fontsize=8, color=GREY, pad=4, loc="right")
-    if before_legend:
-        title.set_x(0.845)
+    panel.set_title(text, fontsize=8, color=GREY, pad=4, loc="right", x=0, ha="left")
+    heading.set_transform(heading.get_transform() + ScaledTranslation(0, 1 / 6, panel.figure.dpi_scale_trans))
 
 
 def _colour(label: int) -> str:

@@ -44,9 +44,9 @@ class OwnReadout:
         """All fields of the preparation."""
         return dataclasses.asdict(self.options)
 
-    def read(self, place: Path) -> RecordingSet:
-        """Return other recordings, read and prepared as the training recordings were."""
-        return read_set(place, self.options, self.config, EVERY_FIELD)
+    def read(self, place: Path, flat: bool = False) -> RecordingSet:
+        """Return other recordings, read and prepared as the training recordings were; ``flat`` as in ``read_set``."""
+        return read_set(place, self.options, self.config, EVERY_FIELD, flat=flat)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as a dictionary for JSON."""

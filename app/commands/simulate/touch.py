@@ -57,7 +57,8 @@ def touch(
     if only is None and limit is None and (learned := len(plan.material.names) - len(plan.names)):
         print(f"{learned} left out, because every network was trained on them")
     known = plan.networks[plan.names[0]].weights.class_names
-    if data is not None and (others := sorted({name.split("/")[0] for name in plan.material.names} - set(known))):
+    folders = {name.split("/")[0] for name in plan.material.names if "/" in name}
+    if data is not None and (others := sorted(folders - set(known))):
         warn([f"the network has the classes {', '.join(known)}; it was not trained on {', '.join(others)}"])
     with open_pool(workers, scheduler, replay.NEEDS, threads=True) as pool, bars() as show:
         print("building the chip for Verilator", file=sys.stderr)
@@ -100,7 +101,8 @@ def _conclude(plan: Plan, now: dict[str, Any]) -> None:
         f"at most {summary['latency_clocks']} clocks from bin end to class"
     )
     print(printable(f"answers: {plan.folder / 'summary.json'}" + (f"; picture: {picture}" if picture else "")))
+    judged = f"{summary['right']} right" if summary["labelled"] else "true classes not known"
     print(
         f"touch to class: {summary['images']} images, {summary['events']} events, {summary['mismatches']} mismatches, "
-        f"{summary['right']} right"
+        f"{judged}"
     )
