@@ -155,7 +155,7 @@ def _chosen(names: dict[str, str | None], only: str | None) -> list[str]:
 
 
 def _events_of(source: Path, only: str | None, readout: Mapping[str, Any]) -> Show:
-    """Return recordings for a demo without a network."""
+    """Return the show of recordings without a network: the page shows their events and no class."""
     from eskin.skin.recordings.folder import read_set
     from eskin.skin.recordings.options import Preparation
 

@@ -152,7 +152,7 @@ class Recorder(Component):
         return m
 
     def _answer(self, m: Module, memory: Any) -> None:
-        """Write the next record that is no event; fill the word of short events first."""
+        """Write the next record that is neither event nor class, after filling up the word of short events."""
         others = self.refused_valid | self.ack_valid | self.hello_valid | self.status_valid
         waits = (self.filled != 0) & (others | self.rests) if self.config.chip else Const(0, 1)
         with m.If(waits):

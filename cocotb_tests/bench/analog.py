@@ -43,7 +43,7 @@ class Comparators:
 
 
 def signal_of(samples: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Return analog signals between each sample's code and the next, in 1/16 code."""
+    """Return analog signals in 1/16 code: each sample plus a random fraction of a code."""
     fraction = np.random.default_rng(samples.size).integers(0, 1 << FRACTION_BITS, samples.shape)
     return (samples.astype(np.int64) << FRACTION_BITS) + fraction
 

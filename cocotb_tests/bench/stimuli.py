@@ -150,7 +150,7 @@ CUT_OFF, FEW = "noise, cut off", "few taxels"
 
 
 def few(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
-    """Return random levels two to eight steps high for every sample and taxel."""
+    """Return a random level of two to eight steps, at most full scale, for every sample and taxel."""
     return np.minimum(rng.integers(2, 9, (ticks, config.taxels)) * config.step, config.full_scale - 1)
 
 

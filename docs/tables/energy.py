@@ -67,7 +67,7 @@ def chain(cells: str) -> dict[str, Any]:
 
 
 def _part(events_j: float, ends_j: float, idle_w: float, events: float, second: float) -> dict[str, float]:
-    """Return the energies of a part of the chain for events, for the ends of bins and at rest, and their sum."""
+    """Return the energies of a part in joules: events, ends of bins, idle time, their sum, and energy per event."""
     found = {"events_j": events_j, "ends_j": ends_j, "idle_j": idle_w * second}
     return found | {"decision_j": sum(found.values()), "event_j": events_j / events}
 

@@ -204,7 +204,7 @@ class State:
         return np.clip(v + added, lowest(bits), highest(bits))
 
     def add_events(self, channels: Iterable[int]) -> None:
-        """Add the events of one scan in order."""
+        """Add the input weights of each event of one scan to ``v``, in the order of the events."""
         for channel in channels:
             self.v = self._sum(self.v, self._in[channel])
 

@@ -64,14 +64,14 @@ def idle_settings(made: Experiment, settings: list[str] | None) -> tuple[str, li
 
 
 def parse_points(text: str) -> list[tuple[str, str]]:
-    """Return readout and numbers of every sweep point in a text.
+    """Return a pair (readout, numbers) for each sweep point in a text such as ``lcs:4,rnn:20``.
 
     The numbers are the resolution of an encoder, rate and bits of frames, or frames per step of a baseline.
 
     Raises
     ------
     InputError
-        If the text is not points with commas between, or a point is there twice.
+        If the text is not a list of points separated by commas, or contains a point twice.
     """
     readouts = (*registry.NAMES, *BASELINES, *get_args(FrameKind))
     found = []

@@ -18,7 +18,7 @@ def polarities(pattern: int, taxels: int) -> int:
 
 
 def model_orders(config: ReadoutConfig) -> list[list[int]]:
-    """Return 2 * taxel + polarity of all events of the model, by last row and pattern."""
+    """Return the events of the model as 2 * taxel + polarity, one list per last row and pattern."""
     rows, columns = config.rows, config.columns
     orders = []
     for last in range(rows):
@@ -39,7 +39,7 @@ def model_orders(config: ReadoutConfig) -> list[list[int]]:
 
 
 def rtl_orders(config: ReadoutConfig) -> list[list[int]]:
-    """Return 2 * taxel + polarity of all events of the RTL, with an always-ready sink."""
+    """Return the events of the RTL as 2 * taxel + polarity, one list per last row and pattern; the sink is ready."""
     rows, columns = config.rows, config.columns
     m = Module()
     m.submodules.arbiter = arbiter = Arbiter(config)

@@ -86,7 +86,7 @@ def test_a_line_with_repeaters_still_ends_where_it_did(plain: Array) -> None:
 
 
 def test_a_net_is_loaded_by_its_pins_and_its_wire_and_no_more(plain: Array) -> None:
-    """Check net loads, also for cells in a taxel that read the taxel's own output."""
+    """Check that each net has the load of its pins and its wire, also if a taxel reads its own output."""
     found = drawn(plain)
     load = Timing(found.array, found).load
     drivers, readers = found.array.ends()
