@@ -19,9 +19,6 @@ LONG = (
     "tests/verify/test_coverage.py::test_small_runs",
     "tests/board/test_gateware.py::test_a_foreign_chip",
     "cocotb_tests/test_readout.py::test_verilator_sees_the_same",
-    "cocotb_tests/test_readout.py::test_rtl_equals_model_in_every_encoding[cw-lcs-12x16",
-    "cocotb_tests/test_readout.py::test_rtl_equals_model_in_every_encoding[nlcs-12x16",
-    "cocotb_tests/test_readout.py::test_rtl_equals_model_in_every_encoding[lcs-12x16",
 )
 """Those of five seconds and more, the longest first; a function, or the beginning of a case's name."""
 
