@@ -22,7 +22,7 @@ from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.delivery import constraints, core, description, ports, write
 from eskin.rtl.verilog import verilog
 
-ARRAYS = [(1, 1), (1, 4), (3, 5), (8, 8), (12, 16)]
+ARRAYS = [(1, 1), (1, 4), (3, 5), (8, 8), (5, 9)]
 ENCODINGS = registry.NAMES
 ASYNCHRONOUS = ("aer_ack", "spi_sck", "spi_cs_n", "spi_mosi")
 VARIANTS = [("stream", "digital", "sync"), ("four_phase", "analog", "async")]
@@ -57,19 +57,27 @@ def with_registers() -> list[ReadoutConfig]:
 
 
 def extremes() -> list[dict[str, object]]:
-    """Return configurations with every encoder at the limits of its fields."""
+    """Return configurations with every encoder at the limits of its fields.
+
+    Every width meets every limit of an encoder's own fields, and each of them both front ends.
+    """
     windows = [{"window_period": 1}, {"closing_shift": 0}, {"closing_shift": 16, "window_period": 2**16}]
     leaks = [{"leak_period": 1, "leak_shift": 16, "fraction_bits": 0}, {"leak_period": 2**20, "leak_shift": 1}]
     own: dict[str, Any] = {e.name: windows if e.windowed else leaks if e.leaks else [{}] for e in registry.ENCODERS}
     widths = [(3, 1), (12, 10), (24, 1)]
-    ends = [(encoding, more, width) for encoding in ENCODINGS for more in own[encoding] for width in widths]
+    ends = [
+        (encoding, more, width, frontend)
+        for encoding in ENCODINGS
+        for (m, more), (w, width) in itertools.product(enumerate(own[encoding]), enumerate(widths))
+        for f, frontend in enumerate(("digital", "analog"))
+        if (m + w + f) % 2 == 0 or len(own[encoding]) == 1
+    ]
     fields: list[dict[str, object]] = [
         {"encoding": encoding, "rows": 2, "columns": 3, "frontend": frontend}
-        | {"decide_every": "sample" if (frontend == "analog") ^ i % 2 else "clock"}
+        | {"decide_every": "sample" if i // 2 % 2 else "clock"}
         | {"sample_bits": bits, "resolution": resolution, "fraction_bits": 7}
         | more
-        for i, (encoding, more, (bits, resolution)) in enumerate(ends)
-        for frontend in ("digital", "analog")
+        for i, (encoding, more, (bits, resolution), frontend) in enumerate(ends)
     ]
     # Decay ticks: all rows in one phase, several rows in each, and a phase for every row.
     phases = [(1, 1, 2), (2, 2, 1), (64, 1, 1), (5, 1, 2), (8, 1, 5), (3, 5, 3)]
