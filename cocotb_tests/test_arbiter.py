@@ -304,7 +304,6 @@ ICARUS = [
     ReadoutConfig(rows=2, columns=64, reset="async"),
     ReadoutConfig(rows=64, columns=2, encoding="nlcs"),
     ReadoutConfig(rows=8, columns=8),
-    ReadoutConfig(rows=12, columns=16, reset="async"),
 ]
 VERILATOR = [ReadoutConfig(rows=3, columns=5, reset="async")]
 

@@ -37,13 +37,12 @@ def frame_config(rows: int, columns: int, resolution: int, reset: str = "sync", 
 
 
 CONFIGS = [
-    frame_config(rows, columns, resolution, "async" if number % 2 else "sync")
-    for number, (rows, columns, resolution) in enumerate(
-        (rows, columns, resolution)
-        for rows, columns in [(1, 1), (1, 4), (3, 5), (8, 8), (12, 16)]
-        for resolution in ((1, 6, 10) if rows * columns <= 64 else (10,))
-    )
-] + [
+    frame_config(1, 1, 1),
+    frame_config(1, 1, 10, "async"),
+    frame_config(1, 4, 6),
+    frame_config(3, 5, 1, "async"),
+    frame_config(3, 5, 10),
+    frame_config(8, 8, 6, "async"),
     frame_config(3, 5, 6, word_bits=6),  # a code is a word
     frame_config(2, 3, 5, word_bits=10, settle_clocks=3),  # half a word
     frame_config(4, 1, 22, "async", word_bits=23, sample_bits=24, settle_clocks=2),
@@ -56,9 +55,10 @@ def name(config: FrameConfig) -> str:
     return f"{config.rows}x{config.columns}-{config.resolution}b-{config.word_bits}b-{config.reset}"
 
 
+VERILATOR = frame_config(3, 5, 6, "async")
 CASES = [
     *(pytest.param("icarus", config, id=f"icarus-{name(config)}") for config in CONFIGS),
-    pytest.param("verilator", CONFIGS[7], id=f"verilator-{name(CONFIGS[7])}"),
+    pytest.param("verilator", VERILATOR, id=f"verilator-{name(VERILATOR)}"),
 ]
 
 

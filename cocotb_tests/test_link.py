@@ -218,13 +218,13 @@ async def what_a_receiver_sees_of_a_reset(dut: Any) -> None:
 
 PROPERTIES = ("REQUEST_AFTER_RELEASE", "REQUEST_HELD", "ADDRESS_SETUP", "EveryEventOnceInOrder")
 CONFIGS = [
-    ReadoutConfig(link="four_phase"),
+    ReadoutConfig(rows=2, columns=8, link="four_phase"),
     ReadoutConfig(rows=3, columns=5, link="four_phase", reset="async"),
     ReadoutConfig(rows=1, columns=4, encoding="nlcs", link="four_phase"),
     ReadoutConfig(rows=1, columns=1, encoding="nlcs", link="four_phase", reset="async"),
     ReadoutConfig(rows=1, columns=1, link="four_phase"),
     ReadoutConfig(rows=3, columns=5, link="four_phase_dual"),
-    ReadoutConfig(rows=64, columns=64, encoding="nlcs", link="four_phase", reset="async"),
+    ReadoutConfig(rows=64, columns=2, encoding="nlcs", link="four_phase", reset="async"),
 ]
 
 
@@ -236,7 +236,7 @@ def name(config: ReadoutConfig) -> str:
 
 
 CASES = [
-    *(pytest.param("icarus", config, id=f"icarus-{name(config)}") for config in CONFIGS),
+    *(pytest.param("icarus", config, id=f"icarus-{name(config)}") for config in CONFIGS[1:]),
     pytest.param("verilator", CONFIGS[1], id=f"verilator-{name(CONFIGS[1])}"),
 ]
 
