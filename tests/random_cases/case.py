@@ -166,7 +166,7 @@ def _listed(taxels: int) -> st.SearchStrategy[list[dict[str, Any]]]:
 
 def _taxels(one: st.SearchStrategy[int], taxels: int) -> st.SearchStrategy[list[int]]:
     """Draw a value for every taxel from few different values."""
-    return st.lists(one, min_size=1, max_size=MOST_SIDE**2).map(lambda few: [few[n % len(few)] for n in range(taxels)])
+    return st.lists(one, min_size=1, max_size=taxels).map(lambda few: [few[n % len(few)] for n in range(taxels)])
 
 
 def _held(what: st.SearchStrategy[Any]) -> st.SearchStrategy[list[tuple[Any, int]]]:
