@@ -73,9 +73,7 @@ def proofs() -> None:
     )
     report["commit"] = report["commit"].replace("; the ", ", for the ")
     proved = sum(row["unbounded"] and not row["problems"] for row in report["properties"])
-    source(
-        report, f". The solvers proved {proved} of {len(report['properties'])} properties for any number of clocks"
-    )
+    source(report, f". The solvers proved {proved} of {len(report['properties'])} properties for any number of clocks")
 
 
 def proof_mutants() -> dict[str, int]:
