@@ -199,7 +199,7 @@ def weight_frames(weights: IntegerWeights, word_bytes: int) -> Iterator[bytes]:
 
 
 def load(link: Link, weights: IntegerWeights, on_frame: Callable[[], object] = lambda: None) -> None:
-    """Write weights into a board, which also resets the chip."""
+    """Write weights into the memories of a board and reset its chip."""
     for payload in weight_frames(weights, link.said["word_bytes"]):
         link.send(Kind.WEIGHTS, payload)
         on_frame()

@@ -90,7 +90,7 @@ class StimulusDriver:
 
 
 def _pack(bits: NDArray[Any]) -> NDArray[np.uint8]:
-    """Return rows of bits, lowest first, as rows of bytes, most significant first."""
+    """Pack each row of bits into bytes; the first bit becomes the least significant bit of the last byte."""
     padding = -bits.shape[1] % 8
     return np.packbits(np.pad(bits[:, ::-1].astype(np.uint8), ((0, 0), (padding, 0))), axis=1)
 

@@ -157,7 +157,7 @@ class OpenstaPower:
         }
 
     def _depth(self, cell: Cell) -> int:
-        """Return the number of clock gates before a clock gate in the clock network."""
+        """Return the number of clock gates that the clock passes before it reaches this clock gate."""
         gate, depth = self.library.cells[cell.kind].gate, 0
         before = self._driver.get(cell.pins[gate.clock]) if gate else None
         while before is not None:

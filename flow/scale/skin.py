@@ -186,7 +186,7 @@ def _moved(net: int, first: int) -> int:
 
 
 def _piece(design: dict[str, Any], name: str) -> Piece:
-    """Return a flat Yosys module as a part."""
+    """Return cells, ports and nets of a Yosys module that contains no other module."""
     module = design["modules"][name]
     numbers = numbered(module)
     return Piece(

@@ -101,14 +101,14 @@ def last_clock(happens: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _packed(bits: NDArray[np.uint8]) -> NDArray[np.uint64]:
-    """Return bits of runs packed into words, shape (clocks, bits, WORDS)."""
+    """Pack the bits of the runs into words of 64 runs each; return shape (clocks, bits, WORDS)."""
     if bits.ndim == 2:
         return np.where(bits[:, :, None] != 0, ~np.uint64(0), np.uint64(0)).repeat(WORDS, axis=2)
     return np.packbits(bits, axis=2, bitorder="little").view("<u8")
 
 
 def _unpacked(words: NDArray[np.uint64]) -> NDArray[np.uint8]:
-    """Return packed words as bits of runs, shape (clocks, LANES)."""
+    """Unpack words of 64 runs each into one bit for each run; return shape (clocks, LANES)."""
     return np.unpackbits(np.ascontiguousarray(words).view(np.uint8), axis=1, bitorder="little")
 
 

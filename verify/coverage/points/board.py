@@ -96,7 +96,7 @@ def _player(config: BoardConfig) -> Named:
 
 
 def _receiver() -> Named:
-    """Yield the points of stored and lost events from another chip."""
+    """Yield the points of a board that records another chip: its link, stored events, lost events."""
     yield "event kept", "event_valid && idle"
     yield "event waits for a record", "event_valid && !idle"
     yield "event lost", "aer.lost_now"
