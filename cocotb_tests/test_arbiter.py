@@ -305,7 +305,6 @@ ICARUS = [
     ReadoutConfig(rows=64, columns=2, encoding="nlcs"),
     ReadoutConfig(rows=8, columns=8),
 ]
-VERILATOR = [ReadoutConfig(rows=3, columns=5, reset="async")]
 
 
 def name(config: ReadoutConfig) -> str:
@@ -313,10 +312,7 @@ def name(config: ReadoutConfig) -> str:
     return f"{config.rows}x{config.columns}-{'bipolar' if config.has_polarity else 'unipolar'}-{config.reset}"
 
 
-CASES = [
-    *(pytest.param("icarus", config, id=f"icarus-{name(config)}") for config in ICARUS),
-    *(pytest.param("verilator", config, id=f"verilator-{name(config)}") for config in VERILATOR),
-]
+CASES = [pytest.param("icarus", config, id=f"icarus-{name(config)}") for config in ICARUS]
 
 
 @pytest.mark.parametrize(("simulator", "config"), CASES)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import pytest
 
 from eskin.base.errors import InputError
 from eskin.cocotb_tests.runner import build_cache as store
+from eskin.cocotb_tests.runner import cocotb_runners as runners
 from eskin.cocotb_tests.runner import simulator
 from eskin.cocotb_tests.runner.build_cache import ROOT
 from eskin.model.config import ReadoutConfig
@@ -119,10 +121,13 @@ def test_a_program_that_was_planted_is_not_run(tmp_path: Path, monkeypatch: pyte
 
 def test_verilators_library_is_compiled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(simulator, "BUILD", tmp_path)
-    for rows in (1, 2):
-        log = (simulator.build(ReadoutConfig(rows=rows, columns=1), "verilator").folder / "build.log").read_text()
-        assert log.count(" -c -o Vtop__ALL.o ") == 1
-    assert " -c -o verilated" not in log
+    monkeypatch.setattr(runners, "OPTIMISE", "-O0")
+    config, flags = ReadoutConfig(rows=1, columns=1), (*runners.VERILATOR_FLAGS, "--coverage-line")
+    simulator.build(config, "verilator")
+    with simulator.instrumented(simulator.Instruments(flags, store.verilog_text, "", lambda *_: None)):
+        log = (simulator.build(config, "verilator").folder / "build.log").read_text()
+    assert log.count(" -c -o Vtop__ALL.o ") == 1
+    assert set(re.findall(r" -c -o (verilated\w*)\.o ", log)) <= {"verilated_cov"}
 
 
 def test_a_killed_build_leaves_nothing_that_runs_and_the_next_removes_its_folder(tmp_path: Path) -> None:
