@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from pathlib import Path
 from typing import Any, get_args
@@ -31,9 +32,9 @@ TILES = TilesConfig.of(SMALL, 1, 2, 1)
 
 KINDS: dict[str, Config] = {
     **{f"{code} by the clock": READOUT.replace(encoding=code) for code in registry.NAMES},
-    **{f"{code} by the tick": READOUT.replace(encoding=code, decide_every="sample") for code in registry.NAMES},
-    **{f"{code} outside": READOUT.replace(encoding=code, **OUTSIDE) for code in registry.NAMES},
-    **{f"{code} registers": READOUT.replace(encoding=code, registers="spi") for code in registry.NAMES},
+    **{f"{code} by the tick": READOUT.replace(encoding=code, decide_every="sample") for code in registry.NAMES[1::2]},
+    **{f"{code} outside": READOUT.replace(encoding=code, **OUTSIDE) for code in registry.NAMES[::2]},
+    **{f"{code} registers": READOUT.replace(encoding=code, registers="spi") for code in registry.NAMES[::2]},
     "registers outside": SMALL.replace(registers="spi", **OUTSIDE),
     "frames": FrameConfig(readout=READOUT),
     "tiles": TILES,
@@ -47,10 +48,16 @@ def test_there_is_a_design_of_every_kind() -> None:
     assert {type(config) for config in KINDS.values()} == {*get_args(Config), TilesConfig}
 
 
+@functools.cache
+def texts(kind: str) -> tuple[str, str]:
+    """Return RTLIL and Verilog of a design."""
+    return rtlil(KINDS[kind]), verilog(KINDS[kind])
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_text_is_proved_equal_to_the_rtlil(kind: str) -> None:
-    text = rtlil(KINDS[kind])
-    points = prove(text, verilog(KINDS[kind]))
+    text, delivered = texts(kind)
+    points = prove(text, delivered)
     assert set(points) == set(yosys.modules(text))
     assert sum(points.values()) > 15
 
@@ -90,11 +97,11 @@ WRONG = {
 @pytest.mark.parametrize("what", WRONG)
 def test_a_wrong_text_is_found(what: str) -> None:
     kind, old, new, problem = WRONG[what]
-    text = verilog(KINDS[kind])
+    gold, text = texts(kind)
     wrong = re.sub(old, new, text, count=0 if what == "a module" else 1)
     assert wrong != text
     with pytest.raises(Different, match=problem):
-        prove(rtlil(KINDS[kind]), wrong)
+        prove(gold, wrong)
 
 
 def test_the_command_proves_what_it_writes(tmp_path: Path) -> None:
