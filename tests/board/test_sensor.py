@@ -23,6 +23,7 @@ from eskin.board.sensor import PARTS, Part, SensorConfig
 from eskin.board.session import as_events
 from eskin.cocotb_tests.bench.chip import network_of
 from eskin.cocotb_tests.bench.line import CLOCK_NS, Line
+from eskin.cocotb_tests.runner import cocotb_runners as runners
 from eskin.cocotb_tests.runner.simulator import build
 from eskin.model.classifier.chip import simulate_chip
 from eskin.model.classifier.chip_config import ChipConfig
@@ -176,7 +177,10 @@ async def later(dut: Any, converter: Converter, wait_ns: float) -> None:
         dut.miso.value = converter.level
 
 
-def test_the_classes_of_a_skin_at_the_board_need_no_samples_of_the_host(tmp_path: Path) -> None:
+def test_the_classes_of_a_skin_at_the_board_need_no_samples_of_the_host(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runners, "OPTIMISE", "-O0")  # compiling takes longer than the run
     chip = skin_chip()
     rng = np.random.default_rng(5)
     walk = 2048 + np.cumsum(rng.integers(-70, 71, (TICKS, 3, 4)), axis=0)
