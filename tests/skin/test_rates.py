@@ -21,7 +21,7 @@ from eskin.base.workers.pool import Local
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.taxel import encode
-from eskin.skin.textures.dataset import Dataset, directory_dataset, embedded_dataset, open_dataset
+from eskin.skin.textures.dataset import Dataset, Texture, directory_dataset, embedded_dataset, open_dataset
 from eskin.skin.textures.physical import PhysicalScan
 from eskin.skin.textures.presets import preset
 from eskin.skin.textures.rates import PUBLISHED_RATES_HZ, measure_rates, published_rate_hz
@@ -78,7 +78,9 @@ def test_published_rates_are_met(kylberg, encoding, resolution):
     assert rates.clipped_samples == 0
 
 
-def test_published_rates_are_only_for_what_was_published(kylberg):
+def test_published_rates_are_only_for_what_was_published():
+    textures = tuple(Texture(f"stone/{number}", "stone", 0, Path()) for number in range(240))
+    kylberg = Dataset("kylberg", ("stone",), textures)
     config = paper("lcs", 6)
     assert published_rate_hz(kylberg, PAPER, config) == 99110.85
     assert published_rate_hz(kylberg.limit(10), PAPER, config) is None

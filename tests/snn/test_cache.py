@@ -147,7 +147,7 @@ def test_the_entries_used_longest_ago_go_first(kept: Path, monkeypatch: pytest.M
 def test_the_command_shows_and_clears(kept: Path) -> None:
     cache.kept("a", easy_data)
     shown = CliRunner().invoke(app, ["cache"])
-    assert f"{kept.parent}: 1 recorded scans, 0.0 MB of at most 1074 MB" in shown.output
+    assert shown.output == f"{kept.parent}: 1 recorded scans, 0.0 MB of at most 1074 MB\n"
     assert CliRunner().invoke(app, ["cache", "--clear"]).output.startswith("removed 1 recorded scans")
     assert not list(kept.iterdir())
 
@@ -164,6 +164,7 @@ def test_a_folder_that_others_can_write_to_or_a_link_is_not_believed(
     (tmp_path / "link").symlink_to(tmp_path / "other")
     monkeypatch.setenv("ESKIN_CACHE", str(tmp_path / "link"))
     assert place.usable() is None
+    assert "the folder is not used: it cannot be written" in CliRunner().invoke(app, ["cache"]).output
     monkeypatch.setenv("ESKIN_CACHE", str(tmp_path / "mine"))
     monkeypatch.setattr(os, "getuid", lambda: 123456)
     assert place.usable() is None, "it is another user's"

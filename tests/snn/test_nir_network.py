@@ -280,7 +280,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "weights": ({"fc2": nir.Linear(weight=np.full((2, 5), np.nan))}, "node 'fc2' has weights that are not finite"),
     "no leak": (
         {"if2": nir.LIF(*[np.array([0.01, 0.02])] + [np.ones(2)] * 3), "lif1": nir.IF(np.ones(5), np.ones(5))},
-        "node 'lif1' has no leak, while those of 'if2' differ",
+        "node 'lif1' has no leak, while those of 'if2' differ; give it a long tau",
     ),
     "layer": ({"fc2": nir.Flatten(input_type={"input": np.array([5])})}, "node 'fc2' is of type Flatten"),
     "parameters": (

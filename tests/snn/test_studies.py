@@ -92,9 +92,13 @@ def test_a_touch_that_rests_sends_no_events_and_all_frames(textures: Dataset) ->
 
 
 def test_errors_are_to_the_nearest_crossing_of_the_same_level() -> None:
-    true = {(0, 1, True): np.array([0.1, 0.2]), (0, 1, False): np.array([0.15]), (1, 1, True): np.array([0.3])}
-    found = {(0, 1, True): np.array([0.101, 0.24]), (0, 1, False): np.array([0.149, 0.1501]), (2, 1, True): np.ones(1)}
-    assert sorted(_errors(true, found).tolist()) == pytest.approx([0.0001, 0.001])
+    true = {(0, 1, True): np.array([0.1, 0.2, 0.3]), (0, 1, False): np.array([0.15]), (1, 1, True): np.array([0.3])}
+    found = {
+        (0, 1, True): np.array([0.101, 0.24, 0.298, 0.4]),
+        (0, 1, False): np.array([0.149, 0.1501]),
+        (2, 1, True): np.ones(1),
+    }
+    assert sorted(_errors(true, found).tolist()) == pytest.approx([-0.002, 0.0001, 0.001])
 
 
 def test_events_know_times_to_a_sample_and_frames_to_a_period(textures: Dataset) -> None:
