@@ -98,9 +98,23 @@ def test_the_files_of_a_chip_are_clean_and_agree(tmp_path: Path) -> None:
     described = json.loads(paths[2].read_text())
     assert ChipConfig.from_dict(described["configuration"]) == CHIPS[0]
     assert described["clock_hz"] == CHIPS[0].readout.clock_hz
-    names = {port["name"] for port in described["ports"]}
-    assert {"sample", "taxel_enable", "event_channel", "class_index", "load_data"} <= names
-    assert not {"bin_end", "event_row"} & names
+    widths = {port["name"]: port["width"] for port in described["ports"]}
+    assert {name: width for name, width in widths.items() if width > 1} == {
+        "taxel_enable": 15,
+        "sample": 15 * 12,
+        "load_address": 9,
+        "load_data": 4 * 8,
+        "event_channel": 5,
+        "class_index": 2,
+        "evidence": 3 * 24,
+        "stall_count": 24,
+        "hidden_index": 5,
+        "hidden_potential": 24,
+        "output_index": 2,
+        "output_potential": 20,
+    }
+    assert {"sample_valid", "scan_start", "class_valid", "overrun"} < set(widths)
+    assert not {"bin_end", "event_row"} & set(widths)
 
 
 def test_what_does_not_fit_is_refused_in_one_sentence() -> None:
