@@ -7,6 +7,7 @@
 # ruff: noqa: F403
 from docs.tables.accuracy import *
 from docs.tables.energy import *
+from docs.tables.finger import *
 from docs.tables.generated import *
 from docs.tables.netlists import *
 from docs.tables.power import *

@@ -66,6 +66,38 @@ def chain(cells: str) -> dict[str, Any]:
     }
 
 
+def at_rates(events_hz: float, bins_hz: float, spikes: float, clock_hz: float, taxels: int) -> dict[str, float]:
+    """Return the power of readout and 128-128-6 network in IHP cells at given rates, in watts, in parts.
+
+    Leakage is that of the cells and macros. The rest of the power without events grows with the clock.
+
+    Parameters
+    ----------
+    events_hz, bins_hz : float
+        Events and bins per second.
+    spikes : float
+        Mean hidden spikes of a bin.
+    clock_hz : float
+    taxels : int
+    """
+    config = ChipConfig.from_dict(read("docs/data/touch.json")["chip"]).classifier
+    logic, readout = read("docs/data/asic/classifier-ihp.json"), read("docs/data/asic/lcs-digital-8x8-ihp.json")
+    memories = {name: one for name, one in read("docs/data/asic/memories-ihp.json").items() if name != "note"}
+    work_j = work_clocks(config, spikes, spikes) * logic["energy_per_clock_of_work_j"]  # type: ignore[arg-type]
+    neurons = config.hidden + config.classes + spikes * config.classes
+    reads_j = spikes * config.groups * memories["recurrent"]["read_j"] + neurons * memories["neurons"]["read_j"]
+    event_j = logic["energy_per_event_j"] + readout["energy_per_texture_event_j"]
+    leakage = taxels * readout["leakage_w_per_taxel"] + logic["leakage_w"]
+    idle = taxels * readout["idle_w_per_taxel"] + logic["idle_w"] - leakage
+    found = {
+        "events": events_hz * (event_j + config.groups * memories["inputs"]["read_j"]),
+        "ends": bins_hz * (work_j + reads_j),
+        "idle": idle * clock_hz / logic["clock_hz"],
+        "leakage": leakage + sum(one["leakage_w"] for one in memories.values()),
+    }
+    return found | {"total": sum(found.values())}
+
+
 def _part(events_j: float, ends_j: float, idle_w: float, events: float, second: float) -> dict[str, float]:
     """Return the energies of a part in joules: events, ends of bins, idle time, their sum, and energy per event."""
     found = {"events_j": events_j, "ends_j": ends_j, "idle_j": idle_w * second}

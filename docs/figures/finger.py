@@ -1,0 +1,65 @@
+"""Draw docs/figures/finger.png: accuracy against data rate on recordings of a robot finger.
+
+``python -m docs.figures.finger`` from the top of the project.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from docs.tables.finger import KINDS, TARGETS, accuracies, finger_report, name_of
+from eskin.base.figures.style import GREY, dress, new_figure, save_figure
+from eskin.skin.figures.readouts import look
+
+HERE = Path(__file__)
+
+
+def main() -> None:
+    """Draw the figure."""
+    report = finger_report()
+    figure = new_figure(10.5, 4.4, "A real finger, seven fabrics: accuracy against data rate")
+    panels = dict(zip(KINDS, figure.subplots(1, len(KINDS), sharey=True), strict=True))
+    goals = dict(TARGETS.values())
+    for kind, panel in panels.items():
+        dress(panel, {"repetition": "other repetition"}.get(kind, kind.replace("mean of ", "")))
+        panel.axhline(100 * goals[kind], color=GREY, lw=1, ls=":")
+        panel.annotate(
+            "target",
+            (0, 100 * goals[kind]),
+            xycoords=panel.get_yaxis_transform(),
+            xytext=(3, 3),
+            textcoords="offset points",
+            fontsize=8,
+            color=GREY,
+        )
+        panel.set_xlabel("kbit/s on the link", fontsize=8.5)
+        panel.set_xlim(0.8, 2.2)
+        for point in report["points"]:
+            style, above = look(point["readout"]), 2 + (point["readout"] != "frame")
+            rate, label = 1e-3 * point["bits_per_s"], name_of(point)
+            if point["readout"] != "frame":
+                label += f", {point['events_per_s']:.0f} events/s"
+            for name, filling in (("network", style.colour), ("statistic", "white")):
+                reached = accuracies(report, point[name])
+                if kind in reached:
+                    shown = {"label": label} if name == "network" else {}
+                    panel.plot(rate, 100 * reached[kind], style.marker, color=style.colour, mfc=filling, ms=7,
+                               zorder=above, **shown)  # fmt: skip
+    first = next(iter(panels.values()))
+    first.set_ylabel("accuracy (%)", fontsize=8.5)
+    legend = figure.legend(
+        *first.get_legend_handles_labels(),
+        loc="outside lower left",
+        ncols=3,
+        fontsize=8,
+        frameon=False,
+        alignment="left",
+        title="filled: spiking network; open: logistic regression on statistics",
+        title_fontsize=8,
+    )
+    legend.get_title().set_color(GREY)
+    save_figure(figure, HERE.with_suffix(".png"))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,216 @@
+"""Tables of the recordings of a robot finger: accuracy, data rate and energy of events and frames."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from docs.tables.energy import at_rates
+from docs.tables.write import digits, filled, only, read, source, table
+from eskin.snn.experiments.pairs import mcnemar
+from eskin.snn.reference import score
+
+REPETITION = "repetition 1"
+KINDS = {"repetition": "repetition 1", "mean of six speeds": "mm/s", "mean of five pressures": "pressure"}
+"""Groups of folds, and a text in the names of their folds."""
+
+TARGETS = {
+    "repetition, at least 99 %": ("repetition", 0.99),
+    "one speed left out, at least 95 % on average": ("mean of six speeds", 0.95),
+    "one pressure left out, above 84.8 % on average": ("mean of five pressures", 0.848),
+}
+
+
+def finger_report() -> dict[str, Any]:
+    """Return the stored comparison."""
+    return dict(read("docs/data/finger.json"))
+
+
+def accuracies(report: dict[str, Any], predicted: dict[str, str]) -> dict[str, float]:
+    """Return the accuracy by fold, and by group of folds if no fold is missing."""
+    folds = (one for one in report["folds"] if one["fold"] in predicted)
+    return _grouped(report, {one["fold"]: float(_right(one, predicted).mean()) for one in folds})
+
+
+def _grouped(report: dict[str, Any], found: dict[str, float]) -> dict[str, float]:
+    """Return accuracies by fold, and their means over the groups of folds that are complete."""
+    means = {}
+    for kind, part in KINDS.items():
+        names = [one["fold"] for one in report["folds"] if part in one["fold"]]
+        if set(names) <= set(found):
+            means[kind] = float(np.mean([found[name] for name in names]))
+    return found | means
+
+
+def name_of(point: dict[str, Any]) -> str:
+    """Return readout and resolution of a point as text."""
+    if point["readout"] == "frame":
+        return filled("frames {rate_hz:.1f} Hz {bits} b", point)
+    return filled("{readout:E} {bits} b", point)
+
+
+def finger_reached() -> dict[str, dict[str, float]]:
+    """Return percentages by group of folds, and data rates, of each point for sentences."""
+    report, short = finger_report(), ("repetition", "speeds", "pressures")
+    found = {}
+    for point in report["points"]:
+        reached = accuracies(report, point["network"])
+        percent = {name: 100 * reached[kind] for name, kind in zip(short, KINDS, strict=True) if kind in reached}
+        percent |= {"events": point["events_per_s"], "kbps": 1e-3 * point["bits_per_s"]}
+        found[re.sub(r"\W", "_", point["point"])] = percent
+    return found
+
+
+def _rows(report: dict[str, Any], columns: list[dict[str, float]]) -> Iterable[list[str]]:
+    """Yield a row for each fold and each group of several folds."""
+    names = [one["fold"] for one in report["folds"]]
+    for kind, part in KINDS.items():
+        of_kind = [name for name in names if part in name]
+        for name in [*of_kind, *([kind] if len(of_kind) > 1 else [])]:
+            cells = [f"{100 * column[name]:.1f} %" if name in column else "-" for column in columns]
+            yield [f"**{name}**", *(f"**{cell}**" for cell in cells)] if name == kind else [name, *cells]
+
+
+def finger() -> None:
+    """Print the accuracy of the network by fold and readout."""
+    report = finger_report()
+    columns = [accuracies(report, point["network"]) for point in report["points"]]
+    table(["test recordings", *map(name_of, report["points"])], _rows(report, columns))
+    source(report, ": {recordings} recordings, {seconds:,.0f} s; one seed")
+
+
+def finger_statistics() -> None:
+    """Print the accuracy of a logistic regression by fold and readout, and of the most frequent class."""
+    report = finger_report()
+    points = [point for point in report["points"] if point["statistic"]]
+    columns = [accuracies(report, point["statistic"]) for point in points]
+    for name in ("signals_right", "most_frequent_right"):
+        columns.append(_grouped(report, {one["fold"]: one[name] / len(one["labels"]) for one in report["folds"]}))
+    titles = [*map(name_of, points), "original signals", "most frequent class"]
+    table(["test recordings", *titles], _rows(report, columns))
+
+
+def finger_rates() -> None:
+    """Print data rate, power and energy of each readout beside its accuracy."""
+    report = finger_report()
+    rows = []
+    for point in report["points"]:
+        reached, events = accuracies(report, point["network"]), point["readout"] != "frame"
+        labels = np.array(list(map(int, only(report["folds"], fold=REPETITION)["labels"])))
+        balanced = score(labels, np.array(list(map(int, point["network"][REPETITION]))))["balanced_accuracy"]
+        watts = _classifier_w(report, point) if events and point["spikes_per_step"] else None
+        nanowatts = "-" if point["readout_w"] is None else digits(1e9 * point["readout_w"], 2)
+        rows.append(
+            [
+                name_of(point),
+                f"{point['events_per_s']:.0f}" if events else "-",
+                f"{1e-3 * point['bits_per_s']:.2f}",
+                nanowatts,
+                "-" if watts is None else f"{1e6 * watts['total']:.2f}",
+                "-" if watts is None else f"{1e6 * watts['total'] * report['seconds'] / report['recordings']:.0f}",
+                f"{100 * reached['repetition']:.1f} % ({100 * balanced:.1f} %)",
+                *(f"{100 * reached[kind]:.1f} %" if kind in reached else "-" for kind in list(KINDS)[1:]),
+            ]
+        )
+    table(
+        "readout | events/s | kbit/s | readout, nW | chip, uW | chip, uJ a decision | repetition (balanced) | "
+        "one speed left out | one pressure left out",
+        rows,
+    )
+
+
+def _classifier_w(report: dict[str, Any], point: dict[str, Any]) -> dict[str, float]:
+    """Return the power of the digital chip for events, ends of bins and rest, and their sum, in watts."""
+    return at_rates(
+        events_hz=point["events_per_s"],
+        bins_hz=1 / point["bin_s"],
+        spikes=point["spikes_per_step"] * report["network"]["hidden"],
+        clock_hz=report["rtl"]["clock_hz"],
+        taxels=16,
+    )
+
+
+def finger_energy() -> dict[str, Any]:
+    """Return values for the sentences about energy: parts of the power of the first point."""
+    report = finger_report()
+    found = _classifier_w(report, report["points"][0])
+    return {name: 1e6 * value for name, value in found.items()} | {
+        "clock_khz": 1e-3 * report["rtl"]["clock_hz"],
+        "mean_s": report["seconds"] / report["recordings"],
+        "frames_nw": 1e9 * only(report["points"], point="frame:12.22:9")["readout_w"],
+        "lcs_nw": 1e9 * report["points"][0]["readout_w"],
+    }
+
+
+def finger_pairs() -> None:
+    """Print how many recordings only events or only frames classify correctly, by readout and group of folds."""
+    report = finger_report()
+    encoders, frames = _kinds(report)
+    rows = []
+    for point in encoders:
+        other = min(frames, key=lambda one: abs(one["bits_per_s"] - point["bits_per_s"]))
+        cells = [name_of(other)]
+        for part in KINDS.values():
+            folds = [fold for fold in report["folds"] if part in fold["fold"]]
+            if any(fold["fold"] not in one["network"] for fold in folds for one in (point, other)):
+                cells.append("-")
+                continue
+            first = np.concatenate([_right(fold, point["network"]) for fold in folds])
+            second = np.concatenate([_right(fold, other["network"]) for fold in folds])
+            parted = {"a": int((first & ~second).sum()), "b": int((second & ~first).sum())}
+            cells.append(filled("{a} / {b}, p = {p:p}", parted | {"p": mcnemar(*parted.values())}))
+        rows.append([name_of(point), *cells])
+    table("events | frames | repetition | one speed left out | one pressure left out", rows)
+
+
+def _kinds(report: dict[str, Any]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return the points of encoders, and those of frames."""
+    frames = [point for point in report["points"] if point["readout"] == "frame"]
+    return [point for point in report["points"] if point["readout"] != "frame"], frames
+
+
+def _right(fold: dict[str, Any], predicted: dict[str, str]) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Return whether each prediction of a fold is correct."""
+    return np.array([a == b for a, b in zip(fold["labels"], predicted[fold["fold"]], strict=True)])
+
+
+def finger_targets() -> None:
+    """Print each target with the best encoder, and with the best frames."""
+    report = finger_report()
+    rows = []
+    for text, (kind, wanted) in TARGETS.items():
+        cells = []
+        for points in _kinds(report):
+            reached = [(accuracies(report, point["network"]).get(kind, 0.0), name_of(point)) for point in points]
+            best, name = max(reached)
+            cells.append(f"{'met' if best >= wanted else 'missed'}: {100 * best:.1f} % ({name})")
+        rows.append([text, *cells])
+    table("target | best encoder | best frames", rows)
+
+
+def finger_candidates() -> None:
+    """Print the candidates among which inner validation chose, on training recordings alone."""
+    found: dict[str, dict[str, Any]] = {}
+    for one in finger_report()["candidates"]:
+        row = found.setdefault(one["point"], {"readout": one["point"].partition("@")[0]} | one)
+        row[one["how"]] = f"{one['right']} of {one['of']}"
+    cells = "`{readout}` | {bin_s:1e3*.0f} | {bits_per_s:1e-3*.2f} | {?regression} | {?network}"
+    table("readout | bin or frame, ms | kbit/s | regression | network", found.values(), cells)
+
+
+def finger_chip() -> None:
+    """Print the number of correct finger recordings in float, in integers and in RTL, for two trainings."""
+    report = finger_report()
+    total, rtl = len(only(report["folds"], fold=REPETITION)["labels"]), report["rtl"]
+    rows = []
+    for one in (report["integer"], report["integer"]["earlier"]):
+        right = {bits["bits"]: bits["right"] for bits in one["bits"]}
+        cells = [f"{right[bits]} of {total}" if bits in right else "-" for bits in (8, 4)]
+        played = filled("{right} of {labelled} (float: {right_float} of {float_known})", rtl)
+        same = one["commit"] == rtl["commit"]
+        rows.append([f"commit {one['commit']}", f"{one['right_float']} of {total}", *cells, played if same else "-"])
+    table("training | float | integers, weights of 8 b | weights of 4 b | RTL, weights of 8 b", rows)
+    source(rtl, ": {clocks:,} clocks, {events:,} events, {mismatches} mismatches")
