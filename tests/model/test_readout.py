@@ -21,7 +21,8 @@ from eskin.model.encoders import registry
 from eskin.model.readout import Stimulus, simulate, state_at
 from eskin.model.taxel import EVENT_LATENCY, encode_timed, uncontended_events
 
-ARRAYS = [(1, 1), (1, 4), (3, 5), (2, 2), (6, 1), (1, 64), (2, 33), (17, 3)]
+SMALL = [(1, 1), (1, 4), (3, 5), (2, 2), (6, 1)]
+ARRAYS = [*SMALL * 3, (1, 64), (2, 33), (17, 3)]  # of the large ones few: the reference takes ten times as long
 ENCODINGS = registry.NAMES
 
 
@@ -100,7 +101,7 @@ def stimuli(draw: st.DrawFn, config: ReadoutConfig, **fixed: Any) -> Stimulus:
 # -- the model is the reference ----------------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=800)
+@settings(deadline=None, max_examples=500)
 @given(st.data())
 def test_model_equals_the_reference_event_by_event(data: st.DataObject) -> None:
     config = data.draw(configs())
