@@ -7,11 +7,14 @@ from collections.abc import Sequence
 from tests.quick import fits
 
 LONG = (
-    "tests/verify/test_coverage.py::test_a_dead_line",
+    "tests/independent/test_agreement.py::test_skins_of_tiles",
+    "tests/docs/test_site.py::test_the_site",
+    "tests/model/test_readout.py::test_model_equals_the_reference",
+    "tests/test_wheel.py::test_commands_work_elsewhere",
     "tests/docs/test_tutorial.py::test_the_page_shows",
     "tests/board/test_gateware.py::test_a_recording",
-    "tests/test_wheel.py::test_commands_work_elsewhere",
-    "tests/docs/test_site.py::test_the_site",
+    "tests/board/test_sensor.py::test_the_classes",
+    "tests/verify/test_coverage.py::test_a_dead_line",
     "tests/board/test_demo.py::test_the_page",
     "tests/snn/test_train.py::test_a_killed_command",
     "tests/snn/test_sweep.py::test_a_sweep_outlives",
@@ -20,7 +23,11 @@ LONG = (
     "tests/board/test_gateware.py::test_a_foreign_chip",
     "cocotb_tests/test_readout.py::test_verilator_sees_the_same",
 )
-"""Those of five seconds and more, the longest first; a function, or the beginning of a case's name."""
+"""Those of five seconds and more; a function, or the beginning of a case's name.
+
+The first of two workers begins with the tests that compile the model for every encoder, the second one with tests that
+do not need it: else both would compile it.
+"""
 
 
 def long_first(nodes: Sequence[str], workers: int) -> list[int]:
