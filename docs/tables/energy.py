@@ -143,8 +143,13 @@ def energy_peers() -> None:
                 "this page",
             ]
         )
-    elsewhere = ["OSU 180 nm, gates"] * ("osu" not in CHIPS) + ["ECP5 FPGA"]
-    rows += [["this project", name, *["the same"] * 3, NOT_MEASURED, "", ""] for name in elsewhere]
+    if "osu" not in CHIPS:
+        rows.append(["this project", "OSU 180 nm, gates", *["the same"] * 3, NOT_MEASURED, "", ""])
+    board, touch = read("docs/data/fpga/player-embedded-ulx3s.json"), read("docs/data/touch.json")
+    used = f"{board['luts']:,} LUT4, {board['block_rams']} block RAMs"
+    contents = f"readout, serial link and a smaller network (128-64-3): {used}"
+    clocks = f"{touch['clocks'] / touch['images']:,.0f} clocks a decision"
+    rows.append(["this project", "ECP5 FPGA", *["the same"] * 2, contents, "no open power model", clocks, "this page"])
     for peer in read("docs/data/classifier/peers.json")["peers"]:
         energy = "not given" if peer["decision_j"] is None else digits(1e6 * peer["decision_j"], 3)
         link = f"[{peer['source'].split('/')[2].removeprefix('www.')}]({peer['source']})"

@@ -207,6 +207,24 @@ def layout() -> None:
     )
 
 
+def layout_macros() -> None:
+    """Print the checks of abstracts and timing models of the layouts."""
+    rows = [
+        report
+        | report["configuration"]
+        | {"differ": len(report["macro"]["differ"]), "mhz": 1e3 / report["macro"]["period_ns"]}
+        for report in reports("layout").values()
+        if report.get("macro")
+    ]
+    table(
+        "readout | pins in the abstract | differences between abstract and layout | highest clock, MHz"
+        " | largest difference between model and netlist, ns | commit",
+        rows,
+        "{encoding:E}, {frontend}, {rows} x {columns} | {macro[pins]} | {differ} | {mhz:.0f}"
+        " | {macro[difference_ns]:.3f} | {commit}",
+    )
+
+
 def _fpga(classifier: bool, more_titles: str = "", more_cells: str = "") -> None:
     rows = []
     for name, report in reports("fpga").items():

@@ -9,8 +9,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from eskin.base.errors import InputError
+from eskin.flow import opensta
+from eskin.flow.macro import characterise
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).resolve().parents[2]
 VENV = ROOT / ".venv-layout"
 PROGRAMS = Path(__file__).parent
 REQUIREMENTS = PROGRAMS / "requirements.txt"
@@ -40,6 +42,8 @@ def check() -> None:
         raise InputError(NO_PACKAGES)
     if shutil.which("klayout") is None:
         raise InputError(NO_KLAYOUT)
+    characterise.check_program()
+    opensta.check_program()
 
 
 def run(program: str, *words: str, folder: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,9 @@ from eskin.flow.layout.checks import Comparison, Rules
 from eskin.flow.layout.circuit import Circuit
 from eskin.flow.layout.environment import REQUIREMENTS
 from eskin.model.config import NO_LOGIC, ReadoutConfig
+
+MOST_APART_NS = 0.1
+"""Largest difference between the timing model and the netlist between the points of the model's tables."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,28 @@ class Try:
 
 
 @dataclass(frozen=True)
+class Macro:
+    """Check results of the LEF abstract and the timing model of a layout.
+
+    Attributes
+    ----------
+    pins : int
+        Of the abstract, read back by KLayout.
+    differ : tuple of str
+        Differences between the abstract and the layout.
+    period_ns : float
+        Shortest clock period between flops of the layout, by OpenSTA with estimated wires.
+    difference_ns : float
+        Largest difference between times of the model and of the netlist.
+    """
+
+    pins: int
+    differ: tuple[str, ...]
+    period_ns: float
+    difference_ns: float
+
+
+@dataclass(frozen=True)
 class Report:
     """A layout and its check results.
 
@@ -55,6 +80,8 @@ class Report:
     comparison : Comparison or None
         None where it was left out, or there was nothing to compare.
     seconds : dict of str to float
+    macro : Macro or None
+        None where no layout was made.
     """
 
     name: str
@@ -67,6 +94,7 @@ class Report:
     tries: tuple[Try, ...]
     comparison: Comparison | None
     seconds: dict[str, float]
+    macro: Macro | None = None
 
     @property
     def problems(self) -> list[str]:
@@ -79,6 +107,10 @@ class Report:
         if self.comparison and not self.comparison.equal:
             first = self.comparison.differ[:1] or ("no net",)
             said.append(f"the layout's netlist differs from the cells': {first[0]} first")
+        if self.macro:
+            said += [f"the LEF abstract differs from the layout: {one}" for one in self.macro.differ[:1]]
+            if self.macro.difference_ns > MOST_APART_NS:
+                said.append(f"the timing model differs from the netlist by {self.macro.difference_ns:.3f} ns")
         return said
 
     def closing_line(self) -> str:
@@ -126,6 +158,7 @@ class Report:
                 "ports": compared.ports,
                 "differ": list(compared.differ),
             },
+            "macro": self.macro and asdict(self.macro),
             "problems": self.problems,
             "seconds": self.seconds,
         }

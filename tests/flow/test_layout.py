@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -17,8 +19,9 @@ from eskin.flow.layout.cells import WrongCell
 from eskin.flow.layout.checks import Comparison, Rules
 from eskin.flow.layout.circuit import Circuit
 from eskin.flow.layout.environment import Crashed
-from eskin.flow.layout.report import Report, Try
+from eskin.flow.layout.report import Macro, Report, Try
 from eskin.flow.layout.stages import Stages
+from eskin.flow.macro import characterise
 from eskin.model.config import ReadoutConfig
 from tests.flow import example_transistors
 
@@ -153,6 +156,11 @@ def test_the_closing_line_and_the_problems() -> None:
     failed = made_of(Try(0.3, "a segment is open"))
     assert failed.problems == ["margin 0.30: a segment is open"]
     assert failed.closing_line() == "layout: toy, 8 cells, not routed, netlist not compared"
+    other = dataclasses.replace(good, macro=Macro(8, ("geometry of li1",), 1.0, 0.2))
+    assert other.problems == [
+        "the LEF abstract differs from the layout: geometry of li1",
+        "the timing model differs from the netlist by 0.200 ns",
+    ]
     broken = made_of(Try(0.3, "1 violations, m1 area at x", 18.2, 18.2, Rules(194, ("m1 area at x",))))
     assert broken.problems == ["margin 0.30: 1 violations, m1 area at x"]
     assert "1 violations" in broken.closing_line()
@@ -321,6 +329,56 @@ def test_a_broken_rule_is_found(toy: tuple[run.Layout, Path], tmp_path: Path) ->
     assert found.rules.violations
     assert {one.partition(" at ")[0] for one in found.rules.violations} <= {"m3 width", "m3 area"}
     assert "violations, m3" in found.problem
+
+
+@NEEDS_TOOLS
+def test_the_abstract_and_the_timing_model_are_those_of_the_layout(
+    toy: tuple[run.Layout, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layout, placed = toy
+    monkeypatch.setattr(characterise, "ROUNDS", 2)  # setup and hold times to 0.5 ns, in a quarter of the time
+    macro = layout.macro(
+        placed,
+        cells.liberty(cells.usable(layout.known), json.loads((layout.library / "cells.json").read_text())),
+        tmp_path,
+    )
+    assert macro.pins == len(TOY.ports) + 2  # with both supplies
+    assert macro.differ == ()
+    assert macro.difference_ns < report.MOST_APART_NS
+    assert 0.1 < macro.period_ns < 2
+    lef = (tmp_path / "readout.lef").read_text()
+    ways = dict(re.findall(r"PIN (\w+)\n +DIRECTION (\w+) ;", lef))
+    assert {name: way for name, way in ways.items() if way != "INOUT"} == (
+        dict.fromkeys(TOY.inputs, "INPUT") | dict.fromkeys(TOY.outputs, "OUTPUT")
+    )
+
+
+@NEEDS_TOOLS
+@pytest.mark.parametrize(
+    ("change", "differ"),
+    [
+        (
+            "text.replace(' a\\n', ' q\\n').replace(' b\\n', ' a\\n').replace(' q\\n', ' b\\n')",
+            "pin a lies on b",
+        ),
+        ("re.sub(r'  PIN z.*?END z\\n', '', text, flags=re.DOTALL)", "geometry of"),
+        ("re.sub(r'(LAYER via ;\\s+RECT) \\S+', r'\\1 0.1', text)", "geometry of via"),
+    ],
+    ids=["two pins exchanged", "no pin", "a moved via"],
+)
+def test_a_wrong_abstract_is_found(toy: tuple[run.Layout, Path], tmp_path: Path, change: str, differ: str) -> None:
+    layout, placed = toy
+    abstract = layout._abstract(placed)
+    program = (
+        "import re, sys; sys.path.insert(0, sys.argv[1]); import abstract; from pathlib import Path; "
+        "layout = abstract.db.Layout(); layout.read(sys.argv[2]); path = Path('wrong.lef'); "
+        f"text = Path(sys.argv[3]).read_text(); new = {change}; assert new != text; path.write_text(new); "
+        "print(abstract.compare(path, layout, layout.cell(sys.argv[4]))[1])"
+    )
+    words = [str(environment.python()), "-sPc", program, str(environment.PROGRAMS)]
+    words += [str(placed / f"{layout.top}.gds"), str(abstract / "macro.lef"), layout.top]
+    said = subprocess.run(words, check=True, capture_output=True, text=True, cwd=tmp_path).stdout
+    assert differ in said
 
 
 @NEEDS_TOOLS

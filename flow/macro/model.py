@@ -1,0 +1,276 @@
+"""Write the timing model (Liberty) of a placed block from its cells and wires with OpenSTA, and read it back."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from eskin.flow import opensta
+from eskin.flow.liberty.library import Library
+from eskin.flow.macro.characterise import LOADS_PF, SLEWS_NS, table, units
+
+PERIOD_NS = 100.0
+
+WIRES = {"m1": (0.32, 25.7784e-6, 40.567e-6), "m2": (0.37, 16.9423e-6, 37.759e-6), "m3": (0.38, 12.3729e-6, 40.989e-6)}
+"""Width of the routed wires in um, capacitance in pF per um2 and of each edge in pF per um: widths of the placement,
+capacitances of SkyWater's LEF file of the routing layers. Coupling to neighbours is not in them."""
+
+SPEF = """*SPEF "IEEE 1481-1998"
+*DESIGN "" *DATE "" *VENDOR "" *PROGRAM "" *VERSION "" *DESIGN_FLOW ""
+*DIVIDER / *DELIMITER : *BUS_DELIMITER [ ]
+*T_UNIT 1 NS *C_UNIT 1 PF *R_UNIT 1 OHM *L_UNIT 1 HENRY
+"""
+
+LOAD = """set sta_report_default_digits 6
+read_liberty {library}
+read_verilog {netlist}
+link_design {top}
+"""
+CLOCKED = """set period {period}
+create_clock -name clk -period $period [get_ports clk]
+set_propagated_clock [get_clocks clk]
+set inputs {{{inputs}}}
+set outputs {{{outputs}}}
+proc say {{what of body}} {{ with_output_to_variable text $body; puts "$what $of <<[string trim $text]>>" }}
+proc leave {{slew load}} {{
+  global outputs
+  set_input_transition $slew [get_ports clk]
+  set_load $load [get_ports $outputs]
+  foreach name $outputs {{
+    say "arrival $slew $load" $name "report_arrival $name"
+    say "slew $slew $load" $name "report_slews $name"
+  }}
+}}
+proc enter {{clock data}} {{
+  global inputs
+  set_input_transition $clock [get_ports clk]
+  set_input_transition $data [get_ports $inputs]
+  foreach name $inputs {{ say "slack $clock $data" $name "report_slack $name" }}
+}}
+"""
+SAID = re.compile(r"^(\w+) (\S+) (\S+) (\S+) <<(.*?)>>$", re.MULTILINE | re.DOTALL)
+NUMBER = r"(-?[\d.]+)"
+TIMES = re.compile(rf"(?:r|\^) {NUMBER}:{NUMBER} (?:f|v) {NUMBER}:{NUMBER}")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A placed block.
+
+    Attributes
+    ----------
+    name : str
+    inputs, outputs : tuple of str
+        Ports; ``clk`` is among the inputs.
+    cells : dict of str to tuple
+        By the name of each: which cell it is, and its pins with their wires.
+    wires_pf : dict of str to float
+        Wire capacitance of each net.
+    width_um, height_um : float
+    """
+
+    name: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    cells: Mapping[str, tuple[str, Mapping[str, str]]]
+    wires_pf: Mapping[str, float]
+    width_um: float
+    height_um: float
+
+    @property
+    def data(self) -> tuple[str, ...]:
+        """Inputs without the clock."""
+        return tuple(name for name in self.inputs if name != "clk")
+
+    def verilog(self) -> str:
+        """Return the netlist as Verilog."""
+        ports = [f"input {name}" for name in self.inputs] + [f"output {name}" for name in self.outputs]
+        lines = [f"module {self.name}({', '.join(ports)});"]
+        for name, (kind, pins) in self.cells.items():
+            lines.append(f"  {kind} {name} ({', '.join(f'.{pin}({wire})' for pin, wire in pins.items())});")
+        return "\n".join([*lines, "endmodule\n"])
+
+    def ends(self, library: Library) -> dict[str, list[tuple[str, str]]]:
+        """Return the instance and pin of each cell at each net; the driver first."""
+        ends: dict[str, list[tuple[str, str]]] = {}
+        for name, (kind, pins) in self.cells.items():
+            for pin, wire in pins.items():
+                place = 0 if pin in library.cells[kind].outputs else len(ends.get(wire, []))
+                ends.setdefault(wire, []).insert(place, (name, pin))
+        return ends
+
+    def spef(self, library: Library) -> str:
+        """Return the wire capacitances in SPEF format, without resistances."""
+        lines = [SPEF]
+        for net, ends in self.ends(library).items():
+            wire_pf = self.wires_pf.get(net, 0.0)
+            port = [f"*P {net} {'I' if net in self.inputs else 'O'}"] if net in self.inputs + self.outputs else []
+            pins = [
+                f"*I {name}:{pin} {'O' if pin in library.cells[self.cells[name][0]].outputs else 'I'}"
+                for name, pin in ends
+            ]
+            nodes = [one.split()[1] for one in (port + pins if net in self.inputs else pins + port)]
+            lines += [f"*D_NET {net} {wire_pf:.6g}", "*CONN", *port, *pins, "*CAP", f"1 {nodes[0]} {wire_pf:.6g}"]
+            lines += ["*RES", *(f"{i} {nodes[0]} {node} 0.001" for i, node in enumerate(nodes[1:], 1)), "*END"]
+        return "\n".join([*lines, ""])
+
+    def unstored(self, library: Library) -> list[tuple[str, str]]:
+        """Return the pairs of input and output that a path without a flop connects."""
+        drivers = {wire: (kind, pins) for kind, pins in self.cells.values() for pin, wire in pins.items()
+                   if pin in library.cells[kind].outputs and not library.cells[kind].flop}  # fmt: skip
+        found = []
+        for output in self.outputs:
+            seen, todo = {output}, [output]
+            while todo:
+                kind, pins = drivers.get(todo.pop(), ("", {}))
+                new = {pins[pin] for pin in library.cells[kind].inputs} - seen if kind else set()
+                seen |= new
+                todo += new
+            found += [(name, output) for name in self.inputs if name in seen]
+        return found
+
+
+def wires_pf(routing: str) -> dict[str, float]:
+    """Return the wire capacitance of each net in a DEF file, without vias."""
+    found: dict[str, float] = {}
+    net = ""
+    for line in routing[routing.index("\nSPECIALNETS") :].splitlines():
+        if begin := re.match(r" +- (\S+) \(", line):
+            net = begin[1]
+        if begun := re.search(r"(?:ROUTED|NEW) (\w+)", line):
+            layer = begun[1]
+            last = None
+        for x, y in re.findall(r"\( (-?\d+|\*) (-?\d+|\*) \)", line) if "(" in line and not begin else ():
+            here = [last[i] if word == "*" and last else int(word) for i, word in enumerate((x, y))]
+            if last and layer in WIRES:
+                width, area, edge = WIRES[layer]
+                length = (abs(here[0] - last[0]) + abs(here[1] - last[1])) / 1000
+                found[net] = found.get(net, 0.0) + length * (width * area + 2 * edge)
+            last = here
+    return found
+
+
+def _ask(script: str, files: Mapping[str, str], folder: Path) -> dict[tuple[str, float, float, str], tuple[float, ...]]:
+    """Return the times that an OpenSTA script reports: by kind, two numbers and port, rise and fall of min and max.
+
+    Raises
+    ------
+    RuntimeError
+        If OpenSTA reports an error or no times.
+    """
+    for name, text in files.items():
+        (folder / name).write_text(text)
+    said, _ = opensta.run(script, folder)
+    (folder / "opensta.log").write_text(said)
+    wrong = [line for line in said.splitlines() if re.search(r"\b(Error|Warning)\b", line)]
+    found = {}
+    for kind, first, second, port, text in SAID.findall(said):
+        times = TIMES.search(text)
+        if times:
+            found[kind, float(first), float(second), port] = tuple(float(word) for word in times.groups())
+    if wrong or not found:
+        raise RuntimeError(f"OpenSTA failed: {wrong[0] if wrong else said[-300:]}")
+    return found
+
+
+def _clocked(block: Block) -> str:
+    return CLOCKED.format(period=PERIOD_NS, inputs=" ".join(block.data), outputs=" ".join(block.outputs))
+
+
+def liberty(block: Block, library: Library, folder: Path) -> tuple[str, float]:
+    """Return the timing model of a block as Liberty text, and its shortest clock period in ns between its own flops.
+
+    Parameters
+    ----------
+    block : Block
+    library : Library
+        Of its cells, from ``Characteriser.library``.
+    folder : Path
+        Of the script and of OpenSTA's log.
+
+    Raises
+    ------
+    RuntimeError
+        If a path leads from an input to an output without a flop, or OpenSTA fails.
+    """
+    if paths := block.unstored(library):
+        raise RuntimeError(
+            f"a path without a flop leads from {paths[0][0]} to {paths[0][1]}; the model has no such arc"
+        )
+    script = [LOAD.format(library="cells.lib", netlist="netlist.v", top=block.name), "read_spef wires.spef"]
+    script += [_clocked(block), f"set_input_transition {SLEWS_NS[0]} [get_ports clk]"]
+    script.append('puts "own 0 0 clk <<r [expr min([worst_slack -max], $period)]:0 f 0:0>>"')
+    script += [f"leave {slew} {load}" for slew in SLEWS_NS for load in LOADS_PF]
+    script.append("set_input_delay -clock clk 0 [get_ports $inputs]")
+    script += [f"enter {clock} {data}" for clock in SLEWS_NS for data in SLEWS_NS]
+    files = {"cells.lib": library.content.decode(), "netlist.v": block.verilog(), "wires.spef": block.spef(library)}
+    found = _ask("\n".join(script), files, folder)
+    leakage_nw = 1e9 * sum(library.cells[kind].leakage_w for kind, _ in block.cells.values())
+    lines = [f"library({block.name}) {{", units(), f"  cell({block.name}) {{"]
+    lines.append(f"    area : {block.width_um * block.height_um:.3f}; cell_leakage_power : {leakage_nw:.3f};")
+    lines.append("    is_macro_cell : true; interface_timing : true;")
+    ends = block.ends(library)
+    for name in block.inputs:
+        pins = sum(library.cells[block.cells[cell][0]].loads[pin] for cell, pin in ends.get(name, []))
+        capacitance_pf = 1e12 * pins + block.wires_pf.get(name, 0.0)
+        clock = " clock : true;" if name == "clk" else ""
+        lines.append(f"    pin({name}) {{ direction : input; capacitance : {capacitance_pf:.5f};{clock}")
+        lines += _checks(name, found) if name in ends and not clock else []
+        lines.append("    }")
+    for name in block.outputs:
+        lines.append(f"    pin({name}) {{ direction : output; max_capacitance : {LOADS_PF[-1]};")
+        lines.append('      timing() { related_pin : "clk"; timing_type : rising_edge;')
+        for what, kind, edge in (
+            ("cell_rise", "arrival", 1),
+            ("cell_fall", "arrival", 3),
+            ("rise_transition", "slew", 1),
+            ("fall_transition", "slew", 3),
+        ):
+            rows = [[found[kind, slew, load, name][edge] for load in LOADS_PF] for slew in SLEWS_NS]
+            lines.append(f"        {table(what, 'delay', np.array(rows))}")
+        lines += ["      }", "    }"]
+    return "\n".join([*lines, "  }", "}", ""]), PERIOD_NS - found["own", 0.0, 0.0, "clk"][0]
+
+
+def _checks(name: str, found: Mapping[tuple[str, float, float, str], Sequence[float]]) -> list[str]:
+    """Return setup and hold times of an input as Liberty lines, from its slacks."""
+    lines = []
+    for kind, offset, column in (("setup", PERIOD_NS, 1), ("hold", 0.0, 0)):
+        lines.append(f'      timing() {{ related_pin : "clk"; timing_type : {kind}_rising;')
+        for edge, more in (("rise", 0), ("fall", 2)):
+            slacks = [[found["slack", c, d, name][column + more] for d in SLEWS_NS] for c in SLEWS_NS]
+            lines.append(f"        {table(f'{edge}_constraint', 'limit', offset - np.array(slacks))}")
+        lines.append("      }")
+    return lines
+
+
+def check(text: str, block: Block, library: Library, folder: Path) -> float:
+    """Return the largest difference in ns between the times of a model and of the netlist, both from OpenSTA.
+
+    The model is an instance in another netlist. Slews and loads lie between those of the tables.
+
+    Raises
+    ------
+    RuntimeError
+        If a time of the model is missing, or OpenSTA cannot link the model.
+    """
+    ports = ", ".join(f".{name}({name})" for name in block.inputs + block.outputs)
+    ways = [f"input {name}" for name in block.inputs] + [f"output {name}" for name in block.outputs]
+    outer = f"module outer({', '.join(ways)});\n  {block.name} inner ({ports});\nendmodule\n"
+    slew, load = np.mean(SLEWS_NS[1:]), LOADS_PF[1]
+    asked = [_clocked(block), f"leave {slew} {load}", "set_input_delay -clock clk 0 [get_ports $inputs]"]
+    asked.append(f"enter {slew} {slew}")
+    files = {"cells.lib": library.content.decode(), "netlist.v": block.verilog(), "wires.spef": block.spef(library)}
+    script = [LOAD.format(library="cells.lib", netlist="netlist.v", top=block.name), "read_spef wires.spef"]
+    flat = _ask("\n".join(script + asked), files, folder)
+    script = [LOAD.format(library="macro.lib", netlist="outer.v", top="outer")]
+    model = _ask("\n".join(script + asked), {"macro.lib": text, "outer.v": outer}, folder)
+    if missing := sorted(set(flat) ^ set(model)):
+        raise RuntimeError(f"the model and the netlist differ in the times of {missing[0][3]}")
+    apart = {key: np.abs(np.subtract(model[key], times)) for key, times in flat.items()}
+    longest = [gaps[1::2] if key[0] == "arrival" else gaps for key, gaps in apart.items()]  # the model has no others
+    return float(np.max(np.concatenate(longest)))
