@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from docs.tables.finger import finger_reached
 from docs.tables.power import power_rows
 from docs.tables.verification import replayed
 from docs.tables.write import filled, only, read, source, table
@@ -362,6 +363,11 @@ def headline() -> None:
         point = at(name)
         more = {"of": WORDS[point["network"]], "count": len(point["taxels"]), "theirs": theirs}
         rows.append(filled(few, point | more | {"words": filled(words, point)}))
+    finger = (
+        "accuracy: a robot [finger](docs/results/finger.md) at new speeds, {of} ({kbps:.2f} kb/s) |  | {speeds:.1f} %"
+    )
+    for name, of in (("lcs_6", "LCS 6 b"), ("nlcs_bipolar_5", "bipolar N-LCS 5 b"), ("frame_12_22_9", "frames")):
+        rows.append(filled(finger, finger_reached()[name] | {"of": of}))
     rtl = "textures [classified by the RTL](docs/reference/classifier.md#from-touch-to-class)"
     rows.append(filled(f"{rtl}, weights of {{classifier_rec_bits}} b, one network per fold |  | ", chip["chip"]))
     more = {"stalled": chip["stalls"] / chip["clocks"]}
