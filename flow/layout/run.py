@@ -72,7 +72,12 @@ def run(config: ReadoutConfig, name: str, out: Path, compare: bool, on_stage: Ca
     macro = None
     if placed:
         _deliver(placed, f"{made.top}_r", folder, stages)
-        macro = layout.macro(placed, cells.liberty(usable, areas), folder)
+        try:
+            macro = layout.macro(placed, cells.liberty(usable, areas), folder)
+        except model.NoModel as reason:
+            on_stage(f"no timing model: {reason}")
+        except RuntimeError as failed:
+            raise Crashed(str(failed)) from None
     return Report(name, config, len(usable), made, area, proved, of, tuple(tries), comparison, stages.seconds, macro)
 
 
@@ -203,10 +208,9 @@ class Layout:
             (part / "model.json").write_text(json.dumps(said))
 
         inputs = (Path(model.__file__).read_text(), known.content.decode(), block.verilog(), placed.name)
+        _copy(abstract / "macro.lef", folder / "readout.lef")
         made = self.stages.made("model", inputs, make)
-        for source, name in ((abstract / "macro.lef", "readout.lef"), (made / "macro.lib", "readout.lib")):
-            with atomic_write(folder / name) as file:
-                file.write(source.read_bytes())
+        _copy(made / "macro.lib", folder / "readout.lib")
         said = json.loads((abstract / "abstract.json").read_text()) | json.loads((made / "model.json").read_text())
         return Macro(said["labels"], tuple(said["differ"]), said["period_ns"], said["difference_ns"])
 
@@ -263,5 +267,10 @@ def _deliver(placed: Path, top: str, folder: Path, stages: Stages) -> None:
         (placed / f"{top}_export.def", "layout.def"),
         (picture / "layout.png", "layout.png"),
     ):
-        with atomic_write(folder / name) as file, source.open("rb") as made:
-            shutil.copyfileobj(made, file)
+        _copy(source, folder / name)
+
+
+def _copy(source: Path, path: Path) -> None:
+    """Copy a file whole or not at all."""
+    with atomic_write(path) as file, source.open("rb") as made:
+        shutil.copyfileobj(made, file)

@@ -57,6 +57,10 @@ NUMBER = r"(-?[\d.]+)"
 TIMES = re.compile(rf"(?:r|\^) {NUMBER}:{NUMBER} (?:f|v) {NUMBER}:{NUMBER}")
 
 
+class NoModel(RuntimeError):
+    """Raised for a block with a path from an input to an output without a flop."""
+
+
 @dataclass(frozen=True)
 class Block:
     """A placed block.
@@ -194,13 +198,13 @@ def liberty(block: Block, library: Library, folder: Path) -> tuple[str, float]:
 
     Raises
     ------
+    NoModel
+        If a path leads from an input to an output without a flop.
     RuntimeError
-        If a path leads from an input to an output without a flop, or OpenSTA fails.
+        If OpenSTA fails.
     """
     if paths := block.unstored(library):
-        raise RuntimeError(
-            f"a path without a flop leads from {paths[0][0]} to {paths[0][1]}; the model has no such arc"
-        )
+        raise NoModel(f"a path without a flop leads from {paths[0][0]} to {paths[0][1]}; the model has no such arc")
     script = [LOAD.format(library="cells.lib", netlist="netlist.v", top=block.name), "read_spef wires.spef"]
     script += [_clocked(block), f"set_input_transition {SLEWS_NS[0]} [get_ports clk]"]
     script.append('puts "own 0 0 clk <<r [expr min([worst_slack -max], $period)]:0 f 0:0>>"')

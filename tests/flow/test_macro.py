@@ -69,7 +69,7 @@ def test_a_wrong_time_is_found(library: Library, tmp_path: Path) -> None:
 def test_a_path_without_a_flop_is_refused(library: Library, tmp_path: Path) -> None:
     cells = CELLS | {"g1": ("UNLESS", {"A": "n2", "B": "a", "Z": "z"})}
     block = Block("toy", BLOCK.inputs, BLOCK.outputs, cells, {}, 20.0, 10.0)
-    with pytest.raises(RuntimeError, match="a path without a flop leads from a to z"):
+    with pytest.raises(model.NoModel, match="a path without a flop leads from a to z"):
         model.liberty(block, library, tmp_path)
 
 
