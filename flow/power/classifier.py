@@ -179,7 +179,9 @@ def play(
             f"  reg [{bits - 1}:0] {name} [0:{len(words) - 1}], {name}_word;"
             for name, (words, bits) in memories.items()
         ),
-        "reads": "\n".join(f"    {name}_word <= {name}[{name}_read_address];" for name in memories),
+        "reads": "\n".join(
+            f"    if ({name}_read_valid) {name}_word <= {name}[{name}_read_address];" for name in memories
+        ),
         "loads": "\n".join(f'    $readmemh("{name}.hex", {name});' for name in memories),
         "wires": "\n".join(wires),
         "pins": ", ".join(pins),

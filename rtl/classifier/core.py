@@ -112,6 +112,7 @@ class Classifier(Block[ClassifierConfig]):
         self.state = Signal(State, init=State.NEURONS)
         self.clearing = Signal(init=1)
         self.pending = Signal()
+        self.working = Signal()
         self.index = Signal(range(max(config.hidden, config.inputs, config.classes, 2)))
         self.step = Signal(range(max(config.groups, config.classes, 2)))
         self.spikes = Signal(config.hidden)
@@ -159,12 +160,36 @@ class Classifier(Block[ClassifierConfig]):
             inputs.read_address.eq(row[: len(inputs.read_address)]),
             recurrent.read_address.eq(row[: len(recurrent.read_address)]),
             neurons.read_address.eq(Cat(word[: config.neuron_row_bits], self.index)),
+            inputs.read_valid.eq(self.state == State.EVENT),
+            recurrent.read_valid.eq((self.state == State.RECURRENT) & self.spikes[0]),
+            neurons.read_valid.eq(
+                (self.state == State.NEURONS)
+                | (self.state == State.OUTPUTS)
+                | ((self.state == State.SPIKES) & self.spikes[0])
+            ),
         ]
+        self._awake(m)
         self._control(m)
         potential = self._lanes(m, inputs.read_data, recurrent.read_data, platform)
         self._hidden(m, potential, neurons.read_data, platform)
         self._outputs(m, neurons.read_data)
         return m
+
+    def _awake(self, m: Module) -> None:
+        """Add the signal ``awake``: low in a clock at whose end no register changes, so that the clock may be stopped.
+
+        Outside IDLE every clock changes a register. In IDLE an event, the end of a bin, a scan_start or a load does,
+        and the arithmetic that follows the last clock of work.
+        """
+        arrives = [self.event_valid, self.bin_end, self.scan_start, self.load_valid, self.pending]
+        follows = [self.now_adds, self.now_neuron, self.now_spike, self.now_output, self.held_neuron, self.class_ready]
+        follows += [self.clearing, self.now_clears]
+        # Nothing in here uses it: a clock gate or a simulation may.
+        awake = Signal(attrs={"keep": 1})
+        m.d.comb += [
+            self.working.eq(self.state != State.IDLE),
+            awake.eq(self.working | Cat(arrives).any() | Cat(follows).any()),
+        ]
 
     def _load(self, m: Module, memory: WordMemory, chosen: Value, address: Value, data: Value) -> None:
         """Connect the write port of a memory to the host."""
@@ -186,20 +211,22 @@ class Classifier(Block[ClassifierConfig]):
         row_ends = self.step == config.groups - 1
         spike_ends = self.step == config.classes - 1
         last_neuron = self.index == config.hidden - 1
-        working = Signal()
+        ending = Signal()
         free = Signal()
         advance = Signal()
         m.d.comb += [
-            working.eq((self.state != State.IDLE) & (self.state != State.EVENT)),
+            ending.eq((self.state != State.IDLE) & (self.state != State.EVENT)),
             free.eq((self.state == State.IDLE) | ((self.state == State.EVENT) & row_ends)),
             self.event_ready.eq(free & ~self.pending),
         ]
-        m.d.sync += self.step.eq((self.step + 1)[: len(self.step)])
+        with m.If(self.working):
+            m.d.sync += self.step.eq((self.step + 1)[: len(self.step)])
         with m.If(self.bin_end):
             m.d.sync += self.pending.eq(1)
         with m.Switch(self.state):
             with m.Case(State.IDLE, State.EVENT), m.If(free):
-                m.d.sync += [self.step.eq(0), self.state.eq(State.IDLE)]
+                with m.If(self.working):
+                    m.d.sync += [self.step.eq(0), self.state.eq(State.IDLE)]
                 with m.If(self.pending):
                     m.d.sync += [self.pending.eq(self.bin_end), self.state.eq(State.RECURRENT), self.index.eq(0)]
                 with m.Elif(self.event_valid):
@@ -224,7 +251,7 @@ class Classifier(Block[ClassifierConfig]):
         with m.If((self.state == State.OUTPUTS) & (self.index == config.classes - 1)):
             m.d.sync += self.clearing.eq(0)
 
-        with m.If(self.bin_end & (self.pending | working)):
+        with m.If(self.bin_end & (self.pending | ending)):
             m.d.sync += self.overrun.eq(1)
         stalls = Signal(STALL_BITS + 1)
         m.d.comb += stalls.eq(self.stall_count + 1)
@@ -254,15 +281,19 @@ class Classifier(Block[ClassifierConfig]):
         recurrent = (self.state == State.RECURRENT) & fired
         m.d.sync += [
             self.now_adds.eq(((self.state == State.EVENT) | recurrent) & goes_on),
-            self.now_recurrent.eq(recurrent),
             self.now_neuron.eq((self.state == State.NEURONS) & goes_on),
             self.now_spike.eq((self.state == State.SPIKES) & fired & goes_on),
             self.now_output.eq((self.state == State.OUTPUTS) & goes_on),
-            self.now_last.eq(self.index == config.classes - 1),
             self.now_clears.eq(self.clearing),
-            self.now_index.eq(self.index[: len(self.now_index)]),
-            self.now_step.eq(Mux(self.state == State.NEURONS, self.index >> place, self.step)[: len(self.now_step)]),
         ]
+        with m.If(self.working):
+            number = Mux(self.state == State.NEURONS, self.index >> place, self.step)
+            m.d.sync += [
+                self.now_recurrent.eq(recurrent),
+                self.now_last.eq(self.index == config.classes - 1),
+                self.now_index.eq(self.index[: len(self.now_index)]),
+                self.now_step.eq(number[: len(self.now_step)]),
+            ]
 
     # -- what is done with the words ---------------------------------------------------------------
 
@@ -316,13 +347,16 @@ class Classifier(Block[ClassifierConfig]):
 
     def _hidden(self, m: Module, potential: Value, word: Value, platform: Any) -> None:
         config = self.config
-        m.d.sync += [
-            self.held_potential.eq(Mux(self.now_clears, 0, potential)),
-            self.held_bias.eq(word[: config.bias_bits]),
-            self.held_index.eq(self.now_index[: len(self.held_index)]),
-            self.held_clears.eq(self.now_clears),
-            self.held_neuron.eq(self.now_neuron & ~self.scan_start),
-        ]
+        m.d.sync += self.held_neuron.eq(self.now_neuron & ~self.scan_start)
+        with m.If(self.now_neuron):
+            m.d.sync += [
+                self.held_potential.eq(potential),
+                self.held_bias.eq(word[: config.bias_bits]),
+                self.held_index.eq(self.now_index[: len(self.held_index)]),
+                self.held_clears.eq(self.now_clears),
+            ]
+        with m.If(self.now_clears):
+            m.d.sync += self.held_potential.eq(0)
         v, bias = self.held_potential, self.held_bias << config.bias_shift
         leaks = Leak(config.leak_shift, config.leak_factor)
         if config.synapse_shift:
@@ -352,7 +386,10 @@ class Classifier(Block[ClassifierConfig]):
             potentials.write_data.eq(rest),
         ]
         kept = leak(m, potentials.read_data, Leak(config.leak_shift, config.leak_factor))
-        m.d.sync += self.held_rest.eq(Mux(self.now_clears, 0, kept))
+        with m.If(self.now_neuron):
+            m.d.sync += self.held_rest.eq(kept)
+        with m.If(self.now_clears):
+            m.d.sync += self.held_rest.eq(0)
 
     def _outputs(self, m: Module, word: Value) -> None:
         config = self.config

@@ -24,7 +24,8 @@ class WordMemory(Block[ClassifierConfig]):
 
     Attributes
     ----------
-    read_address, read_data : In, Out
+    read_valid, read_address, read_data : In, In, Out
+        The word stays the same until the next read.
     write_valid, write_address, write_data : In
     """
 
@@ -34,6 +35,7 @@ class WordMemory(Block[ClassifierConfig]):
         super().__init__(
             config,
             {
+                "read_valid": In(1),
                 "read_address": In(address),
                 "read_data": Out(bits),
                 "write_valid": In(1),
@@ -43,7 +45,7 @@ class WordMemory(Block[ClassifierConfig]):
         )
 
     def elaborate(self, platform: Any) -> Module:
-        return _memory(self, self.words, self.bits, ~self.write_valid)
+        return _memory(self, self.words, self.bits, self.read_valid & ~self.write_valid)
 
 
 class InputMemory(WordMemory):

@@ -8,14 +8,20 @@ from typing import Any
 import pytest
 
 from eskin.cocotb_tests.runner.simulator import may_skip
+from eskin.cocotb_tests.test_chip import CHIPS
+from eskin.cocotb_tests.test_classifier import CONFIGS, SYNAPTIC
+from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.registry import ENCODERS
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl import readout, taxel
 from eskin.rtl.arbiter import Arbiter
 from eskin.rtl.block import RtlilModules
+from eskin.rtl.classifier.chip import Chip
+from eskin.rtl.classifier.core import Classifier
 from eskin.rtl.frame import FramePacker, FrameReadout, FrameSequencer
 from eskin.rtl.registers.host import Host
+from eskin.rtl.verilog import top_block
 from eskin.verify.proofs.clock_stop import Clocked, clocked, stands_still
 from eskin.verify.proofs.mutants import make
 
@@ -25,7 +31,10 @@ SKIPPED = [
     for encoder in ENCODERS
     for more in ({}, {"decide_every": "sample"}, {"fields": "neighbours"})
 ]
+SKIPPED += CHIPS
 """A configuration of every kind for which the co-simulation skips still clocks: all that ``awake`` depends on."""
+NETWORKS = [CONFIGS[1], CONFIGS[4], CONFIGS[6], *SYNAPTIC]
+"""Classifiers with outputs of both kinds, with and without groups, saturation and synaptic currents."""
 BLOCKS = [
     Arbiter(FEW),
     *(
@@ -37,6 +46,7 @@ BLOCKS = [
     readout.Readout(FEW.replace(encoding="nlcs", frontend="analog")),
     readout.Readout(FEW.replace(encoding="nlcs", registers="spi")),
     FrameReadout(FrameConfig(readout=FEW)),
+    *map(Classifier, NETWORKS),
 ]
 
 
@@ -47,14 +57,15 @@ def test_a_block_that_is_not_awake_stands_still(block: Any) -> None:
     assert stands_still(block)
 
 
-@pytest.mark.parametrize("config", SKIPPED, ids=lambda c: f"{c.encoding}-{c.decide_every}-{c.fields}")
-def test_the_clocks_that_the_co_simulation_skips_change_nothing(config: ReadoutConfig) -> None:
+@pytest.mark.parametrize("config", SKIPPED, ids=lambda c: "-".join(map(str, list(c.to_dict().values())[2:7])))
+def test_the_clocks_that_the_co_simulation_skips_change_nothing(config: ReadoutConfig | ChipConfig) -> None:
     assert may_skip(config)
-    assert stands_still(readout.Readout(config))
+    assert stands_still(top_block(config))
 
 
-def test_a_block_that_is_awake_moves() -> None:
-    assert not stands_still(Arbiter(FEW), awake=1)
+@pytest.mark.parametrize("block", [Arbiter(FEW), Classifier(NETWORKS[0]), Chip(CHIPS[0])], ids=type)
+def test_a_block_that_is_awake_moves(block: Any) -> None:
+    assert not stands_still(block, awake=1)
 
 
 @pytest.mark.parametrize(
@@ -78,6 +89,27 @@ def test_a_term_that_the_readout_leaves_out_is_found(term: str) -> None:
     mutant, count = re.subn(rf"(connect \\[AB]) \\{term} \[0\]\n", r"\1 1'0\n", own)
     assert count == 1
     assert not stands_still(top, mutant=others + name + mutant)
+
+
+ARRIVES = ("event_valid", "bin_end", "scan_start", "load_valid")
+
+
+@pytest.mark.parametrize("term", ["load_valid", "class_valid"])
+def test_a_term_that_the_classifier_leaves_out_is_found(term: str) -> None:
+    block = Classifier(NETWORKS[0])
+    made = RtlilModules(async_reset=False)
+    made.add(block)
+    (terms,) = (found for found in re.findall(r"connect \\A (\{[^}]*\})", made.text) if f"\\{term} [0]" in found)
+    assert not stands_still(block, mutant=made.text.replace(terms, terms.replace(f"\\{term} [0]", "1'0")))
+
+
+def test_a_memory_that_reads_in_every_clock_is_found() -> None:
+    block = Classifier(NETWORKS[0])
+    made = RtlilModules(async_reset=False)
+    made.add(block)
+    found = make(made.text, block.module_name, 3, 1, "-mode const1 -wire read_valid")
+    assert len(found) == 3
+    assert not any(stands_still(block, mutant=mutant.rtlil) for mutant in found)
 
 
 PAIR = FEW.replace(rows=1)
@@ -131,6 +163,14 @@ AT_REST: dict[str, tuple[Any, tuple[str, ...], dict[str, Any]]] = {
         {"rest": {"granted": 0, "decay": 0, "enable": 3} | NO_SAMPLE, "then": {"decay": 1}},
     ),
     "no frame": (FrameReadout(FRAMES), (), {"rest": {"frame_start": 0, "adc_done": 0}}),
+    **{
+        f"no event, {network.readout}, {network.lanes} lanes": (
+            Classifier(network),
+            (),
+            {"rest": dict.fromkeys(ARRIVES, 0), "held": {"clearing": 0}},
+        )
+        for network in NETWORKS[1:4]
+    },
 }
 """What gets a clock where nothing changes: nothing but what takes a sample, and what listens."""
 

@@ -14,24 +14,25 @@ from typing import Any
 from eskin.rtl import yosys
 from eskin.rtl.block import Block, RtlilModules
 
-LISTENS = ("link", "host")
-"""Names of the parts that are left out: their clock never stops, since they listen to ACK and to SPI."""
+LISTENS = ("link", "host", "timer")
+"""Names of the parts that are left out: their clock never stops. They listen to ACK and SPI, or count bins."""
 
 AWAKE = "awake"
 
 TO_FLOPS = (
-    "read_rtlil readout.il; hierarchy -check -top {top}; proc; flatten; opt_clean; dffunmap; "
-    "setattr -unset init w:*; write_json flops.json"
+    "read_rtlil readout.il; delete t:$meminit_v2; hierarchy -check -top {top}; proc; flatten; opt_clean; dffunmap; "
+    "memory_collect; setattr -unset init w:*; write_json flops.json"
 )
 TO_ANSWER = (
-    "read_json still.json; hierarchy -top {top}; tee -q -o said.txt sat -set rst 0 -set awake {awake} -prove next state"
+    "read_json still.json; hierarchy -top {top}; "
+    "tee -q -o said.txt sat -set rst 0 -set all_awake {awake} -prove next state -prove written 0"
 )
 UNSOLVED = re.compile(r"SAT proof finished - (no )?model found")
 
 TO_ENABLES = (
-    "read_rtlil readout.il; hierarchy -check -top {top}; proc; opt_expr; opt_merge; opt_clean; opt_dff; "
-    "dffunmap -srst-only; opt_expr; opt_dff -nosdff; opt_clean; flatten; opt_clean; setattr -unset init w:*; "
-    "write_json flops.json"
+    "read_rtlil readout.il; delete t:$meminit_v2; hierarchy -check -top {top}; proc; opt_expr; opt_merge; "
+    "opt_clean; opt_dff; dffunmap -srst-only; opt_expr; opt_dff -nosdff; opt_clean; flatten; opt_clean; "
+    "memory_collect; setattr -unset init w:*; write_json flops.json"
 )
 TO_CLOCKS = (
     "read_json still.json; read_verilog both.v; hierarchy -check -top both; proc; flatten; opt_clean; "
@@ -43,28 +44,34 @@ PATH = re.compile(r"\\([^.\\]+)\.")
 
 
 def stands_still(block: Block[Any], awake: int = 0, mutant: str = "") -> bool:
-    """Return True if all registers of a block are stable while ``awake`` is low, except in reset.
+    """Return True if all registers and memories of a block are stable while ``awake`` is low, except in reset.
 
     Parameters
     ----------
     block : Block
-        One with a signal ``awake``.
+        One with a signal ``awake``, or with parts that have one: then all of these are low.
     awake : int
-        The value of that signal; for 1 the answer tells whether anything can change at all.
+        The value of these signals; for 1 the answer tells whether anything can change at all.
     mutant : str
         RTLIL that takes the place of the block's own.
     """
     top = block.module_name
     module = _flat(block, TO_FLOPS, mutant)
     state, after = [], []
+    written = _cut_memories(module)
     for name, cell in _flops(module, ("$dff",)):
         if not any(f"\\{part}." in name for part in LISTENS):
             state += cell["connections"]["Q"]
             after += cell["connections"]["D"]
-    _add_ports(module, {"state": ("input", state), "next": ("output", after)})
+    nets = module["netnames"]
+    parts = [AWAKE] if AWAKE in nets else [name for name in nets if name.endswith(f".{AWAKE}") and name.count(".") == 1]
+    all_awake = [nets[name]["bits"][0] for name in parts]
+    outputs = {"next": after, "written": written or ["0"], "all_awake": all_awake}
+    _add_ports(module, {"state": ("input", state)} | {name: ("output", bits) for name, bits in outputs.items()})
     files = {"still.json": json.dumps({"modules": {top: module}}).encode()}
-    found = UNSOLVED.search(yosys.run(TO_ANSWER.format(top=top, awake=awake), "", "said.txt", files))
-    if not found or not state:
+    script = TO_ANSWER.format(top=top, awake=awake and (1 << len(all_awake)) - 1)
+    found = UNSOLVED.search(yosys.run(script, "", "said.txt", files))
+    if not found or not state or not all_awake:
         raise AssertionError(f"the solver says nothing of {top}, which has {len(state)} registers")
     return bool(found[1])
 
@@ -114,6 +121,7 @@ def clocked(
     """
     before = dict(rest or {})
     module = _flat(block, TO_ENABLES, mutant)
+    _cut_memories(module)
     inputs = {n: len(p["bits"]) for n, p in module["ports"].items() if p["direction"] == "input" and n != "clk"}
     nets = module["netnames"]
     awake = [name for name in nets if name.rpartition(".")[2] == AWAKE]
@@ -178,6 +186,19 @@ def _flops(module: Any, kinds: tuple[str, ...]) -> list[tuple[str, Any]]:
         if "dff" in cell["type"] or cell["type"].startswith("$mem"):
             raise AssertionError(f"{name} is a {cell['type']}, which is not looked at")
     return found
+
+
+def _cut_memories(module: Any) -> list[Any]:
+    """Remove the memories from a module, so that a read gives any word; return the bits of their write enables."""
+    memories = {name: cell for name, cell in module["cells"].items() if cell["type"] == "$mem_v2"}
+    written: set[Any] = set()
+    for number, (name, cell) in enumerate(memories.items()):
+        del module["cells"][name]
+        if "1" in cell["parameters"]["RD_CLK_ENABLE"]:
+            raise AssertionError(f"{name} reads with a clock, which is not looked at")
+        written |= set(cell["connections"]["WR_EN"])
+        _add_ports(module, {f"content_{number}": ("input", cell["connections"]["RD_DATA"])})
+    return sorted(written, key=str)
 
 
 def _add_ports(module: Any, ports: Mapping[str, tuple[str, list[Any]]]) -> None:
