@@ -14,7 +14,12 @@ from eskin.cocotb_tests.runner.build_cache import verilog_text
 from eskin.cocotb_tests.runner.chunk import play_here
 from eskin.cocotb_tests.runner.player import Job
 from eskin.cocotb_tests.runner.process import MismatchFound, Tally
+from eskin.cocotb_tests.test_chip import chip
+from eskin.cocotb_tests.touch.noise import play as play_chip
 from eskin.model.config import Encoding, ReadoutConfig
+from eskin.rtl.verilog import Config
+
+CHIP = chip(2, 2, 8, 3)
 
 
 def play(encoding: Encoding, folder: Path) -> Tally:
@@ -35,6 +40,13 @@ def test_skipped_runs_have_the_events_of_the_model(encoding: Encoding, tmp_path:
     assert tally.events > 100
 
 
+def test_skipped_scans_of_a_chip_have_the_potentials_and_classes_of_the_models(tmp_path: Path) -> None:
+    found = play_chip(CHIP, "icarus", tmp_path)
+    assert found["events"] > 100
+    assert found["bins"] > 10
+    assert found["hidden_spikes"] > 5
+
+
 BROKEN: dict[str, tuple[Encoding, str, str, str]] = {
     "stuck low": ("lcs", "eskin_readout", r"(assign awake =)[^;]*;", r"\1 1'b0;"),
     "without a row": ("nlcs", "eskin_readout", r"(\| )row_1_awake", r"\g<1>1'b0"),
@@ -42,11 +54,10 @@ BROKEN: dict[str, tuple[Encoding, str, str, str]] = {
 }
 
 
-@pytest.mark.parametrize("fault", BROKEN)
-def test_a_wrong_awake_is_found(fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    encoding, module, pattern, replacement = BROKEN[fault]
+def break_text(monkeypatch: pytest.MonkeyPatch, module: str, pattern: str, replacement: str) -> None:
+    """Change one place of a module of the simulated Verilog."""
 
-    def broken(config: ReadoutConfig) -> str:
+    def broken(config: Config) -> str:
         before, name, after = verilog_text(config).partition(f"module {module}(")
         inside, end, rest = after.partition("endmodule")
         changed, count = re.subn(pattern, replacement, inside)
@@ -54,5 +65,20 @@ def test_a_wrong_awake_is_found(fault: str, tmp_path: Path, monkeypatch: pytest.
         return before + name + changed + end + rest
 
     monkeypatch.setattr(simulator, "verilog_text", broken)
+
+
+@pytest.mark.parametrize("fault", BROKEN)
+def test_a_wrong_awake_is_found(fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    encoding, *change = BROKEN[fault]
+    break_text(monkeypatch, *change)
     with pytest.raises(MismatchFound, match=r"scan of (skipped|lone): RTL and model differ"):
         play(encoding, tmp_path)
+
+
+@pytest.mark.parametrize(("term", "end"), [(r"[^;]*", "1'b0"), (r"([^;]*)\bpending\b", r"\2 1'b0")])
+def test_a_classifier_that_sleeps_too_much_is_found(
+    term: str, end: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    break_text(monkeypatch, "eskin_classifier", rf"(assign awake =){term}", rf"\1 {end}")
+    with pytest.raises(MismatchFound, match=r"RTL[\s\S]*reproduce: again ONLY=skipped"):
+        play_chip(CHIP, "icarus", tmp_path)

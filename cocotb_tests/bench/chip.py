@@ -88,8 +88,12 @@ class ChipBench:
         self.bench = Bench(dut, config.readout, folder)
         write_weights(self.network, folder)
 
-    async def check(self, samples: NDArray[Any], again: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    async def check(
+        self, samples: NDArray[Any], again: str, skip: bool = False
+    ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """Play samples, shape (ticks, taxels), and compare all outputs with the models.
+
+        With ``skip`` the harness skips the clocks in which the chip is not awake, if it can (see harness.v).
 
         Returns
         -------
@@ -109,7 +113,7 @@ class ChipBench:
 
         whole, clocks = clocks_of(self.config, len(samples))
         stimulus = Stimulus.from_samples(self.config.readout, samples, clocks=clocks)
-        errors = await self.bench.play_chip(stimulus)
+        errors = await self.bench.play_chip(stimulus, skip)
         run = ChipRun.read(self.config.classifier, self.folder, int(self.dut.left.value))
         if errors:
             said = breaches(errors, self.bench.scoreboard.breach)

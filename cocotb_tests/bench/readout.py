@@ -268,10 +268,16 @@ class Bench:
         self.scoreboard.breach = int(self.dut.breach.value)
         return int(self.dut.errors.value)
 
-    async def play_chip(self, stimulus: Stimulus) -> int:
-        """Play a stimulus on a chip; return protocol violations between readout and classifier."""
+    async def play_chip(self, stimulus: Stimulus, skip: bool = False) -> int:
+        """Play a stimulus on a chip; return protocol violations between readout and classifier.
+
+        With ``skip`` the harness skips the clocks in which the chip is not awake, if it can (see harness.v).
+        """
         self.driver.write(stimulus)
-        return await self._done()
+        self.dut.skipping.value = int(skip)
+        errors = await self._done()
+        self.dut.skipping.value = 0
+        return errors
 
     async def check(self, name: str, stimulus: Stimulus, skip: bool = False) -> Events:
         """Play a stimulus and compare RTL and model; return the events; ``skip`` as for ``play``."""

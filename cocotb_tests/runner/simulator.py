@@ -327,12 +327,13 @@ def require_programs(simulator: Simulator) -> None:
 
 
 def may_skip(config: Config) -> bool:
-    """Return whether the harness can skip the clocks in which the readout is not awake.
+    """Return whether the harness can skip the clocks in which readout and classifier are not awake.
 
     The proof that nothing changes then (``eskin.verify.proofs.clock_stop``) leaves out the four-phase link and the
-    host's registers, which listen in every clock, and the chip's classifier; comparators of the analog front end may
-    decide anew in every clock.
+    host's registers, which listen in every clock; comparators of the analog front end may decide anew in every clock.
     """
+    if isinstance(config, ChipConfig):
+        return may_skip(config.readout)
     if not isinstance(config, ReadoutConfig):
         return False
     return config.frontend == "digital" and not config.handshake and config.registers == "none"
@@ -375,4 +376,5 @@ def _chip_macros(config: ClassifierConfig) -> dict[str, str]:
 def _chip_parameters(config: ClassifierConfig) -> dict[str, int]:
     ports = {name: len(getattr(Classifier(config), name)) for name in CHIP_WIDTHS.values()}
     widths = {parameter: ports[name] for parameter, name in CHIP_WIDTHS.items()}
-    return widths | {"WEIGHT_WORDS": config.weight_words, "NEURON_WORDS": config.neuron_words}
+    words = {"WEIGHT_WORDS": config.weight_words, "NEURON_WORDS": config.neuron_words}
+    return widths | words | {"CLOCKS_PER_BIN": config.clocks_per_bin}

@@ -29,12 +29,17 @@ def network_of(chip: ChipConfig) -> IntegerWeights:
 
 
 def play(chip: ChipConfig, program: Simulator, folder: Path, network: IntegerWeights | None = None) -> dict[str, Any]:
-    """Play a moving texture on a chip in its harness, and return the result."""
+    """Play a texture that moves and stops on a chip in its harness, and return the result.
+
+    The chip plays the texture twice: every clock, and only the clocks in which it is awake.
+    """
     (network or network_of(chip)).save(folder / "network.npz")
-    np.savez(folder / "arrays.npz", **{"array/noise": random_scan(chip.readout, 60, np.random.default_rng(2))})  # type: ignore[arg-type]
-    job = Job(
-        str(folder / "network.npz"), chip.to_dict(), {"noise": {}}, str(folder / "arrays.npz"), str(folder), "again"
-    )
+    samples = random_scan(chip.readout, 60, np.random.default_rng(2))
+    samples = np.concatenate([samples, np.repeat(samples[-1:], 30, axis=0)])
+    np.savez(folder / "arrays.npz", **dict.fromkeys(("array/noise", "array/skipped"), samples))  # type: ignore[arg-type]
+    places = [str(folder / name) for name in ("network.npz", "arrays.npz")]
+    runs: dict[str, dict[str, Any]] = {"noise": {}, "skipped": {}}
+    job = Job(places[0], chip.to_dict(), runs, places[1], str(folder), "again", ["skipped"])
     job.write(folder / "job.json")
     follow(build(chip, program), "eskin.cocotb_tests.touch.player", {JOB: str(folder / "job.json")}, folder)
     with np.load(folder / "noise.npz") as found:

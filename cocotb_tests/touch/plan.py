@@ -136,16 +136,20 @@ class Plan:
         return said if said.get("proof") == self.proof(name) else None
 
     def parts(self, workers: int) -> Iterator[tuple[Job, dict[str, NDArray[Any]]]]:
-        """Yield jobs for missing results, each with one network."""
+        """Yield jobs for missing results, each with one network.
+
+        The first run plays every clock. The others skip the clocks in which the chip is not awake.
+        """
         missing: dict[Path, list[str]] = {}
         for name, network in self.networks.items():
             if self.finished(name) is None:
                 missing.setdefault(network.path, []).append(name)
         total = sum(map(len, missing.values()))
         size = max(1, min(MOST_IN_A_PART, -(-total // workers)))
-        for names in missing.values():
-            for at in range(0, len(names), size):
-                yield self._job(names[at : at + size]), self._samples(names[at : at + size])
+        parts = [names[at : at + size] for names in missing.values() for at in range(0, len(names), size)]
+        for names in parts:
+            skip = [name for name in names if name != parts[0][0]]
+            yield dataclasses.replace(self._job(names), skip=skip), self._samples(names)
 
     def _job(self, names: list[str]) -> Job:
         network, said = self.networks[names[0]], self.material.said(names)

@@ -5,7 +5,7 @@ This is the golden model of ``rtl/classifier``, without lanes and words.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -203,8 +203,13 @@ class State:
         bits = self.config.output_bits
         return np.clip(v + added, lowest(bits), highest(bits))
 
-    def add_events(self, channels: Iterable[int]) -> None:
+    def add_events(self, channels: Sequence[int]) -> None:
         """Add the input weights of each event of one scan to ``v``, in the order of the events."""
+        sums = self.v + self._in[np.asarray(channels, np.int64)].cumsum(0)[:, None]
+        bits = self.config.membrane_bits
+        if sums.min(initial=0) >= lowest(bits) and sums.max(initial=0) <= highest(bits):
+            self.v = sums[-1] if len(sums) else self.v
+            return
         for channel in channels:
             self.v = self._sum(self.v, self._in[channel])
 

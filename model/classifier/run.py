@@ -88,9 +88,10 @@ def simulate(
     pending = early[:1] + [end for end in ends if end >= free]
     while pending:
         end = pending.pop(0)
+        taken = len(run.accepted)
         while (clock := offers.take(free, min(end, clocks - 1))) is not None:
-            state.add_events([offered[len(run.accepted) - 1][1]])
             free = clock + groups
+        state.add_events([channel for _, channel in offered[taken : len(run.accepted)]])
         first = max(end + 1, free) + 1  # clock in which the work begins
         lost = [late for late in pending if late < first - 1]
         pending = pending[len(lost) :]
