@@ -1,6 +1,6 @@
 """Measure generation, lint, build and simulation time against array size, and a skin of 65,536 taxels.
 
-``python benchmarks/scale.py arrays``, ``... skins`` and ``... encoders``, each into a file of its own in
+``python benchmarks/scale.py arrays``, ``... skins``, ``... tiles`` and ``... encoders``, each into a file of its own in
 ``benchmarks/results``.
 
 Every array plays the start of a scan over an embedded photograph and is held to the model. Times are processor seconds
@@ -49,6 +49,10 @@ SIDES = "8,16,32,64"
 FLAT, SLOW = 16, 32
 """Largest sides that are built flat as well, and that are played in Icarus."""
 CONFIG, TICKS, SLOW_TICKS = "ESKIN_SCALE", 100, 6
+RELAYS = 2
+"""Relay stations on the line of each tile."""
+LARGEST_SKIN = 4096
+"""Taxels of the largest skin here that fits one module, whose input bits are limited."""
 TRAVEL_PX = 15
 """How far the skin slides."""
 
@@ -159,6 +163,36 @@ def skin(resolution: int, clocks_per_sample: int) -> dict[str, Any]:
     }
 
 
+def tiles_of(side: int, rows: int, columns: int) -> dict[str, Any]:
+    """Return the times of generation and cycle-accurate model for a skin of tiles with relay stations.
+
+    The model plays the start of a scan after a first run that fills its caches. The time includes neither samples nor
+    cache.
+    """
+    tile = ReadoutConfig(rows=side, columns=side)
+    config = TilesConfig.of(tile, rows, columns, RELAYS)
+    result: dict[str, Any] = {"taxels": config.taxels, "tiles": config.tiles, "side": side}
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "eskin", "verilog", "--rows", str(side), "--columns", str(side)]
+        command += ["-o", folder]
+        skin = ["--tiles", f"{rows}x{columns}"]
+        whole = config.taxels <= LARGEST_SKIN  # else a tile, and the merge for tiles that are chips
+        with measured(result, "generate_s"):
+            for more in ([*skin, "--relays", str(RELAYS)],) if whole else ([], [*skin, "--merge"]):
+                subprocess.run([*command, *more], check=True, stdout=subprocess.DEVNULL)
+        result["verilog_bytes"] = sum(text.stat().st_size for text in Path(folder).glob("*.v"))
+    width = math.ceil(PhysicalScan().taxel_pitch_px * (config.columns - 1)) + TRAVEL_PX
+    image = large_enough(embedded_dataset()[0].load(), config)[:, :width]
+    stimuli = scan_skin(config, PhysicalScan(), image)
+    simulate_skin(config, stimuli)
+    start = time.process_time()
+    events = simulate_skin(config, stimuli)
+    result["model_s"] = round(time.process_time() - start, 3)
+    clocks = stimuli[0].clocks
+    result["model_ns_per_taxel_tick"] = 1e9 * result["model_s"] / (config.taxels * clocks / tile.clocks_per_sample)
+    return result | {"clocks": clocks, "events": len(events)}
+
+
 def _second(config: ReadoutConfig, image: Any) -> Any:
     """Return the samples of one second over an image, to and fro, shape (ticks, taxels)."""
     ticks, samples = int(config.sample_rate_hz), PhysicalScan().samples(config, image)[0].astype(np.int16)
@@ -238,6 +272,15 @@ def skins(out: Annotated[Path, typer.Option("--json", help="result file")] = RES
     """Measure a skin of 65,536 taxels at several clock frequencies and event rates."""
     parts = [(f"{bits} b", functools.partial(skin, bits, clocks)) for bits, clocks in ((6, 64), (6, 5000), (2, 5000))]
     _measure("scale of skins", "skins", out, parts)  # type: ignore[arg-type]
+
+
+@app.command()
+def tiles(out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS / "scale_tiles.json") -> None:
+    """Measure generation and cycle-accurate model of skins of tiles, from 64 to 65,536 taxels."""
+    sizes = ((8, 1, 1), (8, 2, 2), (8, 4, 4), (8, 8, 8), (32, 1, 1), (32, 2, 2), (32, 4, 4), (32, 8, 8))
+    parts = [(f"{rows} x {columns} tiles of {side}", functools.partial(tiles_of, side, rows, columns))
+             for side, rows, columns in sizes]  # fmt: skip
+    _measure("scale of tiles", "tiles", out, parts)  # type: ignore[arg-type]
 
 
 @app.command()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from typing import Any
 
 from docs.tables.write import digits, filled, only, read, source, table
@@ -73,6 +74,14 @@ def speed_training() -> None:
     """Print whole epochs of a training against their kernel."""
     table("CPU time of an epoch / CPU time in | ratio", bench("training"), "{name} | " + TIMES.replace("X", "times"))
     source(read("benchmarks/results/training.json"), "")
+
+
+def speed_touch() -> dict[str, Any]:
+    """Return the processor time of ``touch`` at two commits."""
+    report = read("benchmarks/results/touch.json")
+    found = report["results"]
+    one = {name: statistics.median(run[name] for run in found["seconds"]) for name in ("before", "now")}
+    return report | found | {"before_s": one["before"], "now_s": one["now"]}
 
 
 def leak() -> None:
@@ -208,6 +217,17 @@ def scale_encoders() -> None:
         " | {ns_per_taxel_sample:.2f}",
     )
     source(read("benchmarks/results/scale_encoders.json"), "")
+
+
+def scale_costs() -> None:
+    """Print time for generation and cycle-accurate model of skins of tiles."""
+    table(
+        "taxels | tiles | generation, s | Verilog, kB | clocks | events | model, s | model, ns per taxel and sample",
+        bench("scale_tiles"),
+        "{taxels:,} | {tiles} of {side} x {side} | {generate_s:.1f} | {verilog_bytes:1e-3*,.0f} | {clocks:,}"
+        " | {events:,} | {model_s:.3f} | {model_ns_per_taxel_tick:.1f}",
+    )
+    source(read("benchmarks/results/scale_tiles.json"), "")
 
 
 def scale_skins() -> None:

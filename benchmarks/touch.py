@@ -1,0 +1,75 @@
+"""Compare the processor time of whole runs of ``eskin touch`` at this commit and at an earlier commit.
+
+Both commits play the same images with the network of one fold, on one worker, and must report the same events, stalls
+and classes. Each commit first plays a single image, which builds its simulation program and fills its caches.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from eskin.base.files import origin, write_json
+from eskin.cocotb_tests.touch.plan import SHIPPED
+
+RESULTS = Path(__file__).parent / "results" / "touch.json"
+HERE = Path(__file__).parents[1]
+SAME = ("clocks", "events", "bins", "hidden_spikes", "stalls", "overruns", "answers")
+
+
+def touch(checkout: Path, dataset: Path, images: int) -> tuple[float, dict[str, Any]]:
+    """Return the processor seconds and the summary of one run of the command in a checkout."""
+    with tempfile.TemporaryDirectory() as out:
+        command = [sys.executable, "-m", "eskin", "touch", "--dataset", str(dataset), "--workers", "1", "-o", out]
+        command += ["--weights", str(SHIPPED / dataset.name / "fold-0.npz"), "--limit", str(images)]
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        environment = os.environ | {"PYTHONPATH": str(checkout), "OMP_NUM_THREADS": "1"}
+        subprocess.run(command, cwd=checkout, env=environment, check=True, stdout=subprocess.DEVNULL)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        (summary,) = Path(out).glob("*/summary.json")
+        found = json.loads(summary.read_text())
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, found
+
+
+def main(
+    before: Annotated[Path, typer.Option(help="checkout of an earlier commit")],
+    dataset: Annotated[Path, typer.Option(help="texture folder")],
+    images: Annotated[int, typer.Option(help="images of the fold")] = 40,
+    rounds: Annotated[int, typer.Option(help="rounds; both commits play once in each")] = 1,
+    out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS,
+) -> None:
+    """Measure both commits in turn, and write seconds and ratios to JSON."""
+    places = {"before": before.resolve(), "now": HERE}
+    for place in places.values():
+        touch(place, dataset.resolve(), 1)
+    seconds: list[dict[str, float]] = []
+    for _ in range(rounds):
+        runs = {name: touch(place, dataset.resolve(), images) for name, place in places.items()}
+        said = [{key: run[key] for key in SAME} for _, run in runs.values()]
+        if said[0] != said[1]:
+            raise AssertionError(f"the two commits differ: {said}")
+        seconds.append({name: spent for name, (spent, _) in runs.items()})
+        print(seconds[-1], flush=True)
+    ratios = [run["now"] / run["before"] for run in seconds]
+    describe = ["git", "describe", "--always", "--dirty"]
+    commit = subprocess.run(describe, cwd=before, capture_output=True, text=True, check=True).stdout.strip()
+    command = (
+        f"python benchmarks/touch.py --before EARLIER --dataset {dataset.name} --images {images} --rounds {rounds}"
+    )
+    totals = {key: said[0][key] for key in SAME[:-1]}
+    result = {"before": commit, "images": images, **totals, "seconds": seconds, "ratio": statistics.median(ratios)}
+    write_json(out, origin(command) | {"benchmark": "touch", "results": result})
+    print(out)
+
+
+if __name__ == "__main__":
+    typer.run(main)
