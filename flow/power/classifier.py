@@ -176,7 +176,7 @@ def play(
     bench = BENCH % {
         "events": len(offered),
         "memories": "\n".join(
-            f"  reg [{bits - 1}:0] {name} [0:{len(words) - 1}], {name}_word;"
+            f"  reg [{bits - 1}:0] {name} [0:{len(words) - 1}], {name}_word = 0;"
             for name, (words, bits) in memories.items()
         ),
         "reads": "\n".join(
