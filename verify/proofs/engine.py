@@ -65,7 +65,11 @@ class Verdict:
 
 
 def solve(
-    checker: Checker[Any], depth: int, limit_s: int = 120, blocks: Callable[[Checker[Any]], str] = netlist
+    checker: Checker[Any],
+    depth: int,
+    limit_s: int = 120,
+    blocks: Callable[[Checker[Any]], str] = netlist,
+    cases: bool = True,
 ) -> Verdict:
     """Search for counterexamples and covered cases, then prove the properties.
 
@@ -79,12 +83,15 @@ def solve(
         Seconds for the proof of properties that did not fail; 0 leaves the proof out.
     blocks : callable
         Returns the RTLIL of the block.
+    cases : bool
+        Whether the search looks for covered cases too, which takes most of its time.
     """
     started = time.monotonic()
     text, bench = design(checker, blocks)
     names = [("bad", name) for name in bench.bad] + [("seen", name) for name in bench.seen]
     shrink, ways = (["scorr"], TOGETHER) if checker.together else ([], EACH)
-    commands = ["set abcout said.txt", "read_aiger search.aig", "strash", *shrink, f"bmc3 -a -F {depth}"]
+    searched = "search.aig" if cases else "proof.aig"
+    commands = ["set abcout said.txt", f"read_aiger {searched}", "strash", *shrink, f"bmc3 -a -F {depth}"]
     if limit_s:
         commands += ["read_aiger proof.aig", "strash", ways.format(limit_s)]
     commands += ["read_blif gate.blif", "strash"]

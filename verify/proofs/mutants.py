@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from eskin.rtl import yosys
-from eskin.verify.proofs.bench import netlist
+from eskin.verify.proofs.bench import cutting, netlist
 from eskin.verify.proofs.checker import Checker
 
 PREPARE = "read_rtlil readout.il; hierarchy -check -top {top}; proc; opt_clean; "
@@ -46,7 +46,7 @@ class Mutant:
 
 
 def mutants(checker: Checker[Any], count: int, seed: int, only: str = "") -> list[Mutant]:
-    """Return mutants of the block that a checker observes.
+    """Return mutants of the block that a checker observes; the modules that its proof cuts out have none.
 
     Parameters
     ----------
@@ -59,13 +59,13 @@ def mutants(checker: Checker[Any], count: int, seed: int, only: str = "") -> lis
     only : str
         Arguments of ``mutate -list`` that choose, as in "-mode const0 -wire aer_req".
     """
-    return make(netlist(checker), checker.block.module_name, count, seed, only)
+    return make(netlist(checker), checker.block.module_name, count, seed, only, cutting(checker))
 
 
-def make(rtlil: str, top: str, count: int, seed: int, only: str = "") -> list[Mutant]:
-    """Return mutants of a design; see ``mutants``."""
+def make(rtlil: str, top: str, count: int, seed: int, only: str = "", cut: str = "") -> list[Mutant]:
+    """Return mutants of a design; see ``mutants``. Commands in ``cut`` delete the cells that stay as they are."""
     prepare = PREPARE.format(top=top) + WIRES * bool(seed)
-    drawing = LIST.format(count=count, seed=seed, only=only)
+    drawing = cut + LIST.format(count=count, seed=seed, only=only)
     listed = yosys.run(prepare + drawing, rtlil, "mutants.txt").splitlines()
     lines = [line for line in dict.fromkeys(listed) if not CLOCK_PIN.search(line)]
     files = [f"{number}.il" for number in range(len(lines))]

@@ -149,7 +149,7 @@ def hunt(proof: Proof, seed: int, count: int = DRAWN) -> Hunt:
     """Generate mutants of a block in one configuration, and find the properties that each violates."""
     checker = proof.checker(proof.config)
     found = {
-        mutant.name: sorted(solve(checker, proof.depth, 0, mutant.instead).failed)
+        mutant.name: sorted(solve(checker, proof.depth, 0, mutant.instead, cases=False).failed)
         for mutant in mutants(checker, count, seed)
     }
     return Hunt(proof.block, proof.size, seed, found)
