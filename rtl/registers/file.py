@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from amaranth.hdl import Cat, Const, Module, Signal, Value
 from amaranth.lib.wiring import In, Out
@@ -55,6 +55,7 @@ class RegisterFile(Block[ReadoutConfig]):
     """
 
     module_name = "eskin_registers"
+    counter_bits: ClassVar[int] = WORD_BITS
 
     def __init__(self, config: ReadoutConfig) -> None:
         super().__init__(config, {**BUS, "clear": In(1), **signals(config)})
@@ -100,11 +101,11 @@ class RegisterFile(Block[ReadoutConfig]):
         if field.kind == "constant":
             return Const(field.reset, field.width)
         if field.kind == "counter":
-            count = Signal(field.width, init=field.reset, name=name)
+            count = Signal(min(field.width, self.counter_bits), init=field.reset, name=name)
             with m.If(self.clear):
                 m.d.sync += count.eq(0)
             with m.Elif(getattr(self, register.signal(field) + COUNTS) & ~count.all()):
-                m.d.sync += count.eq((count + 1)[: field.width])
+                m.d.sync += count.eq((count + 1)[: len(count)])
             return count
         kept = Signal(field.bits, init=field.reset, name=name)
         data = self.write_data[field.low : field.low + len(kept)]
@@ -119,6 +120,12 @@ class RegisterFile(Block[ReadoutConfig]):
                 m.d.sync += told.eq(write)
             m.d.comb += getattr(self, register.signal(field) + WRITTEN).eq(told)
         return kept
+
+
+class ShortRegisterFile(RegisterFile):
+    """Register file with short counters, so that a bounded search reaches their end."""
+
+    counter_bits = 3
 
 
 def _plain(register: Register) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from amaranth.hdl import Cat, Module, Signal
 from amaranth.lib.wiring import In, Out
@@ -12,7 +12,7 @@ from eskin.model.encoders.fields import CHOICES, SETTABLE
 from eskin.rtl.block import Block
 from eskin.rtl.registers.file import BUS, COUNTS, WRITTEN, RegisterFile, signals
 from eskin.rtl.registers.pattern import REGISTER, TestPattern, fields
-from eskin.rtl.registers.spi import PINS, SpiSlave
+from eskin.rtl.registers.spi import PINS, ShortSlave, SpiSlave
 
 SETTINGS = ("decay_shift", "decay_period", "window_period")
 """Fields of the register file that the array takes as they are."""
@@ -47,6 +47,7 @@ class Host(Block[ReadoutConfig]):
     """
 
     module_name = "eskin_host"
+    slave: ClassVar[type[SpiSlave]] = SpiSlave
 
     def __init__(self, config: ReadoutConfig) -> None:
         pattern = TestPattern(config).signature.members
@@ -79,7 +80,7 @@ class Host(Block[ReadoutConfig]):
     def elaborate(self, platform: Any) -> Module:
         m = Module()
         config = self.config
-        spi, file, pattern = SpiSlave(config), RegisterFile(config), TestPattern(config)
+        spi, file, pattern = self.slave(config), RegisterFile(config), TestPattern(config)
         for name, block in (("spi", spi), ("registers", file), ("pattern", pattern)):
             block.place(m, name, platform)
         for name in PINS:
@@ -133,6 +134,12 @@ class Host(Block[ReadoutConfig]):
                 m.d.sync += select.eq(Cat(Cat(choice == number for number in range(3)) for choice in choices))
             m.d.comb += self.field_select.eq(select)
         return Cat(choice != CHOICES.index("off") for choice in choices)
+
+
+class ShortHost(Host):
+    """Host interface with short addresses and words; of longer registers it reaches the lowest bits."""
+
+    slave = ShortSlave
 
 
 def adds(config: ReadoutConfig) -> bool:

@@ -106,3 +106,9 @@ class NarrowSlave(SpiSlave):
     """SPI slave with short addresses and words, so that bounded proofs reach the end of a transfer."""
 
     address_bits, word_bits = 3, 3
+
+
+class ShortSlave(SpiSlave):
+    """SPI slave whose addresses reach the masks of a small array."""
+
+    address_bits, word_bits = 7, 3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -15,7 +16,10 @@ from eskin.model.frame_config import FrameConfig
 from eskin.rtl import yosys
 from eskin.rtl.verilog import verilog
 from eskin.verify.proofs.bind import checkers, properties
+from eskin.verify.proofs.blocks.arbiter import ArbiterChecker
 from eskin.verify.proofs.blocks.readout import ReadoutChecker
+from eskin.verify.proofs.blocks.registers import HostChecker
+from eskin.verify.proofs.checker import Checker
 
 CONFIG = ReadoutConfig(rows=2, columns=2, frontend="analog", link="four_phase")
 MAIN = """#include "Vbound.h"
@@ -58,8 +62,12 @@ def test_a_receiver_that_breaks_an_assumption_stops_the_run(program: Path) -> No
 
 @pytest.mark.parametrize(
     "config",
-    [CONFIG.replace(encoding="nlcs", frontend="digital"), FrameConfig(readout=ReadoutConfig(rows=2, columns=2))],
-    ids=["nlcs", "frame"],
+    [
+        CONFIG.replace(encoding="nlcs", frontend="digital"),
+        CONFIG.replace(registers="spi"),
+        FrameConfig(readout=ReadoutConfig(rows=2, columns=2)),
+    ],
+    ids=["nlcs", "registers", "frame"],
 )
 def test_yosys_reads_properties_and_readout(config: ReadoutConfig | FrameConfig) -> None:
     files = {"eskin.v": verilog(config).encode(), "properties.sv": properties(config).encode()}
@@ -70,10 +78,12 @@ def test_yosys_reads_properties_and_readout(config: ReadoutConfig | FrameConfig)
     assert "$assert" in read or "$check" in read
 
 
-@pytest.mark.parametrize(("registers", "bound"), [("none", True), ("spi", False)])
-def test_the_whole_readout_is_bound_where_it_is_proved(registers: str, bound: bool) -> None:
-    found = checkers(CONFIG.replace(registers=registers))  # the test pattern of a host sends events without a step
-    assert any(isinstance(checker, ReadoutChecker) for checker, _, _ in found) == bound
+@pytest.mark.parametrize(("registers", "whole"), [("none", ReadoutChecker), ("spi", HostChecker)])
+def test_the_whole_readout_or_its_host_is_bound(registers: str, whole: type[Checker[Any]]) -> None:
+    found = list(checkers(CONFIG.replace(registers=registers)))  # a host's test pattern sends events without a step
+    assert [type(one) for one, _, _ in found if isinstance(one, (ReadoutChecker, HostChecker))] == [whole]
+    arbiter = next(places for one, _, places in found if isinstance(one, ArbiterChecker))
+    assert ("host.column_request" in arbiter["request"]) == (whole is HostChecker)
 
 
 def test_the_command_writes_what_goes_with_the_verilog(tmp_path: Path) -> None:

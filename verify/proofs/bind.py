@@ -17,6 +17,7 @@ from eskin.verify.proofs.blocks.arbiter import ArbiterChecker
 from eskin.verify.proofs.blocks.frame import FrameChecker
 from eskin.verify.proofs.blocks.link import LinkChecker
 from eskin.verify.proofs.blocks.readout import ReadoutChecker
+from eskin.verify.proofs.blocks.registers import HostChecker
 from eskin.verify.proofs.blocks.taxel import TaxelChecker
 from eskin.verify.proofs.blocks.window import WindowChecker
 from eskin.verify.proofs.checker import Checker
@@ -40,12 +41,24 @@ def checkers(config: ReadoutOrFrame) -> Iterator[tuple[Checker[Any], str, dict[s
     if config.registers == "none":  # a host masks taxels too, and its test pattern sends events without a step
         whole = ReadoutChecker(config)
         yield whole, "eskin_readout", whole.places(config)
+    else:
+        yield HostChecker(config), "eskin_host", {}
     arbiter = ArbiterChecker(config)
     places = {name: f"arbiter.{name}" for name in arbiter.block(config).signature.members}
-    taxels = [f"row_{row}.taxel_{column}" for row in range(config.rows) for column in range(config.columns)]
+    taxels = [(row, column) for row in range(config.rows) for column in range(config.columns)]
     for name in ("request", "polarity"):
-        places[name] = "{" + ", ".join(f"{taxel}.{name}" for taxel in reversed(taxels)) + "}"
+        places[name] = "{" + ", ".join(_line(config, name, *taxel) for taxel in reversed(taxels)) + "}"
     yield arbiter, "eskin_readout", places
+
+
+def _line(config: ReadoutConfig, name: str, row: int, column: int) -> str:
+    """Return the request or polarity of a taxel, or that of a host's test pattern in its place."""
+    own = f"row_{row}.taxel_{column}.{name}"
+    if config.registers == "none":
+        return own
+    tested = "host.row_request" + (f"[{row}]" if config.rows > 1 else "")
+    pattern = f"host.column_{name}" + (f"[{column}]" if config.columns > 1 else "")
+    return f"({own} | ({tested} & {pattern}))" if name == "request" else f"({tested} ? {pattern} : {own})"
 
 
 def watched(checker: Checker[Any]) -> int:

@@ -19,7 +19,12 @@ from eskin.verify.proofs.blocks.link import LinkChecker
 from eskin.verify.proofs.blocks.merge import MergeChecker, RelayChecker
 from eskin.verify.proofs.blocks.pattern import PatternChecker
 from eskin.verify.proofs.blocks.readout import ReadoutChecker
-from eskin.verify.proofs.blocks.registers import RegistersChecker
+from eskin.verify.proofs.blocks.registers import (
+    BusHostChecker,
+    RegistersChecker,
+    ShortHostChecker,
+    ShortRegistersChecker,
+)
 from eskin.verify.proofs.blocks.spi import NarrowSpiChecker
 from eskin.verify.proofs.blocks.taxel import TaxelChecker
 from eskin.verify.proofs.blocks.window import WindowChecker
@@ -69,11 +74,16 @@ class Proof:
         if self.block == "spi":
             return f"words of {self.checker.block.word_bits} bits"
         if self.block in ("registers", "pattern"):
-            return f"{config.rows} x {config.columns} {config.encoding}"
+            short = ", counters of 3 bits" if self.checker is ShortRegistersChecker else ""
+            return f"{config.rows} x {config.columns} {config.encoding}{short}"
+        if self.block == "host":
+            what = f"{config.rows} x {config.columns} {config.encoding} {config.frontend}"
+            what += " fields" if config.fields != "own" else ""
+            return what + (" behind SPI" if self.checker.cut else ", words of 3 bits at the pins")
         if self.block == "decay":
             return f"{config.rows} rows, {config.leak_period} ticks{' at most' if config.registers != 'none' else ''}"
         if self.block == "classifier":
-            ends = ", saturates" if config.saturates else ""
+            ends = (", saturates" if config.saturates else "") + (", currents" if config.synapse_shift else "")
             return f"{config.inputs}-{config.hidden}-{config.classes}, {config.lanes} lanes, {config.readout}{ends}"
         if self.block == "fields":
             return f"{config.rows} x {config.columns} {config.fields if isinstance(config.fields, str) else 'lists'}"
@@ -120,11 +130,10 @@ def taxels() -> list[Proof]:
     ends: tuple[Any, ...] = ("digital", "analog")
     codes: tuple[Any, ...] = registry.NAMES
     window = SMALL.replace(encoding="cw-lcs", sample_bits=8)
-    windows = [
-        Proof(WindowChecker, window.replace(frontend=end), 12, end == "digital", end == "digital") for end in ends
-    ]
+    windows = [Proof(WindowChecker, window.replace(frontend=end), 12, False, end == "digital") for end in ends]
     windows += [
-        Proof(WindowChecker, window.replace(frontend=end, registers="spi", window_period=3), 12) for end in ends
+        Proof(WindowChecker, window.replace(frontend=end, registers="spi", window_period=3), 12, end == "digital")
+        for end in ends
     ]
     few = [SMALL.replace(encoding=code, frontend=end) for code in codes for end in ends]
     by_tick = [c.replace(decide_every="sample") for c in few]
@@ -175,11 +184,16 @@ def hosts() -> list[Proof]:
     base = ReadoutConfig(registers="spi")
     few = base.replace(rows=2, columns=2, encoding="nlcs", sample_bits=8, resolution=3, leak_period=5)
     more = base.replace(rows=5, columns=8, encoding="cw-lcs", window_period=5)
+    window = base.replace(rows=1, columns=2, encoding="cw-lcs", sample_bits=8, resolution=3, window_period=3)
+    chosen = [window.replace(rows=2, fields="settable", frontend=end) for end in ("digital", "analog")]
     patterns = [base.replace(rows=2, columns=2), base.replace(rows=1, columns=4), base.replace(rows=4, columns=1)]
     return [
         Proof(NarrowSpiChecker, few, 27, True, True),
-        *(Proof(RegistersChecker, c, 8, c == few, True) for c in (few, more)),
+        Proof(ShortRegistersChecker, few, 12, True),
+        *(Proof(RegistersChecker, c, 8, False, True) for c in (few, more)),
         *(Proof(PatternChecker, c, 14, c.rows == 2, c.rows == 2) for c in patterns),
+        *(Proof(BusHostChecker, c, 8, c == few, c == few) for c in (few, *chosen)),
+        Proof(ShortHostChecker, window, 30),
     ]
 
 
@@ -246,12 +260,17 @@ def classifiers() -> list[Proof]:
         membrane_bits=8,
         output_bits=6,
     )
+    leaks = {"leak_shift": 2, "leak_factor": 3, "synapse_shift": 1, "out_leak_shift": 1, "out_synapse_shift": 1}
+    synaptic = few.replace(**leaks)
+    coarse = {"in_bits": 4, "in_shift": 1, "out_bits": 4, "out_shift": 1}  # a weight has more bits than a potential
     return [
-        Proof(ScheduleChecker, few, 16, True, True),
+        Proof(ScheduleChecker, few, 32, True, True),  # an event may wait 25 clocks
         *(Proof(ScheduleChecker, config, 24) for config in (more, other)),
         Proof(SumsChecker, few, 16, True, True),
         Proof(SumsChecker, few.replace(classes=2), 18, False, True),
         Proof(SumsChecker, few.replace(clocks_per_bin=8, membrane_bits=4), 16),
+        Proof(SumsChecker, synaptic, 20),
+        Proof(SumsChecker, synaptic.replace(**coarse, clocks_per_bin=8, membrane_bits=4, readout="membrane"), 16),
         Proof(SumsChecker, few.replace(hidden=2, lanes=2), 18),
         Proof(SumsChecker, few.replace(hidden=3, lanes=2), 26),
     ]

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal, Value, signed
 from amaranth.lib.wiring import In
 
-from eskin.model.classifier.config import ClassifierConfig, highest, lowest
+from eskin.model.classifier.config import ClassifierConfig, Leak, highest, lowest
 from eskin.rtl.classifier.core import STALL_BITS, Classifier, State
 from eskin.rtl.classifier.memory import address_bits
 from eskin.verify.proofs.checker import Checker, Property, before, implies
@@ -20,7 +20,7 @@ from eskin.verify.proofs.checker import Checker, Property, before, implies
 SPARE_BITS = 3
 """Bits of a sum of a checker beyond those of the classifier: a sum that leaves its bits is seen."""
 
-MEMORIES = ("eskin_input_weights", "eskin_recurrent_weights", "eskin_neuron_weights")
+MEMORIES = ("eskin_input_weights", "eskin_recurrent_weights", "eskin_neuron_weights", "eskin_potentials")
 
 
 class _ClassifierChecker(Checker[ClassifierConfig]):
@@ -257,7 +257,15 @@ class SumsChecker(_ClassifierChecker):
     )
 
     def inner(self, config: ClassifierConfig) -> dict[str, Any]:
-        return super().inner(config) | {"most": In(signed(config.evidence_bits)), "best": In(config.class_bits)}
+        found = super().inner(config) | {"most": In(signed(config.evidence_bits)), "best": In(config.class_bits)}
+        if config.synapse_shift:
+            bits, address = signed(config.membrane_bits), address_bits(config.hidden)
+            found |= dict.fromkeys(("held_potential", "next_potential", "potentials_write_data"), In(bits))
+            found |= {"potentials_read_data": In(bits), "potentials_write_valid": In(1)}
+            found |= dict.fromkeys(("potentials_read_address", "potentials_write_address"), In(address))
+        if config.out_synapse_shift:
+            found["rest_ring"] = In(config.classes * config.output_bits)
+        return found
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
@@ -293,11 +301,15 @@ class SumsChecker(_ClassifierChecker):
         least, most = config.hidden_range or (0, 0)
         good: Value = Const(1)
         fires: Value = Const(0)
+        leak, synapse = Leak(config.leak_shift, config.leak_factor), Leak(config.synapse_shift, config.synapse_factor)
+        rested = before(m, _leaked(self.potentials_read_data, leak), "rested") if synapse.shift else None
         for number, (adds, sets, rows, events) in enumerate(added):
-            total = Signal(signed(bits), name=f"potential_{number}")
+            total = Signal(signed(bits), name=f"potential_{number}")  # or the synaptic current, if there is one
+            v, enough = (total, Const(1)) if rested is None else _limited(rested + total, bits, config.saturates)
             held, spike, rest = self._fired(
-                m, total, config.threshold, config.floor, config.neuron_reset, config.leak_shift, f"neuron_{number}"
+                m, v, config.threshold, config.floor, config.neuron_reset, f"neuron_{number}"
             )
+            left = _leaked(total, synapse) if synapse.shift else _leaked(rest, leak)
             of_event, of_spike = (
                 word.word_select(number % config.lanes, bits_of_one).as_signed()
                 for word, bits_of_one in (
@@ -306,7 +318,7 @@ class SumsChecker(_ClassifierChecker):
                 )
             )
             plus = Mux(self.recurrent, of_spike << config.rec_shift, of_event << config.in_shift)
-            kept = Mux(self.hidden_valid, rest, 0)
+            kept = Mux(self.hidden_valid, left, 0)
             exact = Signal(signed(bits + SPARE_BITS), name=f"sum_{number}")
             m.d.comb += exact.eq(Mux(sets, kept + (self.held_bias << config.bias_shift), total + plus))
             value, fit = _limited(exact, bits, config.saturates)
@@ -316,6 +328,9 @@ class SumsChecker(_ClassifierChecker):
             shown = self.hidden_valid & (self.hidden_index == number)
             good &= implies(shown, (self.hidden_potential == held) & (self.hidden_spike == spike) & begun)
             good &= implies(sets | (adds & begun), fit)
+            if synapse.shift:
+                good &= implies(sets, self.potentials_write_data == Mux(self.hidden_valid, rest, 0))
+                good &= implies(shown, enough)
             fires |= shown & spike
             if not config.saturates:
                 coming, left = config.events_per_bin - events, config.hidden - rows
@@ -325,7 +340,18 @@ class SumsChecker(_ClassifierChecker):
                 high = coming * highest(config.in_bits, config.in_shift)
                 high += left * highest(config.rec_bits, config.rec_shift)
                 good &= implies(begun, (total + low >= least) & (total + high <= most))
+        if synapse.shift:
+            good &= self._currents(m)
         self.promise(m, "neuron_exact", implies(self.fits, good), fires)
+
+    def _currents(self, m: Module) -> Value:
+        """Return whether potentials are read and written at their neuron, and no current grows without a bias."""
+        number = before(m, before(m, self.potentials_read_address, "read"), "read_before")
+        placed = (number == self.hidden_index) & (self.potentials_write_address == self.hidden_index)
+        placed = implies(self.sets, placed) & (self.potentials_write_valid == self.sets)
+        old, new = self.held_potential, self.next_potential
+        decays = Mux(old < 0, (new >= old) & (new <= 0), (new <= old) & (new >= 0))
+        return placed & implies(self.hidden_valid & (self.held_bias == 0), decays)
 
     def _outputs(self, m: Module, weights: list[Signal]) -> list[Signal]:
         """Track the output potentials; return the evidence of each class."""
@@ -338,6 +364,8 @@ class SumsChecker(_ClassifierChecker):
         good: Value = Const(1)
         good_evidence: Value = Const(1)
         moved: Value = Const(0)
+        leak = Leak(config.out_leak_shift, config.out_leak_factor)
+        synapse = Leak(config.out_synapse_shift, config.out_synapse_factor)
         found = []
         passed = Signal.like(self.turn)  # the evidence turns with the outputs alone, not with spikes
         with m.If(self.scan_start):
@@ -347,11 +375,21 @@ class SumsChecker(_ClassifierChecker):
         for number, count in enumerate(weights):
             own = self.turn == number
             total = Signal(signed(bits), name=f"output_{number}")
-            held, fired, rest = self._fired(
-                m, total, threshold, floor, config.neuron_reset, config.out_leak_shift, f"output_{number}"
-            )
+            v: Value = total
+            if synapse.shift:
+                rested = Signal(signed(bits), name=f"output_rest_{number}")
+                v, _ = _limited(rested + total, bits, config.output_saturates)
+            held, fired, rest = self._fired(m, v, threshold, floor, config.neuron_reset, f"output_{number}")
+            rest, left = _leaked(rest, leak), _leaked(total, synapse)
+            if synapse.shift:
+                with m.If(self.scan_start):
+                    m.d.sync += rested.eq(0)
+                with m.Elif(self.output & own):
+                    m.d.sync += rested.eq(Mux(self.clears, 0, rest))
+                rested_there = self._in_turn(self.rest_ring, bits, number, passed) == rested
             exact = Signal(signed(bits + SPARE_BITS), name=f"output_sum_{number}")
-            m.d.comb += exact.eq(Mux(self.output, Mux(self.clears, 0, rest) + bias, total + weight))
+            stays = left if synapse.shift else rest
+            m.d.comb += exact.eq(Mux(self.output, Mux(self.clears, 0, stays) + bias, total + weight))
             value, fit = _limited(exact, bits, config.output_saturates)
             with m.If(own & (self.output | self.spike)):
                 m.d.sync += total.eq(value)
@@ -362,6 +400,8 @@ class SumsChecker(_ClassifierChecker):
             if fires:
                 good &= implies(shown, self.output_spike == fired)
             good &= implies(begun, self._in_turn(self.ring, bits, number, self.turn) == total)
+            if synapse.shift:
+                good &= implies(begun, rested_there)
             if not config.output_saturates:
                 low = (config.hidden - count) * lowest(config.out_bits, config.out_shift)
                 high = (config.hidden - count) * highest(config.out_bits, config.out_shift)
@@ -412,20 +452,25 @@ class SumsChecker(_ClassifierChecker):
         self.promise(m, "first_of_most", implies(self.fits, good), changes)
 
     def _fired(
-        self, m: Module, v: Signal, threshold: int | None, floor: int | None, reset: str, leak_shift: int, name: str
-    ) -> tuple[Value, Value, Value]:
-        """Return the clipped potential, its spike, and the potential after reset and leak."""
+        self, m: Module, v: Value, threshold: int | None, floor: int | None, reset: str, name: str
+    ) -> tuple[Value, Value, Signal]:
+        """Return the clipped potential, its spike, and the potential after the reset."""
         held = Signal(v.shape(), name=f"{name}_held")
         rest = Signal(v.shape(), name=f"{name}_rest")
         m.d.comb += held.eq(v if floor is None else Mux(v < floor, floor, v))
         spike: Value = held > threshold if threshold is not None else Const(0)
         m.d.comb += rest.eq(Mux(spike, held - (threshold or 0) if reset == "subtract" else 0, held))
-        return held, spike, rest - (rest >> leak_shift) if leak_shift else rest
+        return held, spike, rest
 
 
 def _wide(value: Value, bits: int) -> Value:
     """Return an unsigned value truncated or zero-extended to a width."""
     return Cat(value, Const(0, bits))[:bits] if bits else Cat()
+
+
+def _leaked(value: Value, leak: Leak) -> Value:
+    """Return a potential or a current after its leak."""
+    return value - (value * leak.factor >> leak.shift) if leak.shift else value
 
 
 def _limited(value: Value, bits: int, saturates: bool) -> tuple[Value, Value]:

@@ -1,16 +1,24 @@
-"""Properties of the register file: a read returns the last written word, and every counter is exact."""
+"""Properties of registers: a read returns the last written word, every counter is exact, and nothing else changes.
+
+``RegistersChecker`` looks at the register file alone, ``HostChecker`` at the whole host interface between its pins and
+the array.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, ClassVar
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib.wiring import In
 
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders.fields import CHOICES
 from eskin.model.registers.description import WORD_BITS, Register, registers
 from eskin.rtl.logic import or_tree
-from eskin.rtl.registers.file import COUNTS, WRITTEN, RegisterFile
+from eskin.rtl.registers.file import BUS, COUNTS, WRITTEN, RegisterFile, ShortRegisterFile
+from eskin.rtl.registers.host import SETTINGS, Host, ShortHost
+from eskin.verify.proofs.blocks.spi import Transfers
 from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
@@ -23,7 +31,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
         A register, any, for good; and a bit of the mask.
     """
 
-    block = RegisterFile
+    block: ClassVar[type[RegisterFile]] = RegisterFile
     properties = (
         Property("read_as_written", "a read returns the last valid word written to the address, or the reset value"),
         Property("constants_hold", "an identification register never changes"),
@@ -140,15 +148,160 @@ class RegistersChecker(Checker[ReadoutConfig]):
         for register in found:
             for field in register.fields:
                 if field.kind == "counter":
-                    count = Signal(field.width, name=f"{register.name}_count")
+                    bits = min(field.width, self.block.counter_bits)
+                    count = Signal(bits, name=f"{register.name}_count")
                     with m.If(self.clear):
                         m.d.sync += count.eq(0)
-                    with m.Elif(getattr(self, register.signal(field) + COUNTS) & (count != (1 << field.width) - 1)):
+                    with m.Elif(getattr(self, register.signal(field) + COUNTS) & (count != (1 << bits) - 1)):
                         m.d.sync += count.eq(count + 1)
                     here = self.address == register.address
                     right.append(implies(here, self.read_data == count))
                     seen.append(here & (count == 3))
         self.promise(m, "counted_once", Cat(right).all(), Cat(seen).any())
+
+
+class ShortRegistersChecker(RegistersChecker):
+    """Checker of the register file with short counters."""
+
+    block = ShortRegisterFile
+
+
+class HostChecker(Checker[ReadoutConfig]):
+    """Checker of the whole host interface, from the SPI pins to the settings of the array.
+
+    It decodes the transfers at the pins and keeps the valid words of complete writes. Every output of the host follows
+    from these words, so a write has an effect only when it is complete, and nothing else has an effect.
+    """
+
+    block: ClassVar[type[Host]] = Host
+    properties = (
+        Property("set_as_written", "D, leak, window and fields have the values last written, or those of the reset"),
+        Property(
+            "masked_as_written", "a taxel is enabled exactly if pin and mask say so, unless a pattern or clear stops it"
+        ),
+        Property("read_as_written", "MISO shows the last valid word written to a setting, or its reset value"),
+        Property("no_pattern_unasked", "without a pattern written by the host no test request reaches the arbiter"),
+        Property(
+            "restarts_when_told",
+            "the decay ticks restart one clock after a write to their register or to clear, and at no other time",
+            applies=lambda config: config.encoder.leaks,
+        ),
+    )
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        sent = self._transfers(m)
+        words, writes = self._words(m, sent)
+        value = {register.signal(f): words[register.key][f.low :][: f.bits] for register, f in self._fields("setting")}
+        clear = before(m, writes["control"] & sent.word[0], "clear")
+
+        bits = before(m, value["resolution_bits"], "bits")
+        begun = before(m, Const(1, 1), "begun")
+        step = Cat((begun & (bits == n)) | (~begun & (n == self.config.resolution)) for n in self._resolutions)
+        good, moved = self.step == step, ~self.step[0]
+        for name in SETTINGS:
+            if self.has(name):
+                good &= getattr(self, name) == value[name]
+        mask, fields = (
+            Cat(words[r.key][: f.bits] for r, f in self._fields("setting") if r.name.startswith(name))
+            for name in ("mask", "fields")
+        )
+        if len(fields):
+            choices = [fields[2 * taxel :][:2] for taxel in range(self.config.taxels)]
+            mask = mask & Cat(choice != CHOICES.index("off") for choice in choices)
+            lines = Cat(Cat(choice == number for number in range(3)) for choice in choices)
+            if self.has("choice"):
+                good &= self.choice == fields
+            else:
+                good &= self.field_select == Mux(begun, before(m, lines, "lines"), lines)
+        self.promise(m, "set_as_written", good, moved)
+
+        quiet = (value["test_mode"] == 0) & ~clear
+        expected = self.taxel_enable & mask & quiet.replicate(self.config.taxels)
+        self.promise(m, "masked_as_written", self.enabled == expected, ~mask[0] & quiet & self.taxel_enable[0])
+
+        self._reading(m, sent, words)
+        silent = implies(value["test_mode"] == 0, self.row_request == 0)
+        self.promise(m, "no_pattern_unasked", silent, self.row_request != 0)
+        if self.config.encoder.leaks:
+            due = before(m, writes["decay"], "decay") | clear
+            self.promise(m, "restarts_when_told", self.decay_restart == due, due)
+        return self.finish(m)
+
+    def _transfers(self, m: Module) -> Any:
+        """Return the words that the host writes, with their addresses."""
+        return Transfers(m, self, self.block.slave)
+
+    @property
+    def _resolutions(self) -> range:
+        """Resolutions in the order of the bits of ``step``."""
+        return range(self.config.resolution, 0, -1)
+
+    def _fields(self, kind: str) -> list[tuple[Register, Any]]:
+        return [(r, field) for r in registers(self.config) for field in r.fields if field.kind == kind]
+
+    def _words(self, m: Module, sent: Any) -> tuple[dict[str, Signal], dict[str, Value]]:
+        """Return for every register its word, and whether a valid word is written to it; of a counter the word is 0."""
+        words, writes = {}, {}
+        data = Cat(sent.word, Const(0, WORD_BITS - sent.word_bits))
+        for register in registers(self.config):
+            constant = sum(f.reset << f.low for f in register.fields if f.kind in ("setting", "constant"))
+            word = Signal(WORD_BITS, init=constant, name=f"{register.name}_{register.index or 0}_word")
+            within = Cat(
+                (data[f.low :][: f.width] >= f.least) & (data[f.low :][: f.width] <= f.most) for f in register.fields
+            )
+            write = sent.complete & (sent.address == register.address) & within.all()
+            if any(field.kind == "setting" for field in register.fields):
+                described = sum((1 << f.bits) - 1 << f.low for f in register.fields)
+                with m.If(write):
+                    m.d.sync += word.eq(data & described)
+            words[register.key], writes[register.key] = word, write
+        return words, writes
+
+    def _reading(self, m: Module, sent: Any, words: dict[str, Signal]) -> None:
+        """Check what MISO shows of all registers but counters."""
+        word, counts = self._at(sent.address, words)
+        shown = sent.shown(m, word[: sent.word_bits])
+        known = Signal()
+        with m.If(sent.fall & sent.reads & sent.first):
+            m.d.sync += known.eq(~counts)
+        looks = sent.rise & sent.reads & known
+        right = implies(looks, self.spi_miso == shown) & implies(~sent.reads, ~self.spi_miso)
+        self.promise(m, "read_as_written", right, looks & shown)
+
+    def _at(self, address: Value, words: dict[str, Signal]) -> tuple[Value, Value]:
+        """Return the word at an address, and whether a counter is there."""
+        counters = {register.key for register, _ in self._fields("counter")}
+        addresses = {register.key: register.address for register in registers(self.config)}
+        found = [words[key] & (address == place).replicate(WORD_BITS) for key, place in addresses.items()]
+        return or_tree(found), Cat(address == addresses[key] for key in counters).any()
+
+
+class BusHostChecker(HostChecker):
+    """Checker of the host interface behind its SPI slave, which writes and reads anything in any clock."""
+
+    cut: ClassVar[tuple[str, ...]] = ("eskin_spi",)
+
+    def inner(self, config: ReadoutConfig) -> dict[str, Any]:
+        return {f"spi_{name}": In(member.shape) for name, member in BUS.items()}
+
+    def _transfers(self, m: Module) -> Any:
+        return SimpleNamespace(
+            complete=self.spi_write, address=self.spi_address, word=self.spi_write_data, word_bits=WORD_BITS
+        )
+
+    def _reading(self, m: Module, sent: Any, words: dict[str, Signal]) -> None:
+        word, counts = self._at(sent.address, words)
+        written = words["resolution"] != self.config.resolution
+        self.promise(
+            m, "read_as_written", counts | (self.spi_read_data == word), written & (word == words["resolution"])
+        )
+
+
+class ShortHostChecker(HostChecker):
+    """Checker of the host interface with short addresses and words."""
+
+    block = ShortHost
 
 
 def _settings(register: Register) -> bool:

@@ -12,6 +12,69 @@ from eskin.rtl.registers.spi import NarrowSlave, SpiSlave
 from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
+class Transfers:
+    """SPI transfers, decoded from the pins.
+
+    Attributes
+    ----------
+    under_way, closed : Signal
+        A transfer is open; CS is high.
+    rise : Signal
+        SCK rises in a transfer.
+    complete, address, word : Value
+        The last bit of a word of a write transfer arrives; its address; the word.
+    in_data, reads : Value
+        The command is complete; it was one that reads.
+    """
+
+    def __init__(self, m: Module, pins: Any, slave: type[SpiSlave]) -> None:
+        address_bits, self.word_bits = slave.address_bits, slave.word_bits
+        command_bits, whole_bits = 1 + address_bits, 1 + address_bits + self.word_bits
+        sck = _past(m, pins.spi_sck, "sck", 3)
+        cs_n = _past(m, pins.spi_cs_n, "cs_n", 4)
+        mosi = _past(m, pins.spi_mosi, "mosi", 2)
+        self.under_way, self.closed = Signal(name="under_way"), cs_n[1]
+        opens = ~cs_n[1] & cs_n[2] & cs_n[3]
+        m.d.sync += self.under_way.eq(opens | (self.under_way & ~cs_n[1]))
+        unbroken = self.under_way & ~cs_n[1]
+        self.rise, self.fall = Signal(name="rise"), Signal(name="fall")
+        m.d.comb += [self.rise.eq(unbroken & sck[1] & ~sck[2]), self.fall.eq(unbroken & ~sck[1] & sck[2])]
+
+        # Bits of the command and the word so far, and all that was sent, taken with every rise.
+        bits, sent, writes = Signal(range(whole_bits)), Signal(max(self.word_bits, command_bits)), Signal()
+        whole, now = Signal(), Cat(mosi[1], sent[:-1])
+        m.d.comb += whole.eq(bits == whole_bits - 1)
+        with m.If(opens):
+            m.d.sync += bits.eq(0)
+        with m.Elif(self.rise):
+            m.d.sync += [bits.eq(Mux(whole, command_bits, bits + 1)), sent.eq(now)]
+        self.address = Signal(address_bits, name="address_sent")
+        with m.If(self.rise & (bits == command_bits - 1)):
+            m.d.sync += [self.address.eq(now), writes.eq(now[address_bits])]
+        with m.Elif(self.rise & whole):
+            m.d.sync += self.address.eq(self.address + WORD_BYTES)
+        self.complete, self.word = self.rise & whole & writes, now[: self.word_bits]
+        self.in_data, self.first = bits >= command_bits, bits == command_bits
+        self.reads = self.in_data & ~writes
+
+    def shown(self, m: Module, word: Value) -> Value:
+        """Return the bit that MISO shows of a word, which counts as it is when SCK falls before its first bit."""
+        kept = Signal(self.word_bits, name="kept")
+        with m.If(self.fall & self.reads & self.first):
+            m.d.sync += kept.eq(word)
+        with m.Elif(self.fall & self.reads):
+            m.d.sync += kept.eq(Cat(Const(0, 1), kept[:-1]))
+        return kept[-1]
+
+
+def _past(m: Module, pin: Value, name: str, clocks: int) -> list[Signal]:
+    """Return the values of a pin one clock ago, two clocks ago, and so on."""
+    found: list[Any] = []
+    for clock in range(clocks):
+        found.append(before(m, found[-1] if found else pin, f"{name}_{clock}"))
+    return found
+
+
 class SpiChecker(Checker[ReadoutConfig]):
     """Checker of the SPI slave; pins and data are free."""
 
@@ -33,59 +96,19 @@ class SpiChecker(Checker[ReadoutConfig]):
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
-        address_bits, word_bits = self.block.address_bits, self.block.word_bits
-        command_bits, whole_bits = 1 + address_bits, 1 + address_bits + word_bits
-        sck = self._past(m, self.spi_sck, "sck", 3)
-        cs_n = self._past(m, self.spi_cs_n, "cs_n", 4)
-        mosi = self._past(m, self.spi_mosi, "mosi", 2)
-        under_way = Signal()
-        opens = ~cs_n[1] & cs_n[2] & cs_n[3]
-        m.d.sync += under_way.eq(opens | (under_way & ~cs_n[1]))
-        unbroken = under_way & ~cs_n[1]
-        rise, fall = Signal(), Signal()
-        m.d.comb += [rise.eq(unbroken & sck[1] & ~sck[2]), fall.eq(unbroken & ~sck[1] & sck[2])]
-
-        # Bits of the command and the word so far, and all that was sent, taken with every rise.
-        bits, sent, writes = Signal(range(whole_bits)), Signal(max(word_bits, command_bits)), Signal()
-        whole, now = Signal(), Cat(mosi[1], sent[:-1])
-        m.d.comb += whole.eq(bits == whole_bits - 1)
-        with m.If(opens):
-            m.d.sync += bits.eq(0)
-        with m.Elif(rise):
-            m.d.sync += [bits.eq(Mux(whole, command_bits, bits + 1)), sent.eq(now)]
-        address = Signal(address_bits)
-        with m.If(rise & (bits == command_bits - 1)):
-            m.d.sync += [address.eq(now), writes.eq(now[address_bits])]
-        with m.Elif(rise & whole):
-            m.d.sync += address.eq(address + WORD_BYTES)
-
-        complete = rise & whole & writes
+        sent = Transfers(m, self, self.block)
+        complete = sent.complete
         self.promise(m, "aborted_writes_nothing", implies(self.write, complete), self.write)
         self.promise(m, "whole_is_written", implies(complete, self.write), complete)
-        self.promise(m, "written_as_sent", implies(self.write, self.write_data == now[:word_bits]), self.write & now[0])
-        in_data = bits >= command_bits
-        self.promise(m, "address_as_sent", implies(in_data, self.address == address), self.write & (address != 0))
-        self._reading(m, rise, fall, bits == command_bits, in_data & ~writes)
-        self.promise(m, "opens_after_two", self.spi_miso_enable == under_way, under_way & cs_n[1])
+        self.promise(m, "written_as_sent", implies(self.write, self.write_data == sent.word), self.write & sent.word[0])
+        same = implies(sent.in_data, self.address == sent.address)
+        self.promise(m, "address_as_sent", same, self.write & (sent.address != 0))
+        kept = sent.shown(m, self.read_data)
+        self.promise(m, "read_as_kept", implies(sent.reads & sent.rise, self.spi_miso == kept), sent.reads & kept)
+        self.promise(m, "quiet_otherwise", implies(~sent.reads, ~self.spi_miso), ~sent.reads & sent.rise)
+        closes = sent.under_way & sent.closed
+        self.promise(m, "opens_after_two", self.spi_miso_enable == sent.under_way, closes)
         return self.finish(m)
-
-    def _past(self, m: Module, pin: Value, name: str, clocks: int) -> list[Signal]:
-        """Return the values of a pin one clock ago, two clocks ago, and so on."""
-        found: list[Any] = []
-        for clock in range(clocks):
-            found.append(before(m, found[-1] if found else pin, f"{name}_{clock}"))
-        return found
-
-    def _reading(self, m: Module, rise: Signal, fall: Signal, first: Value, reads: Value) -> None:
-        """Check that the slave samples a read word only once, at the falling SCK edge before the first bit."""
-        kept = Signal(self.block.word_bits)
-        with m.If(fall & reads & first):
-            m.d.sync += kept.eq(self.read_data)
-        with m.Elif(fall & reads):
-            m.d.sync += kept.eq(Cat(Const(0, 1), kept[:-1]))
-        shown = rise & reads
-        self.promise(m, "read_as_kept", implies(shown, self.spi_miso == kept[-1]), shown & self.spi_miso)
-        self.promise(m, "quiet_otherwise", implies(~reads, ~self.spi_miso), ~reads & rise)
 
 
 class NarrowSpiChecker(SpiChecker):
