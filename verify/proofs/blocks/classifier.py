@@ -367,11 +367,7 @@ class SumsChecker(_ClassifierChecker):
         leak = Leak(config.out_leak_shift, config.out_leak_factor)
         synapse = Leak(config.out_synapse_shift, config.out_synapse_factor)
         found = []
-        passed = Signal.like(self.turn)  # the evidence turns with the outputs alone, not with spikes
-        with m.If(self.scan_start):
-            m.d.sync += passed.eq(0)
-        with m.Elif(self.output):
-            m.d.sync += passed.eq(Mux(passed == config.classes - 1, 0, passed + 1))
+        passed = self._passed(m)
         for number, count in enumerate(weights):
             own = self.turn == number
             total = Signal(signed(bits), name=f"output_{number}")
@@ -380,15 +376,15 @@ class SumsChecker(_ClassifierChecker):
                 rested = Signal(signed(bits), name=f"output_rest_{number}")
                 v, _ = _limited(rested + total, bits, config.output_saturates)
             held, fired, rest = self._fired(m, v, threshold, floor, config.neuron_reset, f"output_{number}")
-            rest, left = _leaked(rest, leak), _leaked(total, synapse)
+            rest = stays = _leaked(rest, leak)
             if synapse.shift:
+                stays = _leaked(total, synapse)
                 with m.If(self.scan_start):
                     m.d.sync += rested.eq(0)
                 with m.Elif(self.output & own):
                     m.d.sync += rested.eq(Mux(self.clears, 0, rest))
                 rested_there = self._in_turn(self.rest_ring, bits, number, passed) == rested
             exact = Signal(signed(bits + SPARE_BITS), name=f"output_sum_{number}")
-            stays = left if synapse.shift else rest
             m.d.comb += exact.eq(Mux(self.output, Mux(self.clears, 0, stays) + bias, total + weight))
             value, fit = _limited(exact, bits, config.output_saturates)
             with m.If(own & (self.output | self.spike)):
@@ -408,12 +404,7 @@ class SumsChecker(_ClassifierChecker):
                 good &= implies(begun, (total + low >= least) & (total + high <= most))
 
             gained: Value = Cat(fired, Const(0, 1)).as_signed() if fires else held
-            evidence = Signal(signed(config.evidence_bits), name=f"evidence_{number}")
-            more, _ = _limited(evidence + gained, config.evidence_bits, True)
-            with m.If(self.scan_start):
-                m.d.sync += evidence.eq(0)
-            with m.Elif(shown):
-                m.d.sync += evidence.eq(more)
+            evidence = self._gathered(m, gained, shown, f"evidence_{number}")
             good_evidence &= implies(
                 begun, self._in_turn(self.evidence, config.evidence_bits, number, passed) == evidence
             )
@@ -422,6 +413,25 @@ class SumsChecker(_ClassifierChecker):
         self.promise(m, "output_exact", implies(self.fits, good), self.output_valid & (self.output_potential != 0))
         self.promise(m, "evidence_exact", implies(self.fits, good_evidence), self.class_valid & moved)
         return found
+
+    def _passed(self, m: Module) -> Signal:
+        """Return the next class of the evidence, which turns with the outputs alone and not with spikes."""
+        passed = Signal.like(self.turn)
+        with m.If(self.scan_start):
+            m.d.sync += passed.eq(0)
+        with m.Elif(self.output):
+            m.d.sync += passed.eq(Mux(passed == self.config.classes - 1, 0, passed + 1))
+        return passed
+
+    def _gathered(self, m: Module, gained: Value, shown: Value, name: str) -> Signal:
+        """Return the sum of what a class gained since the scan began, limited to the bits of evidence."""
+        evidence = Signal(signed(self.config.evidence_bits), name=name)
+        more, _ = _limited(evidence + gained, self.config.evidence_bits, True)
+        with m.If(self.scan_start):
+            m.d.sync += evidence.eq(0)
+        with m.Elif(shown):
+            m.d.sync += evidence.eq(more)
+        return evidence
 
     def _in_turn(self, ring: Value, bits: int, number: int, turn: Signal) -> Value:
         """Return the word of a class in a ring after a number of rotations."""
