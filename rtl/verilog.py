@@ -180,6 +180,7 @@ def _waive(text: str, config: Config) -> str:
     if isinstance(readout, ReadoutConfig) and readout.registers != "none":
         text = yosys.waive_signal(text, "eskin_registers", "write_data", "UNUSEDSIGNAL", UNUSED_WRITE_BITS)
     if isinstance(config, ClassifierConfig | ChipConfig):
+        text = yosys.waive_signal(text, Classifier.module_name, "awake", "UNUSEDSIGNAL", UNUSED_AWAKE)
         for module in MEMORIES_WITHOUT_RESET:
             text = yosys.waive_signal(text, module, "rst", "UNUSEDSIGNAL", UNUSED_RESET)
         network = config.classifier if isinstance(config, ChipConfig) else config
