@@ -172,7 +172,7 @@ def test_the_page_names_every_field_of_its_configuration() -> None:
         for register in registers(config):
             assert f"`{register.name}`" in text
             assert all(f"`{field.name}`" in text and field.meaning in text for field in register.fields)
-    assert "160 kHz and 320 kHz at a clock of 1.28 MHz" in page(CONFIG)
+    assert {"160 kHz", "320 kHz"} <= set(re.findall(r"\d+ kHz", page(CONFIG)))  # 1/8 and 1/4 of the clock
 
 
 def test_without_the_compiler_it_is_a_sentence() -> None:
