@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 from amaranth.hdl import Cat, Module, Signal
 from amaranth.lib.wiring import In, Out
@@ -47,7 +47,6 @@ class Host(Block[ReadoutConfig]):
     """
 
     module_name = "eskin_host"
-    slave: ClassVar[type[SpiSlave]] = SpiSlave
 
     def __init__(self, config: ReadoutConfig) -> None:
         pattern = TestPattern(config).signature.members
@@ -77,10 +76,13 @@ class Host(Block[ReadoutConfig]):
         """Return the settings of the host by port name of a taxel."""
         return self.decay_shift if name == "leak_shift" else getattr(self, name)
 
+    def _slave(self) -> SpiSlave:
+        return SpiSlave(self.config)
+
     def elaborate(self, platform: Any) -> Module:
         m = Module()
         config = self.config
-        spi, file, pattern = self.slave(config), RegisterFile(config), TestPattern(config)
+        spi, file, pattern = self._slave(), RegisterFile(config), TestPattern(config)
         for name, block in (("spi", spi), ("registers", file), ("pattern", pattern)):
             block.place(m, name, platform)
         for name in PINS:
@@ -139,7 +141,8 @@ class Host(Block[ReadoutConfig]):
 class ShortHost(Host):
     """Host interface with short addresses and words; of longer registers it reaches the lowest bits."""
 
-    slave = ShortSlave
+    def _slave(self) -> SpiSlave:
+        return ShortSlave(self.config)
 
 
 def adds(config: ReadoutConfig) -> bool:
