@@ -65,9 +65,12 @@ STEPS: dict[str, tuple[str, tuple[str, ...]]] = {
         ),
     ),
     "bench": (
-        "measure speed against peers and limits; JSON in benchmarks/results, tables in docs/results/speed.md",
+        "measure speed against peers and limits; JSON in benchmarks/results, tables in docs",
         (
-            *(f"benchmarks/{n}.py --json {MEASURED}/{n}.json" for n in ("encoder", "cosim", "network", "training")),
+            *(
+                f"benchmarks/{n}.py --json {MEASURED}/{n}.json"
+                for n in ("encoder", "cosim", "network", "training", "player")
+            ),
             f"benchmarks/encoder.py --signals 64 --samples 200000 --json {MEASURED}/encoder_64.json",
             "-m docs.tables",
         ),

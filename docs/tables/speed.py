@@ -84,6 +84,16 @@ def speed_touch() -> dict[str, Any]:
     return report | found | {"before_s": one["before"], "now_s": one["now"]}
 
 
+def player() -> None:
+    """Print the ticks per second that the board's player takes."""
+    table(
+        "samples | ticks/s | bytes per tick, to the board | bytes per tick, to the host",
+        bench("player"),
+        "{samples}, {ticks:,} ticks | {ticks_per_second:,.0f} | {bytes_to_board:.1f} | {bytes_to_host:.1f}",
+    )
+    source(read("benchmarks/results/player.json"), "")
+
+
 def leak() -> None:
     """Print the error of the integer leak of N-LCS against floating point, in % of the event rate."""
     fractions = ("4", "6", "8", "10", "12")
