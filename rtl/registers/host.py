@@ -76,13 +76,15 @@ class Host(Block[ReadoutConfig]):
         """Return the settings of the host by port name of a taxel."""
         return self.decay_shift if name == "leak_shift" else getattr(self, name)
 
-    def _slave(self) -> SpiSlave:
-        return SpiSlave(self.config)
+    @staticmethod
+    def slave() -> type[SpiSlave]:
+        """Return the block behind the pins."""
+        return SpiSlave
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
         config = self.config
-        spi, file, pattern = self._slave(), RegisterFile(config), TestPattern(config)
+        spi, file, pattern = self.slave()(config), RegisterFile(config), TestPattern(config)
         for name, block in (("spi", spi), ("registers", file), ("pattern", pattern)):
             block.place(m, name, platform)
         for name in PINS:
@@ -141,8 +143,9 @@ class Host(Block[ReadoutConfig]):
 class ShortHost(Host):
     """Host interface with short addresses and words; of longer registers it reaches the lowest bits."""
 
-    def _slave(self) -> SpiSlave:
-        return ShortSlave(self.config)
+    @staticmethod
+    def slave() -> type[SpiSlave]:
+        return ShortSlave
 
 
 def adds(config: ReadoutConfig) -> bool:

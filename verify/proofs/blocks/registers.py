@@ -230,7 +230,7 @@ class HostChecker(Checker[ReadoutConfig]):
 
     def _transfers(self, m: Module) -> Any:
         """Return the words that the host writes, with their addresses."""
-        return Transfers(m, self, self.block.slave)
+        return Transfers(m, self, self.block.slave())
 
     @property
     def _resolutions(self) -> range:
