@@ -1,8 +1,9 @@
 """Measure how many ticks per second the board's player takes from the real host program, in co-simulation.
 
 ``eskin play`` sends samples to the simulated gateware over a serial line, bit by bit. The network is the embedded one,
-with a readout of 6 bits. The time runs from the reset of the chip (``RESTART``) to the last event on the line, in the
-time of the simulation. The host program compares all events and classes with the model.
+with a readout of 6 bits. The time runs from the reset of the chip (``RESTART``) to the last sample or event on the
+line, whichever is later, in the time of the simulation. The host program compares all events and classes with the
+model.
 """
 
 from __future__ import annotations
@@ -114,12 +115,13 @@ def measured(program: Build, chip: ChipConfig, name: str, folder: Path) -> dict[
     for at, frame in frames(returned):
         if any(isinstance(record, Event) for record in records.feed(frame.payload)):
             last_event = at
+    end = max(last_sample, last_event)
     return {
         "samples": name,
         "ticks": ticks,
-        "ticks_per_second": ticks / (1e-12 * (last_event - begun)),
+        "ticks_per_second": ticks / (1e-12 * (end - begun)),
         "bytes_to_board": sum(begun < at <= last_sample for at, _ in sent) / ticks,
-        "bytes_to_host": sum(begun < at <= last_event for at, _ in returned) / ticks,
+        "bytes_to_host": sum(begun < at <= end for at, _ in returned) / ticks,
         "said": said.splitlines(),
     }
 
