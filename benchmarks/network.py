@@ -418,7 +418,9 @@ def main(
             print_table(reports[-1])
     if json_file is not None:
         sizes = {"inputs": INPUTS, "hidden": HIDDEN, "classes": CLASSES, "batch": batch, "rounds": rounds}
-        said = " ".join(["python", "benchmarks/network.py", *sys.argv[1:]])
+        words = [f"--batch {batch} --rounds {rounds}", *([] if memory else ["--no-memory"])]
+        words += [f"--steps {length}" for length in steps or []] + [f"--rate {one}" for one in rate or []]
+        said = " ".join(["python benchmarks/network.py", *words])
         report = {
             "benchmark": "network",
             **origin(said),

@@ -6,7 +6,7 @@ import random
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cocotb
 import pytest
@@ -15,9 +15,6 @@ from eskin.cocotb_tests.bench.block import Block, Checker, Sink, bits, job, payl
 from eskin.cocotb_tests.bench.reference import AddressEvent, ArbiterReference
 from eskin.cocotb_tests.runner.block import cosimulate
 from eskin.model.config import ReadoutConfig
-
-if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 Want = Callable[[int, int], bool]
 """Whether the taxel of a row and column raises a request now, if it has none."""
@@ -295,7 +292,7 @@ PROPERTIES = (
     "Fairness",
     "FullRate",
 )
-ICARUS = [
+CONFIGS = [
     ReadoutConfig(rows=1, columns=1, encoding="nlcs"),
     ReadoutConfig(rows=1, columns=1, reset="async"),
     ReadoutConfig(rows=1, columns=4),
@@ -312,14 +309,9 @@ def name(config: ReadoutConfig) -> str:
     return f"{config.rows}x{config.columns}-{'bipolar' if config.has_polarity else 'unipolar'}-{config.reset}"
 
 
-CASES = [pytest.param("icarus", config, id=f"icarus-{name(config)}") for config in ICARUS]
-
-
-@pytest.mark.parametrize(("simulator", "config"), CASES)
-def test_arbiter_keeps_its_contract_and_equals_its_reference(
-    simulator: Simulator, config: ReadoutConfig, tmp_path: Path
-) -> None:
-    counts = cosimulate(config, simulator, "eskin_arbiter", "arbiter_keeps_its_contract", tmp_path, seed=2)
+@pytest.mark.parametrize("config", CONFIGS, ids=lambda config: f"icarus-{name(config)}")
+def test_arbiter_keeps_its_contract_and_equals_its_reference(config: ReadoutConfig, tmp_path: Path) -> None:
+    counts = cosimulate(config, "icarus", "eskin_arbiter", "arbiter_keeps_its_contract", tmp_path, seed=2)
     assert counts["transfers"] > 200
     assert counts["resets"] > 0
     assert counts["checks"] > 3 * counts["transfers"]

@@ -366,8 +366,9 @@ def headline() -> None:
     finger = (
         "accuracy: a robot [finger](docs/results/finger.md) at new speeds, {of} ({kbps:.2f} kb/s) |  | {speeds:.1f} %"
     )
+    reached = finger_reached()
     for name, of in (("lcs_6", "LCS 6 b"), ("nlcs_bipolar_5", "bipolar N-LCS 5 b"), ("frame_12_22_9", "frames")):
-        rows.append(filled(finger, finger_reached()[name] | {"of": of}))
+        rows.append(filled(finger, reached[name] | {"of": of}))
     rtl = "textures [classified by the RTL](docs/reference/classifier.md#from-touch-to-class)"
     rows.append(filled(f"{rtl}, weights of {{classifier_rec_bits}} b, one network per fold |  | ", chip["chip"]))
     more = {"stalled": chip["stalls"] / chip["clocks"]}

@@ -6,6 +6,7 @@ from typing import Any
 
 from docs.tables.write import ROOT, digits, read, table
 from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.run import work_clocks
 
 CHIPS = {
@@ -29,26 +30,14 @@ def chain(cells: str) -> dict[str, Any]:
     scans = touch["images"]
     events, bins, spikes = (touch[name] / scans for name in ("events", "bins", "hidden_spikes"))
     second = touch["clocks"] / scans / config.clock_hz
-    mean = spikes / bins
-    work = bins * work_clocks(config, mean, mean)  # type: ignore[arg-type]  # linear in both
-    reads = {"inputs": events * config.groups, "recurrent": spikes * config.groups}
-    reads["neurons"] = bins * (config.hidden + config.classes) + spikes * config.classes
+    energies, reads = _energies(config, cells, events, bins, spikes)
     memories = read("docs/data/asic/memories-ihp.json")
-    energy = {name: count * memories[name]["read_j"] for name, count in reads.items()}
-    at_idle = readout["idle_w_per_taxel"] * readout["rows"] * readout["columns"]
-    parts = {
-        "readout": _part(readout["energy_per_texture_event_j"] * events, 0.0, at_idle, events, second),
-        "logic": _part(
-            logic["energy_per_event_j"] * events,
-            work * logic["energy_per_clock_of_work_j"],
-            logic["idle_w"],
-            events,
-            second,
-        ),
+    idle = {
+        "readout": readout["idle_w_per_taxel"] * readout["rows"] * readout["columns"],
+        "logic": logic["idle_w"],
+        "memories": sum(memories[name]["leakage_w"] for name in reads),
     }
-    if cells == "ihp":
-        leakage = sum(memories[name]["leakage_w"] for name in reads)
-        parts["memories"] = _part(energy["inputs"], energy["recurrent"] + energy["neurons"], leakage, events, second)
+    parts = {name: _part(*energy, idle[name], events, second) for name, energy in energies.items()}
     every_clock = sum((touch["clocks"] / scans - count) * memories[name]["read_j"] for name, count in reads.items())
     return {
         "parts": parts,
@@ -82,20 +71,39 @@ def at_rates(events_hz: float, bins_hz: float, spikes: float, clock_hz: float, t
     """
     config = ChipConfig.from_dict(read("docs/data/touch.json")["chip"]).classifier
     logic, readout = read("docs/data/asic/classifier-ihp.json"), read("docs/data/asic/lcs-digital-8x8-ihp.json")
-    memories = {name: one for name, one in read("docs/data/asic/memories-ihp.json").items() if name != "note"}
-    work_j = work_clocks(config, spikes, spikes) * logic["energy_per_clock_of_work_j"]  # type: ignore[arg-type]
-    neurons = config.hidden + config.classes + spikes * config.classes
-    reads_j = spikes * config.groups * memories["recurrent"]["read_j"] + neurons * memories["neurons"]["read_j"]
-    event_j = logic["energy_per_event_j"] + readout["energy_per_texture_event_j"]
+    energies, reads = _energies(config, "ihp", events_hz, bins_hz, spikes * bins_hz)
+    memories = read("docs/data/asic/memories-ihp.json")
     leakage = taxels * readout["leakage_w_per_taxel"] + logic["leakage_w"]
     idle = taxels * readout["idle_w_per_taxel"] + logic["idle_w"] - leakage
     found = {
-        "events": events_hz * (event_j + config.groups * memories["inputs"]["read_j"]),
-        "ends": bins_hz * (work_j + reads_j),
+        "events": sum(of_events for of_events, _ in energies.values()),
+        "ends": sum(of_ends for _, of_ends in energies.values()),
         "idle": idle * clock_hz / logic["clock_hz"],
-        "leakage": leakage + sum(one["leakage_w"] for one in memories.values()),
+        "leakage": leakage + sum(memories[name]["leakage_w"] for name in reads),
     }
     return found | {"total": sum(found.values())}
+
+
+def _energies(
+    config: ClassifierConfig, cells: str, events: float, bins: float, spikes: float
+) -> tuple[dict[str, tuple[float, float]], dict[str, float]]:
+    """Return the energy of events and of ends of bins in each part, and the reads of each memory.
+
+    Numbers of events, bins and hidden spikes give joules; their rates per second give watts.
+    """
+    logic, memories = read(f"docs/data/asic/classifier-{cells}.json"), read("docs/data/asic/memories-ihp.json")
+    readout, mean = read(f"docs/data/asic/lcs-digital-8x8-{cells}.json"), spikes / bins
+    work = bins * work_clocks(config, mean, mean)  # type: ignore[arg-type]  # linear in both
+    reads = {"inputs": events * config.groups, "recurrent": spikes * config.groups}
+    reads["neurons"] = bins * (config.hidden + config.classes) + spikes * config.classes
+    energy = {name: count * memories[name]["read_j"] for name, count in reads.items()}
+    found = {
+        "readout": (readout["energy_per_texture_event_j"] * events, 0.0),
+        "logic": (logic["energy_per_event_j"] * events, work * logic["energy_per_clock_of_work_j"]),
+    }
+    if cells == "ihp":
+        found["memories"] = (energy["inputs"], energy["recurrent"] + energy["neurons"])
+    return found, reads
 
 
 def _part(events_j: float, ends_j: float, idle_w: float, events: float, second: float) -> dict[str, float]:
