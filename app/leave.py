@@ -11,8 +11,8 @@ EXIT_INTERRUPTED = 128 + 2  # SIGINT, as a shell reports it
 EXIT_BROKEN_PIPE = 128 + 13  # SIGPIPE
 
 
-def leave_quietly(work: Callable[[], int]) -> NoReturn:
-    """Run a function and exit with its return code; 130 for Ctrl-C, 141 for a closed pipe."""
+def leave_quietly(work: Callable[[], int | None]) -> NoReturn:
+    """Run a function and exit with its return code, or 0 for None; 130 for Ctrl-C, 141 for a closed pipe."""
     try:
         code = work()
         sys.stdout.flush()
@@ -22,4 +22,4 @@ def leave_quietly(work: Callable[[], int]) -> NoReturn:
         # The interpreter flushes once more at its end, and would complain then.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = EXIT_BROKEN_PIPE
-    sys.exit(code)
+    sys.exit(code or 0)

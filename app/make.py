@@ -17,6 +17,7 @@ import sys
 from typing import Any, NoReturn
 
 from eskin.app.catalogue import GROUPS, MODULES, sections, summary, words_of
+from eskin.app.leave import leave_quietly
 from eskin.app.setup import BASE, SetupError, groups, install, install_apart, missing, python
 
 EXIT_INPUT_ERROR = 2
@@ -189,12 +190,11 @@ def main() -> None:
     first = flags.split(" ")[0]  # the one-letter flags of make
     if name not in TARGETS:
         _fail(f"there is no target {name}{_nearest(name, TARGETS)}")
+    dry = "n" in first and not first.startswith("-") and "=" not in first
     try:
-        _make(name, typed_variables(flags), "n" in first and not first.startswith("-") and "=" not in first)
+        leave_quietly(lambda: _make(name, typed_variables(flags), dry))
     except SetupError as error:
         _fail(str(error))
-    except KeyboardInterrupt:
-        sys.exit(130)
 
 
 def _make(name: str, variables: dict[str, str], dry: bool) -> None:

@@ -261,12 +261,19 @@ def test_build_config_is_the_same_without_a_command_line() -> None:
 MODEL = [sys.executable, "-m", "eskin"]
 
 
-@pytest.mark.parametrize("args", [["encode", "--help"], ["compare", "e.npz", "e.npz"]])
-def test_a_closed_pipe_is_quiet(args: list[str], tmp_path: Path) -> None:
+CLOSED = (
+    [*MODEL, "encode", "--help"],
+    [*MODEL, "compare", "e.npz", "e.npz"],
+    [sys.executable, "-m", "eskin.app.make", "help"],
+)
+
+
+@pytest.mark.parametrize("command", CLOSED)
+def test_a_closed_pipe_is_quiet(command: list[str], tmp_path: Path) -> None:
     Recording(no_events(), ReadoutConfig(), 1).save(tmp_path / "e.npz")
     pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
-    process = subprocess.Popen([*MODEL, *args], cwd=tmp_path, env=buffered, **pipes)
+    process = subprocess.Popen(command, cwd=tmp_path, env=buffered, **pipes)
     assert process.stdout is not None
     process.stdout.close()
     assert process.stderr is not None
