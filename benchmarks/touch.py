@@ -1,7 +1,8 @@
 """Compare the processor time of whole runs of ``eskin touch`` at this commit and at an earlier commit.
 
-Both commits play the same images with the network of one fold, on one worker, and must report the same events, stalls
-and classes. Each commit first plays a single image, which builds its simulation program and fills its caches.
+Both commits play the same images with the network of each fold, on one worker, and must report the same events, stalls
+and classes. Each commit first builds its simulation programs, one for each network, and plays a single image, which
+fills its caches.
 """
 
 from __future__ import annotations
@@ -19,21 +20,32 @@ from typing import Annotated, Any
 import typer
 
 from eskin.base.files import origin, write_json
-from eskin.cocotb_tests.touch.plan import SHIPPED
 
 RESULTS = Path(__file__).parent / "results" / "touch.json"
 HERE = Path(__file__).parents[1]
 SAME = ("clocks", "events", "bins", "hidden_spikes", "stalls", "overruns", "answers")
 
 
+PROGRAMS = """
+import sys
+from pathlib import Path
+from eskin.cocotb_tests.touch.plan import plan
+plan(None, None, sys.argv[1], int(sys.argv[2]), None, Path("unused")).programs
+"""
+
+
+def run(checkout: Path, *command: str) -> None:
+    """Run Python in a checkout."""
+    environment = os.environ | {"PYTHONPATH": str(checkout), "OMP_NUM_THREADS": "1"}
+    subprocess.run([sys.executable, *command], cwd=checkout, env=environment, check=True, stdout=subprocess.DEVNULL)
+
+
 def touch(checkout: Path, dataset: Path, images: int) -> tuple[float, dict[str, Any]]:
     """Return the processor seconds and the summary of one run of the command in a checkout."""
     with tempfile.TemporaryDirectory() as out:
-        command = [sys.executable, "-m", "eskin", "touch", "--dataset", str(dataset), "--workers", "1", "-o", out]
-        command += ["--weights", str(SHIPPED / dataset.name / "fold-0.npz"), "--limit", str(images)]
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        environment = os.environ | {"PYTHONPATH": str(checkout), "OMP_NUM_THREADS": "1"}
-        subprocess.run(command, cwd=checkout, env=environment, check=True, stdout=subprocess.DEVNULL)
+        options = ["--dataset", str(dataset), "--workers", "1", "--limit", str(images), "-o", out]
+        run(checkout, "-m", "eskin", "touch", *options)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         (summary,) = Path(out).glob("*/summary.json")
         found = json.loads(summary.read_text())
@@ -43,13 +55,14 @@ def touch(checkout: Path, dataset: Path, images: int) -> tuple[float, dict[str, 
 def main(
     before: Annotated[Path, typer.Option(help="checkout of an earlier commit")],
     dataset: Annotated[Path, typer.Option(help="texture folder")],
-    images: Annotated[int, typer.Option(help="images of the fold")] = 40,
+    images: Annotated[int, typer.Option(help="images, evenly spread")] = 240,
     rounds: Annotated[int, typer.Option(help="rounds; both commits play once in each")] = 1,
     out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS,
 ) -> None:
     """Measure both commits in turn, and write seconds and ratios to JSON."""
     places = {"before": before.resolve(), "now": HERE}
     for place in places.values():
+        run(place, "-c", PROGRAMS, str(dataset.resolve()), str(images))
         touch(place, dataset.resolve(), 1)
     seconds: list[dict[str, float]] = []
     for _ in range(rounds):
