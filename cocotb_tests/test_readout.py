@@ -125,7 +125,7 @@ FIELDS = [
     ),
     ReadoutConfig(rows=5, columns=2, fields="both", encoding="nlcs-bipolar", leak_period=7, link="four_phase_dual"),
     ReadoutConfig(rows=2, columns=3, fields="both", frontend="analog"),
-    ReadoutConfig(rows=2, columns=2, sample_bits=8, resolution=3, fields=LISTED),
+    ReadoutConfig(rows=2, columns=2, sample_bits=8, resolution=3, fields=LISTED, reference_reset=-96),
 ]
 
 
