@@ -16,7 +16,7 @@ from eskin.flow.gatesim import icarus
 from eskin.flow.gatesim.flat_netlist import FlatNetlist, flatten
 from eskin.flow.gatesim.models import models
 from eskin.flow.liberty.library import Library
-from eskin.flow.power.activity import DUMP, HALF_NS, Activity, read_dump
+from eskin.flow.power.activity import DUMP, HALF_NS, read_dump
 from eskin.flow.power.event_bench import Mismatch
 from eskin.flow.power.liberty_power import LibertyPower
 from eskin.flow.power.measure import PowerMeter, ScenarioPower
@@ -246,14 +246,11 @@ def measure(chip: ChipConfig, network: IntegerNetwork, library: Library) -> dict
         begin, end = run.classifier.valid[BINS - 2] + 1, run.classifier.ended[BINS - 1]
         whole = Window(begin, run.classifier.valid[BINS - 1] + 1 - begin)
         dump, _ = play(network, flat, cells, offered, whole.start + whole.clocks + 8, whole, Path(name))
-
-        def part(window: Window) -> Activity:
-            return read_dump(dump, HALF_NS + 1 + 2 * HALF_NS * (window.start - begin), window.clocks, flat.nets)
-
+        activity = read_dump(dump, HALF_NS + 1, whole.clocks, flat.nets)
         events = sum(begin <= clock <= end for clock in run.classifier.accepted)
         taking, working = Window(begin, end + 1 - begin), Window(end + 1, run.classifier.valid[BINS - 1] - end)
-        busy = meter.measure("events", part(taking), events)
-        work = meter.measure("end of a bin", part(working), 0)
+        busy = meter.measure("events", activity.part(0, taking.clocks), events)
+        work = meter.measure("end of a bin", activity.part(taking.clocks, working.clocks), 0)
     second = 1 / config.clock_hz
 
     def added(window: Window, power: ScenarioPower) -> dict[str, float]:
