@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from docs.tables.write import ROOT, digits, read, table
+from docs.tables.write import digits, read, table
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.run import work_clocks
 
-CHIPS = {
-    cells: name
-    for cells, name in {"ihp": "IHP 130 nm", "osu": "OSU 180 nm"}.items()
-    if (ROOT / f"docs/data/asic/classifier-{cells}.json").exists()
-}
+CHIPS = {"ihp": "IHP 130 nm", "osu": "OSU 180 nm"}
 """Cell libraries of the measured netlists."""
-NOT_MEASURED = "not measured"
 
 
 def chain(cells: str) -> dict[str, Any]:
@@ -151,8 +146,6 @@ def energy_peers() -> None:
                 "this page",
             ]
         )
-    if "osu" not in CHIPS:
-        rows.append(["this project", "OSU 180 nm, gates", *["the same"] * 3, NOT_MEASURED, "", ""])
     board, touch = read("docs/data/fpga/player-embedded-ulx3s.json"), read("docs/data/touch.json")
     used = f"{board['luts']:,} LUT4, {board['block_rams']} block RAMs"
     contents = f"readout, serial link and a smaller network (128-64-3): {used}"
@@ -174,7 +167,7 @@ def energy_peers() -> None:
 
 def energy_clocks() -> dict[str, Any]:
     """Return values for the sentences of the page."""
-    found = chain("ihp")
+    found, osu = chain("ihp"), chain("osu")
     config = found["config"]
     return {
         "groups": config.groups,
@@ -184,6 +177,9 @@ def energy_clocks() -> dict[str, Any]:
         "share": found["parts"]["memories"]["decision_j"] / found["decision_j"],
         "low": min(found["agreement"]),
         "high": max(found["agreement"]),
+        "osu_low": min(osu["agreement"]),
+        "osu_high": max(osu["agreement"]),
+        "osu_area": osu["area_um2"] / 1e6,
         "area": found["area_um2"] / 1e6,
         "flops": found["flop_mm2"],
         "kbit": config.memory_bits / 1024,
