@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
+
+from eskin.app.cli import printable
+from eskin.base.rows import Template
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+filled = Template("").filled
+"""Function that returns a template with ``{name:format}`` replaced by the values of a row."""
 
 
 def new_table(headings: Iterable[str], title: str = "", left: Iterable[int] = (0,), **columns: Any) -> Table:
@@ -34,6 +40,36 @@ def new_table(headings: Iterable[str], title: str = "", left: Iterable[int] = (0
             Text(heading), justify="left" if number in at_left else "right", **{"overflow": "fold"} | columns
         )
     return table
+
+
+def print_table(
+    heads: str,
+    rows: Iterable[Mapping[str, Any] | Sequence[str]],
+    cells: str = "",
+    title: str = "",
+    left: Iterable[int] = (0,),
+    least_width: int = 0,
+) -> None:
+    """Print a table.
+
+    Parameters
+    ----------
+    heads : str
+        Titles of the columns between `` | ``.
+    rows : iterable
+        Mappings, which ``cells`` formats, or the cells themselves.
+    cells : str
+        Templates of the columns between `` | `` (``eskin.base.rows``).
+    title, left, least_width
+        Same as for ``new_table`` and ``show``.
+    """
+    from rich.text import Text
+
+    table = new_table(heads.split(" | "), title, left)
+    for row in rows:
+        made = Template("").cells(cells, row) if isinstance(row, Mapping) else row
+        table.add_row(*(Text(printable(cell)) for cell in made))
+    show(table, least_width)
 
 
 def show(table: Table, least_width: int = 0) -> None:

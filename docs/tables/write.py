@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import string
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from eskin.base.rows import Template, digits
 from eskin.skin.figures.readouts import look
 
 ROOT = Path(__file__).parents[2]
@@ -26,34 +26,13 @@ def only(rows: Iterable[Mapping[str, Any]], /, **values: Any) -> dict[str, Any]:
     return dict(found)
 
 
-def digits(value: float, count: int) -> str:
-    """Return a number as text with significant digits, never with a power of ten."""
-    text = f"{value:#.{count}g}"
-    return (f"{value:.0f}" if "e" in text else text).removesuffix(".")
+class _Cells(Template):
+    """Template with values of this project.
 
-
-class _Cells(string.Formatter):
-    """Formatter with additional kinds of values.
-
-    ``{a[b]:1e9*.1f}`` multiplies first; ``#3`` gives three significant digits; ``%`` an accuracy with its interval;
-    ``E`` the title of a readout; ``p`` a p value; ``r`` a normalised data rate. A value that the data may lack is
-    written ``{?name}``. A value that is missing or null becomes a dash.
+    ``%`` is an accuracy with its interval; ``E`` the title of a readout; ``p`` a p value; ``r`` a normalised data rate.
     """
 
-    def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
-        try:
-            return super().get_field(field_name.removeprefix("?"), args, kwargs)
-        except KeyError:
-            if not field_name.startswith("?"):
-                raise
-            return None, ""
-
-    def format_field(self, value: Any, format_spec: str) -> str:
-        scale, _, spec = format_spec.rpartition("*")
-        if value is None:
-            return "-"
-        if scale:
-            value *= float(scale)
+    def format_value(self, value: Any, spec: str) -> str:
         if spec == "%":
             low, high = (100 * bound for bound in value["bootstrap_95"])
             return f"{100 * value['accuracy']:.1f} % ({low:.1f} to {high:.1f})"
@@ -63,12 +42,12 @@ class _Cells(string.Formatter):
             return digits(value, 2) if value >= 1e-3 else "< 0.001"
         if spec == "r":
             return digits(value, 3 if value > 0.1 else 2)
-        return digits(value, int(spec[1:])) if spec.startswith("#") else format(value, spec)
+        return super().format_value(value, spec)
 
 
-def filled(template: str, row: Mapping[str, Any]) -> str:
-    """Return a template with ``{name:format}`` replaced by the values of a row."""
-    return _Cells().vformat(template, (), row)
+CELLS = _Cells()
+filled = CELLS.filled
+"""Function that returns a template with ``{name:format}`` replaced by the values of a row."""
 
 
 def say(template: str, **values: Any) -> None:
@@ -97,7 +76,7 @@ def table(head: str | Iterable[str], rows: Iterable[Row], cells: str = "") -> No
     lines = [titles, ["---"] * len(titles)]
     for row in rows:
         if isinstance(row, Mapping):
-            made = [filled(cell, row) for cell in cells.split(" | ")]
+            made = CELLS.cells(cells, row)
         else:
             made = row.split(" | ") if isinstance(row, str) else list(row)
         if len(made) != len(titles):

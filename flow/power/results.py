@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -81,9 +80,8 @@ def write(
     library: Path,
     folder: Path,
     origin: dict[str, str],
-    on_result: Callable[[dict[str, Any]], None],
-) -> list[Path]:
-    """Measure designs with and without wires, and write a file for each; return the paths.
+) -> list[dict[str, Any]]:
+    """Measure designs with and without wires, and write a file for each; return the results.
 
     Parameters
     ----------
@@ -93,20 +91,17 @@ def write(
         Made if need be.
     origin : dict of str to str
         Command, commit and date.
-    on_result : callable
-        Called with each result.
     """
-    whole, paths = read(library), []
+    whole, results = read(library), []
     folder.mkdir(parents=True, exist_ok=True)
     for config in chosen.values():
         made = synthesise(config, whole)
         for result in measure(config, made.text, whole, (0.0, PITCH_UM)):
             if APART in result:
                 raise Disagreement(result[APART])
-            paths.append(folder / f"{name_of(result)}.json")
-            write_json(paths[-1], origin | result)
-            on_result(result)
-    return paths
+            write_json(folder / f"{name_of(result)}.json", origin | result)
+            results.append(result)
+    return results
 
 
 def write_glitches(config: ReadoutConfig, library: Path, folder: Path, origin: dict[str, str]) -> dict[str, float]:

@@ -104,9 +104,8 @@ def measure(
     wire: Wire,
     pitch_um: float,
     out: Path,
-    on_array: Callable[[dict[str, Any]], None],
-) -> None:
-    """Measure several arrays, and write the results to a file after each array.
+) -> list[dict[str, Any]]:
+    """Return the results of several arrays, and write them to a file after each array.
 
     Parameters
     ----------
@@ -118,8 +117,6 @@ def measure(
         Of the taxels.
     out : Path
         JSON.
-    on_array : callable
-        Called with what was found of each array.
     """
     first = designs[0]
     words = ["make asic SCALE=1", f"LIB={library.path.name}", *_words(first, wire, pitch_um)]
@@ -142,7 +139,7 @@ def measure(
             results = sorted(found.values(), key=lambda array: (array["taxels"], _key(array)))
             said = origin(" ".join([*words, *_cut(results)]))
             write_json(out, said | fixed | {"results": results})
-        on_array(found[key])
+    return [found[_key(_shape(config))] for config in designs]
 
 
 def _shape(config: ReadoutConfig) -> dict[str, Any]:

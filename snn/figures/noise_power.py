@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,9 @@ TITLES = {
 }
 
 
-def plot_noise_power(points: Sequence[dict[str, Any]], path: Path) -> None:
+def plot_noise_power(data: Mapping[str, Any], path: Path) -> None:
     """Plot accuracy against power, one panel per mode of the power model; labels give the noise."""
+    points = data["points"]
     figure = new_figure(11, 5.0, "Accuracy over total power of the readout; numbers beside points: AFE noise (mV rms)")
     axes = figure.subplots(1, len(TITLES), sharey=True)
     words_of = (str(digit) for point in points for cell in point["answers"] for digit in cell["labels"])

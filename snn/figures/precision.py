@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,12 +18,13 @@ LEAST = 50.0
 """Per cent of accuracy where the panels begin: two bits are often below."""
 
 
-def plot_precision(points: Sequence[dict[str, Any]], path: Path) -> None:
+def plot_precision(data: Mapping[str, Any], path: Path) -> None:
     """Plot accuracy against memory and additions, one line per network; labels give the weight bits.
 
     Networks whose names differ only from the number of their neurons on share a column of panels. The more neurons,
     the darker the line; lines of networks that were trained with few bits are dashed.
     """
+    points = data["points"]
     families: dict[str, list[str]] = {}
     for point in points:
         own = families.setdefault(family(point["network"])[0], [])

@@ -18,11 +18,12 @@ COLUMNS = 3
 Points = Sequence[dict[str, Any]]
 
 
-def plot_robustness(points: Points, path: Path) -> None:
+def plot_robustness(data: Mapping[str, Any], path: Path) -> None:
     """Plot accuracy against disturbance strength, with intervals.
 
     Disturbances of one strength share the last panel, one row for each.
     """
+    points = data["points"]
     strengths = {
         name: sorted({point["strength"] for point in points if point["disturbance"] == name}) for name in DISTURBANCES
     }

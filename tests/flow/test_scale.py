@@ -255,7 +255,7 @@ def test_tiles_are_measured_in_all_ways_that_are_asked_for(library: Library, tmp
     designs = designs_of(ReadoutConfig(), "1x2", "1x2", "0,1")
     seen: list[dict[str, object]] = []
     for _ in range(2):  # the second finds all of it
-        measure(designs, library, WIRE, 500.0, out, seen.append)
+        seen += measure(designs, library, WIRE, 500.0, out)
     assert seen[:2] == seen[2:]
     found = json.loads(out.read_text())
     assert found["command"] == "make asic SCALE=1 LIB=quill_typ.lib PITCH=500 SIZES=1x2 TILES=1x2 RELAYS=0,1"

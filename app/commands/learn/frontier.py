@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.learn.options import DatasetName, Seeds, check_device
 from eskin.app.options import WRITES_FOLDER
+from eskin.app.tables import filled
 from eskin.base.errors import InputError
 from eskin.base.figures.files import write_results
 from eskin.base.progress import bar
@@ -84,17 +85,8 @@ def frontier(
     for name, network in ({} if points else SWEEPS).items():
         made += points_of(load_sweep(KEPT / f"{name}.json"), network)
     data = frontier_data(made, validated)
-    _print(data["points"])
+    line = "{name}: {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f}), seeds: {seeds}; "
+    line += "{rate_hz:,.0f} events or values/s, {bits_per_s:,.0f} bits/s"
+    for point in data["points"]:
+        print(printable(filled(line, point)))
     print(printable(write_results(out, "frontier", data, plot_frontier, command=asked_for())))
-
-
-def _print(points: list[dict[str, Any]]) -> None:
-    """Print one line per point."""
-    for point in points:
-        low, high = (100 * end for end in point["interval"])
-        print(
-            printable(
-                f"{point['name']}: {100 * point['accuracy']:.1f} % ({low:.1f} to {high:.1f}), seeds: {point['seeds']}; "
-                f"{point['rate_hz']:,.0f} events or values/s, {point['bits_per_s']:,.0f} bits/s"
-            )
-        )

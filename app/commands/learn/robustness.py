@@ -14,8 +14,9 @@ from eskin.app.commands.learn.options import check_device
 from eskin.app.commands.learn.sweep import command_line
 from eskin.app.leave import EXIT_INTERRUPTED
 from eskin.app.options import WRITES_FOLDER
+from eskin.app.tables import filled, print_table
 from eskin.base.errors import InputError
-from eskin.base.files import origin, write_json
+from eskin.base.figures.files import write_results
 from eskin.base.progress import bar
 
 if TYPE_CHECKING:
@@ -68,10 +69,9 @@ def robustness(
         print(f"stopped; finished results stay in {out}, and the same command continues", file=sys.stderr)
         raise typer.Exit(EXIT_INTERRUPTED) from None
     points = summarise(cells)
-    write_json(out / "robustness.json", origin(command_line(context)) | {"points": points})
-    plot_robustness(points, out / "robustness.png")
+    written = write_results(out, "robustness", {"points": points}, plot_robustness, command=command_line(context))
     _print_table(points)
-    print(printable(f"result: {out / 'robustness.json'}, picture: {out / 'robustness.png'}"))
+    print(printable(written))
 
 
 def subjects_of(places: list[Path] | None, scenes: bool = True) -> list[Subject]:
@@ -122,29 +122,13 @@ def trained_files(places: list[Path]) -> list[Path]:
 
 
 def _print_table(points: list[dict[str, Any]]) -> None:
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
+    """Print the accuracy of every network under every disturbance."""
     networks = sorted({point["network"] for point in points})
-    table = Table(box=box.SIMPLE_HEAD, title="accuracy in %, 95 % interval over images and seeds", title_justify="left")
-    for name in ("disturbance", "strength"):
-        table.add_column(name)
-    for network in networks:
-        table.add_column(printable(network), justify="right")
-    table.add_column("events/s", justify="right")
-    rows: dict[tuple[str, float], dict[str, Any]] = {}
+    rows: dict[tuple[str, float], list[str]] = {}
     for point in points:
-        rows.setdefault((point["disturbance"], point["strength"]), {})[point["network"]] = point
-    for (name, strength), by_network in rows.items():
-        cells = []
-        for network in networks:
-            if network not in by_network:
-                cells.append("")
-                continue
-            found = by_network[network]
-            low, high = found["bootstrap_95"]
-            cells.append(f"{100 * found['accuracy']:.1f} ({100 * low:.0f} to {100 * high:.0f})")
-        rate = next(iter(by_network.values()))["rate_hz"]
-        table.add_row(name, f"{strength:g}" if name != "clean" else "", *cells, f"{rate:.0f}")
-    Console().print(table)
+        name, strength = point["disturbance"], point["strength"]
+        first = [name, "" if name == "clean" else f"{strength:g}", *[""] * len(networks), f"{point['rate_hz']:.0f}"]
+        cell = filled("{accuracy:100*.1f} ({bootstrap_95[0]:100*.0f} to {bootstrap_95[1]:100*.0f})", point)
+        rows.setdefault((name, strength), first)[2 + networks.index(point["network"])] = cell
+    heads = " | ".join(["disturbance", "strength", *networks, "events/s"])
+    print_table(heads, rows.values(), title="accuracy in %, 95 % interval over images and seeds", left=(0, 1))

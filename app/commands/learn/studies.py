@@ -13,15 +13,25 @@ from eskin.app.commands.learn.options import DatasetName, check_device
 from eskin.app.commands.learn.robustness import Trainings, subjects_of
 from eskin.app.commands.learn.sweep import command_line
 from eskin.app.options import WRITES_FOLDER
-from eskin.app.tables import new_table, show
+from eskin.app.tables import filled, print_table
 from eskin.base.errors import InputError
-from eskin.base.files import origin, write_json
+from eskin.base.figures.files import write_results
 from eskin.base.progress import bar
 from eskin.base.shapes import read_shaped
 
 NOISES_MV = "0.1,1,3,10,20"
 VARIANTS = "8,7,6,5,4,3,2,8:t6,8:t4,4:t6,4:t4,4:m16,4:m13,4:m11"
 TIMES_MS = (10, 14, 18, 22, 26, 30, 40, 50, 70, 100, 150, 200, 300, 398)
+
+ONLY_RIGHT = "only {first} right {only_first}, only {second} {only_second}"
+MERITS = {
+    "latency": "{network}: {time_s:1e3*.0f} ms, {accuracy:.1%} of {images}",
+    "latency_pairs": f"{{time_s:1e3*.0f}} ms: {ONLY_RIGHT}, McNemar p {{p:.2g}}",
+    "rest": "{readout} {phase} at {noise_v:1e3*g} mV: {sent_bps:1e-3*.4g} kb/s, coded {coded_bps:1e-3*.4g} kb/s",
+    "timing": "{known_from} {rate_hz:g} Hz: found {found:.1%}, median {median_s:1e6*.0f} us, "
+    "95 % below {p95_s:1e6*.0f} us",
+}
+"""Line that is printed for each result of merits, by part."""
 
 Pair = Annotated[str | None, typer.Option(metavar="A,B", help="two networks to compare image by image")]
 
@@ -51,14 +61,19 @@ def noise_power(
         cells = under_noise(subjects, noises_v, out, step)
     points = points_of(subjects, cells)
     pairs = paired(points, names[0], names[1], ("mode", "noise_v")) if names else []
-    write_json(out / "noise_power.json", origin(command_line(context)) | {"points": points, "pairs": pairs})
-    plot_noise_power(points, out / "noise_power.png")
+    data = {"points": points, "pairs": pairs}
+    written = write_results(out, "noise_power", data, plot_noise_power, command=command_line(context))
     for mode in MODES:
-        _print_noise([point for point in points if point["mode"] == mode], mode)
+        print_table(
+            "network | v_n | accuracy | 95 % interval | events/s | power",
+            [point for point in points if point["mode"] == mode],
+            "{network} | {noise_v:1e3*g} mV | {accuracy:100*.1f} | {bootstrap_95[0]:100*.0f} to "
+            "{bootstrap_95[1]:100*.0f} | {rate_hz:.0f} | {power_w[total]:@W}",
+            f"mode {mode}",
+        )
     for one in pairs:
-        counts = f"only {one['first']} right {one['only_first']}, only {one['second']} {one['only_second']}"
-        print(f"{one['mode']}, {1e3 * one['noise_v']:g} mV: {counts} of {one['images']}, McNemar p {one['p']:.2g}")
-    print(printable(f"result: {out / 'noise_power.json'}, picture: {out / 'noise_power.png'}"))
+        print(filled(f"{{mode}}, {{noise_v:1e3*g}} mV: {ONLY_RIGHT} of {{images}}, McNemar p {{p:.2g}}", one))
+    print(printable(written))
 
 
 def two_of(text: str | None, known: Collection[str]) -> list[str]:
@@ -77,23 +92,6 @@ def _numbers(text: str) -> list[float]:
     if not found or not all(0 < number < 1000 for number in found):
         raise InputError(f"--noises takes positive numbers of mV below 1000 with commas between, not {text!r}")
     return found
-
-
-def _print_noise(points: list[dict[str, Any]], mode: str) -> None:
-    from eskin.base.units import with_unit
-
-    table = new_table(("network", "v_n", "accuracy", "95 % interval", "events/s", "power"), f"mode {mode}", left=(0,))
-    for point in points:
-        low, high = point["bootstrap_95"]
-        table.add_row(
-            printable(point["network"]),
-            f"{1e3 * point['noise_v']:g} mV",
-            f"{100 * point['accuracy']:.1f}",
-            f"{100 * low:.0f} to {100 * high:.0f}",
-            f"{point['rate_hz']:.0f}",
-            with_unit(point["power_w"]["total"], "W"),
-        )
-    show(table)
 
 
 NOISE = {"points": [{"mode": str, "network": str, "noise_v": float, "accuracy": float, "bootstrap_95": [float]}]}
@@ -122,14 +120,15 @@ def merits(
     from eskin.snn.studies.merits import rest_and_timing
 
     out.mkdir(parents=True, exist_ok=True)
-    result: dict[str, Any] = dict(origin(command_line(context)))
+    result: dict[str, Any] = {}
     result["latency"], result["latency_pairs"] = _latency(weights or [], pair)
     result |= rest_and_timing(open_dataset(dataset).limit(limit), bar)
     result["noise"] = read_shaped(noise, "the noise study", NOISE)["points"] if noise is not None else []
-    write_json(out / "merits.json", result)
-    plot_merits(result, out / "merits.png")
-    _print_merits(result)
-    print(printable(f"result: {out / 'merits.json'}, picture: {out / 'merits.png'}"))
+    written = write_results(out, "merits", result, plot_merits, command=command_line(context))
+    for part, line in MERITS.items():
+        for one in result[part]:
+            print(printable(filled(line, one)))
+    print(printable(written))
 
 
 def _latency(weights: list[Path], pair: str | None) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -146,20 +145,6 @@ def _latency(weights: list[Path], pair: str | None) -> tuple[list[dict[str, Any]
     with bar("latency", len(subjects) * len(TIMES_MS)) as step:
         points = latency_points(subjects, [1e-3 * time for time in TIMES_MS], step)
     return points, paired(points, names[0], names[1], ("time_s",)) if names else []
-
-
-def _print_merits(result: dict[str, Any]) -> None:
-    for point in result["latency"]:
-        print(f"{point['network']}: {1e3 * point['time_s']:.0f} ms, {point['accuracy']:.1%} of {point['images']}")
-    for one in result["latency_pairs"]:
-        counts = f"only {one['first']} right {one['only_first']}, only {one['second']} {one['only_second']}"
-        print(f"{1e3 * one['time_s']:.0f} ms: {counts}, McNemar p {one['p']:.2g}")
-    for one in result["rest"]:
-        rates = f"{one['sent_bps'] / 1e3:.4g} kb/s, coded {one['coded_bps'] / 1e3:.4g} kb/s"
-        print(f"{one['readout']} {one['phase']} at {1e3 * one['noise_v']:g} mV: {rates}")
-    for one in result["timing"]:
-        errors = f"median {1e6 * one['median_s']:.0f} us, 95 % below {1e6 * one['p95_s']:.0f} us"
-        print(f"{one['known_from']} {one['rate_hz']:g} Hz: found {one['found']:.1%}, {errors}")
 
 
 def precision(
@@ -186,23 +171,13 @@ def precision(
     with bar("networks", len(subjects)) as step:
         cells = in_precisions(subjects, asked, out, step)
     points = points_of(cells)
-    result = origin(command_line(context)) | {"tests": tests_of(cells), "points": points}
-    write_json(out / "precision.json", result)
-    plot_precision(points, out / "precision.png")
-    _print_precision(points)
-    print(printable(f"result: {out / 'precision.json'}, picture: {out / 'precision.png'}"))
-
-
-def _print_precision(points: list[dict[str, Any]]) -> None:
-    table = new_table(("network", "bits", "accuracy", "95 % interval", "memory", "as in float"), left=(0, 1))
-    for point in points:
-        low, high = point["bootstrap_95"]
-        table.add_row(
-            printable(point["network"]),
-            point["variant"],
-            f"{100 * point['accuracy']:.1f}",
-            f"{100 * low:.0f} to {100 * high:.0f}",
-            f"{point['memory_bits'] / 8000:.1f} kB" if "memory_bits" in point else "",
-            f"{100 * point['within']:.0f}",
-        )
-    show(table)
+    data = {"tests": tests_of(cells), "points": points}
+    written = write_results(out, "precision", data, plot_precision, command=command_line(context))
+    print_table(
+        "network | bits | accuracy | 95 % interval | memory, kB | as in float",
+        points,
+        "{network} | {variant} | {accuracy:100*.1f} | {bootstrap_95[0]:100*.0f} to {bootstrap_95[1]:100*.0f}"
+        " | {?memory_bits:1.25e-4*.1f} | {within:100*.0f}",
+        left=(0, 1),
+    )
+    print(printable(written))

@@ -21,7 +21,7 @@ from eskin.app.commands.learn.options import (
 )
 from eskin.app.leave import EXIT_INTERRUPTED
 from eskin.app.options import LEAKY, WRITES_FOLDER
-from eskin.app.tables import new_table, show
+from eskin.app.tables import print_table
 from eskin.app.worker_options import Scheduler, open_pool
 from eskin.base.errors import InputError
 from eskin.snn.data.frame_steps import FRAMES, FrameKind, FrameSteps
@@ -166,21 +166,12 @@ def command_line(context: typer.Context) -> str:
 
 def _print_table(points: list[PointSummary]) -> None:
     """Print accuracy and data rate of every sweep point."""
-    title = (
+    print_table(
+        "point | rate | last epoch | 95 % interval | sd | selected | sd",
+        map(vars, points),
+        "{name} | {normalised_rate:.3g} | {last.accuracy:100*.1f} | {last.bootstrap_95[0]:100*.1f} to "
+        "{last.bootstrap_95[1]:100*.1f} | {last.sd_over_cells:100*.1f} | {selected.accuracy:100*.1f}"
+        " | {selected.sd_over_cells:100*.1f}",
         "accuracy in % by data rate in units of 640 kb/s\n"
-        "95 % interval over images and seeds; sd over cells, each one fold and seed"
+        "95 % interval over images and seeds; sd over cells, each one fold and seed",
     )
-    table = new_table(("point", "rate", "last epoch", "95 % interval", "sd", "selected", "sd"), title)
-    for point in points:
-        last, selected = point.result("last"), point.result("selected")
-        low, high = last.bootstrap_95
-        table.add_row(
-            point.name,
-            f"{point.normalised_rate:.3g}",
-            f"{100 * last.accuracy:.1f}",
-            f"{100 * low:.1f} to {100 * high:.1f}",
-            f"{100 * (last.sd_over_cells or 0):.1f}",
-            f"{100 * selected.accuracy:.1f}",
-            f"{100 * (selected.sd_over_cells or 0):.1f}",
-        )
-    show(table)

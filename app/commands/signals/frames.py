@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from eskin.app.options import LEAKY, with_config, with_fields
-from eskin.app.tables import new_table, show
+from eskin.app.tables import filled, print_table
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig
@@ -67,33 +67,19 @@ def frames(
 
 def _print_table(report: dict[str, Any]) -> None:
     """Print data rates as a table, one row per readout."""
-    frame = report["frame"]
-    title = (
-        f"{report['rows']} x {report['columns']} taxels, {report['resolution']} b, tau {report['tau_s']:.3g} s, "
-        f"{report['dataset']} ({report['preset']}), {report['images']} images"
+    cells = "{title} | {events_per_s:,.0f} | {bits_per_event} | {bits_per_s:,.0f} | {ratio_to_frame:.3g}"
+    cells += " | {events_per_taxel_per_s:,.0f} | {equal_frame_rate_hz:,.1f}"
+    frame = "frame | {words_per_s:,.0f} | {bits_per_word} | {bits_per_s:,.0f} | 1"
+    frame += " | {conversions_per_taxel_per_s:,.0f} | {frame_rate_hz:,.1f}"
+    rows = [filled(cells, report[encoder.name] | {"title": encoder.title}) for encoder in registry.ENCODERS]
+    print_table(
+        "readout | sent/s | bits each | bits/s | to frame | taxel/s | frames/s",
+        [row.split(" | ") for row in [*rows, filled(frame, report["frame"])]],
+        title=filled(
+            "{rows} x {columns} taxels, {resolution} b, tau {tau_s:.3g} s, {dataset} ({preset}), {images} images",
+            report,
+        ),
     )
-    table = new_table(("readout", "sent/s", "bits each", "bits/s", "to frame", "taxel/s", "frames/s"), title)
-    for encoder in registry.ENCODERS:
-        r = report[encoder.name]
-        table.add_row(
-            encoder.title,
-            f"{r['events_per_s']:,.0f}",
-            f"{r['bits_per_event']}",
-            f"{r['bits_per_s']:,.0f}",
-            f"{r['ratio_to_frame']:.3g}",
-            f"{r['events_per_taxel_per_s']:,.0f}",
-            f"{r['equal_frame_rate_hz']:,.1f}",
-        )
-    table.add_row(
-        "frame",
-        f"{frame['words_per_s']:,.0f}",
-        f"{frame['bits_per_word']}",
-        f"{frame['bits_per_s']:,.0f}",
-        "1",
-        f"{frame['conversions_per_taxel_per_s']:,.0f}",
-        f"{frame['frame_rate_hz']:,.1f}",
-    )
-    show(table)
     print(
         "sent: events or words; taxel: events or samples of one taxel; "
         "frames: the frame rate at which frames need as many bits"

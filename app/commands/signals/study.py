@@ -10,7 +10,7 @@ import typer
 
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.signals.options import JsonOption, OutOption
-from eskin.app.tables import new_table, show
+from eskin.app.tables import filled, print_table
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.errors import InputError
 from eskin.base.figures.files import DEFAULT_OUT, write_results
@@ -48,26 +48,11 @@ def study(
 
 def _print(found: dict[str, Any]) -> None:
     """Print the study of slow signals as a table."""
-    title = (
-        f"{found['source']}: {found['recordings']} recordings, {found['rows']} x {found['columns']} taxels, "
-        f"{found['rate_hz']:g} samples/s"
+    print_table(
+        "encoder | N | events/s | kbit/s | SNR dB | uniform dB | its bits | its rate/s | clock kHz",
+        [point | {"title": registry.named(point["encoding"]).title} for point in found["points"]],
+        "{title} | {resolution} | {events_per_s:,.0f} | {data_rate_bps:1e-3*.3g} | {snr_db:.1f}"
+        " | {?uniform[snr_db]:.1f} | {?uniform[bits]} | {?uniform[frame_rate_hz]:.3g} | {clock_hz:1e-3*.3g}",
+        filled("{source}: {recordings} recordings, {rows} x {columns} taxels, {rate_hz:g} samples/s", found),
+        least_width=_WIDTH,
     )
-    table = new_table(
-        ("encoder", "N", "events/s", "kbit/s", "SNR dB", "uniform dB", "its bits", "its rate/s", "clock kHz"), title
-    )
-    for point in found["points"]:
-        same = point["uniform"]
-        table.add_row(
-            registry.named(point["encoding"]).title,
-            str(point["resolution"]),
-            f"{point['events_per_s']:,.0f}",
-            f"{point['data_rate_bps'] / 1e3:.3g}",
-            f"{point['snr_db']:.1f}",
-            *(
-                ("", "", "")
-                if same is None
-                else (f"{same['snr_db']:.1f}", str(same["bits"]), f"{same['frame_rate_hz']:.3g}")
-            ),
-            f"{point['clock_hz'] / 1e3:.3g}",
-        )
-    show(table, _WIDTH)

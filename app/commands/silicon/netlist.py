@@ -119,27 +119,22 @@ def asic_scale(
     ),
 ) -> None:
     """Estimate area and highest clock frequency of growing arrays, including wires and repeaters."""
-    from eskin.app.tables import new_table, show
+    from eskin.app.tables import print_table
     from eskin.flow.liberty.library import read
     from eskin.flow.scale.measure import designs_of, measure
 
     check_pitch(pitch_um)
     chosen, wire, library = designs_of(config, sizes, tiles, relays), Wire(ohm, farad), read(lib)
-    heads = (
-        "taxels",
-        "tiles",
-        "relays",
-        "um2 a taxel",
-        "with lines",
-        "MHz without wires",
-        "MHz with wires",
-        "repeaters",
-        "synthesis, s",
-    )
-    table = new_table(heads, "Area and highest clock as the array grows")
     out.parent.mkdir(parents=True, exist_ok=True)
-    measure(chosen, library, wire, pitch_um, out, lambda found: table.add_row(*_scale_row(found)))
-    show(table)
+    print_table(
+        "taxels | tiles | relays | um2 a taxel | with lines | MHz without wires | MHz with wires | repeaters"
+        " | synthesis, s",
+        measure(chosen, library, wire, pitch_um, out),
+        "{rows} x {columns} | {?tile_rows} x {?tile_columns} | {?relays} | {cells_um2_per_taxel:.0f}"
+        " | {with_wires[area_um2_per_taxel]:.0f} | {without_wires[fmax_hz]:1e-6*.0f} | {with_wires[fmax_hz]:1e-6*.0f}"
+        " | {with_wires[repeaters]} | {synthesis_s:.1f}",
+        "Area and highest clock as the array grows",
+    )
     print(out)
 
 
@@ -161,7 +156,7 @@ def gatepower(
     ),
 ) -> None:
     """Measure the power of clock-gated netlists by simulation, with and without wires."""
-    from eskin.app.tables import new_table, show
+    from eskin.app.tables import print_table
     from eskin.base.files import origin
     from eskin.cocotb_tests.runner.reproduce import variables
     from eskin.flow.power.event_bench import Mismatch
@@ -180,8 +175,6 @@ def gatepower(
         *["GLITCHES=1"] * glitching,
         *([f"WEIGHTS={weights}"] if weights else []),
     ]
-    heads = ("readout", "library", "wires", "idle nW", "leakage nW", "pJ an event", "lone", "texture", "OpenSTA/tables")
-    table = new_table(heads, "Power of the logic: per taxel, and per event beside that")
     said = origin(" ".join(["make gatepower", *words]))
     try:
         if weights is not None:
@@ -195,41 +188,25 @@ def gatepower(
                 print(f"{path.name}: glitches add {100 * share:.1f} % to an event ({name})")
         if glitching:
             return
-        for path in lib:
-            write(chosen, path, out, said, lambda result: table.add_row(*_power_row(result)))
+        found = [_with_names(result) for path in lib for result in write(chosen, path, out, said)]
     except (Disagreement, Mismatch) as wrong:
         print(wrong)
         raise typer.Exit(1) from None
-    show(table)
+    print_table(
+        "readout | library | wires | idle nW | leakage nW | pJ an event | lone | texture | OpenSTA/tables",
+        found,
+        "{name} | {process} | {wires} | {idle_w_per_taxel:1e9*.1f} | {leakage_w_per_taxel:1e9*.1f}"
+        " | {?energy_per_event_j:1e12*.2f} | {?energy_per_lone_event_j:1e12*.2f}"
+        " | {?energy_per_texture_event_j:1e12*.2f} | {ratios}",
+        "Power of the logic: per taxel, and per event beside that",
+    )
 
 
-def _scale_row(result: dict[str, Any]) -> list[str]:
-    """Return the table row for an array."""
-    without, wired = result["without_wires"], result["with_wires"]
-    tiles = f"{result['tile_rows']} x {result['tile_columns']}" if "relays" in result else ""
-    return [
-        f"{result['rows']} x {result['columns']}",
-        tiles,
-        f"{result.get('relays', '')}",
-        f"{result['cells_um2_per_taxel']:.0f}",
-        f"{wired['area_um2_per_taxel']:.0f}",
-        f"{without['fmax_hz'] / 1e6:.0f}",
-        f"{wired['fmax_hz'] / 1e6:.0f}",
-        f"{wired['repeaters']}",
-        f"{result['synthesis_s']:.1f}",
-    ]
-
-
-def _power_row(result: dict[str, Any]) -> list[str]:
-    """Return the table row for a power measurement."""
-    energies = [result.get(f"energy_per_{name}event_j") for name in ("", "lone_", "texture_")]
+def _with_names(result: dict[str, Any]) -> dict[str, Any]:
+    """Return a power measurement with names for its table row."""
     ratios = [stretch["agreement"] for stretch in result["scenarios"].values()]
-    return [
-        f"{result['readout']} {result['frontend']}".strip(),
-        result["process"],
-        "estimated" if result["pitch_um"] else "none",
-        f"{1e9 * result['idle_w_per_taxel']:.1f}",
-        f"{1e9 * result['leakage_w_per_taxel']:.1f}",
-        *("" if energy is None else f"{1e12 * energy:.2f}" for energy in energies),
-        f"{min(ratios):.3f} to {max(ratios):.3f}",
-    ]
+    return result | {
+        "name": f"{result['readout']} {result['frontend']}".strip(),
+        "wires": "estimated" if result["pitch_um"] else "none",
+        "ratios": f"{min(ratios):.3f} to {max(ratios):.3f}",
+    }

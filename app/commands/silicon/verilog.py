@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eskin.app.options import LOGIC, WRITES_FOLDER, check_frame, option_name, with_config, with_fields
-from eskin.app.tables import new_table, show
+from eskin.app.tables import print_table
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
@@ -138,17 +138,12 @@ def gates(
         return
     unit = f"cells of {liberty.name}" if liberty else "two-input gates"
     title = f"{config.rows} x {config.columns} taxels, {config.resolution} b, {config.frontend}: {unit}"
-    table = new_table(("readout", "flops", "gates", "per taxel", "um2 per taxel"), title)
-    for name, numbers in counted.items():
-        area = numbers["area_um2_per_taxel"]
-        table.add_row(
-            name,
-            f"{numbers['flops']:.0f}",
-            f"{numbers['gates']:.0f}",
-            f"{numbers['flops_per_taxel']:.1f} + {numbers['gates_per_taxel']:.1f}",
-            "" if area is None else f"{area:.0f}",
-        )
-    show(table)
+    print_table(
+        "readout | flops | gates | per taxel | um2 per taxel",
+        [numbers | {"name": name} for name, numbers in counted.items()],
+        "{name} | {flops:.0f} | {gates:.0f} | {flops_per_taxel:.1f} + {gates_per_taxel:.1f} | {area_um2_per_taxel:.0f}",
+        title,
+    )
 
 
 def _count_classifier(path: Path, liberty: Path | None, as_json: bool) -> None:

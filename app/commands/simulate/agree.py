@@ -10,7 +10,7 @@ import typer
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.outcome import conclude
 from eskin.app.options import WRITES_FOLDER
-from eskin.app.tables import new_table, show
+from eskin.app.tables import print_table
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
 from eskin.base.progress import bar
@@ -58,7 +58,11 @@ def agree(
             networks.append(found)
             step()
     write_json(out / "agreement.json", origin(asked_for()) | {"networks": networks})
-    _print(networks)
+    print_table(
+        "network | bits | same class as in float | 95 % interval",
+        [one | point for one in networks for point in one["points"]],
+        "{network} | {bits} | {same} of {scans} | {wilson_95[0]:100*.0f} to {wilson_95[1]:100*.0f} %",
+    )
     print(printable(f"result: {out / 'agreement.json'}"))
     if rtl:
         sums = {name: sum(one["rtl"].get(name, 0) for one in networks) for name in ("clocks", "events", "bins")}
@@ -95,17 +99,3 @@ def _in_rtl(
         return dict(play_scans(made, events, cast(Simulator, simulator), folder)), ""
     except AssertionError as mismatch:
         return {}, str(mismatch)
-
-
-def _print(networks: list[dict[str, Any]]) -> None:
-    table = new_table(("network", "bits", "same class as in float", "95 % interval"), left=(0,))
-    for one in networks:
-        for point in one["points"]:
-            low, high = point["wilson_95"]
-            table.add_row(
-                printable(one["network"]),
-                str(point["bits"]),
-                f"{point['same']} of {one['scans']}",
-                f"{100 * low:.0f} to {100 * high:.0f} %",
-            )
-    show(table)
