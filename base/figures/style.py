@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,13 +57,34 @@ def new_figure(width_in: float, height_in: float, title: str) -> Figure:
     return figure
 
 
-def dress(panel: Axes, title: str = "") -> Text:
-    """Apply the common style to a panel: title on the left, thin grid lines, two spines; return the title."""
+def dress(panel: Axes, title: str = "", across: str = "", up: str = "") -> Text:
+    """Apply the common style to a panel: title on the left, thin grid lines, two spines; return the title.
+
+    Parameters
+    ----------
+    panel : Axes
+    title : str
+    across, up : str
+        Labels of the x axis and of the y axis.
+    """
+    for label, write in ((across, panel.set_xlabel), (up, panel.set_ylabel)):
+        if label:
+            write(label, fontsize=8.5)
     panel.spines[["top", "right"]].set_visible(False)
     panel.tick_params(labelsize=8, length=3)
     panel.grid(axis="y", color="#e5e5e5", lw=0.6)
     panel.set_axisbelow(True)
     return panel.set_title(title, loc="left", fontsize=9.5, fontweight="bold", pad=4)
+
+
+def legend_below(
+    figure: Figure, handles: Iterable[Any], labels: Iterable[str], columns: int, remark: str = "", **style: Any
+) -> None:
+    """Write a legend below all panels of a figure, with a grey remark above its entries."""
+    legend = figure.legend(list(handles), list(labels), loc="outside lower left", ncols=columns, fontsize=8,
+                           frameon=False, alignment="left", title=remark or None,
+                           **{"title_fontsize": 8} | style)  # fmt: skip
+    legend.get_title().set_color(GREY)
 
 
 def plain_numbers(panel: Axes) -> None:

@@ -9,7 +9,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from eskin.base.figures.style import PALETTE, dress, new_figure, save_figure
+from eskin.base.figures.style import PALETTE, dress, legend_below, new_figure, save_figure
 
 HERE = Path(__file__)
 ARRAYS, TILES = (HERE.parents[1] / "data" / "asic" / f"scale-{name}lcs-digital-ihp.json" for name in ("", "tiles-"))
@@ -23,8 +23,8 @@ def main() -> None:
     taxels = [array["taxels"] for array in arrays]
     figure = new_figure(9.0, 4.2, "LCS arrays of standard cells as they grow")
     clock, area = figure.subplots(1, 2)
-    dress(clock, "highest clock")
-    dress(area, "area")
+    dress(clock, "highest clock", "taxels", "highest clock (MHz)")
+    dress(area, "area", "taxels", "area (um2 per taxel)")
     alone: dict[str, Any] = {"color": PALETTE["sky"], "marker": "o", "ls": "--", "label": "cells alone"}
     wired: dict[str, Any] = {
         "color": PALETTE["blue"],
@@ -33,10 +33,8 @@ def main() -> None:
     }
     for name, style in (("without_wires", alone), ("with_wires", wired)):
         clock.plot(taxels, [array[name]["fmax_hz"] / 1e6 for array in arrays], **style)
-    clock.set_ylabel("highest clock (MHz)", fontsize=8.5)
     area.plot(taxels, [array["cells_um2_per_taxel"] for array in arrays], **alone)
     area.plot(taxels, [array["with_wires"]["area_um2_per_taxel"] for array in arrays], **wired)
-    area.set_ylabel("area (um2 per taxel)", fontsize=8.5)
     for axis, name, unit in ((clock, "fmax_hz", 1e6), (area, "area_um2_per_taxel", 1.0)):
         for skin, mark, colour in zip(skins, ("o", "*"), ("grey", "black"), strict=True):
             label = f"tiles of {skin['rows'] // skin['tile_rows']} x {skin['columns'] // skin['tile_columns']}"
@@ -44,10 +42,9 @@ def main() -> None:
                       ls="", label=label)  # fmt: skip
         axis.set_xscale("log")
         axis.set_ylim(0, 1.05 * axis.get_ylim()[1])
-        axis.set_xlabel("taxels", fontsize=8.5)
         axis.set_xticks(taxels, [str(number) if number != 192 else "" for number in taxels], minor=False)
         axis.minorticks_off()
-    figure.legend(*clock.get_legend_handles_labels(), loc="outside lower left", ncols=4, fontsize=8, frameon=False)
+    legend_below(figure, *clock.get_legend_handles_labels(), 4)
     save_figure(figure, HERE.with_suffix(".png"))
 
 

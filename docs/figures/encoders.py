@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from eskin.base.figures.style import GREY, OFF_COLOUR, ON_COLOUR, PALETTE, dress, new_figure, save_figure
+from eskin.base.figures.style import OFF_COLOUR, ON_COLOUR, PALETTE, dress, legend_below, new_figure, save_figure
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.registry import ENCODERS
 from eskin.model.taxel import decode, encode_timed, uncontended_events
@@ -40,27 +40,17 @@ def main() -> None:
         reference = decode(config, counts, late)[:, 0]
         events = uncontended_events(config, counts, late)
         axis.plot(seconds * 1e3, codes[:, 0] / config.full_scale, color=PALETTE["grey"], label="signal x")
-        axis.step(
-            seconds * 1e3,
-            reference / config.full_scale,
-            where="post",
-            color=PALETTE["black"],
-            lw=1,
-            label="reference u",
-        )
+        level = reference / config.full_scale
+        axis.step(seconds * 1e3, level, where="post", color=PALETTE["black"], lw=1, label="reference u")
         for polarity, colour, name in ((True, ON_COLOUR, "ON events"), (False, OFF_COLOUR, "OFF events")):
             times = events["t"][events["p"] == polarity] / config.clock_hz * 1e3
             if config.has_polarity or polarity:
                 level = -0.75 if polarity else -0.9
                 axis.plot(times, np.full(len(times), level), "|", color=colour, ms=9, label=name)
-        dress(axis, f"{title} ({len(events)} events)")
-        axis.set_ylabel("signal (full scales)", fontsize=8.5)
+        dress(axis, f"{title} ({len(events)} events)", up="signal (full scales)")
         axis.set_ylim(-1, 0.55)
     axes[-1, 0].set_xlabel("time (ms)", fontsize=8.5)
-    legend = figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=4, fontsize=8,
-                           frameon=False, alignment="left", title="N-LCS has ON events only",
-                           title_fontsize=8)  # fmt: skip
-    legend.get_title().set_color(GREY)
+    legend_below(figure, *axes[0, 0].get_legend_handles_labels(), 4, "N-LCS has ON events only")
     save_figure(figure, Path(__file__).with_suffix(".png"))
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from docs.tables.finger import KINDS, TARGETS, accuracies, finger_report, name_of
-from eskin.base.figures.style import GREY, dress, new_figure, save_figure
+from eskin.base.figures.style import GREY, dress, legend_below, new_figure, save_figure
 from eskin.skin.figures.readouts import look
 
 HERE = Path(__file__)
@@ -21,18 +21,11 @@ def main() -> None:
     panels = dict(zip(KINDS, figure.subplots(1, len(KINDS), sharey=True), strict=True))
     goals = dict(TARGETS.values())
     for kind, panel in panels.items():
-        dress(panel, {"repetition": "other repetition"}.get(kind, kind.replace("mean of ", "")))
+        title = {"repetition": "other repetition"}.get(kind, kind.replace("mean of ", ""))
+        dress(panel, title, "kbit/s on the link")
         panel.axhline(100 * goals[kind], color=GREY, lw=1, ls=":")
-        panel.annotate(
-            "target",
-            (0, 100 * goals[kind]),
-            xycoords=panel.get_yaxis_transform(),
-            xytext=(3, 3),
-            textcoords="offset points",
-            fontsize=8,
-            color=GREY,
-        )
-        panel.set_xlabel("kbit/s on the link", fontsize=8.5)
+        panel.annotate("target", (0, 100 * goals[kind]), (3, 3), panel.get_yaxis_transform(), "offset points",
+                       fontsize=8, color=GREY)  # fmt: skip
         panel.set_xlim(0.8, 2.2)
         for point in report["points"]:
             style, above = look(point["readout"]), 2 + (point["readout"] != "frame")
@@ -47,17 +40,8 @@ def main() -> None:
                                zorder=above, **shown)  # fmt: skip
     first = next(iter(panels.values()))
     first.set_ylabel("accuracy (%)", fontsize=8.5)
-    legend = figure.legend(
-        *first.get_legend_handles_labels(),
-        loc="outside lower left",
-        ncols=3,
-        fontsize=8,
-        frameon=False,
-        alignment="left",
-        title="filled: spiking network; open: logistic regression on statistics",
-        title_fontsize=8,
-    )
-    legend.get_title().set_color(GREY)
+    words = "filled: spiking network; open: logistic regression on statistics"
+    legend_below(figure, *first.get_legend_handles_labels(), 3, words)
     save_figure(figure, HERE.with_suffix(".png"))
 
 

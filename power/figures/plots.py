@@ -6,14 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from eskin.base.figures.style import (
-    GREY,
-    PALETTE,
-    PART_COLOURS,
-    dress,
-    new_figure,
-    save_figure,
-)
+from eskin.base.figures.style import GREY, PALETTE, PART_COLOURS, dress, legend_below, new_figure, save_figure
 from eskin.base.units import with_unit
 from eskin.power.readouts import READOUT_NAMES, READOUTS, SPIKING
 from eskin.skin.figures.readouts import look
@@ -57,7 +50,7 @@ def plot_fig6(data: Data, path: Path) -> None:
     panels[0].set_ylabel("power (W)", fontsize=8.5)
     handles, labels = panels[0].get_legend_handles_labels()
     shown = dict(zip(labels, handles, strict=True))
-    figure.legend(list(shown.values()), list(shown), loc="outside lower left", ncols=4, fontsize=8, frameon=False)
+    legend_below(figure, shown.values(), shown, 4)
     save_figure(figure, path)
 
 
@@ -74,29 +67,25 @@ def plot_fig7(data: Data, path: Path) -> None:
     figure = new_figure(4.8 * (len(crossing) + 1), 3.9, "AFE noise at which spikes cost what frames cost")
     panels = figure.subplots(1, len(crossing) + 1, sharex=True, squeeze=False)[0]
     for panel, (mode, entry) in zip(panels[:-1], crossing.items(), strict=True):
-        dress(panel, f"{mode} mode")
+        dress(panel, f"{mode} mode", "resolution N (bit)", "AFE output noise (mV rms)")
         panel.sharey(panels[0])
         for (label, style), values in zip(_lines(entry["crossover"]), _values(entry["crossover"]), strict=True):
             if found := _found(data, values):
                 panel.plot(*zip(*found, strict=True), label=label, **style)
         panel.set_yscale("log")
         panel.yaxis.set_major_formatter(lambda volts, _: f"{1e3 * volts:g}")
-        panel.set_ylabel("AFE output noise (mV rms)", fontsize=8.5)
     mode, entry = list(modes.items())[-1]
-    dress(panels[-1], f"{mode} mode, {data['ratio_noise_v_rms'] * 1e3:.3g} mV")
+    title = f"{mode} mode, {data['ratio_noise_v_rms'] * 1e3:.3g} mV"
+    dress(panels[-1], title, "resolution N (bit)", "power of spikes / power of frames")
     for (label, style), ratios in zip(_lines(entry["ratio"]), _values(entry["ratio"]), strict=True):
         panels[-1].plot(data["resolution"], ratios, label=label, **style)
     panels[-1].axhline(1.0, color=PALETTE["black"], lw=0.8)
     panels[-1].set_yscale("log")
     panels[-1].yaxis.set_major_formatter(lambda ratio, _: f"{ratio:g}")
-    panels[-1].set_ylabel("power of spikes / power of frames", fontsize=8.5)
     for panel in panels:
         panel.set_xticks(data["resolution"])
-        panel.set_xlabel("resolution N (bit)", fontsize=8.5)
-    legend = figure.legend(*panels[-1].get_legend_handles_labels(), loc="outside lower left", ncols=4, fontsize=8,
-                           frameon=False, handlelength=3, alignment="left", title="\n".join(notes),
-                           title_fontsize=7.5)  # fmt: skip
-    legend.get_title().set_color(GREY)
+    keys = panels[-1].get_legend_handles_labels()
+    legend_below(figure, *keys, 4, "\n".join(notes), handlelength=3, title_fontsize=7.5)
     save_figure(figure, path)
 
 
@@ -120,15 +109,8 @@ def _lines(entry: Data) -> list[tuple[str, dict[str, Any]]]:
     lines = []
     nlcs = look("nlcs").colour
     for tau, line, marker, size in zip(entry["nlcs"], ("-", "--", ":"), "^sD", (9, 6, 4), strict=True):
-        style = {
-            "color": nlcs,
-            "ls": line,
-            "marker": marker,
-            "ms": size,
-            "lw": 1.2,
-            "mfc": nlcs if size == 9 else "white",
-        }
-        lines.append((f"N-LCS, tau {float(tau) * 1e3:g} ms", style))
+        style = {"color": nlcs, "ls": line, "marker": marker, "ms": size, "mfc": nlcs if size == 9 else "white"}
+        lines.append((f"N-LCS, tau {float(tau) * 1e3:g} ms", style | {"lw": 1.2}))
     lines.append(("LCS", {"color": look("lcs").colour, "marker": look("lcs").marker, "ms": 4, "lw": 1.2}))
     return lines
 
@@ -158,15 +140,8 @@ def plot_sensitivity(data: Data, path: Path) -> None:
         dress(panel, f"{noise * 1e3:.3g} mV rms")
         panel.axvline(1.0, color=PALETTE["black"], lw=0.8)
         for readout in SPIKING:
-            panel.plot(
-                [row["ratio"][readout][k] for row in rows],
-                heights,
-                ls="",
-                marker=look(readout).marker,
-                ms=6,
-                color=look(readout).colour,
-                label=READOUT_NAMES[readout],
-            )
+            ratios, (_, colour, marker) = [row["ratio"][readout][k] for row in rows], look(readout)
+            panel.plot(ratios, heights, ls="", marker=marker, ms=6, color=colour, label=READOUT_NAMES[readout])
         for y in heights[1:]:
             if rows[y]["group"] != rows[y - 1]["group"]:
                 panel.axhline(y - 0.5, color="#999999", lw=0.6, ls=":")
@@ -175,7 +150,7 @@ def plot_sensitivity(data: Data, path: Path) -> None:
         panel.set_xlabel("power of spikes / power of frames\nleft of 1: spikes cost less", fontsize=8)
     panels[0].set_yticks(heights, [in_words(row["case"]) for row in rows], fontsize=8)
     panels[0].invert_yaxis()
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=2, fontsize=8, frameon=False)
+    legend_below(figure, *panels[0].get_legend_handles_labels(), 2)
     save_figure(figure, path)
 
 
@@ -208,24 +183,13 @@ def plot_explore(data: Data, path: Path) -> None:
     table = data["table"]
     resolutions = [row["resolution"] for row in table]
     sensor = data["sensor"]
-    figure = new_figure(
-        6.4,
-        4.0,
-        f"{sensor['rows']} x {sensor['columns']} taxels, {sensor['bandwidth_hz']:g} Hz, "
-        f"{sensor['noise_v_rms'] * 1e3:g} mV",
-    )
+    title = f"{sensor['rows']} x {sensor['columns']} taxels, {sensor['bandwidth_hz']:g} Hz, "
+    figure = new_figure(6.4, 4.0, title + f"{sensor['noise_v_rms'] * 1e3:g} mV")
     panel = figure.subplots()
-    dress(panel)
+    dress(panel, "", "resolution N (bit)", "power (W)")
     for readout in READOUTS:
-        panel.plot(
-            resolutions,
-            [row[readout]["total"] for row in table],
-            color=look(readout).colour,
-            marker=look(readout).marker,
-            lw=1.3,
-            ms=5,
-            label=READOUT_NAMES[readout],
-        )
+        totals, (_, colour, marker) = [row[readout]["total"] for row in table], look(readout)
+        panel.plot(resolutions, totals, color=colour, marker=marker, lw=1.3, ms=5, label=READOUT_NAMES[readout])
     best = data["cheapest"]
     panel.plot(best["resolution"], best["total"], "o", ms=14, mfc="none", mec=GREY, mew=1.2)
     finest = data["noise_resolution"]
@@ -235,7 +199,5 @@ def plot_explore(data: Data, path: Path) -> None:
                    transform=panel.get_xaxis_transform())  # fmt: skip
     panel.set_yscale("log")
     panel.set_xticks(resolutions)
-    panel.set_xlabel("resolution N (bit)", fontsize=8.5)
-    panel.set_ylabel("power (W)", fontsize=8.5)
-    figure.legend(fontsize=8, frameon=False, loc="outside lower left", ncols=3)
+    legend_below(figure, *panel.get_legend_handles_labels(), 3)
     save_figure(figure, path)

@@ -184,14 +184,12 @@ def _draw_array(panel: Axes, played: ScanToClass) -> None:
     """Draw the signal range of each taxel of a recording."""
     config = played.recording.config
     moved = np.ptp(played.signals, axis=0).reshape(config.rows, config.columns)
-    dress(panel, "movement of each taxel")
+    dress(panel, "movement of each taxel", f"column; {config.rows} x {config.columns} taxels", "row")
     panel.grid(visible=False)
     image = panel.imshow(moved, cmap="viridis", vmin=0)
     panel.figure.colorbar(image, ax=panel, shrink=0.7, label="full scales")
     panel.set_xticks(range(config.columns))
     panel.set_yticks(range(config.rows))
-    panel.set_xlabel(f"column; {config.rows} x {config.columns} taxels", fontsize=8.5)
-    panel.set_ylabel("row", fontsize=8.5)
 
 
 def _draw_signals(panel: Axes, played: ScanToClass) -> None:
@@ -216,10 +214,8 @@ def _draw_zoom(panel: Axes, played: ScanToClass) -> None:
     shown = _shown(played)
     taxel = int(shown[len(shown) // 2])
     _draw_taxel(panel, played, taxel, 0.0, 5.0, slice(first, max(last, first + 2)))
-    dress(panel, f"taxel {taxel}, the grey part")
+    dress(panel, f"taxel {taxel}, the grey part", "time (ms)", "full scales")
     panel.grid(visible=False)
-    panel.set_xlabel("time (ms)", fontsize=8.5)
-    panel.set_ylabel("full scales", fontsize=8.5)
 
 
 def _shown(played: ScanToClass) -> NDArray[np.int64]:

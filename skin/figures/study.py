@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from eskin.base.figures.style import dress, new_figure, save_figure
+from eskin.base.figures.style import dress, legend_below, new_figure, save_figure
 from eskin.model.encoders import registry
 from eskin.skin.figures.readouts import FRAME, look
 from eskin.skin.recordings.fitting import TAU_S
@@ -15,7 +15,7 @@ def plot_study(data: dict[str, Any], path: Path) -> None:
     """Plot SNR against data rate: one line for each encoder and one for uniform sampling."""
     figure = new_figure(7.2, 4.4, f"Slow signals: {data['source']}, {data['rate_hz']:g} samples/s")
     panel = figure.subplots()
-    dress(panel)
+    dress(panel, "", "data rate (bit/s)", "reconstruction SNR (dB)")
     for encoder in registry.ENCODERS:
         line = [p for p in data["points"] if p["encoding"] == encoder.name and p["data_rate_bps"] > 0]
         panel.plot(
@@ -43,7 +43,5 @@ def plot_study(data: dict[str, Any], path: Path) -> None:
         label="uniform sampling, best bits for the rate",
     )
     panel.set_xscale("log")
-    panel.set_xlabel("data rate (bit/s)", fontsize=8.5)
-    panel.set_ylabel("reconstruction SNR (dB)", fontsize=8.5)
-    figure.legend(fontsize=8, frameon=False, loc="outside lower left", ncols=3)
+    legend_below(figure, *panel.get_legend_handles_labels(), 3)
     save_figure(figure, path)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eskin.base.figures.labels import Box, Taken, in_data, on_page, place_label, side_by_side
-from eskin.base.figures.style import GREY, dress, new_figure, save_figure
+from eskin.base.figures.style import GREY, dress, legend_below, new_figure, save_figure
 from eskin.skin.figures.readouts import FRAME, look
 from eskin.skin.textures.presets import PRESETS
 from eskin.snn.figures.fig9 import NAMES, PUBLISHED_NAME, Data, detail, partial, title
@@ -60,17 +60,17 @@ def draw_fig9(data: Data) -> Figure:
     panels = figure.subplots(1, len(presets), sharex=True, sharey=True, squeeze=False)[0]
     of_panels = [[point for point in data["points"] if point["preset"] == preset] for preset in presets]
     for panel, preset, points in zip(panels, presets, of_panels, strict=True):
-        dress(panel, f"{preset} scan" if preset else "own recordings")
-        _draw_axes(panel, data, {point["classes"] for point in points})
+        rate = f"data rate / ({data['reference_bps'] / 1e3:g} kb/s)"
+        dress(panel, f"{preset} scan" if preset else "own recordings", rate)
+        _draw_axes(panel, {point["classes"] for point in points})
     rates = [point["normalised_rate"] for point in data["points"]]
     panels[0].set_xlim(0.6 * min(rates), 5 * max(rates))
     panels[0].set_ylim(0, 112)
     panels[0].set_yticks(range(0, 101, 20))
     panels[0].set_ylabel("accuracy (%)", fontsize=8.5)
-    legend = figure.legend(handles=_keys(data, sweeps), loc="outside lower left", ncols=4,
-                           title="\n".join([*data["protocol"], BARS]), title_fontsize=8, fontsize=8, frameon=False,
-                           alignment="left", columnspacing=1.4)  # fmt: skip
-    legend.get_title().set_color(GREY)
+    keys = _keys(data, sweeps)
+    labels = (str(key.get_label()) for key in keys)
+    legend_below(figure, keys, labels, 4, "\n".join([*data["protocol"], BARS]), columnspacing=1.4)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # the panels keep their sizes, and labels their places
     full_frames = {p["normalised_rate"] for p in data["points"] if p["readout"].startswith("frame")}
@@ -89,7 +89,7 @@ def draw_fig9(data: Data) -> Figure:
     return figure
 
 
-def _draw_axes(panel: Axes, data: Data, classes: set[int]) -> None:
+def _draw_axes(panel: Axes, classes: set[int]) -> None:
     """Draw the logarithmic rate axis and the chance level."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
@@ -98,7 +98,6 @@ def _draw_axes(panel: Axes, data: Data, classes: set[int]) -> None:
         panel.text(0.005, 100 / count + 0.8, "chance", fontsize=7.5, color=GREY,
                    transform=panel.get_yaxis_transform())  # fmt: skip
     panel.set_xscale("log")
-    panel.set_xlabel(f"data rate / ({data['reference_bps'] / 1e3:g} kb/s)", fontsize=8.5)
     panel.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
     panel.xaxis.set_minor_locator(LogLocator(subs="all"))
     panel.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
@@ -122,14 +121,8 @@ def _style(sweep: str, sweeps: list[str]) -> Data:
     if sweep == PUBLISHED_NAME:
         return {"ls": "-", "lw": 0.7, "fillstyle": "none", "ms": MARK_POINTS - 1, "zorder": 1.8}
     line, filling = STYLES[sweeps.index(sweep) % len(STYLES)]
-    return {
-        "ls": line,
-        "lw": 1.5,
-        "fillstyle": filling,
-        "ms": MARK_POINTS,
-        "markerfacecoloralt": "white",
-        "zorder": 2,
-    }
+    fill = {"fillstyle": filling, "markerfacecoloralt": "white"}
+    return {"ls": line, "lw": 1.5, "ms": MARK_POINTS, "zorder": 2} | fill
 
 
 def _draw_series(panel: Axes, series: Series, style: Data, taken: Taken) -> list[Box]:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eskin.base.figures.labels import Box, Taken, on_page, place_label
-from eskin.base.figures.style import GREY, dress, new_figure, save_figure
+from eskin.base.figures.style import dress, legend_below, new_figure, save_figure
 from eskin.skin.figures.readouts import look
 from eskin.snn.figures.fig9 import NAMES, RECEIVED, Data
 
@@ -63,21 +63,16 @@ def draw_frontier(data: Data) -> Figure:
         empty.set_axis_off()
     panels = dict(zip(of_panels, grid.ravel(), strict=False))
     for (preset, network), panel in panels.items():
-        dress(panel, f"{preset} scan, {NETWORKS[network]}")
+        dress(panel, f"{preset} scan, {NETWORKS[network]}", "bits/s", "accuracy (%)")
         panel.set_xscale("log")
-        panel.set_xlabel("bits/s", fontsize=8.5)
-        panel.set_ylabel("accuracy (%)", fontsize=8.5)
         panel.tick_params(labelbottom=True)
     rates = [point[name] for point in data["points"] for name in ("bits_per_s", "coded_bits_per_s")]
     grid[0][0].set_xlim(0.8 * min(rates), 2 * max(rates))
     grid[0][0].set_ylim(40, 102)
     there = {kind_of(point) for point in data["points"]}
-    keys = [
-        Line2D([], [], color=look(r).colour, marker=look(r).marker, ls="", label=NAMES[r]) for r in NAMES if r in there
-    ]
-    legend = figure.legend(handles=keys, loc="outside lower left", ncols=len(keys), title=f"last epoch; {LEGEND}",
-                           title_fontsize=8, fontsize=8, frameon=False, alignment="left")  # fmt: skip
-    legend.get_title().set_color(GREY)
+    shown = [readout for readout in NAMES if readout in there]
+    keys = [Line2D([], [], color=look(r).colour, marker=look(r).marker, ls="") for r in shown]
+    legend_below(figure, keys, [NAMES[r] for r in shown], len(keys), f"last epoch; {LEGEND}")
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     for key, panel in panels.items():

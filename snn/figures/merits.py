@@ -35,7 +35,7 @@ def plot_merits(result: dict[str, Any], path: Path) -> None:
 
 
 def _curves(axis: Axes, points: list[dict[str, Any]], key: str, title: str, across: str) -> None:
-    dress(axis, title)
+    dress(axis, title, across, "accuracy (%)")
     for network, style in network_styles(points).items():
         own = [point for point in points if point["network"] == network]
         x, y = [1e3 * point[key] for point in own], [100 * point["accuracy"] for point in own]
@@ -45,12 +45,10 @@ def _curves(axis: Axes, points: list[dict[str, Any]], key: str, title: str, acro
     axis.set_xscale("log")
     axis.set_ylim(0, 103)
     axis.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
-    axis.set_xlabel(across, fontsize=8.5)
-    axis.set_ylabel("accuracy (%)", fontsize=8.5)
 
 
 def _rest(axis: Axes, rows: list[dict[str, Any]]) -> None:
-    dress(axis, "data rate of a touch that moves (full) and rests (open)")
+    dress(axis, "data rate of a touch that moves (full) and rests (open)", "AFE noise (mV rms)", "data rate (kb/s)")
     noises = list(dict.fromkeys(row["noise_v"] for row in rows))
     for number, readout in enumerate(dict.fromkeys(row["readout"] for row in rows)):
         _, colour, marker = look(readout.partition(":")[0])
@@ -67,12 +65,10 @@ def _rest(axis: Axes, rows: list[dict[str, Any]]) -> None:
     axis.set_yscale("log")
     axis.yaxis.set_major_formatter(lambda y, _: f"{y:g}" if y > 0.011 else "0.01 or less")
     axis.set_xticks([0.12 + place for place in range(len(noises))], [f"{1e3 * noise:g}" for noise in noises])
-    axis.set_xlabel("AFE noise (mV rms)", fontsize=8.5)
-    axis.set_ylabel("data rate (kb/s)", fontsize=8.5)
 
 
 def _timing(axis: Axes, rows: list[dict[str, Any]]) -> None:
-    dress(axis, "how well the time of a crossing is known (median, bar to 95 %)")
+    dress(axis, "how well the time of a crossing is known (median, bar to 95 %)", "data rate (kb/s)", "error (us)")
     looks = {"events": look("lcs")[1:], "frames": look(FRAME)[1:], "interpolated": INTERPOLATED}
     names = {"events": "LCS 3 b", "frames": "frames", "interpolated": "frames, interpolated"}
     for name in dict.fromkeys(row["known_from"] for row in rows):
@@ -82,7 +78,5 @@ def _timing(axis: Axes, rows: list[dict[str, Any]]) -> None:
         colour, marker = looks[name]
         axis.errorbar(x, y, [[0.0] * len(up), up], label=names[name], color=colour, marker=marker, markersize=4,
                       capsize=2)  # fmt: skip
-    axis.set_xlabel("data rate (kb/s)", fontsize=8.5)
-    axis.set_ylabel("error (us)", fontsize=8.5)
     axis.set_xscale("log")
     axis.set_yscale("log")

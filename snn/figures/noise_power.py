@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from eskin.base.figures.style import GREY, dress, new_figure, plain_numbers, save_figure
+from eskin.base.figures.style import GREY, dress, legend_below, new_figure, plain_numbers, save_figure
 from eskin.snn.figures.networks import label, network_styles
 
 TITLES = {
@@ -23,7 +23,7 @@ def plot_noise_power(data: Mapping[str, Any], path: Path) -> None:
     words_of = (str(digit) for point in points for cell in point["answers"] for digit in cell["labels"])
     classes = {1 + max(map(int, filter(str.isdigit, words_of)), default=-1)} - {0}
     for axis, (mode, title) in zip(axes, TITLES.items(), strict=True):
-        dress(axis, f"{mode} mode: {title}")
+        dress(axis, f"{mode} mode: {title}", "total power (uW)")
         for network, style in network_styles(points).items():
             own = [point for point in points if (point["network"], point["mode"]) == (network, mode)]
             power = [1e6 * point["power_w"]["total"] for point in own]
@@ -37,13 +37,10 @@ def plot_noise_power(data: Mapping[str, Any], path: Path) -> None:
                 axis.annotate(text, (x, y), (3, 4), textcoords="offset points", fontsize=6, color=colour)
         axis.set_xscale("log")
         plain_numbers(axis)
-        axis.set_xlabel("total power (uW)", fontsize=8.5)
         axis.set_ylim(0, 104)
         for guess in {100 / count for count in classes}:
             axis.axhline(guess, color=GREY, linestyle=":", linewidth=0.8)
     axes[0].set_ylabel("accuracy (%)", fontsize=8.5)
     words = "bars: 95 % interval over images and seeds; dotted: guessing"
-    legend = figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=6, fontsize=8,
-                           frameon=False, title=words, title_fontsize=8, alignment="left", handlelength=3)  # fmt: skip
-    legend.get_title().set_color(GREY)
+    legend_below(figure, *axes[0].get_legend_handles_labels(), 6, words, handlelength=3)
     save_figure(figure, path)

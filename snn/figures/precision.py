@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eskin.base.figures.style import GREY, dress, new_figure, plain_numbers, save_figure
+from eskin.base.figures.style import GREY, dress, legend_below, new_figure, plain_numbers, save_figure
 from eskin.snn.figures.networks import MARKERS, family
 
 if TYPE_CHECKING:
@@ -38,20 +38,17 @@ def plot_precision(data: Mapping[str, Any], path: Path) -> None:
     figure = new_figure(max(3.6 * len(families), 7), 7, "Accuracy of integer networks by the bits of their weights")
     axes = figure.subplots(2, len(families), sharey=True, sharex="row", squeeze=False)
     for column, (title, networks) in enumerate(families.items()):
-        dress(axes[0, column], title)
-        dress(axes[1, column])
+        dress(axes[0, column], title, "memory of the network (kB)")
+        dress(axes[1, column], "", "additions (millions per second)")
         for network in networks:
             own_points = [p for p in points if p["network"] == network and p["variant"].isdigit()]
             label = family(network)[1]
             _line(axes[0, column], own_points, "memory_bits", 1 / 8000, styles[label], label)
             _line(axes[1, column], own_points, "operations_hz", 1e-6, styles[label], label)
             _bits(axes[0, column], own_points, styles[label]["color"])
-        for axis, text in zip(
-            axes[:, column], ("memory of the network (kB)", "additions (millions per second)"), strict=True
-        ):
+        for axis in axes[:, column]:
             axis.set_xscale("log")
             plain_numbers(axis)
-            axis.set_xlabel(text, fontsize=8.5)
             axis.set_ylim(LEAST, 100)
             axis.axhline(90, color=GREY, linestyle=":", linewidth=0.8)
     for axis in axes[:, 0]:
@@ -61,9 +58,7 @@ def plot_precision(data: Mapping[str, Any], path: Path) -> None:
         known |= dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
     shown = [label for label in labels if label in known]
     words = f"numbers: weights of {', '.join(BITS)} bits, others between them; bars: 95 % interval; dotted: 90 %"
-    legend = figure.legend([known[label] for label in shown], shown, loc="outside lower left", ncols=3, fontsize=8,
-                           frameon=False, title=words, title_fontsize=8, alignment="left")  # fmt: skip
-    legend.get_title().set_color(GREY)
+    legend_below(figure, [known[label] for label in shown], shown, 3, words)
     save_figure(figure, path)
 
 

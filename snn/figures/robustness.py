@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eskin.base.figures.style import GREY, dress, new_figure, save_figure
+from eskin.base.figures.style import dress, legend_below, new_figure, save_figure
 from eskin.snn.data.disturb import DISTURBANCES
 from eskin.snn.figures.networks import label, network_styles
 
@@ -49,10 +49,7 @@ def plot_robustness(data: Mapping[str, Any], path: Path) -> None:
         _draw_rows(last, single, points, styles)
         shown = shown if curves else last
     words = "bars: 95 % interval over images and seeds; dotted: undisturbed scans"
-    legend = figure.legend(*shown.get_legend_handles_labels(), loc="outside lower left", ncols=4, fontsize=8,
-                           frameon=False, handlelength=3, title=words, title_fontsize=8,
-                           alignment="left")  # fmt: skip
-    legend.get_title().set_color(GREY)
+    legend_below(figure, *shown.get_legend_handles_labels(), 4, words, handlelength=3)
     save_figure(figure, path)
 
 
@@ -93,7 +90,7 @@ def _draw_curve(
 
 def _draw_rows(panel: Axes, names: Sequence[str], points: Points, styles: Mapping[str, dict[str, Any]]) -> None:
     """Draw the accuracy under disturbances that have a single strength."""
-    dress(panel, "disturbances at one strength")
+    dress(panel, "disturbances at one strength", "accuracy (%)")
     for number, (network, style) in enumerate(styles.items()):
         own = [point for name in names for point in _of(points, network, name)]
         middle, ends = _bars(own)
@@ -107,4 +104,3 @@ def _draw_rows(panel: Axes, names: Sequence[str], points: Points, styles: Mappin
     panel.set_yticks(range(len(names)), ticks)
     panel.set_ylim(len(names) - 0.5, -0.5)
     panel.set_xlim(0, 103)
-    panel.set_xlabel("accuracy (%)", fontsize=8.5)
