@@ -6,7 +6,7 @@ import string
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from eskin.base.units import with_unit
+from eskin.base.units import plain, with_unit
 
 
 def digits(value: float, count: int) -> str:
@@ -18,8 +18,9 @@ def digits(value: float, count: int) -> str:
 class Template(string.Formatter):
     """Formatter with additional kinds of values.
 
-    ``{a[b]:1e9*.1f}`` multiplies first; ``#3`` gives three significant digits; ``@W`` a prefix and the
-    unit W. A value that the data may lack is written ``{?name}``. A value that is missing or null becomes ``absent``.
+    ``{a[b]:1e9*.1f}`` multiplies first; ``#3`` gives three significant digits; ``~`` three digits or a whole number;
+    ``@W`` a prefix and the unit W. A value that the data may lack is written ``{?name}``. A value that is missing or
+    null becomes ``absent``.
 
     Parameters
     ----------
@@ -47,6 +48,8 @@ class Template(string.Formatter):
 
     def format_value(self, value: Any, spec: str) -> str:
         """Return a value as text."""
+        if spec == "~":
+            return plain(value)
         if spec.startswith("@"):
             return with_unit(value, spec[1:])
         return digits(value, int(spec[1:])) if spec.startswith("#") else format(value, spec)

@@ -5,19 +5,19 @@ Pictures are those of the commands, embedded as data; the page has no script and
 
 from __future__ import annotations
 
-import base64
-import html
 import json
-import string
-import tempfile
-from collections.abc import Callable, Iterable, Sequence
-from importlib import resources
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from markupsafe import Markup
+
 from eskin.app.report.data import Run
 from eskin.base.figures.style import GREY, dress, new_figure, save_figure
-from eskin.base.units import plain, with_unit
+from eskin.base.pages import embedded, templates
+from eskin.base.rows import Template
+from eskin.base.units import with_unit
 from eskin.skin.figures.readouts import LOOKS, Look
 
 Data = dict[str, Any]
@@ -29,7 +29,38 @@ ACCURACY = Path(__file__).with_name("fig9.json")
 SIM = Path("out/sim")
 REPLAY = Path("out/replay")
 
-SYNTHESIS_UNITS = {"leakage_w": "W", "clock_power_w_per_hz": "W/Hz", "energy_per_event_j": "J"}
+PAGES = templates(Path(__file__).parent)
+
+TABLES = {
+    "raster": (
+        "Recordings and the result of their comparison",
+        "run | readout | texture | length | events, RTL | events, model | outcome",
+        "{name} | {readout} | {texture} | {duration} | {events_rtl:,} | {events_model:,} | {verdict}",
+    ),
+    "replay": (
+        "Whole datasets through the RTL (make replay)",
+        "dataset | readout | images | clocks | events | mismatches",
+        "{dataset}, {preset} scan | {encoding} {resolution} b, {rows} x {columns} | {images:,} | {clocks:,}"
+        " | {events:,} | {mismatches:,}",
+    ),
+    "fig9": (
+        "Fig. 9",
+        "readout | data rate | accuracy | interval (%)",
+        "{label} | {data_rate_bps:@bit/s} | {accuracy:100*.1f} % | {ends}",
+    ),
+    "benchmarks": (
+        "Ratios within one run on one machine",
+        "benchmark | ratio | median | least | most",
+        "{name} | {ratio} | {?median:~} | {?least:~} | {?most:~}",
+    ),
+    "synthesis": (
+        "Digital part by synthesis",
+        "readout | array | process | supply | clock | area | leakage | clock power | event or sample",
+        "{title} | {rows} x {columns} | {process} | {supply_v:@V} | {clock_hz:@Hz} | {area_um2:~} um^2 | {leakage_w:@W}"
+        " | {clock_power_w_per_hz:@W/Hz} | {energy_per_event_j:@J}",
+    ),
+}
+"""Caption, titles and cells of each table, by section."""
 
 
 def runs_in(folder: Path) -> tuple[Path, Path]:
@@ -44,83 +75,57 @@ def runs_in(folder: Path) -> tuple[Path, Path]:
 def page(data: Data, runs: Sequence[Run]) -> str:
     """Return the HTML page for the report data."""
     from eskin.power.figures.plots import plot_explore, plot_fig6, plot_fig7, plot_sensitivity
+    from eskin.power.readouts import READOUT_NAMES
 
-    fig6, sensor = data["fig6"], data["explore"]["sensor"]
-    point = f"{fig6['resolution']} bit, tau {fig6['tau_s']:g} s"
-    modes = (
-        f"{fig6['rows']} x {fig6['columns']} taxels, {point}. Mode paper is the published model; mode consistent makes "
-        f"all corrections (docs/results/power.md), with event rates measured on textures "
-        f"({fig6.get('event_rates', '')})."
+    def drawn(plot: Callable[[Data, Path], None], name: str, words: str) -> Markup:
+        return embedded(partial(plot, data[name]), words, "svg")
+
+    points = data["fig9"]["points"] if data["fig9"] else []
+    space = "\N{NO-BREAK SPACE}"
+    rows = data | {
+        "fig9": [
+            p | {"ends": f"{space}to{space}".join(f"{100 * e:.1f}" for e in p.get("interval", ()))} for p in points
+        ],
+        "synthesis": [
+            r | {"title": READOUT_NAMES[r["readout"]], "process": r["process"] or "-"} for r in data["synthesis"]
+        ],
+    }
+    return PAGES.get_template("page.html").render(
+        version=data["version"],
+        runs=[run_section(run) for run in runs],
+        tables={
+            name: (caption, heads.split(" | "), [Template().cells(cells, row) for row in rows[name]])
+            for name, (caption, heads, cells) in TABLES.items()
+        },
+        missing=data["missing"],
+        fig6=data["fig6"],
+        noise=with_unit(data["explore"]["sensor"]["noise_v_rms"], "V"),
+        pictures={
+            "explore": drawn(plot_explore, "explore", "Power by resolution"),
+            "fig6": drawn(plot_fig6, "fig6", "Power at three noise targets"),
+            "fig7": drawn(plot_fig7, "fig7", "Crossover noise by resolution"),
+            "sensitivity": drawn(plot_sensitivity, "sensitivity", "Spiking / frame power by correction"),
+            "fig9": drawn(_plot_accuracy, "fig9", "Accuracy by data rate") if points else "",
+        },
+        data=Markup(json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")),
     )
-    explore = (
-        f"<p>At {with_unit(sensor['noise_v_rms'], 'V')} of AFE noise; eskin explore computes it for your sensor.</p>"
-    )
-    sections = [
-        ("Events of RTL and model", [*map(run_section, runs), _runs_table(data["raster"])], "raster"),
-        ("Whole datasets", [_replay_table(data["replay"])], "replay"),
-        ("Cheapest readout", [explore, _picture(plot_explore, data["explore"], alt="Power by resolution")], ""),
-        (
-            "Fig. 6: power at three noise targets",
-            [f"<p>{html.escape(modes)}</p>", _picture(plot_fig6, fig6, alt="Power at three noise targets")],
-            "",
-        ),
-        (
-            "Fig. 7: noise at which spikes cost what frames cost",
-            [_picture(plot_fig7, data["fig7"], alt="Crossover noise by resolution")],
-            "",
-        ),
-        (
-            "What each correction does",
-            [_picture(plot_sensitivity, data["sensitivity"], alt="Spiking / frame power by correction")],
-            "",
-        ),
-        ("Fig. 9: accuracy against data rate", [_accuracy(data["fig9"])], "fig9"),
-        ("Benchmarks", [_benchmarks_table(data["benchmarks"])], "benchmarks"),
-        ("Synthesis", [_synthesis_table(data["synthesis"])], "synthesis"),
-    ]
-    body, links = [], []
-    for number, (heading, parts, key) in enumerate(sections):
-        lacks = "".join(f'<p class="missing">{html.escape(text)}</p>\n' for text in data["missing"].get(key, ()))
-        body.append(f'<section id="s{number}">\n<h2>{heading}</h2>\n{lacks}{"".join(parts)}</section>')
-        links.append(f'<a href="#s{number}">{heading}</a>')
-    template = (resources.files("eskin.app.report") / "page.html").read_text("utf-8")
-    return string.Template(template).substitute(
-        version=html.escape(data["version"]),
-        links=" ".join(links),
-        sections="\n".join(body),
-        data=embedded(data),
-    )
-
-
-def embedded(data: Any) -> str:
-    """Return data as JSON that is safe in a script element."""
-    return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-
-
-# -- pictures ----------------------------------------------------------------------------------------
-
-
-def _picture(plot: Callable[..., None], *args: Any, alt: str, kind: str = "svg", **options: Any) -> str:
-    """Return the picture of a plot function as HTML with embedded data."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"picture.{kind}"
-        plot(*args, path=path, **options)
-        text = base64.b64encode(path.read_bytes()).decode()
-    return f'<img alt="{html.escape(alt)}" src="data:image/{"svg+xml" if kind == "svg" else kind};base64,{text}">\n'
 
 
 def run_section(run: Run) -> str:
     """Return heading, verdict and raster of a run as HTML."""
     from eskin.skin.figures.raster import plot_comparison, plot_signals
 
-    config, facts = run.model.config, run.to_dict()
-    said: Data = {"alt": f"Raster of {run.name}", "kind": "png", "duration_clocks": run.model.duration_clocks}
-    if run.rtl is None:
-        picture = _picture(plot_signals, run.model.events, run.samples, config, **said)
-    else:
-        picture = _picture(plot_comparison, (run.rtl.events, run.model.events), config, **said)
-    title = html.escape(f"{run.name}: {facts['texture']}")
-    return f'<h3>{title}</h3>\n<p class="verdict">{html.escape(run.verdict)}</p>\n{picture}'
+    config, said = run.model.config, {"duration_clocks": run.model.duration_clocks}
+
+    def raster(path: Path) -> None:
+        if run.rtl is None:
+            plot_signals(run.model.events, run.samples, config, path, **said)
+        else:
+            plot_comparison((run.rtl.events, run.model.events), config, path, **said)
+
+    text = Markup('<h3>{}: {}</h3>\n<p class="verdict">{}</p>\n')
+    title = text.format(run.name, run.to_dict()["texture"], run.verdict)
+    return title + embedded(raster, f"Raster of {run.name}")
 
 
 def _plot_accuracy(data: Data, path: Path) -> None:
@@ -157,86 +162,3 @@ def _plot_accuracy(data: Data, path: Path) -> None:
             text.set_parse_math(False)
     panels[0].set_ylabel("accuracy (%)", fontsize=8.5)
     save_figure(figure, path)
-
-
-# -- tables ------------------------------------------------------------------------------------------
-
-
-def _table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return an HTML table whose first column names the rows; empty without rows."""
-
-    def cell(value: Any) -> str:
-        text = "-" if value is None else plain(value) if isinstance(value, float) else str(value)
-        return f"<td>{html.escape(text)}</td>"
-
-    lines = [
-        f'<tr><th scope="row">{html.escape(str(row[0]))}</th>' + "".join(cell(value) for value in row[1:]) + "</tr>"
-        for row in rows
-    ]
-    if not lines:
-        return ""
-    head = "".join(f'<th scope="col">{html.escape(heading)}</th>' for heading in headings)
-    return (
-        f'<div class="scroll"><table><caption>{html.escape(caption)}</caption>'
-        f"<thead><tr>{head}</tr></thead>\n<tbody>{chr(10).join(lines)}</tbody></table></div>\n"
-    )
-
-
-def _runs_table(runs: list[Data]) -> str:
-    headings = ("run", "readout", "texture", "length", "events, RTL", "events, model", "outcome")
-    keys = ("name", "readout", "texture", "duration", "events_rtl", "events_model", "verdict")
-    rows = [[f"{run[key]:,}" if isinstance(run[key], int) else run[key] for key in keys] for run in runs]
-    return _table("Recordings and the result of their comparison", headings, rows)
-
-
-def _replay_table(replays: list[Data]) -> str:
-    rows = [
-        (
-            f"{r['dataset']}, {r['preset']} scan",
-            f"{r['encoding']} {r['resolution']} b, {r['rows']} x {r['columns']}",
-            *(f"{r[key]:,}" for key in ("images", "clocks", "events", "mismatches")),
-        )
-        for r in replays
-    ]
-    headings = ("dataset", "readout", "images", "clocks", "events", "mismatches")
-    return _table("Whole datasets through the RTL (make replay)", headings, rows)
-
-
-def _accuracy(fig9: Data | None) -> str:
-    """Return picture and table of Fig. 9 as HTML."""
-    if fig9 is None:
-        return ""
-    rows = [
-        (
-            p["label"],
-            with_unit(p["data_rate_bps"], "bit/s"),
-            f"{100 * p['accuracy']:.1f} %",
-            "\N{NO-BREAK SPACE}to\N{NO-BREAK SPACE}".join(f"{100 * end:.1f}" for end in p.get("interval", ())),
-        )
-        for p in fig9["points"]
-    ]
-    table = _table("Fig. 9", ("readout", "data rate", "accuracy", "interval (%)"), rows)
-    return _picture(_plot_accuracy, fig9, alt="Accuracy by data rate") + table
-
-
-def _benchmarks_table(ratios: list[Data]) -> str:
-    rows = [(r["name"], r["ratio"], *(r.get(end) for end in ("median", "least", "most"))) for r in ratios]
-    return _table("Ratios within one run on one machine", ("benchmark", "ratio", "median", "least", "most"), rows)
-
-
-def _synthesis_table(reports: list[Data]) -> str:
-    from eskin.power.readouts import READOUT_NAMES
-
-    rows = [
-        (
-            READOUT_NAMES[r["readout"]],
-            f"{r['rows']} x {r['columns']}",
-            r["process"] or None,
-            *(with_unit(r[key], unit) for key, unit in (("supply_v", "V"), ("clock_hz", "Hz"))),
-            f"{plain(r['area_um2'])} um^2",
-            *(with_unit(r[key], unit) for key, unit in SYNTHESIS_UNITS.items()),
-        )
-        for r in reports
-    ]
-    headings = ("readout", "array", "process", "supply", "clock", "area", "leakage", "clock power", "event or sample")
-    return _table("Digital part by synthesis", headings, rows)

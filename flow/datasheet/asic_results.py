@@ -7,7 +7,7 @@ from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.base.files import read_json
-from eskin.flow.datasheet.sheet import markdown, si
+from eskin.flow.datasheet.sheet import si, table
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 
@@ -24,10 +24,10 @@ OF_WINDOWS = {
     "closing_w_per_taxel": ("power a taxel while its window closes", "W"),
     "energy_per_closed_window_j": ("energy of a window until it is closed, beside the idle power", "J"),
 }
-ABSENT = [
+ABSENT = (
     "Not known to this page: they need a cell library. `make asic LIB=typ.lib` leaves `out/asic/NAME/report.json`, "
-    "and `make verilog REPORT=out/asic/NAME/report.json` of the same configuration puts its numbers here.",
-]
+    "and `make verilog REPORT=out/asic/NAME/report.json` of the same configuration puts its numbers here."
+)
 
 
 def load_report(path: Path, config: ReadoutConfig | FrameConfig) -> dict[str, Any]:
@@ -52,7 +52,7 @@ def load_report(path: Path, config: ReadoutConfig | FrameConfig) -> dict[str, An
     return content
 
 
-def of_netlist(report: dict[str, Any] | None) -> list[str]:
+def of_netlist(report: dict[str, Any] | None) -> str:
     """Return the datasheet section for a netlist report."""
     if report is None:
         return ABSENT
@@ -72,4 +72,4 @@ def of_netlist(report: dict[str, Any] | None) -> list[str]:
         rows.append(("events of the netlist in simulation, of the RTL", f"{run['netlist']}, {run['rtl']}"))
     source = f"Library {report['library']}, commit {report.get('commit', 'unknown')}, {report.get('date', 'no date')}."
     contains = report.get("contains")
-    return [source + (f" They contain: {contains}." if contains else ""), "", *markdown(("", ""), rows)]
+    return source + (f" They contain: {contains}." if contains else "") + "\n\n" + table(" | ", rows)

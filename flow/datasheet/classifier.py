@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from eskin.flow.datasheet.sheet import NO_NETLIST, RESETS, Picture, Sheet, markdown, shown, si, time_table
+from eskin.flow.datasheet.sheet import Picture, Sheet
 from eskin.flow.datasheet.waves import Wave
 from eskin.model.classifier.chip import ready_of
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.model.classifier.run import ClassifierRun, first_ready, simulate, work_clocks
 
-TOP = "eskin_classifier"
 SHOWN = 24
 """Clocks of a picture at most."""
 EVENTS = 2
@@ -67,35 +66,9 @@ def sheet_of(config: ClassifierConfig) -> Sheet:
     waves, ready = played.waves(), first_ready(config, -1)
     events = _window("event", "The first events after reset", waves, max(ready - 4, 0))
     ends = _window("class", "The end of a bin's work", waves, max(played.run.valid[0] - SHOWN + 6, 0))
-    sections = {
-        "Memories": _memories(config),
-        "Clock": [
-            f"One clock, rising edge: {si(config.clock_hz, 'Hz')} for a time bin of {si(config.bin_s, 's')} in "
-            f"{config.clocks_per_bin} clocks, a period T of {si(1 / config.clock_hz, 's')}. No counter in here makes "
-            "bins: whoever has the time base raises `bin_end` for one clock, after so many clocks at most; the widths "
-            "of the potentials hold for the events of these."
-        ],
-        "Reset": [
-            f"{RESETS[config.reset]} Every flop has it, the memories have none and keep their weights. After it, as "
-            "after `scan_start`, all potentials, spikes and the evidence are cleared, one neuron a clock."
-        ],
-        "Latency and throughput": _times(config, played.run),
-        "Timing": [
-            shown(TOP, events),
-            "",
-            "Events are offered from the first clock on and wait until all is cleared; then one leaves in "
-            f"{config.groups} clock{'s' * (config.groups != 1)}.",
-            "",
-            shown(TOP, ends),
-            "",
-            f"`bin_end` was at clock {played.end}. No neuron fires here: every weight is zero.",
-        ],
-        "Registers": ["None but the memories, which are written through `load_*`."],
-        "Area, power and highest clock": NO_NETLIST,
-    }
-    return Sheet(
-        config, f"{config.inputs}-{config.hidden}-{config.classes}, {config.lanes} lanes", sections, (events, ends)
-    )
+    values = {"memories": _memories(config), "latencies": _times(config, played.run), "bin_end": played.end}
+    what = f"{config.inputs}-{config.hidden}-{config.classes}, {config.lanes} lanes"
+    return Sheet(config, what, "classifier.md", values, (events, ends))
 
 
 def _window(name: str, title: str, waves: list[Wave], start: int) -> Picture:
@@ -103,8 +76,8 @@ def _window(name: str, title: str, waves: list[Wave], start: int) -> Picture:
     return Picture(name, title, [Wave(w.name, w.values[start : start + SHOWN], w.bus) for w in waves], start)
 
 
-def _memories(config: ClassifierConfig) -> list[str]:
-    """Return the table of memories."""
+def _memories(config: ClassifierConfig) -> list[tuple[str, str, str, str]]:
+    """Return the memories with their sizes."""
     rows = [
         ("rows of input weights", config.input_words, config.lanes * config.in_bits),
         ("rows of recurrent weights", config.recurrent_words, config.lanes * config.rec_bits),
@@ -112,33 +85,17 @@ def _memories(config: ClassifierConfig) -> list[str]:
     ]
     if config.synapse_shift:
         rows.append(("potentials, which `load_*` does not reach", config.hidden, config.membrane_bits))
-    table = [(what, f"{words}", f"{bits}", f"{words * bits}") for what, words, bits in rows]
-    return [
-        f"{config.memory_bits} bits, {config.memory_bits / 8192:.4g} KiB. In reset, or while nothing else is under "
-        "way, `load_valid` writes a word in every clock.",
-        "",
-        *markdown(("memory", "words", "bits of a word", "bits"), table),
-    ]
+    return [(what, f"{words}", f"{bits}", f"{words * bits}") for what, words, bits in rows]
 
 
-def _times(config: ClassifierConfig, run: ClassifierRun) -> list[str]:
-    """Return the table of latencies."""
+def _times(config: ClassifierConfig, run: ClassifierRun) -> list[tuple[str, int]]:
+    """Return the latencies in clocks."""
     work = run.latencies[0] - work_clocks(config, 0, 0)  # beside the work, of which the rest is
     most = work_clocks(config, config.hidden, config.hidden)
-    rows = [
+    return [
         ("end of reset to `event_ready`", first_ready(config, -1)),
         ("`scan_start` to `event_ready`", first_ready(config, 0)),
         ("from one event to the next", config.groups),
         ("`bin_end` to `class_valid`, no neuron fires", run.latencies[0]),
         ("`bin_end` to `class_valid`, all fire in this bin and the one before", work + most),
-    ]
-    return [
-        f"Throughput: {si(config.clock_hz / config.groups, 'events/s')}, {config.events_per_bin} events in a bin; each "
-        f"adds {config.hidden} weights. The times are those of the golden model, to which the RTL is bit-exact.",
-        "",
-        *time_table(rows, config.clock_hz),
-        "",
-        f"Each spike of the bin before adds {config.groups - 1}, each of this bin {config.classes - 1}; a row that is "
-        "being read at `bin_end` is read to its end first. `event_ready` is low meanwhile: an event waits, and none is "
-        "lost. A `bin_end` that comes before the work is done raises `overrun`.",
     ]

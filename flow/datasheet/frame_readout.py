@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from eskin.flow.datasheet.asic_results import of_netlist
-from eskin.flow.datasheet.sheet import RESETS, Picture, Sheet, shown, si, time_table
+from eskin.flow.datasheet.sheet import Picture, Sheet
 from eskin.flow.datasheet.waves import Wave
 from eskin.model.frame import FrameModel, Inputs, Outputs
 from eskin.model.frame_config import FrameConfig
 
-TOP = "eskin_frame_readout"
 SHOWN = 24
 """Clocks of a picture."""
 STALLED = 2
@@ -82,68 +81,21 @@ def sheet_of(config: FrameConfig, report: dict[str, Any] | None) -> Sheet:
     start = Picture("start", "From frame_start to the ADC", scan.waves(AT_ADC, 0, SHOWN))
     begin = max(stalled.first("word_valid") - 8, 0)
     word = Picture("word", "The first word of a frame", stalled.waves(AT_SINK, begin, SHOWN), begin)
-    sections = {
-        "Clock": _clock(config),
-        "Reset": [
-            f"{RESETS[config.reset]} Every flop has it, none relies on an initial value. After it no taxel is selected "
-            "and no word waits; a conversion that was under way is forgotten: the ADC shares the reset."
-        ],
-        "Latency and throughput": _times(config, scan),
-        "Timing": [
-            shown(TOP, start),
-            "",
-            f"The multiplexer has {_clocks(config.settle_clocks)} to settle before a conversion. `adc_done` and "
-            f"`adc_code` are looked at from the clock after `adc_start` on; here a conversion takes "
-            f"{_clocks(config.adc_clocks)}.",
-            "",
-            shown(TOP, word),
-            "",
-            f"The sink takes the word {_clocks(STALLED)} late, and it stands still. "
-            "A `frame_start` during a scan is not heard: `frame_overrun` says so in the next clock.",
-        ],
-        "Registers": ["None: the configuration is built in."],
-        "Area, power and highest clock": of_netlist(report),
-    }
+    values = {"scan": scan, "stalled": STALLED, "latencies": _times(config, scan), "netlist": of_netlist(report)}
     what = f"{config.rows} x {config.columns} taxels, {config.resolution} b, words of {config.word_bits} b"
-    return Sheet(config, what, sections, (start, word))
+    return Sheet(config, what, "frame_readout.md", values, (start, word))
 
 
-def _clock(config: FrameConfig) -> list[str]:
-    return [
-        f"One clock, rising edge: {si(config.clock_hz, 'Hz')}, a period T of {si(1 / config.clock_hz, 's')}. "
-        f"A frame every {config.clocks_per_frame} clocks, {si(1 / config.frame_rate_hz, 's')}: whoever wants "
-        "one raises `frame_start` for one clock.",
-        "",
-        "The internal wire `awake` of the top is low in a clock at whose end no register changes: a gate on it may "
-        "stop the clock.",
-    ]
-
-
-def _times(config: FrameConfig, scan: Scan) -> list[str]:
-    """Return the table of latencies."""
+def _times(config: FrameConfig, scan: Scan) -> list[tuple[str, int]]:
+    """Return the latencies in clocks."""
     first = scan.first("adc_start")
-    word = scan.first("word_valid")
     last = max(t for t, found in enumerate(scan.outputs) if found.word_valid)
-    rows = [
+    next_taxel = [("from one taxel to the next", scan.first("adc_start", first) - first)] if config.taxels > 1 else []
+    return [
         ("`frame_start` to `row_select` and `column_select`", scan.first("row_select")),
         ("`frame_start` to the first `adc_start`", first),
-        ("`frame_start` to the first word", word),
+        *next_taxel,
+        ("`frame_start` to the first word", scan.first("word_valid")),
         ("`frame_start` to the last word", last),
         ("`frame_start` to the next that is heard", scan.heard),
     ]
-    if config.taxels > 1:
-        rows.insert(2, ("from one taxel to the next", scan.first("adc_start", first) - first))
-    most = config.clock_hz / scan.heard
-    return [
-        f"Throughput: {si(most, 'frames/s')} at most, {si(most * config.taxels, 'samples/s')}; a frame is "
-        f"{config.words_per_frame} words. The sink always ready, a conversion of {_clocks(config.adc_clocks)}; the "
-        "simulation is that of the golden model, to which the RTL is bit-exact.",
-        "",
-        *time_table(rows, config.clock_hz),
-        "",
-        "Whatever the sink does, no code is lost: a conversion starts only while no code waits.",
-    ]
-
-
-def _clocks(number: int) -> str:
-    return f"{number} clock{'s' * (number != 1)}"

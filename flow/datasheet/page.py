@@ -38,11 +38,6 @@ def sheet_of(config: Described, report: dict[str, Any] | None = None) -> Sheet:
     return readout.sheet_of(config, report)
 
 
-def write_datasheet(config: Described, folder: Path, report: dict[str, Any] | None = None) -> list[Path]:
-    """Write the page and pictures of a datasheet into a folder; return their paths."""
-    return sheet_of(config, report).write(folder)
-
-
 def deliver(config: Config, folder: Path, report: Path | None = None, gated: bool = False) -> list[Path]:
     """Write Verilog, constraints, description and datasheet of a design into a folder; return their paths.
 
@@ -60,4 +55,4 @@ def deliver(config: Config, folder: Path, report: Path | None = None, gated: boo
     if report is not None and isinstance(config, ReadoutConfig | FrameConfig):
         netlist = load_report(report, config)
     paths = write(config, folder, gated)
-    return paths if isinstance(config, ChipConfig) else [*paths, *write_datasheet(config, folder, netlist)]
+    return paths if isinstance(config, ChipConfig) else [*paths, *sheet_of(config, netlist).write(folder)]

@@ -1,13 +1,16 @@
-"""Common parts of all datasheets: Markdown page with pictures."""
+"""Common parts of all datasheets: Markdown pages from ``templates``, with pictures."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from eskin.base.files import atomic_write
+from eskin.base.pages import templates
 from eskin.flow.datasheet.pictures import timing_diagram
 from eskin.flow.datasheet.waves import Wave
 from eskin.model import __version__
@@ -20,7 +23,7 @@ RESETS = {
     "sync": "Active high, sampled at the rising edge of `clk`.",
     "async": "Active high, asynchronous at every flop: assert it at any time, release it in step with `clk`.",
 }
-NO_NETLIST = ["Not known to this page: `make asic` makes no netlist of this design."]
+NO_NETLIST = "Not known to this page: `make asic` makes no netlist of this design."
 
 
 @dataclass(frozen=True)
@@ -52,14 +55,17 @@ class Sheet:
     config : Config
     what : str
         The design in a few words.
-    sections : mapping of str to list of str
-        Lines by titles; pins come before all.
+    template : str
+        Name of the page in ``templates``.
+    values : mapping of str to object
+        Values of the page beside those of every datasheet.
     pictures : tuple of Picture
     """
 
     config: Config
     what: str
-    sections: Mapping[str, Iterable[str]]
+    template: str
+    values: Mapping[str, Any]
     pictures: tuple[Picture, ...]
 
     @property
@@ -69,46 +75,38 @@ class Sheet:
 
     def text(self) -> str:
         """Return the Markdown page."""
-        head = [f"# {self.top}: {self.what}", ""]
-        head += [f"Version {__version__}. Made from this configuration; every number is of it:", ""]
-        fields = ((f"`{name}`", f"{value}") for name, value in self.config.to_dict().items())
-        sections = {"Pins": _pins(self.config), **self.sections}
-        body = (line for title, lines in sections.items() for line in ("", f"## {title}", "", *lines))
-        return "\n".join([*head, *markdown(("parameter", "value"), fields), *body]) + "\n"
+        pins = list(ports(self.config))
+        of_all = {
+            "config": self.config,
+            "top": self.top,
+            "what": self.what,
+            "version": __version__,
+            "reset": RESETS[self.config.reset],
+            "no_netlist": NO_NETLIST,
+            "pictures": {picture.name: picture for picture in self.pictures},
+            "fields": [(f"`{name}`", f"{value}") for name, value in self.config.to_dict().items()],
+            "pins": [(f"`{pin['name']}`", pin["direction"], f"{pin['width']}", pin["meaning"]) for pin in pins],
+            "names": [pin["name"] for pin in pins],
+            "meanings": {pin["name"]: pin["meaning"] for pin in pins},
+            "table": table,
+            "times": partial(time_table, clock_hz=self.config.clock_hz),
+        }
+        return PAGES.get_template(self.template).render(of_all | dict(self.values))
 
     def write(self, folder: Path) -> list[Path]:
         """Write page and pictures into a folder; return their paths."""
         texts = {f"{self.top}_datasheet.md": self.text()}
         for shown in self.pictures:
-            texts[file_of(self.top, shown.name)] = timing_diagram(shown.waves, shown.title, shown.first)
+            texts[f"{self.top}_{shown.name}.svg"] = timing_diagram(shown.waves, shown.title, shown.first)
         for name, text in texts.items():
             with atomic_write(folder / name) as file:
                 file.write(text.encode())
         return [folder / name for name in texts]
 
 
-def file_of(top: str, name: str) -> str:
-    """Return the file name of a picture."""
-    return f"{top}_{name}.svg"
-
-
-def shown(top: str, picture: Picture) -> str:
-    """Return the Markdown line that shows a picture."""
-    return f"![{picture.title}]({file_of(top, picture.name)})"
-
-
-def time_table(rows: Iterable[tuple[str, int]], clock_hz: float) -> list[str]:
+def time_table(rows: Iterable[tuple[str, int]], clock_hz: float) -> str:
     """Return a Markdown table of latencies in clocks."""
-    table = ((what, f"{clocks}", si(clocks / clock_hz, "s")) for what, clocks in rows)
-    return markdown(("from, to", "clocks", "time"), table)
-
-
-def _pins(config: Config) -> list[str]:
-    """Return a Markdown table of ports."""
-    return markdown(
-        ("pin", "direction", "bits", "meaning"),
-        ((f"`{port['name']}`", port["direction"], f"{port['width']}", port["meaning"]) for port in ports(config)),
-    )
+    return table("from, to | clocks | time", ((what, f"{clocks}", si(clocks / clock_hz, "s")) for what, clocks in rows))
 
 
 def si(value: float, unit: str) -> str:
@@ -125,8 +123,12 @@ def si(value: float, unit: str) -> str:
     return f"{value / 10.0**power:.5g} {PREFIXES[power]}{unit}"
 
 
-def markdown(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
-    """Return a Markdown table as lines."""
-    head = list(head)
-    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |" for cells in [head, *map(list, rows)]]
-    return [lines[0], "|" + "---|" * len(head), *lines[1:]]
+def table(head: str, rows: Iterable[Iterable[str]]) -> str:
+    """Return a Markdown table with titles between `` | ``."""
+    titles = head.split(" | ")
+    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |" for cells in [titles, *rows]]
+    return "\n".join([lines[0], "|" + "---|" * len(titles), *lines[1:]])
+
+
+PAGES = templates(Path(__file__).parent / "templates")
+PAGES.filters |= {"si": si, "clocks": lambda number: f"{number} clock{'s' * (number != 1)}"}

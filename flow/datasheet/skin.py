@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from eskin.flow.datasheet.latencies import Latencies
-from eskin.flow.datasheet.sheet import NO_NETLIST, RESETS, Picture, Sheet, shown, si, time_table
+from eskin.flow.datasheet.sheet import Picture, Sheet
 from eskin.flow.datasheet.waves import Wave
 from eskin.model.tiles import merge
 from eskin.model.tiles.config import MergeConfig, TilesConfig
@@ -48,46 +48,27 @@ def sheet_of(config: MergeConfig | TilesConfig) -> Sheet:
     alone = isinstance(config, MergeConfig)
     skin = config.skin if isinstance(config, MergeConfig) else config
     tile = skin.tile
-    picture = Picture("merge", "Events of several tiles", waves(skin))
-    sections = {
-        "Clock": [
-            f"One clock for all tiles, rising edge: {si(skin.clock_hz, 'Hz')}, a period T of "
-            f"{si(1 / skin.clock_hz, 's')}."
-        ],
-        "Reset": [
-            f"{RESETS[skin.reset]} Every flop has it, none relies on an initial value. After it tile 0 comes first."
-        ],
-        "Latency and throughput": _times(skin, alone),
-        "Timing": [
-            shown("eskin_merge" if alone else "eskin_tiles", picture),
-            "",
-            f"{'' if alone else 'Within, at the merge. '}{min(TILES, skin.tiles)} of the tiles offer {EVENTS} events "
-            f"each; the sink takes nothing in the clocks {STALL[0]} and {STALL[-1]}. Bit i of a word is tile i.",
-        ],
-        "Registers": ["None: the configuration is built in."],
-        "Area, power and highest clock": NO_NETLIST,
+    values = {
+        "skin": skin,
+        "alone": alone,
+        "tiles": TILES,
+        "events": EVENTS,
+        "stall": STALL,
+        "bound": skin.tiles + HELD,
+        "latencies": _times(skin, alone),
     }
     what = f"{skin.tile_rows} x {skin.tile_columns} tiles of {tile.rows} x {tile.columns} taxels"
     what += f", {skin.relays} relay stations on each line" if skin.relays else ""
     what += "" if alone else f", {skin.encoding}, {skin.resolution} b, {skin.frontend} front end"
-    return Sheet(config, what, sections, (picture,))
+    return Sheet(config, what, "skin.md", values, (Picture("merge", "Events of several tiles", waves(skin)),))
 
 
-def _times(skin: TilesConfig, alone: bool) -> list[str]:
-    """Return the table of latencies."""
+def _times(skin: TilesConfig, alone: bool) -> list[tuple[str, int]]:
+    """Return the latencies in clocks."""
     bound, through = skin.tiles + HELD, skin.relays + MERGE_CLOCKS
     begins = "arrival at the merge" if skin.relays else "a tile's offer"
     rows = [("a tile's offer to `event_valid`, no other event on its way", through), ("from one event to the next", 1)]
     rows.append((f"{begins} to the event at the output, at most, the sink always ready", bound))
     if not alone and "sample_valid" in {port["name"] for port in ports(skin.tile)}:
         rows.insert(0, ("sample tick to `event_valid`, array idle", Latencies.of(skin.tile).latency + through))
-    return [
-        f"Throughput: {si(skin.clock_hz, 'events/s')}, one in every clock as long as any tile offers one. "
-        f"An event that {'has reached the merge' if skin.relays else 'a tile offers'} is among the next {bound} that "
-        "leave, whatever the sink does.",
-        "",
-        *time_table(rows, skin.clock_hz),
-        "",
-        f"The times of a tile itself are those of its readout: `make verilog ROWS={skin.tile.rows} "
-        f"COLUMNS={skin.tile.columns}` writes its datasheet.",
-    ]
+    return rows

@@ -54,8 +54,12 @@ class Wave:
 
 
 def from_zero(config: ReadoutConfig) -> ReadoutConfig:
-    """Return the configuration with references of 0 after reset, so that there is room for a step up."""
-    return config.replace(reference_reset=0)
+    """Return the configuration with references of 0 after reset and without receptive fields.
+
+    There is room for a step up, and a sample crosses the level of its own taxel. The adders of fields have no register,
+    so the times are the same.
+    """
+    return config.replace(reference_reset=0, fields="own")
 
 
 def played(config: ReadoutConfig) -> Stimulus:

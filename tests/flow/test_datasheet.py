@@ -16,7 +16,7 @@ from eskin.base.errors import InputError
 from eskin.flow.datasheet import classifier, frame_readout, skin
 from eskin.flow.datasheet.asic_results import load_report
 from eskin.flow.datasheet.latencies import Latencies
-from eskin.flow.datasheet.page import sheet_of, write_datasheet
+from eskin.flow.datasheet.page import sheet_of
 from eskin.flow.datasheet.waves import Wave, reset_waves, waves
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
@@ -131,12 +131,13 @@ def test_another_configuration_is_another_page_and_the_same_is_the_same(tmp_path
     first, second = tmp_path / "1", tmp_path / "2"
     for folder in (first, second):
         folder.mkdir()
-        assert {path.name for path in write_datasheet(AER, folder)} == {"eskin_readout_datasheet.md", *PICTURES}
+        assert {path.name for path in sheet_of(AER).write(folder)} == {"eskin_readout_datasheet.md", *PICTURES}
     kept = {path.name: path.read_bytes() for path in first.iterdir()}
     assert kept == {path.name: path.read_bytes() for path in second.iterdir()}
     for changes in ({"rows": 4}, {"clocks_per_sample": 16}, {"link": "stream"}, {"resolution": 5}, {"reset": "sync"}):
         assert datasheet(AER.replace(**changes)).split("\n## Pins")[1] != datasheet(AER).split("\n## Pins")[1], changes
-    write_datasheet(AER.replace(link="stream"), second)
+    sheet_of(AER.replace(link="stream")).write(second)
+    assert "divided by 2^shift" in datasheet(STREAM.replace(fields="neighbours"))
     assert all(kept[name] != (second / name).read_bytes() for name in PICTURES)
 
 
@@ -267,7 +268,7 @@ def test_a_merge_does_what_its_picture_shows(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("config", [FRAMES, NEURONS, MERGE, MERGE.skin], ids=["frames", "classifier", "merge", "skin"])
 def test_other_designs_have_their_own_page(config: Any, tmp_path: Path) -> None:
-    names = {path.name for path in write_datasheet(config, tmp_path)}
+    names = {path.name for path in sheet_of(config).write(tmp_path)}
     sheet = sheet_of(config)
     page = sheet.text()
     assert (tmp_path / f"{sheet.top}_datasheet.md").read_text() == page

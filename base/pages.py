@@ -1,0 +1,42 @@
+"""Fill templates of Markdown and HTML pages, and embed pictures in them."""
+
+from __future__ import annotations
+
+import base64
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+
+def templates(folder: Path) -> Environment:
+    """Return the templates of a folder; values are escaped in HTML, and every value must exist."""
+    return Environment(
+        loader=FileSystemLoader(folder),
+        autoescape=lambda name: str(name).endswith(".html"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+
+
+def embedded(plot: Callable[[Path], None], words: str, kind: str = "png") -> Markup:
+    """Return the picture that a function writes to a file, as HTML with embedded data.
+
+    Parameters
+    ----------
+    plot : callable
+    words : str
+        Description of the picture.
+    kind : str
+        Format, ``png`` or ``svg``.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"picture.{kind}"
+        plot(path)
+        data = base64.b64encode(path.read_bytes()).decode()
+    form = "svg+xml" if kind == "svg" else kind
+    return Markup('<img alt="{}" src="data:image/{};base64,{}">\n').format(words, form, data)
