@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from amaranth.hdl import Shape
 from amaranth.lib import wiring
 
 from eskin.base.files import atomic_write
+from eskin.base.pages import templates
 from eskin.model import __version__
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
@@ -73,6 +74,8 @@ LOAD_PF = 0.05
 
 EDGE_NS, CLOCK_EDGE_NS = 0.5, 0.1
 """Transition times at the inputs, and at clock and reset, whose trees layout makes."""
+
+TEMPLATES = templates(Path(__file__).parent / "templates")
 
 TEST_PORT = {
     "name": TEST,
@@ -189,117 +192,48 @@ def description(config: Config, gated: bool = False) -> str:
 
 def constraints(config: Config, gated: bool = False) -> str:
     """Return the SDC timing constraints: clock, port delays and asynchronous inputs."""
-    period_ns = 1e9 / config.clock_hz
-    pins = {port["name"]: port["name"] + ("[*]" if port["width"] > 1 else "") for port in ports(config)}
-    timed = {
-        way: " ".join(
-            pins[port["name"]]
-            for port in ports(config)
-            if port["direction"] == way and port["name"] not in ("clk", *ASYNCHRONOUS, *MACRO_IN, *MACRO_OUT)
-        )
-        for way in ("input", "output")
-    }
-    driven = " ".join(pin for name, pin in pins.items() if name in _inputs(config) - {"clk", "rst"})
-    if gated:
-        timed["input"] += f" {TEST}"
-        driven += f" {TEST}"
-    # With the delay on rst, recovery and removal of the flops' asynchronous resets are checked.
-    reset = ["# rst is asserted at any time and released in step with the clock."] if config.reset == "async" else []
+    own = list(ports(config))
+    pins = {port["name"]: port["name"] + ("[*]" if port["width"] > 1 else "") for port in own}
+    inputs = {port["name"] for port in own if port["direction"] == "input"}
+    timed = [name for name in pins if name not in ("clk", *ASYNCHRONOUS, *MACRO_IN, *MACRO_OUT)]
+    test = [TEST] * gated
     base = "sample rate times clocks per sample"
     if isinstance(config, FrameConfig):
         base = "frame rate times clocks per frame"
     elif isinstance(config, ClassifierConfig):
         base = "clocks of a time bin, and its length"
-    lines = [
-        f"# Clock: {base}. Tighten it to what the technology should reach.",
-        f"set period_ns {period_ns:.6g}",
-        "create_clock -name clk -period $period_ns [get_ports {clk}]",
-        "# Jitter, and the skew of a clock tree that is still to be made. Times are in ns, capacitances in pF.",
-        f"set_clock_uncertainty -setup [expr {UNCERTAINTY} * $period_ns] [get_clocks clk]",
-        f"set_clock_uncertainty -hold {HOLD_NS} [get_clocks clk]",
-        "",
-        "# Edges at the inputs, and loads. With your library name a buffer of middle size instead, no delay cell:",
-        "# set_driving_cell -lib_cell BUFFER",
-        f"set_input_transition {EDGE_NS} [get_ports {{{driven}}}]",
-        f"set_input_transition {CLOCK_EDGE_NS} [get_ports {{clk rst}}]",
-        f"set_load -pin_load {LOAD_PF} [all_outputs]",
-        "",
-        "# A fifth of the period belongs to whatever drives an input or takes an output.",
-        *reset,
-        f"set_input_delay [expr {OUTSIDE} * $period_ns] -clock clk [get_ports {{{timed['input']}}}]",
-        f"set_output_delay [expr {OUTSIDE} * $period_ns] -clock clk [get_ports {{{timed['output']}}}]",
-    ]
-    analog = [" ".join(pins[name] for name in names if name in pins) for names in (MACRO_IN, MACRO_OUT)]
-    if all(analog):
-        lines += [
-            "",
-            "# References leave early and decisions come late: DACs and comparators have what is between.",
-            f"set_input_delay [expr {DECISION_IN} * $period_ns] -clock clk [get_ports {{{analog[0]}}}]",
-            f"set_output_delay [expr {DAC_OUT} * $period_ns] -clock clk [get_ports {{{analog[1]}}}]",
-        ]
-    for names, taker in ((ASYNCHRONOUS[:1], "link"), (ASYNCHRONOUS[1:], "SPI slave")):
-        if found := " ".join(pins[name] for name in names if name in pins):
-            lines += [
-                "",
-                f"# Asynchronous; two flops in the {taker} take {'it' if len(names) == 1 else 'each'}.",
-                f"set_false_path -from [get_ports {{{found}}}]",
-            ]
-    return header(config, "#") + "\n" + "\n".join(lines) + "\n"
 
+    def joined(names: Iterable[str]) -> str:
+        return " ".join(pins[name] for name in names if name in pins)
 
-def _inputs(config: Config) -> set[str]:
-    """Return the names of the input ports."""
-    return {port["name"] for port in ports(config) if port["direction"] == "input"}
+    # With the delay on rst, recovery and removal of the flops' asynchronous resets are checked.
+    return TEMPLATES.get_template("constraints.sdc").render(
+        config=config,
+        **{"UNCERTAINTY": UNCERTAINTY, "HOLD_NS": HOLD_NS, "EDGE_NS": EDGE_NS, "CLOCK_EDGE_NS": CLOCK_EDGE_NS},
+        **{"LOAD_PF": LOAD_PF, "OUTSIDE": OUTSIDE, "DECISION_IN": DECISION_IN, "DAC_OUT": DAC_OUT},
+        header=header(config, "#"),
+        base=base,
+        driven=" ".join([joined(name for name in pins if name in inputs - {"clk", "rst"}), *test]),
+        inputs=" ".join([joined(name for name in timed if name in inputs), *test]),
+        outputs=joined(name for name in timed if name not in inputs),
+        decisions=joined(MACRO_IN),
+        references=joined(MACRO_OUT),
+        ack=joined(ASYNCHRONOUS[:1]),
+        spi=joined(ASYNCHRONOUS[1:]),
+    )
 
 
 def core(config: Config, gated: bool = False) -> str:
     """Return the FuseSoC core file (CAPI2)."""
-    top = top_block(config).module_name
-    bench, sim = _simulation(top) if has_testbench(config) else ("", "")
-    return (
-        "CAPI=2:\n"
-        + header(config, "#")
-        + f"""
-name: ::{top}:{__version__.split("+")[0]}
-description: {_summary(config)}
-filesets:
-  rtl:
-    files: [{top}.v{f", {GATE}.v" * gated}]
-    file_type: verilogSource-2005
-  constraints:
-    files: [{top}.sdc]
-    file_type: SDC
-{bench}targets:
-  default:
-    filesets: [rtl, constraints]
-    toplevel: {top}
-  lint:
-    filesets: [rtl]
-    toplevel: {top}
-    default_tool: verilator
-    tools:
-      verilator:
-        mode: lint-only
-        verilator_options: [-Wall]
-  synth:
-    filesets: [rtl]
-    toplevel: {top}
-    default_tool: yosys
-    tools:
-      yosys:
-        arch: ice40
-        output_format: json
-        makefile_name: yosys.mk
-{sim}"""
+    return TEMPLATES.get_template("design.core").render(
+        header=header(config, "#"),
+        top=top_block(config).module_name,
+        version=__version__.split("+")[0],
+        summary=_summary(config),
+        gate=GATE,
+        gated=gated,
+        bench=has_testbench(config),
     )
-
-
-def _simulation(top: str) -> tuple[str, str]:
-    """Return the FuseSoC file set and target of the testbench."""
-    files = f"  bench:\n    files: [{top}_tb.sv]\n    file_type: systemVerilogSource\n"
-    target = f"  sim:\n    filesets: [rtl, bench]\n    toplevel: {top}_tb\n    default_tool: icarus\n"
-    target += "    tools:\n      icarus:\n        iverilog_options: [-g2012]\n"
-    return files, target
 
 
 def _summary(config: Config) -> str:
@@ -345,8 +279,7 @@ def write(config: Config, folder: Path, gated: bool = False) -> list[Path]:
         ".core": core(config, gated),
     }
     if isinstance(config, ReadoutConfig) and has_testbench(config):
-        tied = f".event_ready(1'b1), .{TEST}(1'b0)" if gated else ".event_ready(1'b1)"
-        files["_tb.sv"] = testbench(config).replace(".event_ready(1'b1)", tied)
+        files["_tb.sv"] = testbench(config, TEST if gated else "")
     texts = {f"{top}{suffix}": text for suffix, text in files.items()} | _of_registers(config)
     texts |= {f"{GATE}.v": header(config, "//") + BEHAVIOUR} if gated else {}
     folder.mkdir(parents=True, exist_ok=True)

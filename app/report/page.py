@@ -115,13 +115,13 @@ def run_section(run: Run) -> str:
     """Return heading, verdict and raster of a run as HTML."""
     from eskin.skin.figures.raster import plot_comparison, plot_signals
 
-    config, said = run.model.config, {"duration_clocks": run.model.duration_clocks}
+    config, clocks = run.model.config, run.model.duration_clocks
 
     def raster(path: Path) -> None:
         if run.rtl is None:
-            plot_signals(run.model.events, run.samples, config, path, **said)
+            plot_signals(run.model.events, run.samples, config, path, duration_clocks=clocks)
         else:
-            plot_comparison((run.rtl.events, run.model.events), config, path, **said)
+            plot_comparison((run.rtl.events, run.model.events), config, path, duration_clocks=clocks)
 
     text = Markup('<h3>{}: {}</h3>\n<p class="verdict">{}</p>\n')
     title = text.format(run.name, run.to_dict()["texture"], run.verdict)

@@ -78,10 +78,10 @@ def dress(panel: Axes, title: str = "", across: str = "", up: str = "") -> Text:
 
 
 def legend_below(
-    figure: Figure, handles: Iterable[Any], labels: Iterable[str], columns: int, remark: str = "", **style: Any
+    figure: Figure, keys: tuple[Iterable[Any], Iterable[str]], columns: int, remark: str = "", **style: Any
 ) -> None:
-    """Write a legend below all panels of a figure, with a grey remark above its entries."""
-    legend = figure.legend(list(handles), list(labels), loc="outside lower left", ncols=columns, fontsize=8,
+    """Write a legend of handles and labels below all panels of a figure, with a grey remark above its entries."""
+    legend = figure.legend(list(keys[0]), list(keys[1]), loc="outside lower left", ncols=columns, fontsize=8,
                            frameon=False, alignment="left", title=remark or None,
                            **{"title_fontsize": 8} | style)  # fmt: skip
     legend.get_title().set_color(GREY)

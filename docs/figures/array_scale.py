@@ -44,7 +44,7 @@ def main() -> None:
         axis.set_ylim(0, 1.05 * axis.get_ylim()[1])
         axis.set_xticks(taxels, [str(number) if number != 192 else "" for number in taxels], minor=False)
         axis.minorticks_off()
-    legend_below(figure, *clock.get_legend_handles_labels(), 4)
+    legend_below(figure, clock.get_legend_handles_labels(), 4)
     save_figure(figure, HERE.with_suffix(".png"))
 
 

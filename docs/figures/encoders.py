@@ -50,7 +50,7 @@ def main() -> None:
         dress(axis, f"{title} ({len(events)} events)", up="signal (full scales)")
         axis.set_ylim(-1, 0.55)
     axes[-1, 0].set_xlabel("time (ms)", fontsize=8.5)
-    legend_below(figure, *axes[0, 0].get_legend_handles_labels(), 4, "N-LCS has ON events only")
+    legend_below(figure, axes[0, 0].get_legend_handles_labels(), 4, "N-LCS has ON events only")
     save_figure(figure, Path(__file__).with_suffix(".png"))
 
 

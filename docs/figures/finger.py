@@ -41,7 +41,7 @@ def main() -> None:
     first = next(iter(panels.values()))
     first.set_ylabel("accuracy (%)", fontsize=8.5)
     words = "filled: spiking network; open: logistic regression on statistics"
-    legend_below(figure, *first.get_legend_handles_labels(), 3, words)
+    legend_below(figure, first.get_legend_handles_labels(), 3, words)
     save_figure(figure, HERE.with_suffix(".png"))
 
 

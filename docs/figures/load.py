@@ -40,7 +40,7 @@ def main() -> None:
     for axis in (worst, bias):
         axis.set_xscale("log")
         axis.xaxis.set_major_formatter(lambda clocks, _: f"{clocks:,g}")
-    legend_below(figure, *bias.get_legend_handles_labels(), 5)
+    legend_below(figure, bias.get_legend_handles_labels(), 5)
     save_figure(figure, HERE.with_suffix(".png"))
 
 

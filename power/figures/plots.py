@@ -50,7 +50,7 @@ def plot_fig6(data: Data, path: Path) -> None:
     panels[0].set_ylabel("power (W)", fontsize=8.5)
     handles, labels = panels[0].get_legend_handles_labels()
     shown = dict(zip(labels, handles, strict=True))
-    legend_below(figure, shown.values(), shown, 4)
+    legend_below(figure, (shown.values(), shown), 4)
     save_figure(figure, path)
 
 
@@ -85,7 +85,7 @@ def plot_fig7(data: Data, path: Path) -> None:
     for panel in panels:
         panel.set_xticks(data["resolution"])
     keys = panels[-1].get_legend_handles_labels()
-    legend_below(figure, *keys, 4, "\n".join(notes), handlelength=3, title_fontsize=7.5)
+    legend_below(figure, keys, 4, "\n".join(notes), handlelength=3, title_fontsize=7.5)
     save_figure(figure, path)
 
 
@@ -150,7 +150,7 @@ def plot_sensitivity(data: Data, path: Path) -> None:
         panel.set_xlabel("power of spikes / power of frames\nleft of 1: spikes cost less", fontsize=8)
     panels[0].set_yticks(heights, [in_words(row["case"]) for row in rows], fontsize=8)
     panels[0].invert_yaxis()
-    legend_below(figure, *panels[0].get_legend_handles_labels(), 2)
+    legend_below(figure, panels[0].get_legend_handles_labels(), 2)
     save_figure(figure, path)
 
 
@@ -199,5 +199,5 @@ def plot_explore(data: Data, path: Path) -> None:
                    transform=panel.get_xaxis_transform())  # fmt: skip
     panel.set_yscale("log")
     panel.set_xticks(resolutions)
-    legend_below(figure, *panel.get_legend_handles_labels(), 3)
+    legend_below(figure, panel.get_legend_handles_labels(), 3)
     save_figure(figure, path)

@@ -43,5 +43,5 @@ def plot_study(data: dict[str, Any], path: Path) -> None:
         label="uniform sampling, best bits for the rate",
     )
     panel.set_xscale("log")
-    legend_below(figure, *panel.get_legend_handles_labels(), 3)
+    legend_below(figure, panel.get_legend_handles_labels(), 3)
     save_figure(figure, path)

@@ -70,7 +70,7 @@ def draw_fig9(data: Data) -> Figure:
     panels[0].set_ylabel("accuracy (%)", fontsize=8.5)
     keys = _keys(data, sweeps)
     labels = (str(key.get_label()) for key in keys)
-    legend_below(figure, keys, labels, 4, "\n".join([*data["protocol"], BARS]), columnspacing=1.4)
+    legend_below(figure, (keys, labels), 4, "\n".join([*data["protocol"], BARS]), columnspacing=1.4)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # the panels keep their sizes, and labels their places
     full_frames = {p["normalised_rate"] for p in data["points"] if p["readout"].startswith("frame")}

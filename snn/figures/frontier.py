@@ -72,7 +72,7 @@ def draw_frontier(data: Data) -> Figure:
     there = {kind_of(point) for point in data["points"]}
     shown = [readout for readout in NAMES if readout in there]
     keys = [Line2D([], [], color=look(r).colour, marker=look(r).marker, ls="") for r in shown]
-    legend_below(figure, keys, [NAMES[r] for r in shown], len(keys), f"last epoch; {LEGEND}")
+    legend_below(figure, (keys, [NAMES[r] for r in shown]), len(keys), f"last epoch; {LEGEND}")
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     for key, panel in panels.items():

@@ -42,5 +42,5 @@ def plot_noise_power(data: Mapping[str, Any], path: Path) -> None:
             axis.axhline(guess, color=GREY, linestyle=":", linewidth=0.8)
     axes[0].set_ylabel("accuracy (%)", fontsize=8.5)
     words = "bars: 95 % interval over images and seeds; dotted: guessing"
-    legend_below(figure, *axes[0].get_legend_handles_labels(), 6, words, handlelength=3)
+    legend_below(figure, axes[0].get_legend_handles_labels(), 6, words, handlelength=3)
     save_figure(figure, path)

@@ -58,7 +58,7 @@ def plot_precision(data: Mapping[str, Any], path: Path) -> None:
         known |= dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
     shown = [label for label in labels if label in known]
     words = f"numbers: weights of {', '.join(BITS)} bits, others between them; bars: 95 % interval; dotted: 90 %"
-    legend_below(figure, [known[label] for label in shown], shown, 3, words)
+    legend_below(figure, ([known[label] for label in shown], shown), 3, words)
     save_figure(figure, path)
 
 

@@ -49,7 +49,7 @@ def plot_robustness(data: Mapping[str, Any], path: Path) -> None:
         _draw_rows(last, single, points, styles)
         shown = shown if curves else last
     words = "bars: 95 % interval over images and seeds; dotted: undisturbed scans"
-    legend_below(figure, *shown.get_legend_handles_labels(), 4, words, handlelength=3)
+    legend_below(figure, shown.get_legend_handles_labels(), 4, words, handlelength=3)
     save_figure(figure, path)
 
 
