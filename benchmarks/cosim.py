@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 import statistics
 import subprocess
 import tempfile
@@ -21,8 +20,8 @@ import numpy as np
 import typer
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
+from measure import RESULTS, JsonFile, spread, versions, write
 
-from eskin.base.files import origin
 from eskin.cocotb_tests.bench.readout import Bench
 from eskin.cocotb_tests.bench.textures import scan
 from eskin.cocotb_tests.runner.build_cache import BUILD, digest
@@ -31,7 +30,6 @@ from eskin.cocotb_tests.runner.simulator import Build, build
 from eskin.model.config import ReadoutConfig
 from eskin.model.readout import Stimulus, simulate
 
-RESULTS = Path(__file__).parent / "results" / "cosim.json"
 TEXTURE, TICKS_PER_CLOCK_TEST = 0, 150
 ENCODERS = ("lcs", "cw-lcs", "nlcs")
 BARE, ALL, SKIPPING, EVERY, MODEL = (
@@ -44,42 +42,7 @@ BARE, ALL, SKIPPING, EVERY, MODEL = (
 JOB = "ESKIN_BENCHMARK"
 """Environment variable with encoder, rounds, and the command of the bare loop without its samples."""
 
-BARE_LOOP = r"""
-#include "Veskin_readout.h"
-#include "verilated.h"
-#include <ctime>
-#include <cstdio>
-#include <cstring>
-#include <vector>
-int main(int argc, char** argv) {
-  const int words = atoi(argv[1]), clocks_per_sample = atoi(argv[2]);
-  std::vector<uint32_t> samples;
-  FILE* file = fopen(argv[3], "rb");
-  uint32_t word;
-  while (fread(&word, 4, 1, file) == 1) samples.push_back(word);
-  fclose(file);
-  Veskin_readout top;
-  top.clk = 0; top.rst = 1; top.event_ready = 1; top.sample_valid = 0;
-  memset(&top.taxel_enable, 0xff, sizeof top.taxel_enable);
-  for (int i = 0; i < 4; i++) { top.clk = 0; top.eval(); top.clk = 1; top.eval(); }
-  top.rst = 0;
-  const size_t ticks = samples.size() / words;
-  uint64_t events = 0, sum = 0;
-  const std::clock_t start = std::clock();
-  for (size_t tick = 0; tick < ticks; tick++) {
-    memcpy(&top.sample, &samples[tick * words], 4 * words);
-    for (int clock = 0; clock < clocks_per_sample; clock++) {
-      top.sample_valid = clock == 0;
-      top.clk = 0; top.eval();
-      if (top.event_valid) { events++; sum += 8 * top.event_row + top.event_col; }
-      top.clk = 1; top.eval();
-    }
-  }
-  const double seconds = double(std::clock() - start) / CLOCKS_PER_SEC;
-  printf("{\"events\": %llu, \"sum\": %llu, \"seconds\": %.6f}\n", (unsigned long long)events,
-         (unsigned long long)sum, seconds);
-}
-"""
+BARE_LOOP = Path(__file__).with_name("bare_loop.cpp").read_text()
 
 
 def _config(encoding: str) -> ReadoutConfig:
@@ -194,16 +157,15 @@ def _measured(program: Build, testcase: str, job: dict[str, Any]) -> Any:
 
 
 def _row(encoding: str, scene: str, name: str, rates: list[float], reference: list[float]) -> dict[str, Any]:
-    ratios = [a / b for a, b in zip(rates, reference, strict=True)]
-    of_bare = {"median": statistics.median(ratios), "least": min(ratios), "most": max(ratios)}
-    print(f"{encoding:7} {scene:8} {name:46} {of_bare['median']:7.3f} ({min(ratios):.3f}..{max(ratios):.3f})")
+    of_bare = spread([a / b for a, b in zip(rates, reference, strict=True)])
+    print(f"{encoding:7} {scene:8} {name:46} " + "{median:7.3f} ({least:.3f}..{most:.3f})".format(**of_bare))
     said = {"name": f"{name}, {encoding}, {scene}", "contender": name, "encoding": encoding, "scene": scene}
     return said | {"clocks_per_second": statistics.median(rates), "of_bare_loop": of_bare}
 
 
 def main(
     rounds: Annotated[int, typer.Option(help="rounds; every contender plays once in each")] = 7,
-    out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS,
+    out: JsonFile = RESULTS / "cosim.json",
 ) -> None:
     """Measure, check that all candidates give the same events, print ratios to the bare loop and write JSON."""
     rows, played = [], []
@@ -218,26 +180,9 @@ def main(
                 program = build(config, "verilator", top="eskin_readout", bare=True)
                 rates[EVERY] = [_measured(program, "every_clock", job) for _ in runs]
             rows += [_row(encoding, scene, name, values, rates[BARE]) for name, values in rates.items()]
-            played.append(
-                {"encoding": encoding, "scene": scene, "clocks": runs[0]["clocks"], "events": runs[0]["events"]}
-            )
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(
-        json.dumps(
-            origin(f"python benchmarks/cosim.py --rounds {rounds}")
-            | {
-                "benchmark": "cosim",
-                "rounds": rounds,
-                "played": played,
-                "config": _config("lcs").to_dict(),
-                "versions": {"python": platform.python_version(), "numpy": np.__version__, "cpus": os.cpu_count()},
-                "results": rows,
-            },
-            indent=2,
-        )
-        + "\n"
-    )
-    print(out)
+            played.append({"encoding": encoding, "scene": scene} | {key: runs[0][key] for key in ("clocks", "events")})
+    content = {"rounds": rounds, "played": played, "config": _config("lcs").to_dict(), "versions": versions("numpy")}
+    write(out, "cosim", f"--rounds {rounds}", content | {"results": rows})
 
 
 if __name__ == "__main__":

@@ -12,27 +12,20 @@ snnTorch compares neighbouring samples, so slow changes never fire; it is there 
 
 from __future__ import annotations
 
-import json
 import os
-import platform
 import statistics
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Annotated, Any
 
-import numba
 import numpy as np
-import scipy
 import typer
+from measure import JsonFile, new_app, spread, versions, write
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt
 
-from eskin.base.errors import InputError
-from eskin.base.files import atomic_write, origin
-from eskin.base.outputs import check_file
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.encoder import Encoder
 from eskin.model.encoders.registry import ENCODERS
@@ -162,39 +155,11 @@ def summary(candidate: Candidate, copy: Candidate, events: int | None) -> dict[s
         "events": events,
         "seconds": {"median": median, "all": candidate.seconds},
         "taxel_samples_per_second": candidate.taxel_samples / median,
-        "times_the_copy": {"median": statistics.median(ratios), "least": min(ratios), "most": max(ratios)},
+        "times_the_copy": spread(ratios),
     }
 
 
-def versions() -> dict[str, Any]:
-    """Return machine and versions of the measurement."""
-    found = {"python": platform.python_version(), "numpy": np.__version__, "numba": numba.__version__}
-    found["scipy"] = scipy.__version__
-    if "snntorch" in sys.modules:
-        found["torch"] = sys.modules["torch"].__version__
-        found["snntorch"] = getattr(sys.modules["snntorch"], "__version__", "unknown")
-    return found | {"instruction_set": platform.machine(), "cpus": os.cpu_count()}
-
-
-def writable(path: Path | None) -> Path | None:
-    """Return a path after checking that it is writable."""
-    if path is not None:
-        try:
-            check_file(path)
-        except InputError as error:
-            raise typer.BadParameter(str(error)) from None
-    return path
-
-
-def write_report(path: Path, report: dict[str, Any]) -> None:
-    """Write a report as JSON."""
-    with atomic_write(path) as file:
-        file.write((json.dumps(report, indent=2) + "\n").encode())
-
-
-JsonFile = Annotated[Path | None, typer.Option("--json", callback=writable, help="write the numbers to this file")]
-
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = new_app()
 
 
 @app.command()
@@ -231,19 +196,10 @@ def main(
         spread = f"{ratio['median']:.2f} ({ratio['least']:.2f}..{ratio['most']:.2f})"
         speed = result["taxel_samples_per_second"] / 1e6
         print(f"{result['name']:28}{speed:12.0f}{spread:>32}{result['events'] or '':>14}")
-    if json_file is not None:
-        report = {
-            "benchmark": "encoder",
-            **origin(f"python benchmarks/encoder.py --signals {signals} --samples {samples} --rounds {rounds}"),
-            "signals": signals,
-            "samples": samples,
-            "rounds": rounds,
-            "seed": seed,
-            "config": config.to_dict(),
-            "versions": versions(),
-            "results": results,
-        }
-        write_report(json_file, report)
+    options = {"signals": signals, "samples": samples, "rounds": rounds}
+    libraries = versions("numpy", "numba", "scipy", "torch", "snntorch")
+    content = options | {"seed": seed, "config": config.to_dict(), "versions": libraries, "results": results}
+    write(json_file, "encoder", " ".join(f"--{name} {value}" for name, value in options.items()), content)
     same = {events[name] for name in ("lcs", "lcs, counts per taxel only", "lcs, numpy over time")}
     if len(same) != 1:
         print(f"The LCS encoders disagree on the number of events: {sorted(map(str, same))}.", file=sys.stderr)

@@ -15,10 +15,10 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from encoder import JsonFile, texture_like, write_report
+from encoder import texture_like
+from measure import JsonFile, new_app, write
 from numba import njit
 
-from eskin.base.files import origin
 from eskin.model.config import ReadoutConfig
 from eskin.model.taxel import count_events
 
@@ -46,16 +46,8 @@ def float_events(x: Any, step: float, keep: float, period: int) -> int:
 
 def leaky(resolution: int, shift: int, period: int, **parameters: Any) -> ReadoutConfig:
     """Return the configuration of one N-LCS taxel."""
-    return ReadoutConfig(
-        rows=1,
-        columns=1,
-        encoding="nlcs",
-        resolution=resolution,
-        leak_shift=shift,
-        leak_period=period,
-        clocks_per_sample=2**16,
-        **parameters,
-    )
+    leak = {"leak_shift": shift, "leak_period": period, "clocks_per_sample": 2**16}
+    return ReadoutConfig(rows=1, columns=1, encoding="nlcs", resolution=resolution, **leak, **parameters)
 
 
 def constant_inputs(resolution: int, shift: int, leaks: int) -> dict[str, Any]:
@@ -85,7 +77,7 @@ def moving_inputs(resolution: int, shift: int, period: int, ticks: int) -> float
     return 100 * (integers / floats - 1)
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = new_app()
 
 
 @app.command()
@@ -106,9 +98,7 @@ def main(
             cells = [f"{found['fractions'][bits]:.2f}" for bits in FRACTIONS]
             cells.append("{:+.2f} .. {:+.2f}".format(*found["exponential"]))
             print(f"| {resolution} | {shift} | " + " | ".join(cells) + f" | {found['moving']:+.2f} |")
-    if json_file is not None:
-        said = origin(f"python benchmarks/leak.py --ticks {ticks}") | {"benchmark": "leak", "ticks": ticks}
-        write_report(json_file, said | {"sample_bits": 12, "results": results})
+    write(json_file, "leak", f"--ticks {ticks}", {"ticks": ticks, "sample_bits": 12, "results": results})
 
 
 if __name__ == "__main__":

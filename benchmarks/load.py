@@ -22,11 +22,10 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from encoder import JsonFile
+from measure import JsonFile, new_app, write
 from numba import njit
 from numpy.typing import NDArray
 
-from eskin.base.files import origin, write_json
 from eskin.cocotb_tests.bench.textures import scan
 from eskin.model import arbiter
 from eskin.model.arbiter import ROW_DTYPE, new_state
@@ -206,7 +205,7 @@ def run(load: Load, kind: int, side: int, clocks: int) -> dict[str, Any]:
     }
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = new_app()
 
 
 @app.command()
@@ -229,10 +228,8 @@ def main(
                 f"| {found['mean_wait']:.1f} | {found['wait_99']:.0f} | {found['worst_wait']} | {found['jain']:.3f} "
                 f"| {found['by_address'][0]:.1f} to {found['by_address'][1]:.1f} |"
             )
-    if json_file is not None:
-        command = f"python benchmarks/load.py --clocks {clocks} --side {side} --seed {seed}"
-        report = {"benchmark": "load", "rows": side, "columns": side, "clocks": clocks, "seed": seed}
-        write_json(json_file, origin(command) | report | {"bound": (side + 1) * side + 2, "results": results})
+    content = {"rows": side, "columns": side, "clocks": clocks, "seed": seed, "bound": (side + 1) * side + 2}
+    write(json_file, "load", f"--clocks {clocks} --side {side} --seed {seed}", content | {"results": results})
 
 
 if __name__ == "__main__":

@@ -16,27 +16,21 @@ measured in a process of its own for each.
 
 from __future__ import annotations
 
-import json
-import os
-import platform
 import statistics
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Any
 
 import torch
 import typer
+from measure import JsonFile, new_app, versions, write
 from torch import Tensor, nn
 from torch.nn import functional
 
-from eskin.base.errors import InputError
-from eskin.base.files import atomic_write, origin
-from eskin.base.outputs import check_file
 from eskin.snn.kernels import cpu as kernel
 from eskin.snn.kernels.layer import layer
 from eskin.snn.kernels.reference import layer_reference
@@ -374,23 +368,12 @@ def print_table(report: dict[str, Any]) -> None:
         print(f"fastest library: {library['name']}, {library['times_the_kernel']:.1f} times the kernel")
 
 
-def versions() -> dict[str, Any]:
-    """Return machine and versions of the measurement."""
-    found: dict[str, Any] = {"python": platform.python_version(), "cpus": os.cpu_count()}
-    for name in ("torch", "norse", "spikingjelly", "snntorch"):
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = None
-    return found | {"instruction_set": platform.machine(), "cpu_capability": torch.backends.cpu.get_cpu_capability()}
-
-
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = new_app()
 
 
 @app.command()
 def main(
-    json_file: Annotated[Path | None, typer.Option("--json", help="write the numbers to this file")] = None,
+    json_file: JsonFile = None,
     steps: Annotated[list[int] | None, typer.Option(min=2, help="time steps, repeatable [200, 400]")] = None,
     batch: Annotated[int, typer.Option(min=1, help="sequences")] = 32,
     rate: Annotated[list[float] | None, typer.Option(help="events per input and step, repeatable [0.1, 0.5]")] = None,
@@ -403,11 +386,6 @@ def main(
     if memory_of is not None:
         print_memory(memory_of, (steps or [200])[0], batch, (rate or [0.1])[0])
         return
-    if json_file is not None:
-        try:
-            check_file(json_file)
-        except InputError as error:
-            raise typer.BadParameter(str(error)) from None
     if not kernel.available():
         print("The kernel cannot be compiled here: install g++.", file=sys.stderr)
         raise typer.Exit(2)
@@ -416,21 +394,19 @@ def main(
         for length in steps or [200, 400]:
             reports.append({"rate": one_rate} | measure(length, batch, one_rate, rounds, memory))
             print_table(reports[-1])
-    if json_file is not None:
-        sizes = {"inputs": INPUTS, "hidden": HIDDEN, "classes": CLASSES, "batch": batch, "rounds": rounds}
-        words = [f"--batch {batch} --rounds {rounds}", *([] if memory else ["--no-memory"])]
-        words += [f"--steps {length}" for length in steps or []] + [f"--rate {one}" for one in rate or []]
-        said = " ".join(["python benchmarks/network.py", *words])
-        report = {
-            "benchmark": "network",
-            **origin(said),
-            **sizes,
-            "threads": 1,
-            "versions": versions(),
-            "results": reports,
-        }
-        with atomic_write(json_file) as file:
-            file.write((json.dumps(report, indent=2) + "\n").encode())
+    words = [f"--batch {batch} --rounds {rounds}", *([] if memory else ["--no-memory"])]
+    words += [f"--steps {length}" for length in steps or []] + [f"--rate {one}" for one in rate or []]
+    capability = {"cpu_capability": torch.backends.cpu.get_cpu_capability()}
+    content: dict[str, Any] = {
+        "inputs": INPUTS,
+        "hidden": HIDDEN,
+        "classes": CLASSES,
+        "batch": batch,
+        "rounds": rounds,
+        "threads": 1,
+    }
+    content |= {"versions": versions("torch", "norse", "spikingjelly", "snntorch") | capability, "results": reports}
+    write(json_file, "network", " ".join(words), content)
     if not all(found["equal"] for report in reports for found in report["candidates"].values()):
         print("Not all candidates give the same spikes and gradients.", file=sys.stderr)
         raise typer.Exit(1)

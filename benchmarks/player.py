@@ -16,7 +16,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import cocotb
 import numpy as np
@@ -24,8 +24,8 @@ import typer
 from cocotb.clock import Clock
 from cocotb.triggers import Timer
 from cocotb.utils import get_sim_time
+from measure import RESULTS, JsonFile, write
 
-from eskin.base.files import origin, write_json
 from eskin.board.bitstream.build import NETWORK
 from eskin.board.config import BoardConfig, SerialConfig
 from eskin.board.gateware.top import TOP, verilog
@@ -38,7 +38,6 @@ from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
 
-RESULTS = Path(__file__).parent / "results" / "player.json"
 JOB = "ESKIN_PLAYER"
 BAUD, RESOLUTION = 3_000_000, 6
 CASES: dict[str, tuple[int, list[str]]] = {
@@ -126,7 +125,7 @@ def measured(program: Build, chip: ChipConfig, name: str, folder: Path) -> dict[
 
 
 def main(
-    out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS,
+    out: JsonFile = RESULTS / "player.json",
 ) -> None:
     """Measure all cases, print ticks per second, and write JSON."""
     with tempfile.TemporaryDirectory() as name:
@@ -144,9 +143,8 @@ def main(
         for case in CASES:
             results.append(measured(program, chip, case, folder))
             print(results[-1], flush=True)
-    settings = {"benchmark": "player", "baud": BAUD, "resolution": RESOLUTION, "taxels": chip.readout.taxels}
-    write_json(out, origin("python benchmarks/player.py") | settings | {"results": results})
-    print(out)
+    settings = {"baud": BAUD, "resolution": RESOLUTION, "taxels": chip.readout.taxels}
+    write(out, "player", "", settings | {"results": results})
 
 
 if __name__ == "__main__":

@@ -14,22 +14,20 @@ import json
 import math
 import multiprocessing
 import os
-import resource
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import cocotb
 import numpy as np
 import typer
+from measure import RESULTS, measured, new_app, write
 
-from eskin.base.files import origin, write_json
 from eskin.cocotb_tests.bench.readout import Bench
 from eskin.cocotb_tests.bench.textures import large_enough, scan
 from eskin.cocotb_tests.runner import simulator as programs
@@ -44,7 +42,6 @@ from eskin.model.tiles.run import scan_skin, simulate_skin
 from eskin.skin.textures.dataset import embedded_dataset
 from eskin.skin.textures.physical import PhysicalScan
 
-RESULTS = Path(__file__).parent / "results"
 SIDES = "8,16,32,64"
 FLAT, SLOW = 16, 32
 """Largest sides that are built flat as well, and that are played in Icarus."""
@@ -56,20 +53,7 @@ LARGEST_SKIN = 4096
 TRAVEL_PX = 15
 """How far the skin slides."""
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-
-
-def _children_s() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
-
-
-@contextmanager
-def measured(results: dict[str, Any], name: str) -> Iterator[None]:
-    """Store the processor seconds of child processes in ``results``."""
-    start = _children_s()
-    yield
-    results[name] = round(_children_s() - start, 2)
+app = new_app()
 
 
 # -- inside the simulator ----------------------------------------------------------------------------
@@ -248,13 +232,11 @@ def _bubbles(events: Events) -> int:
 def _measure(name: str, command: str, out: Path, parts: list[tuple[str, Callable[[], dict[str, Any]]]]) -> None:
     """Measure several parts, and write the JSON file after each."""
     found: list[dict[str, Any]] = []
-    said = {"benchmark": name, **origin(f"python benchmarks/scale.py {command}"), "cpus": os.cpu_count()}
     for part, measure in parts:
         print(part, flush=True)
         found.append(measure())
         print(json.dumps(found[-1]), flush=True)
-        write_json(out, said | {"results": found})
-    print(out)
+        write(out, "scale", command, {"benchmark": name, "cpus": os.cpu_count(), "results": found})
 
 
 @app.command()

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import statistics
 import subprocess
 import sys
@@ -18,10 +17,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from measure import RESULTS, children_s, write
 
-from eskin.base.files import origin, write_json
-
-RESULTS = Path(__file__).parent / "results" / "touch.json"
 HERE = Path(__file__).parents[1]
 SAME = ("clocks", "events", "bins", "hidden_spikes", "stalls", "overruns", "answers")
 
@@ -43,13 +40,13 @@ def run(checkout: Path, *command: str) -> None:
 def touch(checkout: Path, dataset: Path, images: int) -> tuple[float, dict[str, Any]]:
     """Return the processor seconds and the summary of one run of the command in a checkout."""
     with tempfile.TemporaryDirectory() as out:
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        before = children_s()
         options = ["--dataset", str(dataset), "--workers", "1", "--limit", str(images), "-o", out]
         run(checkout, "-m", "eskin", "touch", *options)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        spent = children_s() - before
         (summary,) = Path(out).glob("*/summary.json")
         found = json.loads(summary.read_text())
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, found
+    return spent, found
 
 
 def main(
@@ -57,7 +54,7 @@ def main(
     dataset: Annotated[Path, typer.Option(help="texture folder")],
     images: Annotated[int, typer.Option(help="images, evenly spread")] = 240,
     rounds: Annotated[int, typer.Option(help="rounds; both commits play once in each")] = 1,
-    out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS,
+    out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS / "touch.json",
 ) -> None:
     """Measure both commits in turn, and write seconds and ratios to JSON."""
     places = {"before": before.resolve(), "now": HERE}
@@ -75,13 +72,10 @@ def main(
     ratios = [run["now"] / run["before"] for run in seconds]
     describe = ["git", "describe", "--always", "--dirty"]
     commit = subprocess.run(describe, cwd=before, capture_output=True, text=True, check=True).stdout.strip()
-    command = (
-        f"python benchmarks/touch.py --before EARLIER --dataset {dataset.name} --images {images} --rounds {rounds}"
-    )
     totals = {key: said[0][key] for key in SAME[:-1]}
     result = {"before": commit, "images": images, **totals, "seconds": seconds, "ratio": statistics.median(ratios)}
-    write_json(out, origin(command) | {"benchmark": "touch", "results": result})
-    print(out)
+    options = f"--before EARLIER --dataset {dataset.name} --images {images} --rounds {rounds}"
+    write(out, "touch", options, {"results": result})
 
 
 if __name__ == "__main__":

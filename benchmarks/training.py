@@ -11,16 +11,13 @@ from __future__ import annotations
 
 import itertools
 import platform
-import statistics
 import time
-from pathlib import Path
 from typing import Annotated, Any
 
 import torch
 import typer
+from measure import JsonFile, new_app, spread, write
 
-from eskin.base.files import origin, write_json
-from eskin.base.outputs import check_file
 from eskin.snn.data.scans import Split
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.recipes import RECIPES
@@ -52,23 +49,23 @@ def count(owner: Any, name: str, part: str) -> None:
 
 def ratios(marks: list[dict[str, float]], part: str) -> dict[str, float]:
     """Divide the time of an epoch by the time of a part; return median, least and most, without the first epoch."""
-    found = [
-        (after["whole"] - before["whole"]) / (after[part] - before[part]) for before, after in itertools.pairwise(marks)
-    ]
-    return {"median": statistics.median(found), "least": min(found), "most": max(found)}
+    return spread(
+        [
+            (after["whole"] - before["whole"]) / (after[part] - before[part])
+            for before, after in itertools.pairwise(marks)
+        ]
+    )
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = new_app()
 
 
 @app.command()
 def main(
-    json_file: Annotated[Path | None, typer.Option("--json", help="write the numbers to this file")] = None,
+    json_file: JsonFile = None,
     epochs: Annotated[int, typer.Option(min=3, help="epochs of the training")] = 20,
 ) -> None:
     """Time the epochs of a training on one core."""
-    if json_file is not None:
-        check_file(json_file)
     torch.set_num_threads(1)
     of_training = hints_of(TrainConfig)
     tuned = RECIPES["tuned"] | {"epochs": epochs}
@@ -91,12 +88,9 @@ def main(
     results = [{"name": NAMES[part], "times": ratios(marks, part)} for part in SPENT]
     for result in results:
         print(result["name"], "{median:.2f} ({least:.2f} to {most:.2f})".format(**result["times"]))
-    if json_file is not None:
-        said = f"python benchmarks/training.py --epochs {epochs}"
-        machine = {"torch": torch.__version__, "instruction_set": platform.machine()}
-        capability = torch.backends.cpu.get_cpu_capability()
-        report = {"benchmark": "training", **origin(said), "epochs": epochs, **machine, "cpu_capability": capability}
-        write_json(json_file, report | {"results": results})
+    machine = {"torch": torch.__version__, "instruction_set": platform.machine()}
+    machine["cpu_capability"] = torch.backends.cpu.get_cpu_capability()
+    write(json_file, "training", f"--epochs {epochs}", {"epochs": epochs, **machine, "results": results})
 
 
 if __name__ == "__main__":

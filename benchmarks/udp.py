@@ -16,9 +16,8 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from encoder import JsonFile
+from measure import JsonFile, write
 
-from eskin.base.files import origin, write_json
 from eskin.board import session
 from eskin.board.config import BoardConfig
 from eskin.board.demo import foreign_records
@@ -116,11 +115,9 @@ def main(
     json_file: JsonFile = None,
 ) -> None:
     """Run the benchmark, print the results, and write JSON."""
-    report = origin(f"python benchmarks/udp.py --rate {rate} --seconds {seconds}")
-    report |= {"cores": os.cpu_count(), "load_average": os.getloadavg()[0], "result": measure(rate, seconds)}
+    report = {"cores": os.cpu_count(), "load_average": os.getloadavg()[0], "result": measure(rate, seconds)}
     print(report["result"])
-    if json_file:
-        write_json(json_file, report)
+    write(json_file, "udp", f"--rate {rate} --seconds {seconds}", report)
 
 
 if __name__ == "__main__":

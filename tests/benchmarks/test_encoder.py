@@ -20,6 +20,7 @@ SMALL = ["--signals", "128", "--samples", "300", "--rounds", "1"]
 
 @pytest.fixture
 def encoder(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(str(SCRIPT.parent))
     spec = importlib.util.spec_from_file_location("encoder", SCRIPT)
     assert spec is not None
     assert spec.loader is not None

@@ -22,6 +22,7 @@ pytestmark = pytest.mark.skipif(not kernel.available(), reason="no C++ compiler 
 
 @pytest.fixture
 def network(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(str(SCRIPT.parent))
     spec = importlib.util.spec_from_file_location("network_benchmark", SCRIPT)
     assert spec is not None
     assert spec.loader is not None
