@@ -5,11 +5,10 @@ from __future__ import annotations
 import ast
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from eskin.app.cli import app
 from eskin.verify.mutants import campaign, questions
 from eskin.verify.mutants.arguments import arguments
 from eskin.verify.mutants.campaign import MODEL, RTL, Done, Finding, closing_line
@@ -179,19 +178,19 @@ def test_what_tests_do_not_kill_is_equivalent_or_alive_and_the_generator_may_ref
     assert judge(refused, asked) == {"verdict": "stillborn"}
 
 
-def test_a_campaign_judges_keeps_and_goes_on(tmp_path: Path) -> None:
-    words = ["dev", "mutants", "--block", "window", "--limit", "1", "--workers", "1", "-o", str(tmp_path)]
-    done = CliRunner().invoke(app, words)
-    lines = done.output.splitlines()
-    assert done.exit_code == 0, done.output
+def test_a_campaign_judges_keeps_and_goes_on(call: Any, folder: Path) -> None:
+    line = "dev mutants --block window --limit 1 --workers 1 -o out"
+    code, out, error = call(line)
+    lines = out.splitlines()
+    assert code == 0, error
     assert [line.split()[0] for line in lines[:-1]] == ["killed"]
     assert all(" by cocotb_tests/test_window.py::test_" in line for line in lines[:-1])
-    kept = json.loads((tmp_path / "mutants.json").read_text())["rtl"]
+    kept = json.loads((folder / "out" / "mutants.json").read_text())["rtl"]
     assert (kept["total"], kept["killed"], kept["survivors"], kept["result"]) == (1, 1, [], lines[-1])
-    log = tmp_path / ".mutants.json.pieces"
-    assert CliRunner().invoke(app, words).output.splitlines() == lines[-1:]
+    log = folder / "out" / ".mutants.json.pieces"
+    assert call(line)[1].splitlines() == lines[-1:]
     log.write_text(log.read_text().rstrip()[:-20])  # as one that was stopped while it wrote
-    assert CliRunner().invoke(app, words).output.splitlines() == lines
+    assert call(line)[1].splitlines() == lines
 
 
 def test_the_closing_line_counts_what_is_alive_and_what_is_left(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from eskin.app.cli import app
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl.readout import Readout
@@ -212,14 +211,14 @@ def test_a_link_that_does_not_wait_for_ack_to_fall_is_found() -> None:
     assert good < runs
 
 
-def test_the_command_ends_with_its_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_ends_with_its_one_line(call: Any, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("eskin.verify.faults.plan.trials", lambda small: [Trial(FEW, True, stride=50)])
     monkeypatch.setattr("eskin.verify.faults.cases.CASES", CASES[:2])
-    done = CliRunner().invoke(app, ["dev", "faults", "--small", "--out", str(tmp_path / "faults.json")])
-    assert done.exit_code == 0, done.output
-    last = done.output.splitlines()[-1]
+    code, out, error = call("dev faults --small --out faults.json")
+    assert code == 0, error
+    last = out.splitlines()[-1]
     assert last == "faults: 250 upsets, 0 of them for good, 2 hostile runs, 0 beyond what is stated"
-    kept = json.loads((tmp_path / "faults.json").read_text())
+    kept = json.loads((folder / "faults.json").read_text())
     assert kept["result"] == last
     assert kept["command"] == "make faults SMALL=1"
 

@@ -14,8 +14,7 @@ from eskin.model.readout import Stimulus
 from eskin.model.readout import simulate as simulate_model
 from eskin.rtl.readout import Readout
 from eskin.verify.faults.bench import bench_gates
-from eskin.verify.faults.gate_design import Gates
-from eskin.verify.faults.parallel import LANES, Traces, simulate
+from eskin.verify.faults.parallel import LANES, simulate
 from eskin.verify.faults.scenario import RESET, codes_of, course, events_of, inputs_of
 
 NO_UPSETS = np.zeros((0, 3), np.int64)
@@ -46,12 +45,14 @@ class Case:
     link: str = ""
 
 
-def _play(config: ReadoutConfig, inputs: dict[str, NDArray[np.uint8]]) -> tuple[Gates, Traces, NDArray[np.int16]]:
-    """Simulate runs with different inputs; return the events of each run."""
+def _play(
+    config: ReadoutConfig, inputs: dict[str, NDArray[np.uint8]]
+) -> tuple[dict[str, NDArray[np.int64]], NDArray[np.int16]]:
+    """Simulate runs with different inputs; return the outputs and the events of each run."""
     gates = bench_gates(Readout(config))
-    traces = simulate(gates, {name: bits for name, bits in inputs.items() if name in gates.inputs}, NO_UPSETS)
+    outputs = simulate(gates, {name: bits for name, bits in inputs.items() if name in gates.inputs}, NO_UPSETS)
     ready = inputs["event_ready"]
-    return gates, traces, codes_of(config, traces.outputs, ready if ready.ndim == 2 else ready[:, 0])
+    return outputs, codes_of(config, outputs, ready if ready.ndim == 2 else ready[:, 0])
 
 
 def _own(bits: NDArray[np.uint8], values: NDArray[np.bool_]) -> NDArray[np.uint8]:
@@ -81,7 +82,7 @@ def _changed(
     """Simulate the overload stimulus with changes, and compare it with the model."""
     played = course(config, calm=False)
     stimulus = dataclasses.replace(played.stimulus, **changes(played.stimulus, np.random.default_rng(1)))  # type: ignore[arg-type]
-    _, _, codes = _play(config, inputs_of(config, stimulus))
+    _, codes = _play(config, inputs_of(config, stimulus))
     return int(_equal(config, codes[:, 0], stimulus)), 1
 
 
@@ -110,7 +111,7 @@ def reset_at_every_phase(config: ReadoutConfig) -> tuple[int, int]:
     played = course(config, calm=False)
     stimulus, inputs = played.stimulus, dict(played.inputs)
     inputs["rst"] = _own(inputs["rst"], _from(len(inputs["rst"]), RESET, 1))
-    _, _, codes = _play(config, inputs)
+    _, codes = _play(config, inputs)
     good = 0
     for phase in range(1, PHASES + 1):
         before = dataclasses.replace(stimulus, clocks=phase + 1)
@@ -147,18 +148,14 @@ def sink_stuck(config: ReadoutConfig) -> tuple[int, int]:
     stops = _from(len(inputs["rst"]), RESET, STUCK)
     ready = np.where(stops, 0, inputs["event_ready"])
     inputs["event_ready"] = ready[:, None, :].astype(np.uint8)
-    gates = bench_gates(Readout(config))
-    traces = simulate(gates, {name: bits for name, bits in inputs.items() if name in gates.inputs}, NO_UPSETS)
-    valid = traces.outputs["event_valid"]
+    outputs, codes = _play(config, inputs)
+    valid = outputs["event_valid"]
     good = 0
     for phase in range(1, PHASES + 1):
-        codes = codes_of(
-            config, {name: o[:, phase : phase + 1] for name, o in traces.outputs.items()}, ready[:, phase : phase + 1]
-        )
         still = slice(RESET + phase, RESET + phase + STUCK)
         waits = np.diff(valid[still, phase]).min() >= 0  # what is offered stays
         good += waits and _equal(
-            config, codes[:, 0], dataclasses.replace(stimulus, ready=ready[RESET:, phase].astype(np.uint8))
+            config, codes[:, phase], dataclasses.replace(stimulus, ready=ready[RESET:, phase].astype(np.uint8))
         )
     return good, PHASES
 
@@ -169,8 +166,8 @@ def ack_never_falls(config: ReadoutConfig) -> tuple[int, int]:
     inputs = dict(played.inputs)
     stuck = _from(len(inputs["rst"]), RESET, STUCK)
     inputs["ack_high"] = _own(inputs["ack_high"], stuck)
-    _, traces, codes = _play(config, inputs)
-    rises = np.diff(traces.outputs["aer_req"], axis=0, prepend=0) > 0
+    outputs, codes = _play(config, inputs)
+    rises = np.diff(outputs["aer_req"], axis=0, prepend=0) > 0
     settled = stuck & np.roll(stuck, 4, axis=0)  # a REQ on its way when ACK sticks still rises, three clocks later
     quiet = ~(rises & settled).any(axis=0)
     alike = _balance(config, codes) == _balance(config, codes[:, :1])
@@ -182,7 +179,7 @@ def ack_glitches(config: ReadoutConfig) -> tuple[int, int]:
     played = course(config, calm=True)
     inputs = dict(played.inputs)
     inputs["ack_turned"] = _own(inputs["ack_turned"], _from(len(inputs["rst"]), RESET, 1))
-    _, _, codes = _play(config, inputs)
+    _, codes = _play(config, inputs)
     alike = _balance(config, codes) == _balance(config, codes[:, :1])
     return int(alike.all(axis=0)[1 : PHASES + 1].sum()), PHASES
 

@@ -83,7 +83,7 @@ def upsets(config: ClassifierConfig, stride: int = 1, flops: str = "") -> Iterat
             outcome = NEVER if never[lane] else WRITTEN if stays[lane] or stops[lane] else passes
             may_stay = MEMORY.match(name) is not None and not stops[lane]
             others = max(int(last[lane]) - clock, -1)
-            yield Upset(f"classifier.{name}", clock, outcome, -1, others, -1, 0, 0, may_stay)
+            yield Upset(f"classifier.{name}", clock, outcome, other_clocks=others, may_stay=may_stay)
 
 
 def _seen(outputs: dict[str, NDArray[np.int64]]) -> list[NDArray[np.int64]]:

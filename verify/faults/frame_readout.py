@@ -45,7 +45,7 @@ def upsets(config: FrameConfig, stride: int = 1, flops: str = "") -> Iterator[Up
             never = last >= FRAMES - 2
             outcome = NEVER if never else CHANGED if len(bad) else MOVED if moved[lane] else NOTHING
             ticks = last - (clock - RESET) // period if len(bad) else -1
-            yield Upset(name_of(gates, flop), clock, outcome, -1, -1, ticks, len(bad), 0)
+            yield Upset(name_of(gates, flop), clock, outcome, ticks=ticks, lost=len(bad))
 
 
 def _inputs(config: FrameConfig, period: int) -> dict[str, NDArray[np.uint8]]:

@@ -115,7 +115,8 @@ def upsets(config: ReadoutConfig, mode: int = 0, stride: int = 1, flops: str = H
                 may_stay = selected[clock]
             else:
                 may_stay = SETTING.match(name) is not None and not ("pattern" in name and stops[lane])
-            yield Upset(name, clock, outcome, -1, max(int(last[lane]) - clock, -1), -1, 0, 0, bool(may_stay))
+            others = max(int(last[lane]) - clock, -1)
+            yield Upset(name, clock, outcome, other_clocks=others, may_stay=bool(may_stay))
 
 
 def _more(config: ReadoutConfig, codes: NDArray[np.int16]) -> NDArray[np.int64]:

@@ -50,16 +50,8 @@ def upsets(config: TilesConfig, stride: int = 1, flops: str = "") -> Iterator[Up
             moved = MOVED if last[lane] >= 0 else NOTHING
             outcome = NEVER if never[lane] else CHANGED if lost or added else moved
             others = max(int(last[lane]) - clock, -1)
-            yield Upset(
-                f"{'relay' if config.relays else 'merge'}.{name_of(gates, flop)}",
-                clock,
-                outcome,
-                -1,
-                others,
-                -1,
-                lost,
-                added,
-            )
+            name = f"{'relay' if config.relays else 'merge'}.{name_of(gates, flop)}"
+            yield Upset(name, clock, outcome, other_clocks=others, lost=lost, added=added)
 
 
 def _inputs(config: TilesConfig) -> dict[str, NDArray[np.uint8]]:

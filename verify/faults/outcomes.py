@@ -64,11 +64,11 @@ class Upset:
     flop: str
     clock: int
     outcome: str
-    own_clocks: int
-    other_clocks: int
-    ticks: int
-    lost: int
-    added: int
+    own_clocks: int = -1
+    other_clocks: int = -1
+    ticks: int = -1
+    lost: int = 0
+    added: int = 0
     may_stay: bool = False
     off: int = -1
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
@@ -16,24 +15,10 @@ WORDS = 16
 LANES = 64 * WORDS
 
 
-@dataclass(frozen=True)
-class Traces:
-    """Recorded outputs of parallel runs.
-
-    Attributes
-    ----------
-    outputs : dict of str to ndarray, shape (clocks, runs)
-        Every output port as a number.
-    astray : ndarray of bool, shape (clocks, runs)
-        Some flop differs from that of run 0.
-    """
-
-    outputs: dict[str, NDArray[np.int64]]
-    astray: NDArray[np.bool_]
-
-
-def simulate(gates: Gates, inputs: dict[str, NDArray[np.uint8]], upsets: NDArray[np.int64]) -> Traces:
-    """Simulate ``LANES`` runs in parallel.
+def simulate(
+    gates: Gates, inputs: dict[str, NDArray[np.uint8]], upsets: NDArray[np.int64]
+) -> dict[str, NDArray[np.int64]]:
+    """Simulate ``LANES`` runs in parallel; return every output port as a number, shape (clocks, runs).
 
     Parameters
     ----------
@@ -56,14 +41,13 @@ def simulate(gates: Gates, inputs: dict[str, NDArray[np.uint8]], upsets: NDArray
     driven = np.concatenate(rows, axis=1)
     seen = [bit for bits in gates.outputs.values() for bit in bits]
     recorded = np.zeros((clocks, len(seen), WORDS), np.uint64)
-    astray = np.zeros((clocks, WORDS), np.uint64)
     _run(
         gates.gates,
         gates.next,
         gates.first_flop,
         (np.array(nets, np.int64), driven),
         upsets,
-        (np.array(seen, np.int64), recorded, astray),
+        (np.array(seen, np.int64), recorded),
     )
     found, start = {}, 0
     for name, bits in gates.outputs.items():
@@ -71,7 +55,7 @@ def simulate(gates: Gates, inputs: dict[str, NDArray[np.uint8]], upsets: NDArray
         for place in range(len(bits)):
             values |= _unpacked(recorded[:, start + place]).astype(np.int64) << place
         found[name], start = values, start + len(bits)
-    return Traces(found, _unpacked(astray).astype(bool))
+    return found
 
 
 def upset_runs(
@@ -91,7 +75,7 @@ def upset_runs(
     for start in range(0, len(todo), LANES - 1):
         part = todo[start : start + LANES - 1]
         turned = np.array([(clock, flop, lane) for lane, (clock, flop) in enumerate(part, 1)], np.int64)
-        outputs = simulate(gates, driven, turned).outputs
+        outputs = simulate(gates, driven, turned)
         yield part, {name: values[:, : len(part) + 1] for name, values in outputs.items()}
 
 
@@ -114,9 +98,9 @@ def _unpacked(words: NDArray[np.uint64]) -> NDArray[np.uint8]:
 
 @njit(cache=True, nogil=True)
 def _run(gates, after, first_flop, driven, upsets, seen):  # type: ignore[no-untyped-def]
-    """Simulate all clocks; record outputs, and the runs whose flops differ from run 0."""
+    """Simulate all clocks and record the outputs."""
     inputs, given = driven
-    outputs, recorded, astray = seen
+    outputs, recorded = seen
     flops, words = len(after), recorded.shape[2]
     first_gate = first_flop + flops
     nets = np.zeros((first_gate + len(gates), words), np.uint64)
@@ -154,10 +138,7 @@ def _run(gates, after, first_flop, driven, upsets, seen):  # type: ignore[no-unt
             for w in range(words):
                 recorded[t, i, w] = nets[outputs[i], w]
         for f in range(flops):
-            state = nets[first_flop + f]
-            good = ~np.uint64(0) if state[0] & one else np.uint64(0)
             for w in range(words):
-                astray[t, w] |= state[w] ^ good
                 held[f, w] = nets[after[f], w]
         for f in range(flops):
             for w in range(words):

@@ -177,7 +177,7 @@ def codes_of(
             polarity = np.zeros(request.shape, np.int64)
             polarity[:-1] = outputs["aer_req_on"][1:]
     else:
-        rises = (outputs["event_valid"] & ready[:, :1].astype(np.int64)) != 0
+        rises = (outputs["event_valid"] & ready.astype(np.int64)) != 0
         nothing = np.zeros(rises.shape, np.int64)
         row, column = outputs.get("event_row", nothing), outputs.get("event_col", nothing)
         polarity = outputs.get("event_polarity", nothing + 1)

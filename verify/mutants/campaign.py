@@ -7,7 +7,6 @@ judge at the end what is left of the RTL.
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from eskin.base.files import Pieces, origin, read_json, write_json
 from eskin.base.workers.cluster import Needs, version
 from eskin.base.workers.pool import WorkerPool, each
 from eskin.cocotb_tests.runner.build_cache import ROOT
+from eskin.snn.experiments.intervals import wilson
 from eskin.verify.mutants.arguments import arguments
 from eskin.verify.mutants.checkout import failing, original
 from eskin.verify.mutants.edits import Mutant, sample
@@ -186,7 +186,7 @@ def summary(done: Done) -> dict[str, Any]:
     """Return the results as a dictionary for JSON."""
     findings = done.findings
     count = counted(findings)
-    low, high = interval(count["killed"], count["killed"] + count["alive"])
+    low, high = _killed_share(count)
 
     def groups(name: str) -> Iterator[tuple[str, dict[str, int]]]:
         for value in sorted({getattr(finding.mutant, name) for finding in findings}):
@@ -224,7 +224,7 @@ def closing_line(done: Done) -> str:
     """Return the final message of ``make mutants``."""
     count = counted(done.findings)
     rest = count["killed"] + count["alive"]
-    low, high = interval(count["killed"], rest)
+    low, high = _killed_share(count)
     share = f"{100 * count['killed'] / rest:.1f} %" if rest else "none"
     quick = f"{100 * count['killed_quick'] / rest:.1f} %" if rest else "none"
     left = f", {done.planned - len(done.findings)} not yet judged" if done.planned > len(done.findings) else ""
@@ -236,14 +236,10 @@ def closing_line(done: Done) -> str:
     )
 
 
-def interval(part: int, whole: int, z: float = 1.96) -> tuple[float, float]:
-    """Return Wilson's interval of a proportion, 95 % by default (Wilson 1927)."""
-    if not whole:
-        return 0.0, 1.0
-    share = part / whole
-    middle = share + z * z / (2 * whole)
-    half = z * math.sqrt(share * (1 - share) / whole + z * z / (4 * whole * whole))
-    return (middle - half) / (1 + z * z / whole), (middle + half) / (1 + z * z / whole)
+def _killed_share(count: dict[str, int]) -> tuple[float, float]:
+    """Return the 95 % interval of the share of mutants that are killed, of those that are not equivalent."""
+    rest = count["killed"] + count["alive"]
+    return wilson(count["killed"], rest) if rest else (0.0, 1.0)
 
 
 def write(path: Path, command: str, done: Done, part: str) -> None:
