@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import random
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +10,10 @@ import cocotb
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.cocotb_tests.bench.block import JOB, Block, Checker, report
+from eskin.cocotb_tests.bench.block import Block, Checker, job, report
 from eskin.cocotb_tests.bench.classifier import load_words
 from eskin.cocotb_tests.blocks.classifier import random_network
+from eskin.cocotb_tests.runner.block import cosimulate
 from eskin.cocotb_tests.test_verilog import lint
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
@@ -26,15 +25,8 @@ from eskin.rtl.delivery import write
 def chip(rows: int, columns: int, channels: int, hidden: int, **own: Any) -> ChipConfig:
     """Return a chip with the slowest possible clock, so that bursts must wait."""
     readout = ReadoutConfig(rows=rows, columns=columns, resolution=6, clocks_per_sample=64, **own)
-    fields: dict[str, Any] = {
-        "threshold": 200,
-        "out_threshold": 200,
-        "floor": -200,
-        "out_floor": -200,
-        "lanes": 4,
-        "bin_s": 0.0003,
-    }
-    network = ClassifierConfig(inputs=channels, hidden=hidden, classes=3, reset=readout.reset, **fields)
+    fields: dict[str, Any] = {"threshold": 200, "out_threshold": 200, "floor": -200, "out_floor": -200, "lanes": 4}
+    network = ClassifierConfig(inputs=channels, hidden=hidden, classes=3, bin_s=0.0003, reset=readout.reset, **fields)
     return ChipConfig(readout=readout, classifier=network)
 
 
@@ -46,8 +38,7 @@ SCANS = 12
 @cocotb.test()
 async def bins_begin_anew(dut: Any) -> None:
     """Start scans without events by a reset or by ``scan_start``, and record the clocks with ``class_valid``."""
-    job = json.loads(os.environ[JOB])
-    config, rng = ChipConfig.from_dict(job["config"]), random.Random(job["seed"])
+    config, rng = job(ChipConfig.from_dict)
     block = Block(dut)
     check = Checker(block)
     block.drive(rst=1, scan_start=0, load_valid=0, sample_valid=0, sample=0, taxel_enable=0)
@@ -76,12 +67,9 @@ async def bins_begin_anew(dut: Any) -> None:
 
 
 def test_a_scan_start_begins_the_bins_anew(tmp_path: Path) -> None:
-    from eskin.cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
-
     config = chip(2, 2, 8, 3, reset="async")
-    job = {JOB: json.dumps({"config": config.to_dict(), "seed": 7})}
-    build(config, "icarus", top="eskin_chip").test("eskin.cocotb_tests.test_chip", tmp_path, "bins_begin_anew", job)
-    counts = json.loads((tmp_path / "counts.json").read_text())
+    module = "eskin.cocotb_tests.test_chip"
+    counts = cosimulate(config, "icarus", "eskin_chip", "bins_begin_anew", tmp_path, 7, module)
     assert counts["ClassesAfterTheirBins"] == SCANS
     assert counts["classes after a scan_start"] > 5
 

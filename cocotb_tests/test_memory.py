@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import random
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ import cocotb
 import pytest
 
 from eskin.cocotb_tests.bench.block import JOB, Block, Checker, report
+from eskin.cocotb_tests.runner.block import cosimulate
 from eskin.cocotb_tests.test_classifier import network_of
 
 CLOCKS = 400
@@ -56,10 +56,7 @@ async def memory_is_a_list(dut: Any) -> None:
 
 @pytest.mark.parametrize("top", TOPS)
 def test_memory_reads_what_was_written_when_it_is_told_and_nothing_during_a_write(top: str, tmp_path: Path) -> None:
-    from eskin.cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
-
-    environment = {JOB: json.dumps({"words": TOPS[top], "seed": 4})}
-    build(CONFIG, "icarus", top=top).test("eskin.cocotb_tests.test_memory", tmp_path, "memory_is_a_list", environment)
-    counts = Counter(json.loads((tmp_path / "counts.json").read_text()))
+    module = "eskin.cocotb_tests.test_memory"
+    counts = cosimulate(CONFIG, "icarus", top, "memory_is_a_list", tmp_path, 4, module, words=TOPS[top])
     assert counts["checks"] > CLOCKS / 2
     assert counts["at one address"] > 20

@@ -6,15 +6,16 @@ import json
 import os
 import random
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, overload
 
 from cocotb.triggers import Timer
 
 from eskin.model.config import ReadoutConfig
 from eskin.model.tiles.config import config_of
 
+C = TypeVar("C")
 JOB = "ESKIN_BLOCK_JOB"
 """Environment variable with the job of a block-level test, as JSON."""
 
@@ -156,10 +157,18 @@ def payload(config: ReadoutConfig, row: int, column: int, polarity: bool) -> dic
     return {name: value for name, value in fields.items() if present[name]}
 
 
-def job() -> tuple[ReadoutConfig, random.Random]:
-    """Return the configuration of the test and its random generator."""
+@overload
+def job() -> tuple[ReadoutConfig, random.Random]: ...
+
+
+@overload
+def job(read: Callable[[Any], C]) -> tuple[C, random.Random]: ...
+
+
+def job(read: Any = config_of) -> tuple[Any, random.Random]:
+    """Return the configuration of the test, as a function reads it, and the random generator of the test."""
     fields = json.loads(os.environ[JOB])
-    return config_of(fields["config"]), random.Random(fields["seed"])
+    return read(fields["config"]), random.Random(fields["seed"])
 
 
 def report(counts: Counter[str]) -> None:

@@ -13,8 +13,9 @@ import cocotb
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.cocotb_tests.bench.block import JOB, report
+from eskin.cocotb_tests.bench.block import JOB, job, report
 from eskin.cocotb_tests.bench.classifier import ClassifierBench, Stimulus
+from eskin.cocotb_tests.runner import block
 from eskin.model.classifier.config import ClassifierConfig, highest, lowest
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.classifier.network import IntegerNetwork, State
@@ -23,14 +24,8 @@ from eskin.model.classifier.run import first_ready, work_clocks
 if TYPE_CHECKING:
     from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
-
+TOP = "eskin_classifier"
 SCANS = 120
-
-
-def job() -> tuple[ClassifierConfig, random.Random]:
-    """Return the configuration of the test and its random generator."""
-    fields = json.loads(os.environ[JOB])
-    return ClassifierConfig.from_dict(fields["config"]), random.Random(fields["seed"])
 
 
 def random_network(config: ClassifierConfig, rng: random.Random) -> IntegerNetwork:
@@ -68,7 +63,7 @@ def random_scan(config: ClassifierConfig, rng: random.Random, bins: int, rate: s
 @cocotb.test()
 async def scans_equal_the_model(dut: Any) -> None:
     """Play scans with random networks at all event rates, after resets and scan_start."""
-    config, rng = job()
+    config, rng = job(ClassifierConfig.from_dict)
     bench = ClassifierBench(dut, config, rng)
     bins = 6 if config.hidden > 4 else 24
     for number in range(3):
@@ -81,7 +76,7 @@ async def scans_equal_the_model(dut: Any) -> None:
 @cocotb.test()
 async def scans_begin_at_any_time(dut: Any) -> None:
     """Play scans of one or two bins, each started at any point of the previous scan."""
-    config, rng = job()
+    config, rng = job(ClassifierConfig.from_dict)
     bench = ClassifierBench(dut, config, rng)
     await bench.load(random_network(config, rng))
     work = 6 * config.hidden + config.hidden * (config.groups + config.classes)
@@ -114,10 +109,10 @@ def spaced(network: IntegerNetwork, counts: NDArray[Any]) -> Stimulus:
 async def given_scans(dut: Any) -> None:
     """Play the scans of a file with the network of a file."""
     fields = json.loads(os.environ[JOB])
-    network = IntegerWeights.load(Path(fields["network"])).network
+    network = IntegerWeights.load(Path(fields["network.npz"])).network
     bench = ClassifierBench(dut, network.config, random.Random(0))
     await bench.load(network)
-    for number, counts in enumerate(np.load(fields["scans"])):
+    for number, counts in enumerate(np.load(fields["scans.npy"])):
         stimulus = spaced(network, counts)
         await bench.play(stimulus, reset=number == 0)
         bench.check.counts["clocks"] += stimulus.clocks
@@ -135,20 +130,13 @@ def play_scans(made: IntegerWeights, scans: NDArray[Any], simulator: Simulator, 
     folder.mkdir(parents=True, exist_ok=True)
     made.save(folder / "network.npz")
     np.save(folder / "scans.npy", scans)
-    job = {"network": str((folder / "network.npz").resolve()), "scans": str((folder / "scans.npy").resolve())}
-    return _run(made.network.config, simulator, folder, "given_scans", job)
+    files = {name: str((folder / name).resolve()) for name in ("network.npz", "scans.npy")}
+    config = made.network.config
+    return block.cosimulate(config, simulator, TOP, "given_scans", folder, 0, __name__, **files)
 
 
 def cosimulate(
     config: ClassifierConfig, simulator: Simulator, folder: Path, seed: int, test: str = "scans_equal_the_model"
 ) -> Counter[str]:
     """Run a cocotb test of the classifier and return its counts."""
-    return _run(config, simulator, folder, test, {"config": config.to_dict(), "seed": seed})
-
-
-def _run(config: ClassifierConfig, simulator: Simulator, folder: Path, test: str, job: dict[str, Any]) -> Counter[str]:
-    from eskin.cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
-
-    program = build(config, simulator, top="eskin_classifier")
-    program.test(__name__, folder, test, {JOB: json.dumps(job)})
-    return Counter(json.loads((folder / "counts.json").read_text()))
+    return block.cosimulate(config, simulator, TOP, test, folder, seed, __name__)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
-import random
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,8 +10,9 @@ import cocotb
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.cocotb_tests.bench.block import JOB, Sink, report
+from eskin.cocotb_tests.bench.block import Sink, job, report
 from eskin.cocotb_tests.bench.frame import FrameBench, SarAdc
+from eskin.cocotb_tests.runner import block
 from eskin.model.frame import FrameStimulus, simulate
 from eskin.model.frame_config import FrameConfig
 from eskin.model.frame_words import adc_code, unpack
@@ -23,16 +21,10 @@ if TYPE_CHECKING:
     from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 
-def job() -> tuple[FrameConfig, random.Random]:
-    """Return the configuration of the test and its random generator."""
-    fields = json.loads(os.environ[JOB])
-    return FrameConfig.from_dict(fields["config"]), random.Random(fields["seed"])
-
-
 @cocotb.test()
 async def frames_equal_the_model(dut: Any) -> None:
     """Play all receivers and ADCs with early and late frame starts, moving signals, and resets."""
-    config, rng = job()
+    config, rng = job(FrameConfig.from_dict)
     bench = FrameBench(dut, config, rng)
     texture = np.load("samples.npy")
     edges = np.array([-config.readout.full_scale, -1, 0, config.readout.full_scale - 1])
@@ -76,7 +68,7 @@ def scanned_frames(config: FrameConfig) -> int:
 @cocotb.test()
 async def texture_scan_gives_its_codes(dut: Any) -> None:
     """Play a scan over an embedded photograph, and compare words and their clocks with ``simulate``."""
-    config, rng = job()
+    config, rng = job(FrameConfig.from_dict)
     bench = FrameBench(dut, config, rng)
     samples = np.load("samples.npy")
     await bench.block.reset()
@@ -103,10 +95,5 @@ def cosimulate(
     config: FrameConfig, simulator: Simulator, test: str, folder: Path, seed: int, samples: NDArray[np.int64]
 ) -> Counter[str]:
     """Run one cocotb test of the frame readout, and return its counts."""
-    from eskin.cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
-
     np.save(folder / "samples.npy", samples)
-    program = build(config, simulator, top="eskin_frame_readout")
-    environment = {JOB: json.dumps({"config": config.to_dict(), "seed": seed})}
-    program.test(__name__, folder, test, environment)
-    return Counter(json.loads((folder / "counts.json").read_text()))
+    return block.cosimulate(config, simulator, "eskin_frame_readout", test, folder, seed, __name__)

@@ -8,23 +8,30 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eskin.cocotb_tests.bench.block import JOB
-from eskin.model.config import ReadoutConfig
 from eskin.model.tiles.config import MergeConfig, TilesConfig
 
 if TYPE_CHECKING:
     from eskin.cocotb_tests.runner.cocotb_runners import Simulator
+    from eskin.rtl.verilog import Config
 
 MERGE = "eskin_merge"
 
 
 def cosimulate(
-    config: ReadoutConfig, simulator: Simulator, top: str, test: str, folder: Path, seed: int, module: str = ""
+    config: Config,
+    simulator: Simulator,
+    top: str,
+    test: str,
+    folder: Path,
+    seed: int,
+    module: str = "",
+    **more: object,
 ) -> Counter[str]:
     """Run one cocotb test of a block and return its counts.
 
     Parameters
     ----------
-    config : ReadoutConfig
+    config : Config
     simulator : "icarus" or "verilator"
     top : str
         The block: ``eskin_taxel``, ``eskin_arbiter``, ``eskin_merge``, ...
@@ -36,10 +43,12 @@ def cosimulate(
         Seed of all random numbers.
     module : str
         Module of the cocotb test; by default the test file of the block.
+    **more
+        Further parts of the job, for JSON.
     """
     from eskin.cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
 
-    job = {"config": config.to_dict(), "seed": seed}
+    job = {"config": config.to_dict(), "seed": seed, **more}
     source = MergeConfig(config) if isinstance(config, TilesConfig) and top == MERGE else config
     build(source, simulator, top=top).test(
         module or top.replace("eskin_", "eskin.cocotb_tests.test_"), folder, test, {JOB: json.dumps(job)}
