@@ -11,6 +11,8 @@ from hypothesis import settings
 
 from eskin.app.cli import app, run
 
+Call = Callable[..., tuple[int, str, str]]
+
 # Tests run side by side, one process a core: threads of theirs would wait for each other, at twice the time in all.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -36,13 +38,36 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def call(folder: Path, capsys: pytest.CaptureFixture[str]) -> Callable[[str], tuple[int, str, str]]:
-    """Return a function that runs ``eskin`` in the folder and returns exit code, standard output and standard error."""
+def call(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
+    """Return a function that runs ``eskin`` in the folder and returns exit code, standard output and standard error.
 
-    def call(line: str) -> tuple[int, str, str]:
+    The function takes a command line, or its words; it splits each word at blanks.
+    """
+
+    def call(*words: object) -> tuple[int, str, str]:
+        capsys.readouterr()
         with pytest.raises(SystemExit) as left:
-            run(app, "eskin", line.split())
+            run(app, "eskin", [part for word in words for part in str(word).split()])
         assert isinstance(left.value.code, int)
         return left.value.code, *capsys.readouterr()
 
     return call
+
+
+@pytest.fixture
+def refuses(call: Call, folder: Path) -> Callable[..., None]:
+    """Return a function that checks that ``eskin`` refuses a command line in one sentence and writes no file."""
+
+    def files() -> list[Path]:
+        return sorted(path for path in folder.rglob("*") if not path.is_dir())
+
+    def refuses(sentence: str, *words: object) -> None:
+        before = files()
+        code, out, error = call(*words)
+        assert (code, out) == (2, "")
+        assert error.startswith("error: ")
+        assert error.count("\n") == 1
+        assert sentence in error
+        assert files() == before
+
+    return refuses

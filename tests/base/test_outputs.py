@@ -140,7 +140,9 @@ def test_a_path_that_is_no_output_folder(tmp_path: Path, name: str, sentence: st
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "link"]
 
 
-def test_names_of_any_length_that_a_file_system_takes(tmp_path: Path) -> None:
+def test_a_new_file_has_usual_permissions_and_any_name_that_a_file_system_takes(tmp_path: Path) -> None:
+    (tmp_path / "plain").touch()
     for name in ("x" * 255, "é" * 127):
         write(tmp_path / name)
         assert (tmp_path / name).read_bytes() == b"new"
+        assert (tmp_path / name).stat().st_mode == (tmp_path / "plain").stat().st_mode

@@ -8,11 +8,10 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from eskin.app.cli import app
-from eskin.app.cli import run as command
 from eskin.base.errors import InputError
 from eskin.cocotb_tests.bench.readout import EventMonitor
 from eskin.flow import opensta
@@ -203,40 +202,25 @@ def test_a_port_that_is_forgotten_is_seen(library: Library, monkeypatch: pytest.
 
 
 @NEEDS_STA
-def test_a_wrong_table_of_a_cell_that_is_used_is_one_sentence(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "own.lib"
-    path.write_text(example_library.library().replace('values ("0.038', 'values ("nan'))
-    with pytest.raises(SystemExit) as left:
-        command(app, "eskin", ["asic", "--rows=1", "--columns=1", f"--lib={path}", f"--out={tmp_path / 'out'}"])
-    assert left.value.code == 2
-    said = capsys.readouterr().err
-    assert said.startswith(f"error: the cell library {path} is wrong: values of cell_rise of timing of pin Z of cell ")
-    assert said.count("\n") == 1
-    assert not (tmp_path / "out").exists()
+def test_a_wrong_table_of_a_cell_that_is_used_is_one_sentence(call: Any, folder: Path) -> None:
+    (folder / "own.lib").write_text(example_library.library().replace('values ("0.038', 'values ("nan'))
+    sentence = "error: the cell library own.lib is wrong: values of cell_rise of timing of pin Z of cell "
+    code, _, error = call("asic --rows=1 --columns=1 --lib=own.lib --out=out")
+    assert (code, error.startswith(sentence), error.count("\n")) == (2, True, 1)
+    assert not (folder / "out").exists()
 
 
 def test_bad_input_is_one_sentence_and_leaves_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    refuses: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    nothing = tmp_path / "few.lib"
-    nothing.write_text("module few; endmodule")
-    out = tmp_path / "out"
+    (folder / "few.lib").write_text("module few; endmodule")
     for words, sentence in (
-        ([f"--lib={nothing}"], "few.lib cannot be read as a Liberty file: "),
-        ([f"--lib={nothing}", "--name=../up"], "--name must be the plain name of a folder, not '../up'"),
-        ([f"--lib={nothing}", "--readout=other"], "--readout must be one of spiking, frame, not 'other'"),
-        ([f"--lib={nothing}", "--readout=frame", "--from-verilog"], "--from-verilog is for the spiking readout"),
+        ("", "few.lib cannot be read as a Liberty file: "),
+        ("--name=../up", "--name must be the plain name of a folder, not '../up'"),
+        ("--readout=other", "--readout must be one of spiking, frame, not 'other'"),
+        ("--readout=frame --from-verilog", "--from-verilog is for the spiking readout"),
     ):
-        with pytest.raises(SystemExit) as left:
-            command(app, "eskin", ["asic", *words, f"--out={out}"])
-        if shutil.which("sta"):
-            said = capsys.readouterr().err
-            assert left.value.code == 2
-            assert sentence in said
-            assert said.count("\n") == 1
-    assert not out.exists()
+        refuses(sentence if shutil.which("sta") else "error", "asic --lib=few.lib --out=out", words)
     monkeypatch.setattr(shutil, "which", lambda _: None)
     with pytest.raises(InputError, match=r"^OpenSTA not found; install with: apt-get install opensta$"):
         opensta.check_program()

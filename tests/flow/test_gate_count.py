@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -87,26 +86,21 @@ def test_a_library_that_does_not_do_is_one_sentence(without: tuple[str, ...], se
         count_gates(ReadoutConfig(rows=1, columns=1), 1, path)
 
 
-def test_a_classifier_is_counted_without_its_memories(tmp_path: Path) -> None:
+def test_a_classifier_is_counted_without_its_memories(call: Any, refuses: Any, folder: Path) -> None:
     config = ClassifierConfig(inputs=4, hidden=8, classes=2, lanes=2, clocks_per_bin=100, membrane_bits=12)
     shapes = ((4, 8), (8, 8), (8, 2), (8,), (2,))
     network = IntegerNetwork(config, *(np.zeros(shape, int) for shape in shapes))
-    IntegerWeights(network, ("a", "b")).save(tmp_path / "integer.npz")
-    command = [sys.executable, "-m", "eskin", "gates", "--classifier", str(tmp_path / "integer.npz")]
-    done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=True)
-    found = json.loads(done.stdout)["classifier"]
+    IntegerWeights(network, ("a", "b")).save(folder / "integer.npz")
+    found = json.loads(call("gates --classifier integer.npz --json")[1])["classifier"]
     assert found["memory_bits"] == config.memory_bits > 500
     # All potentials and spikes are there, and the weights are not: they alone would be more flops.
     assert 8 * (12 + 1) < found["flops"] < config.memory_bits
-    refused = subprocess.run([*command, "--rows", "3"], capture_output=True, text=True, check=False)
-    said = "error: --rows has no effect with --classifier: leave one of the two out\n"
-    assert (refused.returncode, refused.stderr) == (2, said)
+    sentence = "error: --rows has no effect with --classifier: leave one of the two out\n"
+    refuses(sentence, "gates --classifier integer.npz --rows 3")
 
 
-def test_command_compares_the_readouts_of_one_array() -> None:
-    command = [sys.executable, "-m", "eskin", "gates", "--rows", "2", "--columns", "2", "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    readouts = json.loads(done.stdout)["readouts"]
+def test_command_compares_the_readouts_of_one_array(call: Any) -> None:
+    readouts = json.loads(call("gates --rows 2 --columns 2 --json")[1])["readouts"]
     assert list(readouts) == [*registry.NAMES, "frame"]
     expected = count_gates(ReadoutConfig(rows=2, columns=2, encoding="nlcs"), 4).to_dict()
     assert readouts["nlcs"] == expected

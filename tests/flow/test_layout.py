@@ -8,11 +8,10 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from eskin.app.cli import app
 from eskin.base.errors import InputError
 from eskin.flow.layout import cells, checks, circuit, environment, report, run, transistors
 from eskin.flow.layout.cells import WrongCell
@@ -237,22 +236,15 @@ def test_margins_are_tried_until_one_does(tmp_path: Path, monkeypatch: pytest.Mo
     assert placed is None
 
 
-def test_what_is_missing_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(environment, "VENV", tmp_path)
-
-    def said(*words: str) -> str:
-        failed = CliRunner().invoke(app, ["layout", "--rows", "2", "--columns", "2", *words])
-        assert isinstance(failed.exception, InputError)  # which the command line makes exit code 2
-        return str(failed.exception)
-
-    assert said().startswith("the layout's packages are not there; `make layout` installs them")
-    (tmp_path / ".installed").touch()
+def test_what_is_missing_is_one_sentence(refuses: Any, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(environment, "VENV", folder)
+    command = "layout --rows 2 --columns 2"
+    refuses("error: the layout's packages are not there; `make layout` installs them", command)
+    (folder / ".installed").touch()
     monkeypatch.setattr(shutil, "which", lambda name: None)
-    assert said() == "klayout not found; install with: apt-get install klayout"
-    assert said("--reset", "async").startswith("reset must be sync, not 'async'")
-    assert said("--name", "../up") == "--name must be the plain name of a folder, not '../up'"
-    assert list(tmp_path.iterdir()) == [tmp_path / ".installed"]
+    refuses("error: klayout not found; install with: apt-get install klayout\n", command)
+    refuses("error: reset must be sync, not 'async'", command, "--reset async")
+    refuses("error: --name must be the plain name of a folder, not '../up'\n", command, "--name ../up")
 
 
 # What follows needs the 0.7 GB of the layout's environment, which the gate does not install.

@@ -258,16 +258,9 @@ def test_files_of_one_name_are_told_apart(call: Any, folder: Path) -> None:
     assert out.startswith("link differs: a.npz stream; sub/a.npz four_phase\n")
 
 
-def test_compare_refuses(call: Any, folder: Path) -> None:
+def test_compare_refuses(refuses: Any, folder: Path) -> None:
     two_recordings(folder)
-    assert call("compare a.npz none.npz") == (
-        2,
-        "",
-        "error: cannot read none.npz: No such file or directory\n",
-    )
-    assert call("compare a.npz") == (2, "", "error: Missing argument 'B'; eskin compare --help explains it\n")
-    assert call("compare a.npz b.npz --plot a.txt") == (
-        2,
-        "",
-        "error: pictures end in .png, .pdf, .svg, a.txt does not; rename the output\n",
-    )
+    refuses("error: cannot read none.npz: No such file or directory\n", "compare a.npz none.npz")
+    refuses("error: Missing argument 'B'; eskin compare --help explains it\n", "compare a.npz")
+    sentence = "error: pictures end in .png, .pdf, .svg, a.txt does not; rename the output\n"
+    refuses(sentence, "compare a.npz b.npz --plot a.txt")

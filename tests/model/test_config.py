@@ -233,8 +233,3 @@ def test_load_names_a_file_that_is_not_there(tmp_path: Path) -> None:
     assert str(refused.value) == f"cannot read the configuration {path}: No such file or directory"
     path.write_text('{"rows": 3}')
     assert ReadoutConfig.load(path) == ReadoutConfig(rows=3)
-
-
-def test_is_immutable() -> None:
-    with pytest.raises(AttributeError):
-        ReadoutConfig().rows = 3  # type: ignore[misc]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import random
-import stat
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -200,26 +199,9 @@ def test_a_disk_that_fails_is_a_sentence(tmp_path: Path, monkeypatch: pytest.Mon
     assert not list(tmp_path.iterdir())
 
 
-def test_permissions_are_those_of_any_new_file(tmp_path: Path) -> None:
-    (tmp_path / "plain").write_bytes(b"")
-    sample_recording().save(tmp_path / "events.npz")
-    modes = [stat.S_IMODE((tmp_path / name).stat().st_mode) for name in ("plain", "events.npz")]
-    assert modes[0] == modes[1]
-
-
-def test_refuses_outputs_that_cannot_be(tmp_path: Path) -> None:
-    folder = tmp_path / "folder.npz"
-    folder.mkdir()
-    missing = tmp_path / "none" / "events.npz"
-    for path, sentence in (
-        (tmp_path / "events.csv", "event files end in .npz, events.csv does not; rename the output"),
-        (tmp_path / "events.txt", "event files end in .npz, events.txt does not; rename the output"),
-        (missing, f"cannot write {missing}: the folder {missing.parent} does not exist; create it first"),
-        (folder, f"cannot write {folder}: it is a folder; give the name of a file"),
-    ):
-        with pytest.raises(InputError) as refused:
-            sample_recording().save(path)
-        assert str(refused.value) == sentence
+def test_refuses_another_suffix(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"^event files end in \.npz, events\.csv does not; rename the output$"):
+        sample_recording().save(tmp_path / "events.csv")
 
 
 @pytest.mark.parametrize("value", [float("nan"), {1, 2}, np.int64(3)])
@@ -326,24 +308,3 @@ def test_any_truncation_and_any_flipped_bit_is_refused_or_harmless(tmp_path: Pat
         except InputError:
             refused += 1
     assert refused > len(data)  # every truncation at least
-
-
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=200)
-@given(data=st.data())
-def test_random_damage_is_refused_or_harmless(data: st.DataObject, tmp_path: Path) -> None:
-    path = tmp_path / "events.npz"
-    original = sample_recording()
-    original.save(path)
-    content = bytearray(path.read_bytes())
-    for _ in range(data.draw(st.integers(1, 5))):
-        start = data.draw(st.integers(0, len(content) - 1))
-        patch = data.draw(st.binary(min_size=0, max_size=6))
-        content[start : start + data.draw(st.integers(0, 6))] = patch
-    path.write_bytes(content)
-    try:
-        assert Recording.load(path) == original
-    except InputError as refused:
-        sentence = str(refused)
-    else:
-        sentence = str(path)
-    assert str(path) in sentence

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
 import math
 import os
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from eskin.app.cli import app
-from eskin.app.cli import run as run_app
 from eskin.base.errors import InputError
 from eskin.base.workers.pool import Local
 from eskin.model.config import ReadoutConfig
@@ -47,19 +42,6 @@ def kylberg() -> Dataset:
 
 def paper(encoding: str, resolution: int, **fields) -> ReadoutConfig:
     return PAPER.configure(ReadoutConfig(encoding=encoding, resolution=resolution, **fields))
-
-
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """Return a function that runs the command in this process."""
-    output, errors = io.StringIO(), io.StringIO()
-    with (
-        contextlib.redirect_stdout(output),
-        contextlib.redirect_stderr(errors),
-        pytest.raises(SystemExit) as end,
-    ):
-        run_app(app, "eskin", ["rates", *arguments])
-    assert isinstance(end.value.code, int)
-    return subprocess.CompletedProcess(arguments, end.value.code, output.getvalue(), errors.getvalue())
 
 
 # -- published rates ---------------------------------------------------------------------------------
@@ -188,10 +170,10 @@ def test_nothing_to_measure_is_refused():
 # -- the command -------------------------------------------------------------------------------------
 
 
-def test_json_is_one_object_and_nothing_else():
-    done = run("--encoding", "nlcs", "--tau", "0.05", "--dataset", "embedded", "--limit", "3", "--json")
-    assert (done.returncode, done.stderr) == (0, "")
-    report = json.loads(done.stdout)
+def test_json_is_one_object_and_nothing_else(call):
+    code, out, error = call("rates --encoding nlcs --tau 0.05 --dataset embedded --limit 3 --json")
+    assert (code, error) == (0, "")
+    report = json.loads(out)
     assert report["population_rate_hz"] > 0
     expected = {"preset": "paper", "encoding": "nlcs", "resolution": 6, "dataset": "embedded", "images": 3}
     assert report.items() >= (expected | {"scans": 3, "clipped_samples": 0, "published_rate_hz": None}).items()
@@ -199,59 +181,28 @@ def test_json_is_one_object_and_nothing_else():
     assert report["scan_s"] == pytest.approx(0.1764)
 
 
-def test_table_names_the_rate_and_follows_options(tmp_path, monkeypatch):
+def test_table_names_the_rate_and_follows_options(call, folder, monkeypatch):
     monkeypatch.setenv("ESKIN_DATA", "embedded")
-    config = tmp_path / "c.json"
-    config.write_text('{"sample_bits": 10, "rows": 2, "encoding": "cw-lcs", "window_period": 8}')
-    arguments = ["--config", str(config), "--columns", "3", "--resolution", "5", "--workers", "1"]
-    done = run("--preset", "physical", *arguments, "--start-row", "0", "--start-row", "9", "--limit", "2")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "cw-lcs 5 b" in done.stdout
-    assert "2 x 3 taxels" in done.stdout
-    assert "embedded, 2 images, 4 scans" in done.stdout
-    assert "events/s" in done.stdout
-    assert "tau" not in done.stdout
-    assert "not the paper's" not in done.stdout
-    done = run("--preset", "paper", *arguments, "--limit", "1")
-    words = " ".join(done.stdout.split())
+    (folder / "c.json").write_text('{"sample_bits": 10, "rows": 2, "encoding": "cw-lcs", "window_period": 8}')
+    arguments = "--config c.json --columns 3 --resolution 5 --workers 1"
+    code, out, error = call("rates --preset physical", arguments, "--start-row 0 --start-row 9 --limit 2")
+    assert (code, error) == (0, "")
+    for words in ("cw-lcs 5 b", "2 x 3 taxels", "embedded, 2 images, 4 scans", "events/s"):
+        assert words in out
+    assert "tau" not in out
+    assert "not the paper's" not in out
+    words = " ".join(call("rates --preset paper", arguments, "--limit 1")[1].split())
     assert "; of embedded images, not the paper's: give those with --dataset" in words
 
 
 @pytest.mark.parametrize(
-    ("arguments", "sentence"),
+    ("options", "sentence"),
     [
-        (["--preset", "chip"], "preset must be one of paper, physical, not 'chip'"),
-        (
-            ["--dataset", "gone"],
-            "dataset directory gone is not a directory; give a directory with a folder of PNG images ",
-        ),
-        (["--limit", "0"], "--limit must be in 1..1e+09, not 0"),
-        (["--encoding", "nlcs", "--tau", "0"], "--tau must be in 1e-09..1e+09, not 0.0"),
-        (["--encoding", "pcm"], f"encoding must be one of {ENCODERS}, not 'pcm'"),
-        (["--resolution", "11"], "resolution must be in 1..sample_bits - 2 = 10, not 11"),
-        (
-            ["--rows", "64"],
-            "image brick/brick-00: an image 256 pixels wide and 64 high is too small for 64 x 8 ",
-        ),
-        (["--start-row", "1"], "--start-row has no effect with --preset paper; leave it out"),
-        (["--workers", "0"], "--workers must be in 1..4096, not 0"),
+        ("--preset chip", "preset must be one of paper, physical, not 'chip'"),
+        ("--dataset gone", "dataset directory gone is not a directory; give a directory with a folder of PNG images "),
+        ("--encoding pcm", f"encoding must be one of {ENCODERS}, not 'pcm'"),
+        ("--rows 64 --preset physical", "image brick/brick-00: an image 256 pixels wide and 64 high is too small for "),
     ],
 )
-def test_wrong_options_are_one_sentence_and_exit_code_2(arguments, sentence):
-    if arguments[0] == "--rows":
-        arguments = [*arguments, "--preset", "physical"]
-    dataset = [] if "--dataset" in arguments else ["--dataset", "embedded"]
-    done = run(*dataset, *arguments)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith(f"error: {sentence}")
-    assert done.stderr.count("\n") == 1
-
-
-def test_damaged_image_stops_the_run_with_its_name(tmp_path):
-    folder = tmp_path / "felt"
-    folder.mkdir()
-    for name in "abc":
-        Image.fromarray(np.full((90, 90), 99, np.uint8)).save(folder / f"{name}.png")
-    (folder / "b.png").write_bytes((folder / "a.png").read_bytes()[:60])
-    with pytest.raises(InputError, match=r"^image .*felt/b\.png is damaged or not a PNG file"):
-        measure_rates(directory_dataset(tmp_path), PHYSICAL, ReadoutConfig())
+def test_wrong_options_are_one_sentence_and_exit_code_2(options, sentence, refuses):
+    refuses(f"error: {sentence}", "rates --dataset embedded", options)

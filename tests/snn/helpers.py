@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
-import typer
 from PIL import Image
 
-from eskin.app.cli import run
 from eskin.snn.data.scans import ScanData
 from eskin.snn.network_config import NetworkConfig
 
@@ -43,16 +39,3 @@ def two_textures(folder: Path) -> None:
 def small_network(**fields: Any) -> NetworkConfig:
     defaults: dict[str, Any] = {"inputs": 8, "classes": 3, "hidden": 16, "readout": "membrane", "decay": 0.8}
     return NetworkConfig.from_dict(defaults | fields)
-
-
-def caller(app: typer.Typer) -> Callable[[str, pytest.CaptureFixture[str]], tuple[int, str]]:
-    """Return a function that runs ``eskin`` with a command line and returns exit code and output."""
-
-    def call(line: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
-        with pytest.raises(SystemExit) as left:
-            run(app, "eskin", line.split())
-        assert isinstance(left.value.code, int)
-        out, err = capsys.readouterr()
-        return left.value.code, out + err
-
-    return call

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from eskin.app.cli import app
-from eskin.base.errors import InputError
 from eskin.model.encoders import registry
 from eskin.skin.textures.dataset import embedded_dataset
 from eskin.snn.data.counts import Likeness, empty_bins, likeness
@@ -33,26 +31,20 @@ def test_likeness_by_hand() -> None:
     assert likeness(nlcs, scans([[1, 0], [0, 2], [3, 0]])).correlation < 0
 
 
-def test_the_command_writes_what_it_prints(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_writes_what_it_prints(call: Any, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("eskin.snn.experiments.experiment.open_dataset", lambda _: embedded_dataset().limit(4))
-    out = tmp_path / "counts.json"
-    options = ["--preset", "physical", "--dataset", "embedded", "--points", "lcs:2,lcs:3,nlcs:4", "--out", str(out)]
-    result = CliRunner().invoke(app, ["counts", *options])
-    assert result.exit_code == 0, result.output
-    found = json.loads(out.read_text())
+    code, output, error = call("counts --preset physical --dataset embedded --points lcs:2,lcs:3,nlcs:4 --out c.json")
+    assert code == 0, error
+    found = json.loads((folder / "c.json").read_text())
     assert found["command"].startswith("eskin counts --points lcs:2,lcs:3,nlcs:4")
     assert found.keys() >= {"commit", "date"}
     assert found["empty"]["lcs:3"] < found["empty"]["lcs:2"]
     (one,) = found["pairs"]  # encoders are not mixed
     assert found["empty"]["nlcs:4"] > 0
     assert 0.5 < one["correlation"] < 1
-    assert (
-        f"lcs:2 and lcs:3: correlation of the counts {one['correlation']:.4f}, ratio {one['ratio']:.2f}"
-        in result.output
-    )
+    said = f"correlation of the counts {one['correlation']:.4f}, ratio {one['ratio']:.2f}"
+    assert f"lcs:2 and lcs:3: {said}" in output
 
 
-def test_frames_have_no_events_to_count() -> None:
-    result = CliRunner().invoke(app, ["counts", "--points", "frame:250:8"])
-    assert isinstance(result.exception, InputError)
-    assert str(result.exception) == f"--points takes event encoders ({ENCODERS}), not frame"
+def test_frames_have_no_events_to_count(refuses: Any) -> None:
+    refuses(f"error: --points takes event encoders ({ENCODERS}), not frame\n", "counts --points frame:250:8")

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +24,6 @@ from eskin.snn.data.record import record, record_dataset
 from eskin.snn.data.scans import collect, load_recordings
 from eskin.snn.experiments.experiment import Experiment
 
-ROOT = Path(__file__).parents[2]
 CONFIG = ReadoutConfig(rows=2, columns=3, resolution=4, sample_rate_hz=1000.0, clocks_per_sample=10)
 """A clock of 10 kHz: a bin of 1 ms is ten clocks."""
 
@@ -99,26 +95,6 @@ def test_tensors_of_rtl_event_files_and_of_the_model_are_equal(tmp_path: Path) -
     assert np.array_equal(loaded.batch([0, 3]).numpy(), made.batch([0, 3]).numpy())
     assert made.values.sum() > 1000
     assert loaded.rate_hz == made.rate_hz > 0
-
-
-@pytest.mark.skipif(shutil.which("g++") is None or shutil.which("perl") is None, reason="no simulator: g++ and perl")
-def test_a_replay_of_the_rtl_gives_the_tensors_of_the_model(tmp_path: Path) -> None:
-    data = embedded_dataset()
-    config = ReadoutConfig(rows=1, columns=4)
-    size = ["--rows", "1", "--columns", "4"]
-    what = ["--dataset", "embedded", "--limit", "2", "--workers", "1", "--out", str(tmp_path)]
-    command = [sys.executable, "-m", "eskin", "replay", *size, *what]
-    run = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
-    assert run.returncode == 0, run.stdout + run.stderr
-    (events,) = tmp_path.glob("*/events")
-    loaded = load_recordings(events, BinConfig(), data.class_names)
-    recordings = [
-        record(texture, data.name, PhysicalScan(), config) for texture in data if texture.name in loaded.names
-    ]
-    made = collect(recordings, BinConfig(), data.class_names)
-    assert np.array_equal(loaded.values, made.values)
-    assert np.array_equal(loaded.labels, made.labels)
-    assert made.values.sum() > 100
 
 
 def test_start_rows_are_scans_of_one_image_and_only_the_first_is_tested() -> None:

@@ -25,7 +25,7 @@ from eskin.snn.studies.agreement import random_events
 from eskin.snn.train import predicted_classes, train
 from eskin.snn.training import TrainConfig
 from tests.snn.helpers import easy_data
-from tests.snn.test_nir_network import call, made, scans
+from tests.snn.test_nir_network import made, scans
 
 if missing := [name for name in ("snntorch", "norse", "nirtorch") if find_spec(name) is None]:
     REASON = f"{', '.join(missing)} not installed: pip install -c constraints.txt -e '.[exchange]'"
@@ -100,21 +100,16 @@ def trained() -> tuple[Weights, ScanData]:
 
 @pytest.mark.parametrize("library", LIBRARIES)
 def test_a_trained_portable_network_classifies_every_image_alike(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    trained: tuple[Weights, ScanData],
-    library: str,
+    folder: Path, monkeypatch: pytest.MonkeyPatch, call: Any, trained: tuple[Weights, ScanData], library: str
 ) -> None:
     weights, data = trained
     images = np.arange(len(data.names))
     here = predicted_classes(weights.network, data, images)
     assert (here == data.image_labels).mean() > 0.8
-    monkeypatch.chdir(tmp_path)
     save_weights(Path("w.npz"), weights)
-    code, text = call("export w.npz -o net.nir", capsys)
+    code, text, _ = call("export w.npz -o net.nir")
     assert (code, "snnTorch and Norse support every feature of this network" in text) == (0, True), text
-    found = there(library, tmp_path, monkeypatch)
+    found = there(library, folder, monkeypatch)
     assert found["classify"](found["net"], data.batch(images)).tolist() == here.tolist()
 
 
@@ -193,10 +188,7 @@ def norse_network() -> torch.nn.Module:
 
 
 @pytest.mark.parametrize("kind", ["snntorch", "snntorch, recurrent", "norse"])
-def test_their_networks_come_here_and_classify_alike(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kind: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_their_networks_come_here_and_classify_alike(call: Any, folder: Path, kind: str) -> None:
     library = kind.split(",")[0]
     torch.manual_seed(1)
     net = norse_network() if library == "norse" else snntorch_network(recurrent=kind != library)
@@ -213,7 +205,7 @@ def test_their_networks_come_here_and_classify_alike(
         for step in x:
             out, state = net(step, state) if library == "norse" else (net(step), None)
             total = total + out
-    assert call(f"import theirs.nir -o ours.npz --step {STEP_S}", capsys)[0] == 0
+    assert call(f"import theirs.nir -o ours.npz --step {STEP_S}")[0] == 0
     loaded = load_weights(Path("ours.npz"))
     assert loaded.step_s == STEP_S
     logits = loaded.network.eval()(x).logits.detach()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import dataclasses
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +16,8 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 
-from eskin.app.cli import make_app, run
-from eskin.app.commands.learn.figures import fig8, fig9
 from eskin.app.report.data import load_accuracy
 from eskin.app.report.page import ACCURACY
-from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.skin.figures.readouts import LOOKS
 from eskin.skin.figures.scan_to_class import ScanToClass, draw_scan
@@ -41,8 +37,6 @@ from eskin.snn.figures.confusion import confusion_data, draw_confusion
 from eskin.snn.figures.fig8_play import evidence, play
 from eskin.snn.network import SpikingNetwork, build
 from eskin.snn.network_config import NetworkConfig
-
-Call = Callable[..., tuple[int, str, str]]
 
 # shared/physics.md, section 3: normalised data rate and accuracy in per cent.
 PUBLISHED = {
@@ -125,30 +119,6 @@ def files(folder: Path) -> list[str]:
     return ["--sweep", "plain.json", "--sweep", "hand"]
 
 
-@pytest.fixture
-def snn(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
-    """Return a function that runs a command in the folder and returns exit code, standard output and standard error."""
-    app = make_app("figures")
-    for command in (fig8, fig9):
-        app.command()(command)
-
-    def snn(*words: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as left:
-            run(app, "eskin", list(words))
-        assert isinstance(left.value.code, int)
-        return left.value.code, *capsys.readouterr()
-
-    return snn
-
-
-def refused(call: Call, sentence: str, *words: str) -> None:
-    """Check that a command prints one error message and exits with 2."""
-    code, _, error = call(*words)
-    assert code == 2
-    assert error.count("\n") == 1
-    assert sentence in error
-
-
 def marks(figure: Figure, panel: int) -> dict[tuple[str, Any], list[tuple[float, float]]]:
     """Return the points of a panel by colour and fill."""
     found: dict[tuple[str, Any], list[tuple[float, float]]] = {}
@@ -202,8 +172,8 @@ def test_the_published_points_are_those_of_the_paper() -> None:
 
 
 @pytest.mark.parametrize("reading", ["last", "selected"])
-def test_what_is_drawn_is_what_the_sweeps_say(snn: Call, files: list[str], folder: Path, reading: str) -> None:
-    code, out, _ = snn("fig9", *files, "--reading", reading, "-o", "pictures", "--data-out", "numbers")
+def test_what_is_drawn_is_what_the_sweeps_say(call: Any, files: list[str], folder: Path, reading: str) -> None:
+    code, out, _ = call("fig9", *files, "--reading", reading, "-o", "pictures", "--data-out", "numbers")
     assert code == 0
     assert "left out, because no seed is finished: plain: nlcs-8b" in out
     assert (folder / "pictures" / "fig9.png").stat().st_size > 10_000
@@ -230,8 +200,8 @@ def test_what_is_drawn_is_what_the_sweeps_say(snn: Call, files: list[str], folde
         assert {100 / 3} <= levels <= {100 / 3, 100 / 6}
 
 
-def test_the_report_reads_the_file(snn: Call, files: list[str], folder: Path) -> None:
-    assert snn("fig9", *files)[0] == 0
+def test_the_report_reads_the_file(call: Any, files: list[str], folder: Path) -> None:
+    assert call("fig9", *files)[0] == 0
     written = json.loads((folder / "out" / "fig9.json").read_text())
     points = load_accuracy(folder / "out" / "fig9.json")["points"]
     assert len(points) == len(PUBLISHED) + 7
@@ -273,20 +243,20 @@ def test_unfinished_points_are_ringed_and_named(folder: Path, files: list[str]) 
 
 
 def test_the_kept_sweeps_are_the_default(
-    snn: Call, files: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch
+    call: Any, refuses: Any, files: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(figures, "KEPT", folder)
-    assert snn("fig9")[0] == 0
+    assert call("fig9")[0] == 0
     assert list(json.loads((folder / "out" / "fig9.json").read_text())["commands"]) == ["plain"]
     (folder / "out" / "sweep").mkdir()
     (folder / "hand" / "sweep.json").rename(folder / "out" / "sweep" / "sweep.json")
-    assert snn("fig9")[0] == 0
+    assert call("fig9")[0] == 0
     assert list(json.loads((folder / "out" / "fig9.json").read_text())["commands"]) == ["plain", "sweep"]
     monkeypatch.setattr(figures, "KEPT", folder / "nowhere")
-    assert snn("fig9")[0] == 0
+    assert call("fig9")[0] == 0
     assert list(json.loads((folder / "out" / "fig9.json").read_text())["commands"]) == ["sweep"]
     (folder / "out" / "sweep" / "sweep.json").unlink()
-    refused(snn, "nor out/sweep/sweep.json; make one with eskin sweep", "fig9")
+    refuses("nor out/sweep/sweep.json; make one with eskin sweep", "fig9")
 
 
 def test_all_sweeps_that_are_kept_can_be_drawn(tmp_path: Path) -> None:
@@ -367,8 +337,8 @@ def test_fig9_names_sweeps_and_networks_in_words_and_the_rate_of_frames_in_every
 # -- confusion ---------------------------------------------------------------------------------------
 
 
-def test_confusion_of_the_best_finished_spiking_points(snn: Call, files: list[str], folder: Path) -> None:
-    assert snn("fig9", *files)[0] == 0
+def test_confusion_of_the_best_finished_spiking_points(call: Any, files: list[str], folder: Path) -> None:
+    assert call("fig9", *files)[0] == 0
     data = json.loads((folder / "out" / "confusion.json").read_text())
     best = max(PHYSICAL["points"], key=lambda point: point["last"]["accuracy"])
     assert [(p["sweep"], p["name"]) for p in data["points"]] == [("plain", "lcs-4b"), ("hand", best["name"])]
@@ -390,14 +360,14 @@ def test_titles_of_matrices_stay_in_the_picture() -> None:
         assert title.get_window_extent().x1 <= figure.bbox.x1
 
 
-def test_confusion_of_a_named_point(snn: Call, files: list[str], folder: Path) -> None:
+def test_confusion_of_a_named_point(call: Any, refuses: Any, files: list[str], folder: Path) -> None:
     others = [point | {"class_names": ["a", "b", "c"]} for point in PHYSICAL["points"]]
     (folder / "hand" / "sweep.json").write_text(json.dumps(PHYSICAL | {"points": others}))
-    assert snn("fig9", *files, "--confusion", "lcs-4b", "--reading", "selected")[0] == 0
+    assert call("fig9", *files, "--confusion", "lcs-4b", "--reading", "selected")[0] == 0
     points = json.loads((folder / "out" / "confusion.json").read_text())["points"]
     assert [point["class_names"] for point in points] == [CLASSES, ["a", "b", "c"]]
     assert points[1]["confusion"] == PHYSICAL["points"][0]["selected"]["confusion"]
-    refused(snn, "there is no point 'lcs-5b'; the points are lcs-4b, lcs-6b,", "fig9", *files, "--confusion", "lcs-5b")
+    refuses("there is no point 'lcs-5b'; the points are lcs-4b, lcs-6b,", "fig9", *files, "--confusion", "lcs-5b")
 
 
 # -- bad sweeps --------------------------------------------------------------------------------------
@@ -413,9 +383,9 @@ def test_confusion_of_a_named_point(snn: Call, files: list[str], folder: Path) -
         ('{"points": [{"name": "a", "readout": "x"}]}', f"point 0 (a) needs readout, one of {', '.join(LOOKS)}"),
     ],
 )
-def test_files_that_are_no_sweep_get_one_sentence(snn: Call, folder: Path, text: str, sentence: str) -> None:
+def test_files_that_are_no_sweep_get_one_sentence(refuses: Any, folder: Path, text: str, sentence: str) -> None:
     (folder / "bad.json").write_text(text)
-    refused(snn, sentence, "fig9", "--sweep", "bad.json")
+    refuses(sentence, "fig9", "--sweep", "bad.json")
     assert not (folder / "out").exists()
 
 
@@ -436,21 +406,21 @@ def test_files_that_are_no_sweep_get_one_sentence(snn: Call, folder: Path, text:
         (["last", "confusion"], [[1, 2]], "needs confusion, a square table of numbers, not [[1, 2]]"),
     ],
 )
-def test_bad_points_get_one_sentence(snn: Call, folder: Path, keys: list[str], value: Any, sentence: str) -> None:
+def test_bad_points_get_one_sentence(refuses: Any, folder: Path, keys: list[str], value: Any, sentence: str) -> None:
     content = copy.deepcopy(SWEEP)
     place: Any = content["points"][0]
     for key in keys[:-1]:
         place = place[key]
     place[keys[-1]] = value
     (folder / "bad.json").write_text(json.dumps(content))
-    refused(snn, sentence, "fig9", "--sweep", "bad.json")
+    refuses(sentence, "fig9", "--sweep", "bad.json")
 
 
-def test_other_bad_options_get_one_sentence(snn: Call, files: list[str], folder: Path) -> None:
-    refused(snn, "cannot read the sweep nowhere.json: No such file", "fig9", "--sweep", "nowhere.json")
-    refused(snn, "cannot read the sweep sweep.json", "fig9", "--sweep", "sweep.json")
-    refused(snn, "two sweeps are called plain; rename one of them", "fig9", *files[:2], *files[:2])
-    refused(snn, "reading must be one of last, selected, not 'best'", "fig9", *files, "--reading", "best")
+def test_other_bad_options_get_one_sentence(refuses: Any, files: list[str], folder: Path) -> None:
+    refuses("cannot read the sweep nowhere.json: No such file", "fig9", "--sweep", "nowhere.json")
+    refuses("cannot read the sweep sweep.json", "fig9", "--sweep", "sweep.json")
+    refuses("two sweeps are called plain; rename one of them", "fig9", *files[:2], *files[:2])
+    refuses("reading must be one of last, selected, not 'best'", "fig9", *files, "--reading", "best")
 
 
 # -- Fig. 8 ------------------------------------------------------------------------------------------
@@ -505,9 +475,9 @@ def trained(folder: Path, experiment: Experiment = EXPERIMENT, **fields: Any) ->
 
 
 @pytest.mark.parametrize("readout", ["spikes", "membrane"])
-def test_fig8_shows_the_first_test_image_and_its_logits(snn: Call, folder: Path, readout: str) -> None:
+def test_fig8_shows_the_first_test_image_and_its_logits(call: Any, folder: Path, readout: str) -> None:
     options = trained(folder / "train", readout=readout)
-    code, out, _ = snn("fig8", *options)
+    code, out, _ = call("fig8", *options)
     assert code == 0
     assert (folder / "out" / "fig8.png").stat().st_size > 30_000
     data = json.loads((folder / "out" / "fig8.json").read_text())
@@ -560,7 +530,7 @@ def test_the_way_of_the_scan_is_seen_on_the_texture(folder: Path) -> None:
         assert coloured > 0.02, preset
 
 
-def test_the_default_of_fig8_is_right_and_says_how_many_are(snn: Call, folder: Path) -> None:
+def test_the_default_of_fig8_is_right_and_says_how_many_are(call: Any, refuses: Any, folder: Path) -> None:
     options = trained(folder / "train")
     file = folder / "train" / "result.json"
     result = json.loads(file.read_text())
@@ -576,20 +546,20 @@ def test_the_default_of_fig8_is_right_and_says_how_many_are(snn: Call, folder: P
     assert not right[0]
     assert any(right)
     file.write_text(json.dumps(result | {"predicted": predicted}))
-    code, out, _ = snn("fig8", *options)
+    code, out, _ = call("fig8", *options)
     assert code == 0
     assert f"the network is right for {sum(right)} of {len(test)} test images" in out
     data = json.loads((folder / "out" / "fig8.json").read_text())
     assert data["image"] == textures[int(test[right.index(True)])].name
     assert data["predicted"] == data["true"]
     file.write_text(json.dumps(result | {"predicted": [2 - a for a in result["labels"]]}))  # none, or class 1 alone
-    code, out, _ = snn("fig8", *options, "--image", textures[int(test[0])].name)
+    code, out, _ = call("fig8", *options, "--image", textures[int(test[0])].name)
     assert code == 0
     title = draw_scan(play(folder / "train" / "weights.npz", file, image=textures[int(test[0])].name)).get_suptitle()
     assert ", wrong; " in title
     for bad in ([0], ["a"] * len(test), 3):
         file.write_text(json.dumps(result | {"predicted": bad}))
-        refused(snn, "result.json is damaged or not the result of a training", "fig8", *options)
+        refuses("result.json is damaged or not the result of a training", "fig8", *options)
 
 
 def test_fig8_of_the_paper_scan_counts_from_where_events_count(folder: Path) -> None:
@@ -621,21 +591,14 @@ def test_labels_of_fig8_do_not_lie_on_each_other(folder: Path) -> None:
     assert heights[1] - heights[0] > 0.1 * (panel.get_ylim()[1] - panel.get_ylim()[0])
 
 
-def test_a_time_constant_of_zero_is_not_the_default(folder: Path) -> None:
-    config = ReadoutConfig(rows=2, columns=3, resolution=5, encoding="nlcs")
-    trained(folder / "train", Experiment(dataset="embedded", readout=config, bins=EXPERIMENT.bins, tau_s=0.0))
-    with pytest.raises(InputError, match="tau"):
-        play(folder / "train" / "weights.npz", folder / "train" / "result.json")
-
-
-def test_fig8_refuses_what_does_not_belong_together(snn: Call, folder: Path) -> None:
-    refused(snn, "weight file out/train/weights.npz does not exist; make one with eskin train", "fig8")
+def test_fig8_refuses_what_does_not_belong_together(refuses: Any, folder: Path) -> None:
+    refuses("weight file out/train/weights.npz does not exist; make one with eskin train", "fig8")
     options = trained(folder / "train")
-    refused(snn, "there is no image 'x'; there are 48 images, from brick/brick-00 to", "fig8", *options, "--image", "x")
-    refused(snn, "nowhere.json does not exist, but fig8 needs the result of the training", "fig8", *options,
+    refuses("there is no image 'x'; there are 48 images, from brick/brick-00 to", "fig8", *options, "--image", "x")
+    refuses("nowhere.json does not exist, but fig8 needs the result of the training", "fig8", *options,
             "--result", "nowhere.json")  # fmt: skip
     (folder / "other.json").write_text('{"experiment": {}}')
-    refused(snn, "other.json is damaged or not the result of a training", "fig8", *options, "--result", "other.json")
+    refuses("other.json is damaged or not the result of a training", "fig8", *options, "--result", "other.json")
 
     result = json.loads((folder / "train" / "result.json").read_text())
     for change, sentence in (
@@ -647,7 +610,7 @@ def test_fig8_refuses_what_does_not_belong_together(snn: Call, folder: Path) -> 
     ):
         (folder / "other.json").write_text(json.dumps(result | {"experiment": result["experiment"] | change}))
         write_textures(folder / "cloth", ("cloth", "wool"))
-        refused(snn, sentence, "fig8", *options, "--result", "other.json")
+        refuses(sentence, "fig8", *options, "--result", "other.json")
     for change, sentence in (
         ({"class_names": ["a", "b", "c"]}, "other.json has other classes or time bins than"),
         ({"fold": 6}, "other.json is damaged or not the result of a training"),
@@ -659,8 +622,8 @@ def test_fig8_refuses_what_does_not_belong_together(snn: Call, folder: Path) -> 
         ({"labels": 3}, "other.json is damaged or not the result of a training"),
     ):
         (folder / "other.json").write_text(json.dumps(result | change))
-        refused(snn, sentence, "fig8", *options, "--result", "other.json")
-    refused(snn, "holds a baseline for frames; fig8 needs a spiking network", "fig8",
+        refuses(sentence, "fig8", *options, "--result", "other.json")
+    refuses("holds a baseline for frames; fig8 needs a spiking network", "fig8",
             *trained(folder / "gru", kind="gru"))  # fmt: skip
     assert not (folder / "out").exists()
 

@@ -287,8 +287,3 @@ def test_weights_may_have_any_bits_that_the_hardware_has() -> None:
     for bits in (0, 2, 8):
         network = build(NetworkConfig.from_dict({"inputs": 4, "classes": 2, "weight_bits": bits}), 0)
         assert network.config.to_dict()["weight_bits"] == bits
-
-
-def test_scans_of_another_array_are_refused() -> None:
-    with pytest.raises(InputError, match="the network has 4 input channels, but the scans have 5"):
-        build(NetworkConfig.from_dict({"inputs": 4, "classes": 2}), 0)(torch.zeros(3, 1, 5))

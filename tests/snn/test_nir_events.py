@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import nir
 import numpy as np
@@ -10,8 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eskin.app.cli import make_app
-from eskin.app.commands.signals.convert import convert
 from eskin.base.errors import InputError
 from eskin.model.address_events import EVENT_DTYPE, make_events
 from eskin.model.config import ReadoutConfig
@@ -24,7 +23,6 @@ from eskin.snn.exchange.nir_network import to_nir
 from eskin.snn.exchange.weights import Weights
 from eskin.snn.network import build
 from eskin.snn.network_config import NetworkConfig
-from tests.snn.helpers import caller
 
 READOUT = ReadoutConfig(rows=2, columns=3, sample_rate_hz=17_001.0)
 
@@ -118,27 +116,18 @@ def test_the_array_of_event_tools() -> None:
 
 # -- command -----------------------------------------------------------------------------------------
 
-app = make_app("test")
-app.command()(convert)
 
-
-call = caller(app)
-
-
-def test_events_go_out_and_come_back(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_events_go_out_and_come_back(call: Any, folder: Path) -> None:
     original = recording()
     original.save(Path("e.npz"))
-    assert call("convert e.npz -o e.nir", capsys) == (0, "e.nir: 500 events in 0.275719 s\n")
-    assert call("convert e.nir -o back.npz", capsys)[0] == 0
+    assert call("convert e.npz -o e.nir") == (0, "e.nir: 500 events in 0.275719 s\n", "")
+    assert call("convert e.nir -o back.npz")[0] == 0
     assert Path("back.npz").read_bytes() == Path("e.npz").read_bytes()
-    assert call("convert e.npz -o counts.nir --bin 0.01", capsys)[0] == 0
+    assert call("convert e.npz -o counts.nir --bin 0.01")[0] == 0
     assert nir.read_data("counts.nir").nodes["input"].observables["spikes"].n_time_steps == 27
-    assert call("convert e.npz -o e.npy", capsys)[0] == 0
+    assert call("convert e.npz -o e.npy")[0] == 0
     assert np.array_equal(np.load("e.npy"), in_unit(original))
-    assert call("convert e.npz -o e.npy --unit clocks", capsys)[0] == 0
+    assert call("convert e.npz -o e.npy --unit clocks")[0] == 0
     assert np.array_equal(np.load("e.npy"), original.events)
 
 
@@ -146,28 +135,15 @@ def test_events_go_out_and_come_back(
     ("line", "message"),
     [
         ("convert none.npz -o e.npy", "cannot read none.npz: No such file or directory"),
-        (
-            "convert e.npz -o e.aedat",
-            "events are written as .npz, .aedat4, .nir, .npy, .csv, not e.aedat; rename the output",
-        ),
+        ("convert e.npz -o e.aedat", "events are written as .npz, .aedat4, .nir, .npy, .csv, not e.aedat; rename the"),
         ("convert e.npz -o e.npy --bin 0.01", "--bin is only for .nir, not for e.npy; leave it out"),
         ("convert e.npz -o e.nir --unit us", "--unit is only for .npy and .csv, not for e.nir; leave it out"),
         ("convert e.npz -o e.npy --unit ms", "--unit must be us or clocks, not 'ms'"),
-        (
-            "convert e.dat -o e.npy",
-            "e.dat has an unknown format; give events as .npz, .nir, .aedat4, or as a table",
-        ),
+        ("convert e.dat -o e.npy", "e.dat has an unknown format; give events as .npz, .nir, .aedat4, or as a table"),
         ("convert broken.nir -o e.npz", "broken.nir is damaged or not NIRData; convert its event file again"),
     ],
 )
-def test_wrong_commands_are_one_sentence_and_leave_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], line: str, message: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_wrong_commands_are_one_sentence_and_leave_nothing(refuses: Any, line: str, message: str) -> None:
     recording().save(Path("e.npz"))
     Path("broken.nir").write_bytes(b"no HDF5")
-    code, text = call(line, capsys)
-    assert code == 2
-    assert text.startswith(f"error: {message}")
-    assert text.count("\n") == 1
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["broken.nir", "e.npz"]
+    refuses(f"error: {message}", line)

@@ -15,15 +15,12 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from eskin.app.cli import make_app
-from eskin.app.commands.learn.exchange import export, import_
 from eskin.base.errors import InputError
 from eskin.snn.exchange.nir_network import from_nir, load_nir, save_nir, to_nir
 from eskin.snn.exchange.portable import lacks
 from eskin.snn.exchange.weights import Weights, load_weights, save_weights
 from eskin.snn.network import SpikingNetwork, build
 from eskin.snn.network_config import NetworkConfig
-from tests.snn.helpers import caller
 
 CLASSES = ("a", "b", "c")
 STEP_S = 0.002
@@ -360,40 +357,26 @@ def test_metadata_that_contradict_the_nodes_are_refused() -> None:
 
 # -- commands ----------------------------------------------------------------------------------------
 
-app = make_app("test")
-app.command()(export)
-app.command("import")(import_)
 
-
-call = caller(app)
-
-
-def test_networks_go_out_and_come_back(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_networks_go_out_and_come_back(call: Any, folder: Path) -> None:
     weights, x = made(), scans()
     save_weights(Path("w.npz"), weights)
-    code, text = call("export w.npz -o net.nir", capsys)
+    code, text, _ = call("export w.npz -o net.nir")
     assert (code, text.startswith("net.nir: 3 classes, 0.002 s per step")) == (0, True), text
-    code, text = call("import net.nir -o back.npz", capsys)
-    assert (code, text) == (0, "back.npz: 6 inputs, 20 hidden neurons, classes a, b, c\n")
+    assert call("import net.nir -o back.npz")[:2] == (0, "back.npz: 6 inputs, 20 hidden neurons, classes a, b, c\n")
     assert Path("back.npz").read_bytes() == Path("w.npz").read_bytes()
-    assert call("export w.npz -o small.npz --eight-bits", capsys)[0] == 0
+    assert call("export w.npz -o small.npz --eight-bits")[0] == 0
     assert Path("small.npz").stat().st_size < Path("w.npz").stat().st_size
     small = load_weights(Path("small.npz")).network.eval()(x).logits
     assert not torch.equal(small, weights.network.eval()(x).logits)
     nir.write("other.nir", foreign())
-    assert call("import other.nir -o other.npz --step 0.001 --classes x,y", capsys)[0] == 0
+    assert call("import other.nir -o other.npz --step 0.001 --classes x,y")[0] == 0
     assert load_weights(Path("other.npz")).class_names == ("x", "y")
 
 
-def test_an_export_says_what_other_libraries_lack(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_an_export_says_what_other_libraries_lack(call: Any, folder: Path) -> None:
     save_weights(Path("w.npz"), made(**VARIANTS["tuned"], reset="subtract"))
-    code, text = call("export w.npz -o net.nir", capsys)
+    code, text, _ = call("export w.npz -o net.nir")
     assert code == 0
     for line in (
         "input scale 0.4: in the weights of hidden_in",
@@ -404,7 +387,7 @@ def test_an_export_says_what_other_libraries_lack(
     ):
         assert line in text
     save_weights(Path("w.npz"), made(**VARIANTS["no floor"]))
-    assert "snnTorch and Norse support every feature of this network" in call("export w.npz -o net.nir", capsys)[1]
+    assert "snnTorch and Norse support every feature of this network" in call("export w.npz -o net.nir")[1]
 
 
 def test_what_is_lacking_is_taken_away_one_after_the_other() -> None:
@@ -416,16 +399,6 @@ def test_what_is_lacking_is_taken_away_one_after_the_other() -> None:
         assert isinstance(config, NetworkConfig)
         assert (config.neurons.rule.floor, config.neurons.readout) == (float("-inf"), readout)
         assert all(torch.equal(tensor, state[name]) for name, tensor in lack.network.state_dict().items())
-
-
-@pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with one file of every kind."""
-    folder = tmp_path_factory.mktemp("files")
-    gru = build(NetworkConfig.from_dict({"inputs": 6, "classes": 3, "hidden": 5, "kind": "gru"}), seed=0)
-    save_weights(folder / "w.npz", made())
-    save_weights(folder / "gru.npz", Weights(gru, CLASSES, STEP_S))
-    return folder
 
 
 @pytest.mark.parametrize(
@@ -440,16 +413,11 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("import net.nir -o back.nir", "weight files end in .npz, back.nir does not; rename the output"),
     ],
 )
-def test_wrong_commands_are_one_sentence_and_leave_nothing(
-    files: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], line: str, message: str
-) -> None:
-    monkeypatch.chdir(files)
-    before = {path.name: path.read_bytes() for path in files.iterdir()}
-    code, text = call(line, capsys)
-    assert code == 2
-    assert text.startswith(f"error: {message}")
-    assert text.count("\n") == 1
-    assert {path.name: path.read_bytes() for path in files.iterdir()} == before
+def test_wrong_commands_are_one_sentence_and_leave_nothing(refuses: Any, line: str, message: str) -> None:
+    gru = build(NetworkConfig.from_dict({"inputs": 6, "classes": 3, "hidden": 5, "kind": "gru"}), seed=0)
+    save_weights(Path("w.npz"), made())
+    save_weights(Path("gru.npz"), Weights(gru, CLASSES, STEP_S))
+    refuses(f"error: {message}", line)
 
 
 def test_the_header_is_plain_json() -> None:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eskin.app.cli import app
 from eskin.base.errors import InputError
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.network import IntegerNetwork
@@ -18,9 +17,7 @@ from eskin.snn.exchange.weights import load_weights
 from eskin.snn.experiments.evaluate import integer_classes
 from eskin.snn.experiments.robustness import Subject
 from eskin.snn.studies.precision import _operations_hz, parse_variants, points_of
-from tests.snn.helpers import caller, two_textures
-
-call = caller(app)
+from tests.snn.helpers import two_textures
 
 
 def test_variants_are_read_as_they_are_written() -> None:
@@ -56,15 +53,12 @@ def test_an_image_counts_once_with_all_its_seeds() -> None:
         points_of([cell(0, [0], "0"), cell(1, [1], "0")])
 
 
-def test_answers_are_those_of_the_integer_model_and_are_kept(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    two_textures(tmp_path / "textures")
+def test_answers_are_those_of_the_integer_model_and_are_kept(call: Any, refuses: Any, folder: Path) -> None:
+    two_textures(folder / "textures")
     small = "--dataset textures --folds 2 --epochs 2 --recipe paper --set hidden=8"
-    assert call(f"train {small} -o nets/a/fold-0", capsys)[0] == 0
-    code, text = call("precision nets --variants 8,2:m12 -o out", capsys)
-    assert code == 0, text
+    assert call(f"train {small} -o nets/a/fold-0")[0] == 0
+    code, _, error = call("precision nets --variants 8,2:m12 -o out")
+    assert code == 0, error
     content = json.loads(Path("out/precision.json").read_text())
     assert content["command"] == "eskin precision nets --variants 8,2:m12"
     assert [point["variant"] for point in content["points"]] == ["float", "8", "2:m12"]
@@ -79,12 +73,11 @@ def test_answers_are_those_of_the_integer_model_and_are_kept(
     assert point["predicted"][0] == "".join(map(str, integer_classes(network, data, subject.images)))
     assert (point["memory_bits"], point["membrane_bits"]) == (network.config.memory_bits, 12)
 
-    before = (tmp_path / "out" / "a-fold-0-seed-0.json").stat().st_mtime_ns
-    assert call("precision nets --variants 8,2:m12 -o out", capsys)[0] == 0
-    assert (tmp_path / "out" / "a-fold-0-seed-0.json").stat().st_mtime_ns == before
-    code, text = call("precision nets --variants 8 -o out", capsys)
-    assert (code, text.count("\n")) == (2, 1)
-    assert "a-fold-0-seed-0.json belongs to other weights, variants or images; remove it" in text
+    before = (folder / "out" / "a-fold-0-seed-0.json").stat().st_mtime_ns
+    assert call("precision nets --variants 8,2:m12 -o out")[0] == 0
+    assert (folder / "out" / "a-fold-0-seed-0.json").stat().st_mtime_ns == before
+    other = "a-fold-0-seed-0.json belongs to other weights, variants or images; remove it"
+    refuses(other, "precision nets --variants 8 -o out")
 
 
 def test_additions_are_rows_of_events_and_of_spikes() -> None:

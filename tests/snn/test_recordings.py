@@ -5,14 +5,12 @@ from __future__ import annotations
 import dataclasses
 import json
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from eskin.app.cli import app, run
 from eskin.app.commands.signals.recordings import events_of
 from eskin.base.errors import InputError
 from eskin.model.address_events import make_events
@@ -36,7 +34,6 @@ from tests.skins import counts, write_csv, write_skin
 CLASSES = ("felt", "glass", "wood")
 CONFIG = ReadoutConfig(rows=1, columns=3, resolution=4, sample_rate_hz=100.0, clocks_per_sample=10)
 BINS = BinConfig(bin_s=0.1)
-Call = Callable[..., tuple[int, str, str]]
 
 
 def touch(kind: str, seed: int, **metadata: Any) -> Recording:
@@ -57,33 +54,7 @@ def skin(folder: Path) -> Path:
     return folder / "skin"
 
 
-@pytest.fixture
-def snn(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
-    """Return a function that runs ``eskin`` in the folder and returns exit code, standard output and standard error."""
-
-    def snn(*words: object) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as left:
-            run(app, "eskin", list(map(str, words)))
-        assert isinstance(left.value.code, int)
-        return left.value.code, *capsys.readouterr()
-
-    return snn
-
-
-SMALL = (
-    "--bin",
-    "0.1",
-    "--set",
-    "hidden=16",
-    "--set",
-    "shift_steps=0",
-    "--set",
-    "batch=4",
-    "--set",
-    "learning_rate=0.01",
-    "--epochs",
-    "20",
-)
+SMALL = "--bin 0.1 --set hidden=16 --set shift_steps=0 --set batch=4 --set learning_rate=0.01 --epochs 20"
 
 
 def test_files_of_equal_name_in_two_class_folders_are_two_recordings(skin: Path) -> None:
@@ -131,9 +102,9 @@ def test_a_folder_that_is_no_class_of_the_network_is_no_class(skin: Path) -> Non
     assert (alone.metadata["name"], class_of(alone)) == ("felt/00", "felt")
 
 
-def test_from_class_folders_to_classes(skin: Path, snn: Call) -> None:
+def test_from_class_folders_to_classes(skin: Path, call: Any) -> None:
     """Check that recordings with equal names in different class folders stay separate."""
-    code, out, error = snn("train", "--events", skin, *SMALL, "--folds", 2)
+    code, out, error = call("train", "--events", skin, SMALL, "--folds", 2)
     assert code == 0, error
     assert out.startswith(f"data: recordings in {skin}\n15 recordings to learn (15 scans), 15 to test, 3 classes;")
     result = json.loads(Path("out/train/result.json").read_text())
@@ -149,8 +120,8 @@ def test_from_class_folders_to_classes(skin: Path, snn: Call) -> None:
     assert all(text.split("/")[0] in CLASSES for text in tested)
     # Another resolution gets a folder of its own; a folder that the user named is refused.
     weights = Path("out/train/weights.npz").read_bytes()
-    other = ("train", "--events", skin, *SMALL, "--folds", 2, "--seed", 1)
-    code, out, error = snn(*other)
+    other = ("train", "--events", skin, SMALL, "--folds", 2, "--seed", 1)
+    code, out, error = call(*other)
     assert code == 0, error
     own = next(line for line in error.splitlines() if line.startswith("out/train holds another training"))
     folder = Path(own.rpartition(" ")[2])
@@ -159,51 +130,51 @@ def test_from_class_folders_to_classes(skin: Path, snn: Call) -> None:
     assert (folder / "weights.npz").exists()
     assert Path("out/train/weights.npz").read_bytes() == weights
     assert f"next: eskin quantise {folder}/weights.npz -o {folder}/whole.npz" in out
-    assert snn(*other)[2] == error, "called again, it goes on in the same folder"
-    code, _, error = snn("train", "--events", skin, *SMALL, "--test", "*/0[0-4]", "--seed", 1)
+    assert call(*other)[2] == error, "called again, it goes on in the same folder"
+    code, _, error = call("train", "--events", skin, SMALL, "--test", "*/0[0-4]", "--seed", 1)
     assert code == 0, error
     assert str(folder) not in error, "other test recordings, another folder"
-    code, _, error = snn(*other, "-o", "out/train")
+    code, _, error = call(*other, "-o", "out/train")
     assert (code, "belongs to another configuration" in error) == (2, True)
     # The studies take textures only: they leave these out, and name the command that makes others.
     for study in ("precision", "robustness", "noise-power"):
-        code, _, error = snn(study)
+        code, _, error = call(study)
         assert code == 2
         assert error.startswith("error: no network in out/train suits (out/train")
         assert "make one with eskin train" in error
-    code, out, error = snn("predict", "out/train/weights.npz", "--events", skin)
+    code, out, error = call("predict", "out/train/weights.npz", "--events", skin)
     assert code == 0, error
     assert f"test recordings of the fold: accuracy {result['accuracy']:.1%}" in out
     images = json.loads(Path("out/predictions.json").read_text())["images"]
     assert [image["part"] for image in images].count("test") == 15
     assert {image["name"].split("/")[0] == image["class"] for image in images} == {True}
     shutil.move(skin / "felt" / "00.npz", "00.npz")
-    code, out, _ = snn("predict", "out/train/weights.npz", "--events", "00.npz")
+    code, out, _ = call("predict", "out/train/weights.npz", "--events", "00.npz")
     assert code == 0
     assert "class: not known" in out
 
 
-def test_a_slow_skin_goes_from_csv_to_its_classes(folder: Path, call: Any, snn: Call) -> None:
+def test_a_slow_skin_goes_from_csv_to_its_classes(folder: Path, call: Any) -> None:
     write_skin(folder / "skin", each=6)
     assert call("encode skin -o events")[0] == 0
-    code, out, error = snn("train", "--events", "events", *SMALL, "--folds", 2)
+    code, out, error = call("train", "--events", "events", SMALL, "--folds", 2)
     assert code == 0, error
     assert "9 recordings to learn (9 scans), 9 to test, 3 classes; 80 steps of 32 channels" in out
     assert json.loads(Path("out/train/result.json").read_text())["accuracy"] >= 0.9
-    code, out, error = snn("predict", "out/train/weights.npz", "--events", "events/tap")
+    code, out, error = call("predict", "out/train/weights.npz", "--events", "events/tap")
     assert code == 0, error
     assert "events/tap" not in out
     assert "tap/0: tap (class: tap)" in out
     assert "test recordings of the fold: accuracy " in out, "known by the same names from another folder"
 
 
-def test_crossval_and_sweep_take_them(skin: Path, snn: Call) -> None:
-    code, _, error = snn("crossval", "--events", skin, *SMALL, "--folds", 2, "--seeds", 1, "--workers", 1)
+def test_crossval_and_sweep_take_them(skin: Path, call: Any) -> None:
+    code, _, error = call("crossval", "--events", skin, SMALL, "--folds", 2, "--seeds", 1, "--workers", 1)
     assert code == 0, error
     assert json.loads(Path("out/crossval/result.json").read_text())["last"]["images"] == 30
     shutil.copytree(skin, "again/events")
     both = ("--events", skin, "--events", "again/events")
-    code, _, error = snn("sweep", *both, *SMALL, "--folds", 2, "--seeds", 1, "--workers", 1)
+    code, _, error = call("sweep", *both, SMALL, "--folds", 2, "--seeds", 1, "--workers", 1)
     assert code == 0, error
     points = load_sweep(Path("out/sweep")).points
     assert [(p.name, p.readout, p.resolution, p.preset) for p in points] == [
@@ -213,23 +184,23 @@ def test_crossval_and_sweep_take_them(skin: Path, snn: Call) -> None:
     assert points[0].result("last").accuracy == points[1].result("last").accuracy >= 0.9
     assert points[0].data_rate_bps == pytest.approx(120 / 2 * 3)
     assert f"--events {skin}" in load_sweep(Path("out/sweep")).command
-    assert snn("fig9", "--sweep", "out/sweep")[0] == 0
-    code, _, error = snn("sweep", *both, "--points", "lcs:2")
+    assert call("fig9", "--sweep", "out/sweep")[0] == 0
+    code, _, error = call("sweep", *both, "--points", "lcs:2")
     assert (code, error.count("\n")) == (2, 1)
     assert "--points has no effect with --events" in error
-    code, _, error = snn("sweep", *both, "--preset", "paper")
+    code, _, error = call("sweep", *both, "--preset", "paper")
     assert (code, "--preset has no effect with --events" in error) == (2, True)
 
 
-OWN = ("--data", "skin", "--baseline", "median", *SMALL, "--folds", 2)
+OWN = f"--data skin --baseline median {SMALL}"
 
 
 @pytest.fixture
-def own(folder: Path, snn: Call) -> dict[str, Any]:
+def own(folder: Path, call: Any) -> dict[str, Any]:
     """Train on the tables of a slow skin; return the result."""
     write_skin(folder / "skin", taxels=4, each=8, jitter_s=0.003)
     (folder / "skin" / "none").mkdir()
-    code, out, error = snn("train", *OWN)
+    code, out, error = call("train", OWN, "--folds 2")
     assert code == 0, error
     assert "warning: folder skin/none contains no recording" in error
     assert "classes: press, stroke, tap" in out
@@ -239,12 +210,12 @@ def own(folder: Path, snn: Call) -> dict[str, Any]:
     return found
 
 
-def test_own_recordings_are_predicted_as_those_of_the_training_were_taken(own: dict[str, Any], snn: Call) -> None:
+def test_own_recordings_are_predicted_as_those_of_the_training_were_taken(own: dict[str, Any], call: Any) -> None:
     said = own["recordings"]
     assert said["prepared"]["baseline"] == "median"
     assert said["readout"]["sample_rate_hz"] == 35
     assert own["accuracy"] >= 0.9
-    code, out, error = snn("predict", "out/train/weights.npz", "--data", "skin")
+    code, out, error = call("predict", "out/train/weights.npz", "--data", "skin")
     assert code == 0, error
     assert f"test recordings of the fold: accuracy {own['accuracy']:.1%} (" in out
     (Path("new") / "unheard").mkdir(parents=True)
@@ -252,17 +223,17 @@ def test_own_recordings_are_predicted_as_those_of_the_training_were_taken(own: d
         values = (counts(kind, taxels=4, seed=99) - 10_000) // 2
         write_csv(Path("new") / f"{kind}.csv", values)
     shutil.copy("new/tap.csv", "new/unheard/0.csv")
-    code, out, error = snn("predict", "out/train/weights.npz", "--data", "new", "-o", "new.json")
+    code, out, error = call("predict", "out/train/weights.npz", "--data", "new", "-o", "new.json")
     assert code == 0, error
     assert "unheard/0: " in out
     assert out.count("(class: not known)") == 3
     events = [Recording.load(path) for path in sorted(Path("out/recordings").glob("new-*/*.npz"))]
     assert {recording.metadata["scale"] for recording in events} == {said["scale"]}
     assert {recording.config.to_json() for recording in events} == {ReadoutConfig.from_dict(said["readout"]).to_json()}
-    assert snn("predict", "out/train/weights.npz", "--data", "skin/tap/0.csv")[0] == 0
+    assert call("predict", "out/train/weights.npz", "--data", "skin/tap/0.csv")[0] == 0
 
 
-def test_the_rtl_of_own_recordings_is_held_to_the_model(own: dict[str, Any], snn: Call) -> None:
+def test_the_rtl_of_own_recordings_is_held_to_the_model(own: dict[str, Any], call: Any) -> None:
     said = own["recordings"]
     recordings = OwnReadout(ReadoutConfig.from_dict(said["readout"]), Preparation(baseline="median")).read(Path("skin"))
     for number in (0, 9):
@@ -274,36 +245,36 @@ def test_the_rtl_of_own_recordings_is_held_to_the_model(own: dict[str, Any], snn
         path.parent.mkdir(parents=True)
         rtl.save(path)
     check = ("predict", "out/train/weights.npz", "--events", "rtl", "--check-model")
-    code, out, error = snn(*check, "--data", "skin")
+    code, out, error = call(*check, "--data", "skin")
     assert code == 0, error
     assert "2 of 2 images: same events, same tensors, same logits, same predictions" in out
     values = (Path("skin") / "press" / "0.csv").read_text().splitlines()
     cells = values[70].split(",")
     values[70] = ",".join([cells[0], str(int(cells[1]) + 900), *cells[2:]])
     (Path("skin") / "press" / "0.csv").write_text("\n".join(values) + "\n")
-    code, out, _ = snn(*check, "--data", "skin")
+    code, out, _ = call(*check, "--data", "skin")
     assert code == 1
     assert "press/0: RTL and model differ" in out
-    code, _, error = snn(*check)
+    code, _, error = call(*check)
     assert (code, "press/0 is one of your own recordings; name the folder of its samples with --data" in error) == (
         2,
         True,
     )
 
 
-def test_fig8_and_sweep_take_own_recordings(own: dict[str, Any], snn: Call) -> None:
-    code, out, error = snn("fig8", "--data", "skin", "--image", "tap/1")
+def test_fig8_and_sweep_take_own_recordings(own: dict[str, Any], call: Any) -> None:
+    code, out, error = call("fig8", "--data", "skin", "--image", "tap/1")
     assert code == 0, error
     assert "tap/1: true tap, predicted " in out
     assert Path("out/fig8.png").stat().st_size > 30_000
     data = json.loads(Path("out/fig8.json").read_text())
     assert (data["image"], data["preset"], data["readout"]) == ("tap/1", None, own["recordings"]["readout"])
-    code, _, error = snn("fig8")
+    code, _, error = call("fig8")
     assert (code, "name the folder of your recordings with --data" in error) == (2, True)
-    again = ("--epochs", 2, "--seeds", 1, "--workers", 1)
-    tests = [word for pair in ("01", "23", "45", "67") for word in ("--test", f"*/[{pair}]")]
-    sweep = ("sweep", *OWN[:-2], *again, "--points", "lcs:3,nlcs:4,frame:17.5:8")
-    code, _, error = snn(*sweep, *tests)
+    again = "--epochs 2 --seeds 1 --workers 1"
+    tests = [f"--test */[{pair}]" for pair in ("01", "23", "45", "67")]
+    sweep = ("sweep", OWN, again, "--points lcs:3,nlcs:4,frame:17.5:8")
+    code, _, error = call(*sweep, *tests)
     assert code == 0, error
     points = load_sweep(Path("out/sweep")).points
     assert [(p.name, p.readout, p.resolution, p.preset) for p in points] == [
@@ -315,15 +286,15 @@ def test_fig8_and_sweep_take_own_recordings(own: dict[str, Any], snn: Call) -> N
     cell = json.loads(Path("out/sweep/frame-17.5-8/fold-1-seed-0.json").read_text())
     images = load_recordings(next(Path("out/recordings").iterdir()), BinConfig()).names
     assert [images[k] for k in cell["result"]["test_images"]] == [f"{kind}/{k}" for kind in TOUCHES for k in (2, 3)]
-    code, _, error = snn(*sweep, *tests, "--test", "tap/*", "-o", "other")
+    code, _, error = call(*sweep, *tests, "--test", "tap/*", "-o", "other")
     assert (code, "tap/0 fits 2 of the patterns of --test" in error) == (2, True)
     assert "--data skin" in load_sweep(Path("out/sweep")).command
     assert "--baseline median" in load_sweep(Path("out/sweep")).command
 
 
-def test_a_bin_is_no_shorter_than_a_sample_of_own_recordings(folder: Path, snn: Call) -> None:
+def test_a_bin_is_no_shorter_than_a_sample_of_own_recordings(folder: Path, call: Any) -> None:
     write_skin(folder / "skin", taxels=4, each=3)
-    code, out, error = snn("train", "--data", "skin", "--folds", 3, "--epochs", 1, "--set", "hidden=8")
+    code, out, error = call("train", "--data", "skin", "--folds", 3, "--epochs", 1, "--set", "hidden=8")
     assert code == 0, error
     assert "time bin: 0.02857 s, one sample of these recordings; --bin chooses another" in out
     experiment = json.loads(Path("out/train/result.json").read_text())["experiment"]
@@ -369,11 +340,11 @@ def test_a_frame_is_the_newest_sample(folder: Path, call: Any) -> None:
         ("fig8 --data skin --dataset embedded", "--dataset is for textures, --data for your own recordings; give one"),
     ],
 )
-def test_what_own_recordings_cannot_have_is_refused(words: str, sentence: str, snn: Call) -> None:
-    write_skin(Path("skin"), taxels=4, each=6)
+def test_what_own_recordings_cannot_have_is_refused(words: str, sentence: str, call: Any, folder: Path) -> None:
+    write_skin(folder / "skin", taxels=4, each=6)
     network = build(NetworkConfig.from_dict({"inputs": 8, "classes": 3, "hidden": 4}), 0)
     save_weights(Path("weights.npz"), Weights(network, ("press", "stroke", "tap"), 0.1))
-    code, _, error = snn(*words.split())
+    code, _, error = call(words)
     assert code == 2
     assert error.startswith(f"error: {sentence}")
     assert error.count("\n") == 1

@@ -10,9 +10,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from eskin.app.cli import make_app
-from eskin.app.commands.learn.robustness import robustness
-from eskin.app.commands.learn.train import train
 from eskin.base.errors import InputError
 from eskin.model.address_events import taxel_of
 from eskin.model.config import ReadoutConfig
@@ -33,7 +30,7 @@ from eskin.snn.data.disturb import (
 )
 from eskin.snn.data.record import record
 from eskin.snn.experiments.robustness import cases, summarise
-from tests.snn.helpers import caller, two_textures
+from tests.snn.helpers import two_textures
 
 CONFIG = ReadoutConfig(rows=3, columns=4, resolution=4)
 SCAN = preset("physical")
@@ -151,65 +148,45 @@ def test_training_scans_are_disturbed_within_their_ranges_and_the_first_is_clean
 
 # -- cells -------------------------------------------------------------------------------------------
 
-app = make_app("test")
-app.command()(robustness)
-app.command()(train)
 
-
-call = caller(app)
-
-
-def test_cells_are_kept_resumed_and_paired(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    two_textures(tmp_path / "textures")
+def test_cells_are_kept_resumed_and_paired(call: Any, refuses: Any, folder: Path) -> None:
+    two_textures(folder / "textures")
     small = "--dataset textures --folds 2 --epochs 1 --set hidden=8"
     for name, options in (("a", ""), ("b", "--disturbed 1")):
-        assert call(f"train {small} {options} -o {name}/fold-0", capsys)[0] == 0
-    code, text = call("robustness a b --only dead=0.2,lost -o out", capsys)
-    assert code == 0, text
-    content = json.loads((tmp_path / "out" / "robustness.json").read_text())
+        assert call(f"train {small} {options} -o {name}/fold-0")[0] == 0
+    code, _, error = call("robustness a b --only dead=0.2,lost -o out")
+    assert code == 0, error
+    content = json.loads((folder / "out" / "robustness.json").read_text())
     assert content["command"] == "eskin robustness a b --only dead=0.2,lost"
     points = content["points"]
-    assert [(p["disturbance"], p["strength"]) for p in points[::2]] == [
-        ("clean", 0.0),
-        ("dead", 0.2),
-        ("lost", 0.1),
-        ("lost", 0.3),
-        ("lost", 0.5),
-    ]
+    drawn = [(p["disturbance"], p["strength"]) for p in points[::2]]
+    assert drawn == [("clean", 0.0), ("dead", 0.2), ("lost", 0.1), ("lost", 0.3), ("lost", 0.5)]
     assert [point["network"] for point in points[:2]] == ["a", "b"]
     assert points[0]["answers"][0]["labels"] == points[1]["answers"][0]["labels"]
     assert points[0]["accuracy"] == np.mean(
         np.equal(points[0]["answers"][0]["predicted"], points[0]["answers"][0]["labels"])
     )
     assert points[8]["rate_hz"] == pytest.approx(0.5 * points[0]["rate_hz"], rel=0.05)
-    assert (tmp_path / "out" / "robustness.png").stat().st_size > 10_000
-    (cell,) = (tmp_path / "out" / "a-fold-0-seed-0").glob("lost-0.5.json")
-    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("*-fold-*/*.json")}
+    assert (folder / "out" / "robustness.png").stat().st_size > 10_000
+    (cell,) = (folder / "out" / "a-fold-0-seed-0").glob("lost-0.5.json")
+    before = {path: path.stat().st_mtime_ns for path in (folder / "out").rglob("*-fold-*/*.json")}
     cell.unlink()
-    assert call("robustness a b --only dead=0.2,lost -o out", capsys)[0] == 0
+    assert call("robustness a b --only dead=0.2,lost -o out")[0] == 0
     after = {path: path.stat().st_mtime_ns for path in before}
     assert [path for path in before if after[path] != before[path]] == [cell]
-    assert json.loads((tmp_path / "out" / "robustness.json").read_text()) == content
-    (tmp_path / "a" / "fold-0").rename(tmp_path / "a" / "other")
-    (tmp_path / "a" / "fold-0").symlink_to(tmp_path / "b" / "fold-0")
+    assert json.loads((folder / "out" / "robustness.json").read_text()) == content
+    (folder / "a" / "fold-0").rename(folder / "a" / "other")
+    (folder / "a" / "fold-0").symlink_to(folder / "b" / "fold-0")
     for line, message in (
-        (
-            "robustness b/fold-0 a/other a/other",
-            "network 'a' has two trainings with fold 0 and seed 0; rename a folder",
-        ),
+        ("robustness b/fold-0 a/other a/other", "network 'a' has two trainings with fold 0 and seed 0; rename a "),
         ("robustness a --only colour", "disturbances are speed, height,"),
         ("robustness a --only noise=much", "the strength of noise must be a number, not 'much'"),
         ("robustness a --only noise=-1", "the strength of noise must be a number from 0, not -1.0"),
-        ("robustness out", "there is no trained network in out; make one with eskin train"),
+        ("robustness textures", "there is no trained network in textures; make one with eskin train"),
         ("train --disturbed 2 --preset paper", "disturbed scans need events and the physical preset"),
         ("train --disturbed 2 --start-rows 3", "disturbed must be at least 1 with start-rows 1"),
     ):
-        code, text = call(line, capsys)
-        assert (code, text.count("\n")) == (2, 1), text
-        assert text.startswith(f"error: {message}"), text
+        refuses(f"error: {message}", line)
 
 
 def test_answers_of_folds_and_seeds_are_summed_up_by_image() -> None:

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eskin.app.cli import app
 from eskin.model.config import ReadoutConfig
 from eskin.power.equations import CORRECTIONS, PowerModel
 from eskin.power.parameters import PowerParameters
@@ -23,9 +22,8 @@ from eskin.snn.studies.noise import Noisy, Rates, noisy_scans, power_of
 from eskin.snn.studies.paired import paired
 from eskin.snn.studies.rest import bits_per_second
 from eskin.snn.studies.timing import _errors, timing_points
-from tests.snn.helpers import caller, two_textures
+from tests.snn.helpers import two_textures
 
-call = caller(app)
 SMALL = ReadoutConfig(rows=2, columns=3, resolution=4)
 
 
@@ -132,17 +130,14 @@ def test_answers_are_paired_on_the_folds_that_both_have() -> None:
     assert paired([point("a", {1: "0123"}), point("b", {0: "0.23"})], "a", "b", ["time_s"]) == []
 
 
-def test_both_commands_write_what_they_print(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    two_textures(tmp_path / "textures")
+def test_both_commands_write_what_they_print(call: Any, refuses: Any, folder: Path) -> None:
+    two_textures(folder / "textures")
     small = "--dataset textures --folds 2 --epochs 1 --set hidden=8"
     for name, options in (("a", ""), ("b", "--frames frame-onoff:250:8")):
-        assert call(f"train {small} {options} -o nets/{name}/fold-0", capsys)[0] == 0
-    code, text = call("noise-power nets --noises 1,50 --pair a,b -o out", capsys)
-    assert code == 0, text
-    content = json.loads((tmp_path / "out" / "noise_power.json").read_text())
+        assert call(f"train {small} {options} -o nets/{name}/fold-0")[0] == 0
+    code, _, error = call("noise-power nets --noises 1,50 --pair a,b -o out")
+    assert code == 0, error
+    content = json.loads((folder / "out" / "noise_power.json").read_text())
     assert content["command"] == "eskin noise-power nets --noises 1,50 --pair a,b"
     points = content["points"]
     assert [one["images"] for one in content["pairs"]] == [4] * 4
@@ -156,33 +151,28 @@ def test_both_commands_write_what_they_print(
     assert points[0]["accuracy"] == np.mean(
         [a == b for a, b in zip(answer["predicted"], answer["labels"], strict=True)]
     )
-    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").glob("*-fold-*.json")}
-    assert call("noise-power nets --noises 1,50 -o out", capsys)[0] == 0
+    before = {path: path.stat().st_mtime_ns for path in (folder / "out").glob("*-fold-*.json")}
+    assert call("noise-power nets --noises 1,50 -o out")[0] == 0
     assert len(before) == 2
     assert {path: path.stat().st_mtime_ns for path in before} == before
 
     line = "merits nets --pair a,b --dataset textures --limit 1 --noise out/noise_power.json -o merits"
-    code, text = call(line, capsys)
-    assert code == 0, text
-    result = json.loads((tmp_path / "merits" / "merits.json").read_text())
+    code, _, error = call(line)
+    assert code == 0, error
+    result = json.loads((folder / "merits" / "merits.json").read_text())
     last = [point for point in result["latency"] if point["network"] == "a"][-1]
-    said = json.loads((tmp_path / "nets" / "a" / "fold-0" / "result.json").read_text())["predicted"]
+    said = json.loads((folder / "nets" / "a" / "fold-0" / "result.json").read_text())["predicted"]
     assert last["answers"][0]["predicted"] == "".join(map(str, said))  # the whole scan lasts less than that
     assert len(result["latency_pairs"]) == 14
     assert len(result["noise"]) == 8
-    assert (tmp_path / "merits" / "merits.png").stat().st_size > 10_000
+    assert (folder / "merits" / "merits.png").stat().st_size > 10_000
     for line, message in (
-        (
-            "noise-power nets --noises 1,50,60 -o out",
-            "out/a-fold-0-seed-0.json belongs to other weights, noises or images",
-        ),
+        ("noise-power nets --noises 1,50,60 -o out", "out/a-fold-0-seed-0.json belongs to other weights, noises or "),
         (
             "noise-power nets --noises 0",
-            "--noises takes positive numbers of mV below 1000 with commas between, not '0'",
+            "--noises takes positive numbers of mV below 1000 with commas between, not '",
         ),
         ("merits --pair a,b", "--pair compares trained networks; name their folders"),
         ("merits nets --pair a,c", "--pair takes two of a, b, with a comma between, not 'a,c'"),
     ):
-        code, text = call(line, capsys)
-        assert (code, text.count("\n")) == (2, 1), text
-        assert text.startswith(f"error: {message}"), text
+        refuses(f"error: {message}", line)

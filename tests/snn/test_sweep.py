@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from eskin.app.cli import app, run
+from eskin.app.cli import app
 from eskin.app.commands.learn.sweep import _print_table
 from eskin.app.options import LEAKY
 from eskin.base.errors import InputError
@@ -190,20 +190,15 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
         ("--workers 2 --scheduler tcp://a:1", "--workers starts processes on this machine"),
     ],
 )
-def test_bad_options_get_one_sentence(options: str, message: str, tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["sweep", "--dataset", "embedded", "--out", str(tmp_path), *options.split()])
-    assert isinstance(result.exception, InputError)
-    assert str(result.exception).startswith(message)
+def test_bad_options_get_one_sentence(options: str, message: str, refuses: Any) -> None:
+    refuses(f"error: {message}", "sweep --dataset embedded --out out", options)
 
 
-def test_a_setting_that_some_points_do_not_have_is_said(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    words = ["--points", "lcs:4,rnn:20,gru:20", "--set", "decay=0.5", "--workers", "2", "--scheduler", "tcp://a:1"]
-    with pytest.raises(SystemExit) as left:  # the scheduler beside workers is refused after that
-        run(app, "eskin", ["sweep", "--dataset", "embedded", "--out", str(tmp_path), *words])
-    assert left.value.code == 2
-    note, _ = capsys.readouterr().err.splitlines()
+def test_a_setting_that_some_points_do_not_have_is_said(call: Any) -> None:
+    options = "--set decay=0.5 --workers 2 --scheduler tcp://a:1"  # the scheduler beside workers is refused after that
+    code, _, error = call("sweep --dataset embedded --out out --points lcs:4,rnn:20,gru:20", options)
+    assert code == 2
+    note, _ = error.splitlines()
     assert note == "note: --set decay has no effect on the network of rnn-20, gru-20"
 
 
@@ -243,15 +238,14 @@ def test_points_are_encoder_and_number() -> None:
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x", "tcp://127.0.0.1:port", "tcp:///"])
 def test_a_scheduler_that_is_not_there_gets_one_sentence(
-    address: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    address: str, call: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(dask_cluster, "CONNECT_S", 1.0)
     began = time.monotonic()
-    with pytest.raises(SystemExit) as left:
-        run(app, "eskin", [*command(tmp_path), "--scheduler", address, "--out", str(tmp_path / "out")])
-    assert left.value.code == 2
+    code, _, error = call(*command(folder), "--out out --scheduler", address)
+    assert code == 2
     assert time.monotonic() - began < 25  # a client of Dask would try for 30 s
-    assert capsys.readouterr().err == (
+    assert error == (
         f"error: no Dask scheduler answers at {address}; start one with dask scheduler and give its address, "
         f"as --scheduler tcp://HOST:8786\n"
     )

@@ -16,9 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from typer.testing import CliRunner
 
-from eskin.app.cli import app
 from eskin.app.commands.learn import train as commands
 from eskin.app.commands.learn.options import build_experiment
 from eskin.app.options import LEAKY
@@ -248,43 +246,6 @@ def test_the_summary_of_two_cells_by_hand() -> None:
     assert found["sd_over_cells"] == pytest.approx(np.std([1.0, 0.5, 0.5, 0.5], ddof=1))
 
 
-def test_cells_are_kept_and_only_missing_ones_are_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    data = easy_data()
-    experiment = Experiment(network={"hidden": 16, "readout": "membrane"}, train=TrainConfig(epochs=2, batch=8))
-    whole = cross_validate(experiment, tmp_path / "a", folds=3, seeds=1, data=data)
-    assert [cell["fold"] for cell in whole["cells"]] == [0, 1, 2]
-    assert json.loads((tmp_path / "a" / "result.json").read_text())["last"]["images"] == 30
-    (tmp_path / "a" / "fold-1-seed-0.json").unlink()
-    ran: list[int] = []
-    from eskin.snn.experiments import crossval
-
-    original = crossval.run_cell
-
-    def noted(e: Experiment, d: ScanData, fold: int, *rest: int) -> dict[str, Any]:
-        ran.append(fold)
-        return original(e, d, fold, *rest)
-
-    monkeypatch.setattr(crossval, "run_cell", noted)
-    again = cross_validate(experiment, tmp_path / "a", folds=3, seeds=1, data=data)
-    assert ran == [1]
-    assert again == whole
-    other = Experiment(network={"hidden": 17}, train=TrainConfig(epochs=2, batch=8))
-    with pytest.raises(InputError, match=r"belongs to another experiment \(different: network\)"):
-        cross_validate(other, tmp_path / "a", folds=3, seeds=1, data=data)
-    (tmp_path / "a" / "fold-0-seed-0.json").write_text("{")
-    with pytest.raises(InputError, match="is not the result of a cell; remove it"):
-        cross_validate(experiment, tmp_path / "a", folds=3, seeds=1, data=data)
-
-
-def test_processes_give_the_result_of_one(tmp_path: Path) -> None:
-    data = easy_data()
-    experiment = Experiment(network={"hidden": 16, "readout": "membrane"}, train=TrainConfig(epochs=2, batch=8))
-    torch.set_num_threads(1)
-    alone = cross_validate(experiment, tmp_path / "a", folds=2, seeds=1, data=data)
-    pool = cross_validate(experiment, tmp_path / "b", folds=2, seeds=1, data=data, workers=2)
-    assert pool == alone
-
-
 # -- commands ----------------------------------------------------------------------------------------
 
 
@@ -505,54 +466,30 @@ def test_a_network_that_is_too_large_gets_one_sentence() -> None:
         (["--preset", "paper", "--start-rows", "2"], "the paper preset has one start row; use the physical preset"),
     ],
 )
-def test_bad_options_get_one_sentence(options: list[str], message: str, tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["train", "--out", str(tmp_path / "out"), *options])
-    assert isinstance(result.exception, InputError)
-    assert str(result.exception).startswith(message)
-
-
-@pytest.mark.parametrize("options", [["--folds", "0"], ["--folds", "-1"], ["--seed", "9" * 23]])
-def test_numbers_out_of_range_are_wrong_usage(options: list[str]) -> None:
-    result = CliRunner().invoke(app, ["train", *options])
-    assert result.exit_code == 2
-    assert "Input should be " in result.output
+def test_bad_options_get_one_sentence(options: list[str], message: str, refuses: Any) -> None:
+    refuses(f"error: {message}", "train --out out", *options)
 
 
 @pytest.mark.parametrize("name", ["checkpoint.pt", "result.json", "weights.npz"])
 def test_an_output_that_cannot_be_written_is_refused_before_the_scans(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, refuses: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / name).mkdir()
+    (folder / "out" / name).mkdir(parents=True)
     monkeypatch.delattr(Experiment, "data")
-    result = CliRunner().invoke(app, ["train", "--dataset", "embedded", "--out", str(tmp_path)])
-    assert str(result.exception) == f"cannot write {tmp_path / name}: it is a folder; give the name of a file"
-    if name == "result.json":
-        result = CliRunner().invoke(app, ["crossval", "--dataset", "embedded", "--out", str(tmp_path)])
-        assert str(result.exception).startswith(f"cannot write {tmp_path / name}: it is a folder")
+    for command in ("train", "crossval") if name == "result.json" else ("train",):
+        sentence = f"error: cannot write out/{name}: it is a folder; give the name of a file\n"
+        refuses(sentence, command, "--dataset embedded --out out")
 
 
-def test_crossval_prints_both_readings(tmp_path: Path) -> None:
-    config = tmp_path / "small.json"
-    config.write_text(json.dumps({"rows": 1, "columns": 2}))
-    options = [
-        "--dataset",
-        "embedded",
-        "--config",
-        str(config),
-        "--bin",
-        "0.01",
-        "--set",
-        "hidden=16",
-        "--workers",
-        "1",
-    ]
-    options += ["--folds", "2", "--seeds", "1", "--epochs", "2", "--out", str(tmp_path / "cv")]
-    result = CliRunner().invoke(app, ["crossval", *options])
-    assert result.exit_code == 0, result.output
-    report = json.loads((tmp_path / "cv" / "result.json").read_text())
+def test_crossval_prints_both_readings(call: Any, folder: Path) -> None:
+    (folder / "small.json").write_text(json.dumps({"rows": 1, "columns": 2}))
+    options = "--dataset embedded --config small.json --bin 0.01 --set hidden=16 --workers 1"
+    code, out, error = call("crossval", options, "--folds 2 --seeds 1 --epochs 2 --out cv")
+    assert code == 0, error
+    report = json.loads((folder / "cv" / "result.json").read_text())
     for reading, words in (("last", "last epoch"), ("selected", "epoch selected by inner validation")):
         low, high = report[reading]["bootstrap_95"]
-        assert f"{words}: {report[reading]['accuracy']:.1%}, 95 % interval over images and seeds " in result.output
-        assert f"seeds {low:.1%} to {high:.1%} (48 images, 1 seeds), standard deviation over cells " in result.output
+        assert f"{words}: {report[reading]['accuracy']:.1%}, 95 % interval over images and seeds " in out
+        assert f"seeds {low:.1%} to {high:.1%} (48 images, 1 seeds), standard deviation over cells " in out
     assert report["last"]["images"] == 48
     assert report["experiment"]["readout"]["resolution"] == 4

@@ -7,9 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from eskin.app.cli import app
 from eskin.cocotb_tests.runner.cocotb_runners import build_environment
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
@@ -86,15 +84,10 @@ def test_the_whole_readout_or_its_host_is_bound(registers: str, whole: type[Chec
     assert ("host.column_request" in arbiter["request"]) == (whole is HostChecker)
 
 
-def test_the_command_writes_what_goes_with_the_verilog(tmp_path: Path) -> None:
-    words = ["dev", "properties", "--rows", "1", "--columns", "1", "--link", "four_phase", "-o", str(tmp_path)]
-    done = CliRunner().invoke(app, words)
-    assert done.exit_code == 0, done.output
-    text = (tmp_path / "eskin_readout_properties.sv").read_text()
+def test_the_command_writes_what_goes_with_the_verilog(call: Any, folder: Path) -> None:
+    code, _, error = call("dev properties --rows 1 --columns 1 --link four_phase -o out")
+    assert code == 0, error
+    text = (folder / "out" / "eskin_readout_properties.sv").read_text()
     assert text == properties(ReadoutConfig(rows=1, columns=1, link="four_phase"))
-    assert [line.split()[1] for line in text.splitlines() if line.startswith("bind ")] == [
-        "eskin_taxel",
-        "eskin_link",
-        "eskin_readout",
-        "eskin_readout",
-    ]
+    bound = [line.split()[1] for line in text.splitlines() if line.startswith("bind ")]
+    assert bound == ["eskin_taxel", "eskin_link", "eskin_readout", "eskin_readout"]

@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from eskin.app.cli import app
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
@@ -34,15 +33,15 @@ def quickly_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cxxrtl, "OPTIMISE", "-O0")
 
 
-def test_the_third_simulator_plays_a_texture_as_the_model(tmp_path: Path) -> None:
+def test_the_third_simulator_plays_a_texture_as_the_model(call: Any, folder: Path) -> None:
     # Compiling what CXXRTL makes takes some seconds: the smallest array with rows and columns.
-    array = ["--rows", "2", "--columns", "2", "--encoding", "cw-lcs", "--window-period", "3", "--ticks", "400"]
-    done = CliRunner().invoke(app, ["dev", "crosscheck", *array, "--out", str(tmp_path / "found.json")])
-    assert done.exit_code == 0, done.output
-    kept = json.loads((tmp_path / "found.json").read_text())
+    array = "--rows 2 --columns 2 --encoding cw-lcs --window-period 3 --ticks 400"
+    code, out, error = call("dev crosscheck", array, "--out found.json")
+    assert code == 0, error
+    kept = json.loads((folder / "found.json").read_text())
     assert kept["runs"] > 8
     assert 100 < kept["of_texture"] < kept["events"]
-    assert done.output.splitlines()[-1].endswith(f"{kept['of_texture']} of a texture; slang: 0 problems")
+    assert out.splitlines()[-1].endswith(f"{kept['of_texture']} of a texture; slang: 0 problems")
 
 
 def test_the_third_simulator_finds_a_bug() -> None:

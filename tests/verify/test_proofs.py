@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from amaranth.asserts import AnyConst
 from amaranth.hdl import Fragment, Module, Signal
-from typer.testing import CliRunner
 
-from eskin.app.cli import app
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.link import FourPhaseLink
 from eskin.verify.proofs.blocks.link import LinkChecker
@@ -20,10 +20,10 @@ SMALL = [proof for proof in proofs() if proof.small]
 CONFIG = ReadoutConfig(rows=1, columns=1, link="four_phase")
 
 
-def test_the_command_ends_with_its_one_line() -> None:
-    done = CliRunner().invoke(app, ["dev", "formal", "--block", "link", "--small"])
-    assert done.exit_code == 0, done.output
-    assert done.output.splitlines()[-1] == "proved: 10 properties, 10 of them unbounded, 0 failed"
+def test_the_command_ends_with_its_one_line(call: Any) -> None:
+    code, out, error = call("dev formal --block link --small")
+    assert code == 0, error
+    assert out.splitlines()[-1] == "proved: 10 properties, 10 of them unbounded, 0 failed"
 
 
 @pytest.mark.parametrize("proof", [p for p in SMALL if p.block != "link"], ids=lambda proof: proof.block)
