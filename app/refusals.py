@@ -34,7 +34,7 @@ IDLE: dict[str, dict[str, str]] = {
         "no --tiles": "--merge --relays",
         "--tiles": f"--classifier --chip --readout --report --clock-gates {FRAME_OPTIONS}",
         "no --classifier": "--chip",
-        "--classifier": "--readout --report --clock-gates",
+        "--classifier": "--readout --report",
     },
     "verilog asic": {"--readout=frame": f"{SPIKING_OPTIONS} --tau"},
     "asic-scale": {"no --tiles": "--relays"},

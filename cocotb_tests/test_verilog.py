@@ -105,15 +105,15 @@ def name(config: ReadoutConfig) -> str:
     return f"{config.encoding}-{config.rows}x{config.columns}-{config.resolution}b-{config.frontend}-{config.link}"
 
 
-def lint(path: Path) -> str:
-    """Return all messages of both linters."""
+def lint(path: Path, *more: Path) -> str:
+    """Return all messages of both linters on a file, and on the files of the modules that it uses."""
     require_programs("icarus")
-    top = path.stem
+    top, files = path.stem, [str(path), *map(str, more)]
     said = ""
     with build_environment():
         for command in (
-            ["verilator", "--lint-only", "-Wall", "--top-module", top, str(path)],
-            ["iverilog", "-g2005", "-Wall", "-t", "null", "-s", top, str(path)],
+            ["verilator", "--lint-only", "-Wall", "--top-module", top, *files],
+            ["iverilog", "-g2005", "-Wall", "-t", "null", "-s", top, *files],
         ):
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             said += done.stderr + (f"exit code {done.returncode}" if done.returncode else "")

@@ -28,10 +28,13 @@ def network_of(chip: ChipConfig) -> IntegerWeights:
     return IntegerWeights(IntegerNetwork.filled(config, drawn), tuple(f"class {n}" for n in range(config.classes)))
 
 
-def play(chip: ChipConfig, program: Simulator, folder: Path, network: IntegerWeights | None = None) -> dict[str, Any]:
+def play(
+    chip: ChipConfig, program: Simulator, folder: Path, network: IntegerWeights | None = None, text: str = ""
+) -> dict[str, Any]:
     """Play a texture that moves and stops on a chip in its harness, and return the result.
 
-    The chip plays the texture twice: every clock, and only the clocks in which it is awake.
+    The chip plays the texture twice: every clock, and only the clocks in which it is awake. ``text`` is Verilog to
+    simulate instead of the chip's own.
     """
     (network or network_of(chip)).save(folder / "network.npz")
     samples = random_scan(chip.readout, 60, np.random.default_rng(2))
@@ -41,7 +44,7 @@ def play(chip: ChipConfig, program: Simulator, folder: Path, network: IntegerWei
     runs: dict[str, dict[str, Any]] = {"noise": {}, "skipped": {}}
     job = Job(places[0], chip.to_dict(), runs, places[1], str(folder), "again", ["skipped"])
     job.write(folder / "job.json")
-    follow(build(chip, program), "eskin.cocotb_tests.touch.player", {JOB: str(folder / "job.json")}, folder)
+    follow(build(chip, program, text=text), "eskin.cocotb_tests.touch.player", {JOB: str(folder / "job.json")}, folder)
     with np.load(folder / "noise.npz") as found:
         assert len(found["taken"]) == json.loads(str(found["metadata"]))["events"]
         return dict(json.loads(str(found["metadata"])))

@@ -27,6 +27,9 @@ SYNCHRONISERS = {
 }
 """Registers that take what comes without a clock, by their modules."""
 
+MEMORY = "$memrd_v2"
+"""A memory, which a macro replaces with its module: its register of the word read gets no gate."""
+
 FEWEST_FLOPS = 3
 """Flops with one enable that are worth a clock gate."""
 
@@ -50,14 +53,18 @@ endmodule
 STUB = f"module {GATE}(input clk, input enable, input {TEST}, output gated); assign gated = enable; endmodule\n"
 """Its ports, for Yosys."""
 
+FLOPS = "eskin_lane"
+"""Block whose memory is made of flops, so that every word has an enable; the other memories become macros."""
+
 # As the script of the plain Verilog, but that a synchronous reset goes into the data: the gate replaces the enable.
 TO_GATES = (
-    "read_rtlil readout.il; hierarchy -check -top {top}; proc -norom; opt_expr; opt_merge; opt_clean; opt_dff; "
-    "dffunmap -srst-only; opt_expr; opt_dff -nosdff; opt_expr -mux_undef; wreduce; opt_merge; opt_clean -purge; "
-    "setattr -unset init w:*; write_json gated.json"
+    "read_rtlil readout.il; delete t:$meminit_v2; hierarchy -check -top {top}; "
+    "proc -norom; opt_expr; opt_merge; opt_clean; memory_collect {flops}; memory_map {flops}; opt_merge; opt_clean; "
+    "opt_dff; dffunmap -srst-only; opt_expr; opt_dff -nosdff; opt_expr -mux_undef; wreduce; opt_merge; "
+    "splitnets -driver eskin_classifier; opt_clean -purge; setattr -unset init w:*; write_json gated.json"
 )
 TO_VERILOG = (
-    "read_json gated.json; read_verilog gate.v; hierarchy -top {top}; add -global_input {test} 1; "
+    "read_json gated.json; read_verilog gate.v; hierarchy -top {top}; add -global_input {test} 1 {gate} {tested}; "
     "opt_clean; check -assert; write_verilog -noattr readout.v"
 )
 
@@ -72,19 +79,33 @@ def gated(rtlil: str, top: str, synchronous_reset: bool) -> str:
     synchronous_reset : bool
         The clock runs in reset.
     """
-    design = json.loads(yosys.run(TO_GATES.format(top=top), rtlil, "gated.json"))
+    design = json.loads(yosys.run(TO_GATES.format(top=top, flops=FLOPS), rtlil, "gated.json"))
     stop_enables(design)
     stop_blocks(design, top, synchronous_reset)
     for module_name, module in design["modules"].items():
         _keep_apart(module, SYNCHRONISERS.get(module_name, ()))
+        named = [net["bits"] for net in module["netnames"].values() if not net["hide_name"]]
         for name, cell in module["cells"].items():
-            if cell["type"] == GATE:
+            if cell["type"] == GATE and cell["connections"]["enable"] not in named:
                 net = {"hide_name": 0, "bits": cell["connections"]["enable"], "attributes": {}}
                 module["netnames"][f"{name}_enable"] = net
     files = {"gated.json": json.dumps(design).encode(), "gate.v": STUB.encode()}
-    text = yosys.run(TO_VERILOG.format(top=top, gate=GATE, test=TEST), "", "readout.v", files)
+    script = TO_VERILOG.format(top=top, gate=GATE, test=TEST, tested=" ".join(_tested(design["modules"])))
+    text = yosys.run(script, "", "readout.v", files)
     body = re.compile(rf"^module {GATE}\(.*?^endmodule\n\n?", re.MULTILINE | re.DOTALL)
     return body.sub("", yosys.tidy(text))
+
+
+def _tested(modules: dict[str, Any]) -> set[str]:
+    """Return the modules that contain a clock gate, also in an instance."""
+    found: set[str] = {GATE}
+    while more := {
+        name
+        for name, module in modules.items()
+        if name not in found and any(cell["type"] in found for cell in module["cells"].values())
+    }:
+        found |= more
+    return found - {GATE}
 
 
 def _keep_apart(module: dict[str, Any], registers: Collection[str]) -> None:
@@ -110,6 +131,8 @@ def stop_enables(design: dict[str, Any]) -> int:
     """
     gates = 0
     for module in design["modules"].values():
+        if any(cell["type"] == MEMORY for cell in module["cells"].values()):
+            continue
         groups: dict[tuple[int, int, str], list[dict[str, Any]]] = {}
         for cell in module["cells"].values():
             if cell["type"] in ("$dffe", "$adffe"):
@@ -161,7 +184,7 @@ def stop_blocks(design: dict[str, Any], top: str, synchronous_reset: bool, root:
         awake = module["netnames"][AWAKE]["bits"][0]
         gated, enable = highest_net(module) + 1, highest_net(module) + 2
         for cell in module["cells"].values():
-            if name == top and cell["type"] in LISTENS:
+            if cell["type"] in LISTENS:
                 continue
             for pin, bits in cell["connections"].items():
                 if bits == [clock]:

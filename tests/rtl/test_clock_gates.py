@@ -7,9 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from eskin.cocotb_tests.test_chip import chip
+from eskin.cocotb_tests.test_verilog import lint
+from eskin.cocotb_tests.touch.noise import play
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.delivery import write
-from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE
+from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE, TEST
 from eskin.rtl.verilog import verilog
 from eskin.verify.proofs.delivered import Different
 from eskin.verify.proofs.gated import prove_gated
@@ -59,3 +62,16 @@ def test_the_model_and_the_delivered_text_give_the_same_events(tmp_path: Path) -
     done = call("sim", *words)
     assert done.returncode == 0, done.stdout + done.stderr
     assert re.search(r"bit-exact: \d+ runs, \d+ clocks, [1-9]\d* events, 0 mismatches", done.stdout)
+
+
+def test_a_chip_with_clock_gates_is_proved_and_simulated(tmp_path: Path) -> None:
+    config = chip(1, 2, 4, 5)
+    texts = {path.name: path.read_text() for path in write(config, tmp_path, gated=True)}
+    text = texts["eskin_chip.v"]
+    assert prove_gated(config, text) > 300
+    assert "gate_0_enable = ~set_group &" in text
+    with pytest.raises(Different, match=r"^with clock gates not proved equal: "):
+        prove_gated(config, text.replace("gate_0_enable = ~set_group &", "gate_0_enable = set_group &"))
+    assert play(config, "icarus", tmp_path, text=text + BEHAVIOUR)["events"] > 20
+    assert lint(tmp_path / "eskin_chip.v", tmp_path / f"{GATE}.v") == ""
+    assert TEST in texts["eskin_chip.sdc"]

@@ -52,7 +52,8 @@ def verilog(
     clock_gates: Annotated[
         bool,
         typer.Option(
-            "--clock-gates", help="put instances of eskin_clock_gate into the Verilog of a readout, for a chip"
+            "--clock-gates",
+            help="put instances of eskin_clock_gate into the Verilog of a readout, a classifier or both",
         ),
     ] = False,
 ) -> None:
@@ -77,7 +78,8 @@ def verilog(
                 f"--{idle[0].replace('_', '-')} has no effect with --classifier{hint or ':'} leave one of the two out"
             )
         found = IntegerWeights.load(classifier).network.config.replace(reset=config.reset)
-        _deliver(ChipConfig(readout=config, classifier=found) if chip else found, out, prove)
+        design = ChipConfig(readout=config, classifier=found) if chip else found
+        _deliver(design, out, prove, gated=clock_gates)
         return
     if readout not in READOUTS:
         raise InputError(f"--readout must be one of {', '.join(READOUTS)}, not {readout!r}")
