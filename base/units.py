@@ -7,18 +7,16 @@ import math
 PREFIXES = ("a", "f", "p", "n", "u", "m", "", "k", "M", "G", "T")
 
 
-def with_unit(value: float, unit: str, digits: int = 3) -> str:
+def with_unit(value: float, unit: str) -> str:
     """Return a value with its unit as text: 26.9 mW, 80.2 uV, 1.2 Mbit/s."""
     if value == 0 or not math.isfinite(value):
         return f"{value:g} {unit}"
     power = len(PREFIXES) - 1
-    while power and abs(value) < (1 - 0.5 * 10**-digits) * 1000.0 ** (
-        power - 6
-    ):  # what rounds to 1000 is 1 of the next
+    while power and abs(value) < 0.9995 * 1000.0 ** (power - 6):  # what rounds to 1000 is 1 of the next
         power -= 1
-    return f"{plain(value / 1000.0 ** (power - 6), digits)} {PREFIXES[power]}{unit}"
+    return f"{plain(value / 1000.0 ** (power - 6))} {PREFIXES[power]}{unit}"
 
 
-def plain(value: float, digits: int = 3) -> str:
+def plain(value: float) -> str:
     """Return a number as text, with significant digits, or from 1000 on whole: 0.000123, 3.66, 12,345."""
-    return f"{value:,.0f}" if abs(value) >= 999.5 else f"{value:.{digits}g}"
+    return f"{value:,.0f}" if abs(value) >= 999.5 else f"{value:.3g}"

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eskin.base.errors import InputError
+from eskin.base.pages import templates
 from eskin.flow import opensta
 from eskin.flow.asic.constraints import sdc
 from eskin.flow.asic.synthesis import Netlist
@@ -22,47 +23,7 @@ ROUNDS = 40
 Slacks mostly lie on a line, whose zero is looked at from a little above and a little below; every third time it is
 halved, since a slack is 0 for a wide range of periods where a latch borrows time."""
 
-SCRIPT = """\
-read_liberty cells.lib
-read_verilog netlist.v
-link_design {top}
-set period {start}
-proc constrain {{}} {{ global period; uplevel #0 source constraints.sdc }}
-constrain
-with_output_to_variable setup {{ check_setup -verbose }}
-puts "SETUP <<$setup>>"
-proc look {{new}} {{
-  global period met missed spare lack
-  set period $new
-  constrain
-  set slack [worst_slack -max]
-  if {{$slack < 0}} {{ set missed $new; set lack $slack }} else {{ set met $new; set spare $slack }}
-  return $slack
-}}
-set slack [look $period]
-while {{$slack >= 0}} {{ set slack [look [expr $period / 2]] }}
-while {{$slack < 0 && $period < {longest}}} {{ set slack [look [expr $period * 2]] }}
-if {{$slack < 0}} {{ set met $period; set missed $period }}
-for {{set i 0}} {{$i < {rounds} && $met - $missed > {within} * $met}} {{incr i}} {{
-  set new [expr ($met + $missed) / 2]
-  if {{$i % 3 < 2}} {{
-    set zero [expr $missed + ($met - $missed) * $lack / ($lack - $spare)]
-    set near [expr $zero * (1 + ($i % 3 ? -1 : 1) * {within} / 3)]
-    if {{$near > $missed && $near < $met}} {{ set new $near }}
-  }}
-  look $new
-}}
-set period $met
-constrain
-puts "PERIOD <<$period [worst_slack -max]>>"
-set period [expr 0.999 * $period]
-constrain
-with_output_to_variable path {{ report_checks -path_delay max -digits 4 }}
-puts "PATH <<$path>>"
-set period {own}
-constrain
-puts "OWN <<[worst_slack -max] [worst_slack -min]>>"
-"""
+TEMPLATES = templates(Path(__file__).parents[1] / "templates")
 PROGRESS = re.compile(r"^(\w+) <<(.*?)>>$", re.MULTILINE | re.DOTALL)
 SLACK = re.compile(r"(-?\d+\.\d+) +slack")
 STAGE = re.compile(r"^ +\S+ +(\d+\.\d+) +[v^] (\S+)/\S+ \((\w+)\)$", re.MULTILINE)
@@ -137,7 +98,7 @@ def analyse(netlist: Netlist, library: Library, constant: Collection[str] = (), 
         raise InputError(f"the cell library {library.path} has no cell {missing[0]}; give corners of one library")
     for name in sorted(used):
         library.cells[name].check()  # OpenSTA has no sentence for a wrong table
-    script = SCRIPT.format(
+    script = TEMPLATES.get_template("timing.tcl").render(
         top=netlist.top,
         start=START_NS,
         longest=LONGEST_NS,

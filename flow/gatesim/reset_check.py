@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from eskin.base.pages import templates
 from eskin.flow.asic.structure import RESET_CLOCKS
 from eskin.flow.gatesim import icarus
 from eskin.flow.gatesim.flat_netlist import FlatNetlist
 from eskin.flow.gatesim.models import models
 from eskin.flow.liberty.library import Library
 
+TEMPLATES = templates(Path(__file__).parents[1] / "templates")
 QUIET_CLOCKS = 16
 """Clocks after reset, with all inputs at 0, in which no flop and no output may turn unknown."""
 
@@ -70,17 +72,6 @@ def from_reset(netlist: FlatNetlist, library: Library, folder: Path) -> Unknown:
 
 def _bench(netlist: FlatNetlist, state: list[str], outputs: list[str]) -> str:
     """Return a testbench that prints the flops at the end of reset, and flops and outputs at the end of the run."""
-    inputs = [port for port in netlist.ports if port.direction == "input"]
-    lines = ["`timescale 1ns / 1ns", "module bench;"]
-    for port in netlist.ports:
-        kind = "reg" if port.direction == "input" else "wire"
-        lines.append(f"  {kind} [{len(port.nets) - 1}:0] {port.name};")
-    lines += [f"  {netlist.top} dut ({', '.join(f'.{port.name}({port.name})' for port in netlist.ports)});"]
-    lines += ["  initial begin", "    clk = 0; rst = 1;"]
-    lines += [f"    repeat ({RESET_CLOCKS}) begin #4 clk = 1; #4 clk = 0; end"]
-    lines += [f'    #1 $display("%b", {{{", ".join(state)}}});']
-    lines += [f"    {port.name} = 0;" for port in inputs if port.name not in ("clk", "rst")]
-    lines += ["    #1 rst = 0;", f"    repeat ({QUIET_CLOCKS}) begin #4 clk = 1; #4 clk = 0; end"]
-    lines += [f'    #1 $display("%b", {{{", ".join(state)}}});']
-    lines += [f'    $display("%b", {{{", ".join(outputs)}}});', "    $finish;", "  end", "endmodule", ""]
-    return "\n".join(lines)
+    clocks = {"reset_clocks": RESET_CLOCKS, "quiet_clocks": QUIET_CLOCKS}
+    values = {"top": netlist.top, "ports": netlist.ports, "state": state, "outputs": outputs}
+    return TEMPLATES.get_template("reset.v").render(values | clocks)

@@ -10,41 +10,8 @@ from pathlib import Path
 
 from eskin.flow.layout import environment
 
-NAMES = """
-# Names of nets are the texts of the top cell alone: those inside the cells are the names of their pins.
-def names(number)
-    texts = RBA::Texts::new
-    index = source.layout.find_layer(number, 0)
-    source.cell_obj.shapes(index).each { |shape| texts.insert(shape.text) if shape.is_text? } if index
-    DRC::DRCLayer::new(self, texts)
-end
-connect(li, names(67))
-connect(m1, names(68))
-connect(m2, names(69))
-connect(m3, names(70))
-# There is no power mesh: the rails of the rows are one net by their name.
-connect_implicit("vdd")
-connect_implicit("vss")
-"""
-COMPARE = """
-align
-ENV["PORTS"].split(",").each { |port| same_nets!(ENV["CELL_NAME"], port, port.upcase) }
-ok = compare
-require "json"
-circuit = netlist.circuit_by_name(ENV["CELL_NAME"])
-differ = []
-xref = lvs_data.xref
-xref.each_circuit_pair do |pair|
-    xref.each_net_pair(pair) do |nets|
-        next if ok || nets.status == RBA::NetlistCrossReference::Match
-        differ << [nets.first, nets.second].map { |net| net ? net.expanded_name : "none" }.join(" / ")
-    end
-end
-File.write(ENV["COUNTS_FILE"], JSON.generate({
-    "equal" => ok, "nets" => circuit.each_net.count, "devices" => circuit.each_device.count,
-    "ports" => ENV["PORTS"].split(",").size, "differ" => differ.first(5)
-}))
-"""
+NAMES = (Path(__file__).parents[1] / "templates" / "names.rb").read_text()
+COMPARE = (Path(__file__).parents[1] / "templates" / "compare.rb").read_text()
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from eskin.base.pages import templates
 from eskin.flow import opensta
 from eskin.flow.liberty.library import Library
 from eskin.flow.macro.characterise import LOADS_PF, SLEWS_NS, table, units
@@ -25,33 +26,7 @@ SPEF = """*SPEF "IEEE 1481-1998"
 *T_UNIT 1 NS *C_UNIT 1 PF *R_UNIT 1 OHM *L_UNIT 1 HENRY
 """
 
-LOAD = """set sta_report_default_digits 6
-read_liberty {library}
-read_verilog {netlist}
-link_design {top}
-"""
-CLOCKED = """set period {period}
-create_clock -name clk -period $period [get_ports clk]
-set_propagated_clock [get_clocks clk]
-set inputs {{{inputs}}}
-set outputs {{{outputs}}}
-proc say {{what of body}} {{ with_output_to_variable text $body; puts "$what $of <<[string trim $text]>>" }}
-proc leave {{slew load}} {{
-  global outputs
-  set_input_transition $slew [get_ports clk]
-  set_load $load [get_ports $outputs]
-  foreach name $outputs {{
-    say "arrival $slew $load" $name "report_arrival $name"
-    say "slew $slew $load" $name "report_slews $name"
-  }}
-}}
-proc enter {{clock data}} {{
-  global inputs
-  set_input_transition $clock [get_ports clk]
-  set_input_transition $data [get_ports $inputs]
-  foreach name $inputs {{ say "slack $clock $data" $name "report_slack $name" }}
-}}
-"""
+TEMPLATES = templates(Path(__file__).parents[1] / "templates")
 SAID = re.compile(r"^(\w+) (\S+) (\S+) (\S+) <<(.*?)>>$", re.MULTILINE | re.DOTALL)
 NUMBER = r"(-?[\d.]+)"
 TIMES = re.compile(rf"(?:r|\^) {NUMBER}:{NUMBER} (?:f|v) {NUMBER}:{NUMBER}")
@@ -181,8 +156,15 @@ def _ask(script: str, files: Mapping[str, str], folder: Path) -> dict[tuple[str,
     return found
 
 
+def _load(library: str, netlist: str, top: str) -> str:
+    """Return the commands that read a netlist and its library."""
+    return TEMPLATES.get_template("load.tcl").render(library=library, netlist=netlist, top=top)
+
+
 def _clocked(block: Block) -> str:
-    return CLOCKED.format(period=PERIOD_NS, inputs=" ".join(block.data), outputs=" ".join(block.outputs))
+    return TEMPLATES.get_template("clocked.tcl").render(
+        period=PERIOD_NS, inputs=" ".join(block.data), outputs=" ".join(block.outputs)
+    )
 
 
 def liberty(block: Block, library: Library, folder: Path) -> tuple[str, float]:
@@ -205,7 +187,7 @@ def liberty(block: Block, library: Library, folder: Path) -> tuple[str, float]:
     """
     if paths := block.unstored(library):
         raise NoModel(f"a path without a flop leads from {paths[0][0]} to {paths[0][1]}; the model has no such arc")
-    script = [LOAD.format(library="cells.lib", netlist="netlist.v", top=block.name), "read_spef wires.spef"]
+    script = [_load(library="cells.lib", netlist="netlist.v", top=block.name), "read_spef wires.spef"]
     script += [_clocked(block), f"set_input_transition {SLEWS_NS[0]} [get_ports clk]"]
     script.append('puts "own 0 0 clk <<r [expr min([worst_slack -max], $period)]:0 f 0:0>>"')
     script += [f"leave {slew} {load}" for slew in SLEWS_NS for load in LOADS_PF]
@@ -269,9 +251,9 @@ def check(text: str, block: Block, library: Library, folder: Path) -> float:
     asked = [_clocked(block), f"leave {slew} {load}", "set_input_delay -clock clk 0 [get_ports $inputs]"]
     asked.append(f"enter {slew} {slew}")
     files = {"cells.lib": library.content.decode(), "netlist.v": block.verilog(), "wires.spef": block.spef(library)}
-    script = [LOAD.format(library="cells.lib", netlist="netlist.v", top=block.name), "read_spef wires.spef"]
+    script = [_load(library="cells.lib", netlist="netlist.v", top=block.name), "read_spef wires.spef"]
     flat = _ask("\n".join(script + asked), files, folder)
-    script = [LOAD.format(library="macro.lib", netlist="outer.v", top="outer")]
+    script = [_load(library="macro.lib", netlist="outer.v", top="outer")]
     model = _ask("\n".join(script + asked), {"macro.lib": text, "outer.v": outer}, folder)
     if missing := sorted(set(flat) ^ set(model)):
         raise RuntimeError(f"the model and the netlist differ in the times of {missing[0][3]}")

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from eskin.base.pages import templates
 from eskin.cocotb_tests.bench.textures import scan
 from eskin.flow.asic.synthesis import cells_of
 from eskin.flow.gatesim import icarus
@@ -65,45 +66,7 @@ POTENTIALS = (
 )
 """The potentials of a lane become flops."""
 
-BENCH = """`timescale 1ns / 1ns
-module play;
-  reg clk = 0, rst = 1, running = 0;
-  always #4 clk = ~clk;
-  reg [63:0] cycle = 0, n = 0;
-  reg [63:0] at [0:%(events)d];
-  reg [31:0] channel [0:%(events)d];
-%(memories)s
-%(wires)s
-  assign event_valid = running && n < %(events)d && cycle >= at[n];
-  assign bin_end = running && cycle %% %(width)d == %(width)d - 1;
-  %(top)s dut (%(pins)s);
-  always @(posedge clk) begin
-    if (running) begin
-      cycle <= cycle + 1;
-      if (event_valid && event_ready) begin
-        $display("event %%0d", cycle);
-        n <= n + 1;
-      end
-      if (class_valid) $display("class %%0d %%0d %%h", cycle, class_index, evidence);
-      if (cycle == %(clocks)d) $finish;
-    end
-%(reads)s
-  end
-  initial begin
-    $readmemh("at.hex", at);
-    $readmemh("channel.hex", channel);
-%(loads)s
-    repeat (4) @(posedge clk);
-    rst <= 0;
-    running <= 1;
-  end
-  initial begin
-    @(posedge running);
-    #%(before)d $dumpfile("%(file)s"); $dumpvars(1, dut);
-    #%(inside)d $dumpoff;
-  end
-endmodule
-"""
+TEMPLATES = templates(Path(__file__).parents[1] / "templates")
 
 
 @dataclass(frozen=True)
@@ -160,38 +123,29 @@ def play(
         (folder / f"{name}.hex").write_text(lines)
     given = {"clk": "clk", "rst": "rst", "event_channel": f"channel[n][{max(config.channel_bits, 1) - 1}:0]"}
     given |= {f"{name}_read_data": f"{name}_word" for name in MEMORIES}
-    own = {port.name: len(port.nets) for port in netlist.ports}
     driven = {"event_valid", "bin_end"}
     wires = [
-        f"  wire [{bits - 1}:0] {name};"
+        (port.name, len(port.nets))
         for port in netlist.ports
-        if (name := port.name) not in given and (port.direction == "output" or name in driven)
-        for bits in [own[name]]
+        if port.name not in given and (port.direction == "output" or port.name in driven)
     ]
     pins = [
         f".{port.name}({given.get(port.name, port.name if port.direction == 'output' or port.name in driven else 0)})"
         for port in netlist.ports
     ]
     first_edge = 2 * HALF_NS * (dumped.start + 1)
-    bench = BENCH % {
-        "events": len(offered),
-        "memories": "\n".join(
-            f"  reg [{bits - 1}:0] {name} [0:{len(words) - 1}], {name}_word = 0;"
-            for name, (words, bits) in memories.items()
-        ),
-        "reads": "\n".join(
-            f"    if ({name}_read_valid) {name}_word <= {name}[{name}_read_address];" for name in memories
-        ),
-        "loads": "\n".join(f'    $readmemh("{name}.hex", {name});' for name in memories),
-        "wires": "\n".join(wires),
-        "pins": ", ".join(pins),
-        "width": width,
-        "top": netlist.top,
-        "clocks": clocks,
-        "before": first_edge - HALF_NS - 1,
-        "inside": 2 * HALF_NS * dumped.clocks + 6,
-        "file": DUMP,
-    }
+    bench = TEMPLATES.get_template("classifier.v").render(
+        events=len(offered),
+        memories=memories,
+        wires=wires,
+        pins=", ".join(pins),
+        width=width,
+        top=netlist.top,
+        clocks=clocks,
+        before=first_edge - HALF_NS - 1,
+        inside=2 * HALF_NS * dumped.clocks + 6,
+        file=DUMP,
+    )
     said = icarus.run([bench, netlist.verilog(gather=True), cells], "play", folder)
     run = simulate(network, offered, range(width - 1, clocks, width), clocks)
     _hold(run, config, said)

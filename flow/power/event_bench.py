@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from eskin.base.pages import templates
 from eskin.cocotb_tests.bench.readout import EventMonitor, StimulusDriver
 from eskin.cocotb_tests.runner.simulator import HARNESS, shape
 from eskin.flow.gatesim import icarus
@@ -14,20 +15,7 @@ from eskin.flow.power.scenarios import Scenario
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.compare import first_difference
 
-PLAYER = """`timescale 1ns / 1ns
-module play;
-  harness #(%(parameters)s) h ();
-  initial begin
-    #1 h.go = 1;
-    @(posedge h.running);
-    #%(before)d $dumpfile("%(file)s"); $dumpvars(1, h.dut);
-    #%(inside)d $dumpoff;
-    wait (h.done == 1);
-    #8 $display("%%0d", h.errors);
-    $finish;
-  end
-endmodule
-"""
+TEMPLATES = templates(Path(__file__).parents[1] / "templates")
 
 
 class Mismatch(Exception):  # the outcome that is looked for, not a defect of the program
@@ -70,12 +58,12 @@ def play(
     # Clock 0 ends at the edge 8 ns after `running` rises; the dump begins with the falling edge before its window.
     first_edge = 2 * HALF_NS * (scenario.start + 1)
     macros, parameters = shape(config)
-    player = PLAYER % {
-        "parameters": ", ".join(f".{name}({value})" for name, value in parameters.items()),
-        "before": first_edge - HALF_NS - 1,
-        "inside": 2 * HALF_NS * scenario.clocks + 6,
-        "file": DUMP,
-    }
+    player = TEMPLATES.get_template("player.v").render(
+        parameters=", ".join(f".{name}({value})" for name, value in parameters.items()),
+        before=first_edge - HALF_NS - 1,
+        inside=2 * HALF_NS * scenario.clocks + 6,
+        file=DUMP,
+    )
     StimulusDriver(config, folder).write(scenario.stimulus)
     texts = [_defined(macros, netlist) + HARNESS.read_text(), netlist.verilog(gather=True), cells, player]
     errors = int(icarus.run(texts, "play", folder).split()[-1])

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from eskin.base.pages import templates
 from eskin.flow.gatesim import icarus
 from eskin.flow.gatesim.flat_netlist import FlatNetlist
 from eskin.flow.power.activity import DUMP, HALF_NS, Activity, read_dump
@@ -15,6 +16,7 @@ from eskin.model.frame import FrameModel, Inputs, Outputs
 from eskin.model.frame_config import FrameConfig
 from eskin.model.frame_words import adc_code
 
+TEMPLATES = templates(Path(__file__).parents[1] / "templates")
 FRAMES = 2
 IDLE_CLOCKS = 400
 
@@ -73,25 +75,14 @@ def _bench(netlist: FlatNetlist, clocks: int, widths: dict[str, int]) -> str:
     """Return a testbench that applies the inputs and counts clocks with a wrong output."""
     given = [name for name in Inputs._fields if name in widths]
     seen = [name for name in Outputs._fields if name in widths]
-    wide, broad = sum(widths[name] for name in given), sum(widths[name] for name in seen)
-    lines = ["`timescale 1ns / 1ns", "module play;", "  reg clk = 0, rst = 1, test_enable = 0;"]
-    lines += [f"  reg [{widths[name] - 1}:0] {name} = 0;" for name in given]
-    lines += [f"  wire [{widths[name] - 1}:0] {name};" for name in seen]
-    lines += [f"  reg [{wide - 1}:0] inputs [0:{clocks - 1}];", f"  reg [{broad - 1}:0] outputs [0:{clocks - 1}];"]
-    lines += ["  integer t, wrong = 0;"]
-    lines += [f"  {netlist.top} dut ({', '.join(f'.{port.name}({port.name})' for port in netlist.ports)});"]
-    lines += ["  initial begin", '    $readmemb("inputs.txt", inputs);', '    $readmemb("outputs.txt", outputs);']
-    lines += [
-        "    repeat (4) begin #4 clk = 1; #4 clk = 0; end",
-        "    rst = 0;",
-        f"    {{{', '.join(given)}}} = inputs[0];",
-    ]
-    lines += [f'    $dumpfile("{DUMP}"); $dumpvars(1, dut);', f"    for (t = 0; t < {clocks}; t = t + 1) begin"]
-    lines += [f"      {{{', '.join(given)}}} = inputs[t];", "      #3;"]
-    lines += [
-        f"      if ({{{', '.join(seen)}}} !== outputs[t]) wrong = wrong + 1;",
-        "      #1 clk = 1;",
-        "      #4 clk = 0;",
-    ]
-    lines += ["    end", '    #4 $dumpoff; $display("%0d", wrong);', "    $finish;", "  end", "endmodule", ""]
-    return "\n".join(lines)
+    return TEMPLATES.get_template("frames.v").render(
+        given=given,
+        seen=seen,
+        widths=widths,
+        wide=sum(widths[name] for name in given),
+        broad=sum(widths[name] for name in seen),
+        clocks=clocks,
+        top=netlist.top,
+        ports=[port.name for port in netlist.ports],
+        file=DUMP,
+    )

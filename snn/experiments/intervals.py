@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 BOOTSTRAPS = 10_000
 
 
-def wilson(successes: float, trials: int, z: float = 1.959964) -> tuple[float, float]:
-    """Return the Wilson score interval of a proportion, 95 % by default.
+def wilson(successes: float, trials: int) -> tuple[float, float]:
+    """Return the 95 % Wilson score interval of a proportion.
 
     Of an accuracy it says what new images would give with these same seeds: the variance over seeds is not in it.
     """
-    p = successes / trials
+    p, z = successes / trials, 1.959964
     centre = p + z * z / (2 * trials)
     spread = z * math.sqrt(p * (1 - p) / trials + z * z / (4 * trials * trials))
     scale = 1 + z * z / trials
     return max(0.0, (centre - spread) / scale), min(1.0, (centre + spread) / scale)
 
 
-def bootstrap(correct: NDArray[np.float64], seed: int = 0) -> tuple[float, float]:
+def bootstrap(correct: NDArray[np.float64]) -> tuple[float, float]:
     """Return the 95 % bootstrap interval of the mean, resampled over images and seeds.
 
     The interval covers new images and new seeds; with one seed, only new images. With two or three seeds the variation
@@ -34,7 +34,7 @@ def bootstrap(correct: NDArray[np.float64], seed: int = 0) -> tuple[float, float
         1 if the network of a seed classifies an image correctly, else 0; or the difference of two networks.
     """
     images, seeds = correct.shape
-    generator = np.random.default_rng(seed)
+    generator = np.random.default_rng(0)
     rows = generator.multinomial(images, np.full(images, 1 / images), BOOTSTRAPS)  # how often each one is drawn
     columns = generator.multinomial(seeds, np.full(seeds, 1 / seeds), BOOTSTRAPS)
     means = (rows @ correct * columns).sum(1) / correct.size

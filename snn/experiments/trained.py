@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -182,33 +182,18 @@ def load_trained(path: Path) -> Trained:
         raise InputError(f"{path} was trained on frames and cannot classify events; train it without --frames")
     own = result.own
     readout = experiment.scan_and_config()[1] if experiment.events is None else own.config if own else None
+    of_recordings = experiment.events is not None
+    found = Trained(weights, experiment.bins, readout=readout, own=own, of_recordings=of_recordings)
     try:
         names, labels, dataset = _images_of(experiment, result.class_names, own is not None)
     except InputError as error:
-        unknown = f"the images of the training are missing ({error})"
-        return Trained(
-            weights,
-            experiment.bins,
-            unknown=unknown,
-            readout=readout,
-            own=own,
-            of_recordings=experiment.events is not None,
-        )
+        return replace(found, unknown=f"the images of the training are missing ({error})")
     try:
         tested = set(result.test_images(labels).tolist())
     except InputError as error:
-        return Trained(
-            weights,
-            experiment.bins,
-            unknown=str(error),
-            readout=readout,
-            own=own,
-            of_recordings=experiment.events is not None,
-        )
+        return replace(found, unknown=str(error))
     parts = {name: TEST if number in tested else TRAINING for number, name in enumerate(names)}
-    return Trained(
-        weights, experiment.bins, parts, dataset, readout=readout, own=own, of_recordings=experiment.events is not None
-    )
+    return replace(found, parts=parts, dataset=dataset)
 
 
 def load_test_scans(
