@@ -32,10 +32,12 @@ def main() -> None:
             rate, label = 1e-3 * point["bits_per_s"], name_of(point)
             if point["readout"] != "frame":
                 label += f", {point['events_per_s']:.0f} events/s"
-            for name, filling in (("network", style.colour), ("statistic", "white")):
-                reached = accuracies(report, point[name])
+            for predicted, filling, shown in (
+                (point["network"], style.colour, {"label": label}),
+                ([point["statistic"]], "white", {}),
+            ):
+                reached = accuracies(report, predicted)
                 if kind in reached:
-                    shown = {"label": label} if name == "network" else {}
                     panel.plot(rate, 100 * reached[kind], style.marker, color=style.colour, mfc=filling, ms=7,
                                zorder=above, **shown)  # fmt: skip
     first = next(iter(panels.values()))

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from docs.tables.energy import at_rates
 from docs.tables.write import digits, filled, only, read, source, table
-from eskin.snn.experiments.pairs import mcnemar
+from eskin.snn.experiments.pairs import compare, right_of
 from eskin.snn.reference import score
 
 REPETITION = "repetition 1"
@@ -29,10 +30,20 @@ def finger_report() -> dict[str, Any]:
     return dict(read("docs/data/finger.json"))
 
 
-def accuracies(report: dict[str, Any], predicted: dict[str, str]) -> dict[str, float]:
-    """Return the accuracy by fold, and by group of folds if no fold is missing."""
-    folds = (one for one in report["folds"] if one["fold"] in predicted)
-    return _grouped(report, {one["fold"]: float(_right(one, predicted).mean()) for one in folds})
+def accuracies(report: dict[str, Any], predicted: Sequence[dict[str, str]]) -> dict[str, float]:
+    """Return the accuracy by fold, and by group of folds if no fold is missing; means over the seeds.
+
+    ``predicted`` has one text of predicted classes for every fold, in one dictionary for every seed.
+    """
+    folds = [one for one in report["folds"] if any(one["fold"] in of_seed for of_seed in predicted)]
+    return _grouped(report, {one["fold"]: float(right_of(*_words([one], predicted)).mean()) for one in folds})
+
+
+def _words(folds: Sequence[dict[str, Any]], predicted: Sequence[dict[str, str]]) -> tuple[str, list[str]]:
+    """Return the labels of folds as one text, and the predictions of each seed that has all of them."""
+    names = [one["fold"] for one in folds]
+    whole = [of_seed for of_seed in predicted if set(names) <= set(of_seed)]
+    return "".join(one["labels"] for one in folds), ["".join(map(of_seed.get, names)) for of_seed in whole]
 
 
 def _grouped(report: dict[str, Any], found: dict[str, float]) -> dict[str, float]:
@@ -79,14 +90,14 @@ def finger() -> None:
     report = finger_report()
     columns = [accuracies(report, point["network"]) for point in report["points"]]
     table(["test recordings", *map(name_of, report["points"])], _rows(report, columns))
-    source(report, ": {recordings} recordings, {seconds:,.0f} s; one seed")
+    source(report, ": {recordings} recordings, {seconds:,.0f} s")
 
 
 def finger_statistics() -> None:
     """Print the accuracy of a logistic regression by fold and readout, and of the most frequent class."""
     report = finger_report()
     points = [point for point in report["points"] if point["statistic"]]
-    columns = [accuracies(report, point["statistic"]) for point in points]
+    columns = [accuracies(report, [point["statistic"]]) for point in points]
     for name in ("signals_right", "most_frequent_right"):
         columns.append(_grouped(report, {one["fold"]: one[name] / len(one["labels"]) for one in report["folds"]}))
     titles = [*map(name_of, points), "original signals", "most frequent class"]
@@ -99,8 +110,8 @@ def finger_rates() -> None:
     rows = []
     for point in report["points"]:
         reached, events = accuracies(report, point["network"]), point["readout"] != "frame"
-        labels = np.array(list(map(int, only(report["folds"], fold=REPETITION)["labels"])))
-        balanced = score(labels, np.array(list(map(int, point["network"][REPETITION]))))["balanced_accuracy"]
+        labels, words = _words([only(report["folds"], fold=REPETITION)], point["network"])
+        scores = [score(_classes(labels), _classes(word))["balanced_accuracy"] for word in words]
         watts = _classifier_w(report, point) if events and point["spikes_per_step"] else None
         nanowatts = "-" if point["readout_w"] is None else digits(1e9 * point["readout_w"], 2)
         rows.append(
@@ -111,15 +122,21 @@ def finger_rates() -> None:
                 nanowatts,
                 "-" if watts is None else f"{1e6 * watts['total']:.2f}",
                 "-" if watts is None else f"{1e6 * watts['total'] * report['seconds'] / report['recordings']:.0f}",
-                f"{100 * reached['repetition']:.1f} % ({100 * balanced:.1f} %)",
-                *(f"{100 * reached[kind]:.1f} %" if kind in reached else "-" for kind in list(KINDS)[1:]),
+                f"{100 * reached['repetition']:.1f} % ({100 * np.mean(scores):.1f} %)",
+                *(f"{100 * reached[kind]:.1f} %" for kind in list(KINDS)[1:]),
+                str(len(words)),
             ]
         )
     table(
         "readout | events/s | kbit/s | readout, nW | chip, uW | chip, uJ a decision | repetition (balanced) | "
-        "one speed left out | one pressure left out",
+        "one speed left out | one pressure left out | seeds",
         rows,
     )
+
+
+def _classes(word: str) -> NDArray[np.int64]:
+    """Return the classes of a text with one digit for each recording."""
+    return np.array([int(digit) for digit in word])
 
 
 def _classifier_w(report: dict[str, Any], point: dict[str, Any]) -> dict[str, float]:
@@ -146,7 +163,7 @@ def finger_energy() -> dict[str, Any]:
 
 
 def finger_pairs() -> None:
-    """Print how many recordings only events or only frames classify correctly, by readout and group of folds."""
+    """Print the differences in accuracy between events and frames, recording by recording."""
     report = finger_report()
     encoders, frames = _kinds(report)
     rows = []
@@ -155,13 +172,12 @@ def finger_pairs() -> None:
         cells = [name_of(other)]
         for part in KINDS.values():
             folds = [fold for fold in report["folds"] if part in fold["fold"]]
-            if any(fold["fold"] not in one["network"] for fold in folds for one in (point, other)):
-                cells.append("-")
-                continue
-            first = np.concatenate([_right(fold, point["network"]) for fold in folds])
-            second = np.concatenate([_right(fold, other["network"]) for fold in folds])
-            parted = {"a": int((first & ~second).sum()), "b": int((second & ~first).sum())}
-            cells.append(filled("{a} / {b}, p = {p:p}", parted | {"p": mcnemar(*parted.values())}))
+            labels, words = _words(folds, point["network"])
+            pair = compare(labels, words, _words(folds, other["network"])[1])
+            p = ", ".join(filled("{p:p}", {"p": p}) for p in pair.p)
+            cells.append(
+                filled("{difference:100*+.1f} ({interval[0]:100*+.1f} to {interval[1]:100*+.1f}), p ", vars(pair)) + p
+            )
         rows.append([name_of(point), *cells])
     table("events | frames | repetition | one speed left out | one pressure left out", rows)
 
@@ -172,11 +188,6 @@ def _kinds(report: dict[str, Any]) -> tuple[list[dict[str, Any]], list[dict[str,
     return [point for point in report["points"] if point["readout"] != "frame"], frames
 
 
-def _right(fold: dict[str, Any], predicted: dict[str, str]) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Return whether each prediction of a fold is correct."""
-    return np.array([a == b for a, b in zip(fold["labels"], predicted[fold["fold"]], strict=True)])
-
-
 def finger_targets() -> None:
     """Print each target with the best encoder, and with the best frames."""
     report = finger_report()
@@ -184,7 +195,7 @@ def finger_targets() -> None:
     for text, (kind, wanted) in TARGETS.items():
         cells = []
         for points in _kinds(report):
-            reached = [(accuracies(report, point["network"]).get(kind, 0.0), name_of(point)) for point in points]
+            reached = [(accuracies(report, point["network"])[kind], name_of(point)) for point in points]
             best, name = max(reached)
             cells.append(f"{'met' if best >= wanted else 'missed'}: {100 * best:.1f} % ({name})")
         rows.append([text, *cells])
