@@ -60,6 +60,8 @@ FRAMES_LEAKY = "physical/leaky-2ms/frame-onoff:250:3:2/12x16:across:12"
 LCS_CONVOLUTIONS = "physical/convolutions/lcs:2/12x16:across:12"
 FRAMES_CONVOLUTIONS = "physical/convolutions/frame-diff:250:6/12x16:across:6"
 """Points of the frontier in the README."""
+FEWEST = "physical/convolutions/lcs:3/12x16:across:2"
+FEW_ON_PAPER = "paper/convolutions/lcs:5/along:3"
 
 WORDS = {"leaky": "leaky network", "leaky-2ms": "leaky network", "convolutions": "convolutions"}
 NETWORKS = {"leaky": "leaky", "leaky-2ms": "leaky, 2 ms", "convolutions": "convolutions", "paper": "the paper's"}
@@ -97,9 +99,9 @@ def frontier_inner() -> None:
         one | dict(zip("snrt", one["name"].split("/"), strict=True)) for one in read("docs/data/frontier.json")["inner"]
     ]
     table(
-        "network | readout | taxels | kb/s | inner validation",
+        "scan | network | readout | taxels | kb/s | inner validation",
         [row | {"of": NETWORKS[row["n"]]} for row in rows],
-        "{of} | `{r}` | `{t}` | {bits_per_s:1e-3*#3} | {accuracy:100*.1f} %",
+        "{s} | {of} | `{r}` | `{t}` | {bits_per_s:1e-3*#3} | {accuracy:100*.1f} %",
     )
 
 
@@ -124,13 +126,14 @@ def frontier_targets() -> None:
     for words, name, least in (
         ("97.15 % at 2,200 events/s with at most 256 spiking neurons (here 128)", LCS_LEAKY, 0.9715),
         ("99 % at 2,200 events/s with the best network", LCS_CONVOLUTIONS, 0.99),
+        ("97.15 % at 1,000 events/s with the best network", FEWEST, 0.9715),
+        ("92 % at 2,200 events/s on the `paper` scan, with the best network", FEW_ON_PAPER, 0.92),
     ):
         point = at(name)
         verdict = "met" if point["accuracy"] >= least and point["rate_hz"] <= 2200 else "missed"
         rows.append([words, filled(reached, point | {"verdict": verdict})])
-    rows.append(["97.15 % at 1,000 events/s; 92 % at 2,200 events/s on the `paper` scan", "not trained"])
     rows.append(["97.15 % in the RTL chip with weights of 4 b", "not trained"])
-    table("target: `physical`, three seeds, last epoch | reached", rows)
+    table("target: `physical` if not named, three seeds, last epoch | reached", rows)
 
 
 def frontier_pairs() -> None:

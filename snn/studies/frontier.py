@@ -83,6 +83,12 @@ PLAN: dict[str, int] = {
     "physical/leaky-2ms/frame-onoff:250:3:2/12x16:across:12": 3,
     "physical/convolutions/lcs:2/12x16:across:12": 2,
     "physical/convolutions/frame-diff:250:6/12x16:across:6": 2,
+    "physical/convolutions/lcs:3/12x16:across:2": 1,
+    "physical/convolutions/frame-diff:250:7/12x16:across:1": 1,
+    "physical/convolutions/frame-diff:250:4/12x16:across:2": 1,
+    "paper/convolutions/lcs:4/along:6": 1,
+    "paper/convolutions/lcs:5/along:3": 1,
+    "paper/convolutions/frame-diff:250:5/along:6": 1,
 }
 """Seeds of every point that is trained for docs/results/frontier.md."""
 
@@ -99,6 +105,29 @@ CANDIDATES: dict[str, int] = {
     "physical/leaky-2ms/frame-onoff:500:3:2/12x16:across:6": 1,
     "physical/convolutions/frame-diff:250:3/12x16:across:12": 1,
     "physical/convolutions/frame-diff:250:6/12x16:across:6": 1,
+    "physical/convolutions/lcs:2/12x16:across:5": 1,
+    "physical/convolutions/lcs:2/across:6": 1,
+    "physical/convolutions/lcs:2/12x16:along:6": 1,
+    "physical/convolutions/lcs:3/12x16:across:2": 1,
+    "physical/convolutions/lcs:3/12x16:across:3": 1,
+    "physical/convolutions/lcs:3/across:2": 1,
+    "physical/convolutions/lcs:4/12x16:across:1": 1,
+    "physical/leaky-2ms/lcs:3/12x16:across:2": 1,
+    "physical/convolutions/frame-diff:125:7/12x16:across:2": 1,
+    "physical/convolutions/frame-diff:250:4/12x16:across:2": 1,
+    "physical/convolutions/frame-diff:125:4/12x16:across:4": 1,
+    "physical/convolutions/frame-diff:250:7/12x16:across:1": 1,
+    "paper/convolutions/lcs:4/across:6": 1,
+    "paper/convolutions/lcs:4/along:6": 1,
+    "paper/convolutions/lcs:4/12x16:along:6": 1,
+    "paper/convolutions/lcs:4/12x16:along:7": 1,
+    "paper/convolutions/lcs:3/12x16:across:12": 1,
+    "paper/convolutions/lcs:3/12x16:along:12": 1,
+    "paper/convolutions/lcs:5/across:3": 1,
+    "paper/convolutions/lcs:5/along:3": 1,
+    "paper/convolutions/frame-diff:125:8/along:8": 1,
+    "paper/convolutions/frame-diff:250:5/along:6": 1,
+    "paper/convolutions/frame-diff:250:8/along:4": 1,
 }
 """Folds of inner validation of the readouts among which those of PLAN were chosen."""
 
