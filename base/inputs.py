@@ -7,6 +7,8 @@ import stat
 from collections.abc import Collection
 from pathlib import Path
 
+from eskin.base.errors import InputError
+
 _KINDS = {stat.S_ISDIR: "a folder", stat.S_ISFIFO: "a FIFO", stat.S_ISSOCK: "a socket"}
 
 
@@ -46,6 +48,22 @@ def find_files(folder: Path, suffixes: Collection[str]) -> tuple[list[Path], lis
                 else:
                     files.append(path)
     return sorted(files), others
+
+
+def check_no_others(folder: Path, paths: Collection[Path]) -> None:
+    """Check that an output folder contains no event files except those that a command will write.
+
+    Training on the folder would read the other event files too.
+    """
+    written = set(paths)
+    written = set(paths)
+    if others := [path for path in find_files(folder, (".npz",))[0] if path not in written]:
+        count = f"{len(others)} event file{'s' * (len(others) > 1)}"
+        named = f"{others[0]}{', ...' * (len(others) > 1)}"
+        raise InputError(
+            f"{folder} contains {count} that this command would not overwrite ({named}); choose another --out, or "
+            f"remove the folder"
+        )
 
 
 def not_a_file(path: Path) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.inputs import find_files
+from eskin.base.inputs import check_no_others, find_files
 from eskin.base.workers.pool import Local, WorkerPool, each
 from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
@@ -279,10 +279,16 @@ def write_folder(
         Quality of all recordings together.
     tuple of str
         Warnings, with the options that fix the problems.
+
+    Raises
+    ------
+    InputError
+        If the folder contains other event files, or cannot be made.
     """
+    paths = [out / f"{source.name}.npz" for source in recordings.sources]
+    check_no_others(out, paths)
     parts = []
-    for source, recording, quality in recordings.each_recording(pool):
-        path = out / f"{source.name}.npz"
+    for path, (_, recording, quality) in zip(paths, recordings.each_recording(pool), strict=True):
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:

@@ -37,6 +37,17 @@ def test_a_skin_becomes_one_event_file_per_recording(call: Any, folder: Path) ->
     assert (recordings[0].config.rows, recordings[0].config.columns) == (4, 4)
 
 
+def test_a_folder_with_events_of_deleted_recordings_is_refused(call: Any, folder: Path) -> None:
+    write_skin(folder / "skin", each=2)
+    assert call("encode skin -o e")[0] == call("encode skin -o e")[0] == 0
+    (folder / "skin/tap/1.csv").unlink()
+    before = {path: path.read_bytes() for path in (folder / "e").rglob("*.npz")}
+    code, _, err = call("encode skin -o e --resolution 4")
+    what = "1 event file that this command would not overwrite (e/tap/1.npz)"
+    assert (code, err) == (2, f"error: e contains {what}; choose another --out, or remove the folder\n")
+    assert before == {path: path.read_bytes() for path in (folder / "e").rglob("*.npz")}
+
+
 def test_files_are_the_same_whoever_works_them_out(call: Any, folder: Path) -> None:
     write_skin(folder / "skin", each=2)
     assert call("encode skin -o one --workers 1")[0] == call("encode skin -o three --workers 3")[0] == 0

@@ -116,6 +116,11 @@ def test_a_folder_of_foreign_events_is_learned_and_its_files_are_classified(
         with pytest.raises(SystemExit) as left:
             run(snn_app, "eskin", arguments)
         assert left.value.code == 0, arguments
+    Path("theirs/a/0.csv").rename("theirs/a/new.csv")
+    with pytest.raises(SystemExit) as left:
+        run(snn_app, "eskin", ["convert", "theirs", "-o", "ours"])
+    assert left.value.code == 2
+    assert not Path("ours/a/new.npz").exists()
     assert {Recording.load(path).config.columns for path in Path("ours").rglob("*.npz")} == {4}
     code, output, error = call("--events", "ours", weights=Path("trained/weights.npz"))
     assert code == 0, output + error

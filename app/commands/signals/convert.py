@@ -124,7 +124,7 @@ def _convert_folder(
     source: Path, config: ReadoutConfig, given: frozenset[str], options: Mapping[str, object], out: Path
 ) -> None:
     """Write an event file for every foreign file below a folder."""
-    from eskin.base.inputs import find_files
+    from eskin.base.inputs import check_no_others, find_files
     from eskin.skin.foreign.files import SUFFIXES, is_foreign
 
     inside, others = find_files(source, (*SUFFIXES, ".npz"))
@@ -135,6 +135,7 @@ def _convert_folder(
     if len(set(places)) < len(places):
         twice = next(place for place in places if places.count(place) > 1)
         raise InputError(f"two files of {source} would become {twice}; rename one of them")
+    check_no_others(out, places)
     recordings = _taken(files, config, given, options, own_start=True)
     for place, recording in zip(places, recordings, strict=True):
         place.parent.mkdir(parents=True, exist_ok=True)
