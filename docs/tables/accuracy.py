@@ -349,34 +349,30 @@ def headline() -> None:
     (best,) = sweep("tuned-2ms")
     replays, chip = replayed(), read("docs/data/touch.json")
     rows = [
-        filled("events equal in RTL and model ({images} scans, three encoders) |  | {events:,}", replays),
-        filled("accuracy: the paper's network, LCS 6 b | {published:100*.2f} % | {last:%}", paper),
-        filled("accuracy: leaky network, LCS 3 b, {data_rate_bps:1e-3*.0f} kb/s |  | {last:%}", best),
+        filled("equal events of RTL and model ({images} scans) |  | {events:,}", replays),
+        filled("the paper's network, LCS 6 b | {published:100*.2f} % | {last:%}", paper),
+        filled("leaky network, LCS 3 b, {data_rate_bps:1e-3*.0f} kb/s |  | {last:%}", best),
     ]
     kind = frame_points()["rnn"]
-    rows.append(["accuracy: the paper's ReLU network on frames, 3,200 kb/s", kind["theirs"], filled("{last:%}", kind)])
-    few = "accuracy: {of}, {count} taxels, {words} ({bits_per_s:1e-3*.1f} kb/s) | {?theirs} | {accuracy:100*.1f} %"
+    rows.append(["the paper's ReLU network, frames, 3,200 kb/s", kind["theirs"], filled("{last:%}", kind)])
+    few = "{of}, {count} taxels, {words} ({bits_per_s:1e-3*.1f} kb/s) | {?theirs} | {accuracy:100*.1f} %"
     few += " ({interval[0]:100*.1f} to {interval[1]:100*.1f})"
     for name, words, theirs in (
         (LCS_LEAKY, "LCS 2 b, {rate_hz:,.0f} events/s", "97.15 % at 2,200 events/s (INTUITIVE chip)"),
         (FRAMES_LEAKY, "frames", ""),
-        (LCS_CONVOLUTIONS, "LCS 2 b", ""),
-        (FRAMES_CONVOLUTIONS, "frames", ""),
     ):
         point = at(name)
         more = {"of": WORDS[point["network"]], "count": len(point["taxels"]), "theirs": theirs}
         rows.append(filled(few, point | more | {"words": filled(words, point)}))
-    finger = (
-        "accuracy: a robot [finger](docs/results/finger.md) at new speeds, {of} ({kbps:.2f} kb/s) |  | {speeds:.1f} %"
-    )
+    finger = "[finger](docs/results/finger.md) at new speeds, {of} ({kbps:.2f} kb/s) |  | {speeds:.1f} %"
     reached = finger_reached()
     for name, of in (("lcs_6", "LCS 6 b"), ("nlcs_bipolar_5", "bipolar N-LCS 5 b"), ("frame_12_22_9", "frames")):
         rows.append(filled(finger, reached[name] | {"of": of}))
-    rtl = "textures [classified by the RTL](docs/reference/classifier.md#from-touch-to-class)"
+    rtl = "classified by the [RTL](docs/reference/classifier.md#from-touch-to-class)"
     rows.append(filled(f"{rtl}, weights of {{classifier_rec_bits}} b, one network per fold |  | ", chip["chip"]))
     more = {"stalled": chip["stalls"] / chip["clocks"]}
-    rows[-1] += filled("{right} of {labelled} right, {mismatches} mismatches with the model; ", chip)
-    rows[-1] += filled("the classifier stalls the readout in {stalled:.0%} of the clocks", more)
+    rows[-1] += filled("{right} of {labelled}, {mismatches} mismatches; ", chip)
+    rows[-1] += filled("stalls in {stalled:.0%} of the clocks", more)
     rows += power_rows()[:2]
     table(" | published | here", rows)
 
