@@ -117,7 +117,7 @@ def encode_samples(
     Raises
     ------
     InputError
-        If the file cannot be read, its rate is unknown, or a code is out of range.
+        If the file cannot be read, its rate is unknown, or a code or a value without ``scale`` is out of range.
     """
     from eskin.skin.recordings.fitting import SLOW_HZ, with_clock, with_seconds
     from eskin.skin.textures.presets import quantise
@@ -139,6 +139,8 @@ def encode_samples(
         metadata: dict[str, Any] = {"input": "codes"}
         codes, clipped = _checked_codes(path, values, config), 0
     else:
+        if scale is None:
+            _check_full_scale(path, values, config)
         factor = _scale_factor(scale, values, config)
         with np.errstate(over="ignore"):  # what overflows to infinity saturates, as all that is out of range
             codes, clipped = quantise(values.astype(np.float64) * factor, config.sample_bits)
@@ -158,14 +160,11 @@ def _encode_prepared(
 
     options = Preparation(**prepared)
     if "scale" not in prepared and options.baseline == "none":  # values mean the same as without time stamps
-        codes = read_table(path, options).codes
-        options = dataclasses.replace(options, scale=repr(1 / config.full_scale if codes else 1.0))
+        table = read_table(path, options)
+        scale = 1 / config.full_scale if table.codes else 1.0
+        _check_full_scale(path, table.values * scale, config)
+        options = dataclasses.replace(options, scale=repr(scale))
     found = read_set(path, options, config, given)
-    if found.clipped and "scale" not in prepared and options.baseline == "none":
-        raise InputError(
-            f"{path} has {found.clipped} values beyond full scale; subtract the baseline with --baseline first, or "
-            f"add --scale max"
-        )
     metadata = {"input": "recording", "scale": found.scale, "baseline": options.baseline}
     kept = found.said_of(found.sources[0])
     metadata |= {name: kept[name] for name in ("columns", "start_s") if name in kept}
@@ -245,6 +244,16 @@ def _checked_codes(source: Path, values: NDArray[Any], config: ReadoutConfig) ->
             f"of {config.sample_bits} bits; add --sample-bits, or --scale FACTOR to read them as numbers"
         )
     return values.astype(np.int32)
+
+
+def _check_full_scale(path: Path, values: NDArray[Any], config: ReadoutConfig) -> None:
+    """Refuse values more than half a code beyond full scale, -1 to 1; a user who wants to clip them gives a scale."""
+    magnitudes = np.abs(values)
+    if beyond := np.count_nonzero(magnitudes > 1 + 0.5 / config.full_scale):
+        raise InputError(
+            f"{path} has {beyond} values beyond full scale, the largest {magnitudes.max():.6g} times full scale; "
+            f"subtract the baseline with --baseline first, or add --scale max"
+        )
 
 
 def _scale_factor(scale: str | None, values: NDArray[Any], config: ReadoutConfig) -> float:

@@ -29,7 +29,7 @@ def test_encodes_floats_in_full_scale(call: Any, folder: Path) -> None:
     values = waves()
     values[7, 3] = 1.5
     np.save("x.npy", values)
-    code, out, err = call(f"encode x.npy -o e.npz {SIZE} --sample-rate 10000 --resolution 4")
+    code, out, err = call(f"encode x.npy -o e.npz {SIZE} --sample-rate 10000 --resolution 4 --scale 1")
     assert code == 0
     assert err.startswith("warning: the link is too slow: ")  # the twelve sines start apart, all in one tick
     config = ReadoutConfig(rows=3, columns=4, sample_rate_hz=10_000, resolution=4)
@@ -327,6 +327,13 @@ ENCODE_ERRORS: list[tuple[str, bytes | None, str, str]] = [
         RATE,
         "x.npy has the code -2049 at tick 0, taxel 0, outside -2048..2047 of 12 bits; "
         "add --sample-bits, or --scale FACTOR to read them as numbers",
+    ),
+    (
+        "x.npy",
+        save_npy(np.where(np.eye(5, 64), -1.25, 1.0)),
+        RATE,
+        "x.npy has 5 values beyond full scale, the largest 1.25 times full scale; "
+        "subtract the baseline with --baseline first, or add --scale max",
     ),
     ("x.npy", save_npy(GOOD), RATE + " --scale 0", "--scale needs a number other than 0, or max, not '0'"),
     (

@@ -97,7 +97,10 @@ def test_a_single_file_with_time_stamps_is_read_as_one(call: Any, folder: Path) 
         ("encode skin -o e --time-column none", "contains no sampling rate; add --sample-rate HZ"),
         ("encode skin/tap/0.csv -o e.npz --workers 2", "--workers is for the recordings of a folder"),
         ("encode skin -o e --workers 2 --scheduler tcp://a:1", "--workers starts processes on this machine"),
-        ("encode skin/tap/0.csv -o e.npz", "values beyond full scale; subtract the baseline with --baseline first"),
+        (
+            "encode skin/tap/0.csv -o e.npz",
+            "times full scale; subtract the baseline with --baseline first, or add --scale max",
+        ),
         ("encode skin -o e --baseline highpass --highpass 40", "--highpass must be below half of 35 samples/s"),
     ],
 )

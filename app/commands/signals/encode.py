@@ -31,7 +31,11 @@ if TYPE_CHECKING:
 
 @with_config
 @with_fields(
-    Preparation, PREPARATION, "prepared", {"baseline": "first of a folder, none of a file"}, heading=RECORDINGS
+    Preparation,
+    PREPARATION,
+    "prepared",
+    {"baseline": "first of a folder, none of a file", "scale": "max; file without --baseline: none"},
+    heading=RECORDINGS,
 )
 def encode(
     config: ReadoutConfig,
