@@ -15,7 +15,9 @@ INNER_FOLDS = 5
 """One of so many parts of the training images is the inner validation."""
 
 
-def stratified_folds(labels: NDArray[np.int64], folds: int, seed: int = 0) -> list[NDArray[np.int64]]:
+def stratified_folds(
+    labels: NDArray[np.int64], folds: int, seed: int = 0, class_names: Sequence[str] = ()
+) -> list[NDArray[np.int64]]:
     """Return the test images of each fold, stratified by class.
 
     Remaining images of a class go to the folds with the fewest images.
@@ -25,11 +27,25 @@ def stratified_folds(labels: NDArray[np.int64], folds: int, seed: int = 0) -> li
     labels : shape (images,)
     folds, seed : int
         Equal seeds give equal folds.
+    class_names : sequence of str, optional
+        Names of the labels, for messages.
+
+    Raises
+    ------
+    InputError
+        If a class has fewer images than there are folds.
     """
     counts = np.bincount(labels)
     fewest = int(counts[counts > 0].min())
-    if not 2 <= folds <= fewest:
-        raise InputError(f"the number of folds must be in 2..{fewest}, the images of the smallest class, not {folds}")
+    if folds < 2:
+        raise InputError(f"the number of folds must be at least 2, not {folds}")
+    if folds > fewest:
+        label = counts.tolist().index(fewest)
+        name = class_names[label] if class_names else f"number {label}"
+        raise InputError(
+            f"{folds} folds need {folds} recordings or images of each class, but class {name} has {fewest}; "
+            + (f"add --folds {fewest}, or record more" if fewest > 1 else "record more")
+        )
     generator = np.random.default_rng([seed, folds])
     fold_of = np.empty(len(labels), np.int64)
     following = 0
@@ -64,7 +80,7 @@ def tested(data: ScanData, folds: int, fold_seed: int, patterns: Sequence[str]) 
         If the patterns do not name every image exactly once.
     """
     if not patterns:
-        return stratified_folds(data.image_labels, folds, fold_seed)
+        return stratified_folds(data.image_labels, folds, fold_seed, data.class_names)
     found = [matching(data.names, pattern) for pattern in patterns]
     times = np.bincount(np.concatenate(found), minlength=len(data.names))
     if (wrong := np.flatnonzero(times != 1)).size:

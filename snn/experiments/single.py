@@ -47,7 +47,7 @@ class Fold:
     @classmethod
     def choose(cls, data: ScanData, number: int, of: int) -> Fold:
         """Return a stratified fold of a dataset."""
-        test = stratified_folds(data.image_labels, of)[number]
+        test = stratified_folds(data.image_labels, of, class_names=data.class_names)[number]
         return cls(data, number, of, test, np.setdiff1d(np.arange(len(data.image_labels)), test))
 
     @classmethod

@@ -37,13 +37,14 @@ from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.intervals import bootstrap, wilson
 from eskin.snn.experiments.recipes import RECIPES
 from eskin.snn.experiments.settings import parse_settings
+from eskin.snn.experiments.single import Fold
 from eskin.snn.experiments.sweep import cross_validate
 from eskin.snn.flat import hints_of
 from eskin.snn.network import build
 from eskin.snn.network_config import FIELDS, KINDS, NetworkConfig
 from eskin.snn.train import logits_of, predicted_classes, train
 from eskin.snn.training import DivergedError, Epoch, TrainConfig
-from tests.snn.helpers import easy_data, small_network
+from tests.snn.helpers import CLASSES, easy_data, small_network
 
 ROOT = Path(__file__).parents[2]
 
@@ -201,8 +202,11 @@ def test_folds_are_stratified_and_cover_every_image_once() -> None:
         assert set(np.bincount(labels[fold]).tolist()) <= {6, 7}
     assert all(np.array_equal(a, b) for a, b in zip(folds, stratified_folds(labels, 6), strict=True))
     assert not np.array_equal(folds[0], stratified_folds(labels, 6, seed=1)[0])
-    with pytest.raises(InputError, match=r"must be in 2\.\.40, the images of the smallest class, not 41"):
-        stratified_folds(labels, 41)
+    what = f"11 folds need 11 recordings or images of each class, but class {CLASSES[0]} has 10; add --folds 10"
+    with pytest.raises(InputError, match=f"^{what}, or record more$"):
+        Fold.choose(easy_data(), 0, 11)
+    with pytest.raises(InputError, match=r"but class b has 1; record more$"):
+        stratified_folds(np.array([0, 0, 1]), 6, class_names=("a", "b"))
 
 
 def test_the_published_interval_comes_out() -> None:
