@@ -146,8 +146,11 @@ def _address_bits(config: ReadoutConfig) -> str:
     return ", ".join(reversed(parts)) or "constant"
 
 
-def ports(config: Config) -> Iterator[dict[str, Any]]:
-    """Yield a dictionary for each port of the top module: name, direction, width in bits, meaning."""
+def ports(config: Config, gated: bool = False) -> Iterator[dict[str, Any]]:
+    """Yield a dictionary for each port of the top module: name, direction, width in bits, meaning.
+
+    With ``gated`` the Verilog has clock gates, and ``test_enable`` is the last port.
+    """
     members = top_block(config).signature.members
     fields, meanings = config.to_dict(), FRAME_PORTS
     if isinstance(config, ClassifierConfig):
@@ -173,6 +176,8 @@ def ports(config: Config) -> Iterator[dict[str, Any]]:
         else:
             continue
         yield {"name": name, "direction": direction, "width": width, "meaning": meaning.format(**fields)}
+    if gated:
+        yield TEST_PORT
 
 
 def description(config: Config, gated: bool = False) -> str:
@@ -184,7 +189,7 @@ def description(config: Config, gated: bool = False) -> str:
             "licence": "Apache-2.0",
             "configuration": config.to_dict(),
             "clock_hz": config.clock_hz,
-            "ports": [*ports(config), *([TEST_PORT] if gated else [])],
+            "ports": [*ports(config, gated)],
         },
         indent=2,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -55,4 +56,7 @@ def deliver(config: Config, folder: Path, report: Path | None = None, gated: boo
     if report is not None and isinstance(config, ReadoutConfig | FrameConfig):
         netlist = load_report(report, config)
     paths = write(config, folder, gated)
-    return paths if isinstance(config, ChipConfig) else [*paths, *sheet_of(config, netlist).write(folder)]
+    if isinstance(config, ChipConfig):
+        return paths
+    sheet = dataclasses.replace(sheet_of(config, netlist), gated=gated)
+    return [*paths, *sheet.write(folder)]

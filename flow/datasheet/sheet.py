@@ -60,6 +60,8 @@ class Sheet:
     values : mapping of str to object
         Values of the page beside those of every datasheet.
     pictures : tuple of Picture
+    gated : bool
+        Whether the Verilog has clock gates.
     """
 
     config: Config
@@ -67,6 +69,7 @@ class Sheet:
     template: str
     values: Mapping[str, Any]
     pictures: tuple[Picture, ...]
+    gated: bool = False
 
     @property
     def top(self) -> str:
@@ -75,7 +78,7 @@ class Sheet:
 
     def text(self) -> str:
         """Return the Markdown page."""
-        pins = list(ports(self.config))
+        pins = list(ports(self.config, self.gated))
         of_all = {
             "config": self.config,
             "top": self.top,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 from eskin.cocotb_tests.test_chip import chip
 from eskin.cocotb_tests.test_verilog import lint
 from eskin.cocotb_tests.touch.noise import play
+from eskin.flow.datasheet.page import deliver
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.delivery import write
 from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE, TEST
@@ -53,7 +55,11 @@ def test_the_synchronisers_are_marked_in_both_texts() -> None:
 
 def test_the_model_and_the_delivered_text_give_the_same_events(tmp_path: Path) -> None:
     config = ReadoutConfig(rows=1, columns=2, encoding="cw-lcs", link="four_phase")
-    paths = {path.name for path in write(config, tmp_path, gated=True)}
+    paths = {path.name for path in deliver(config, tmp_path, gated=True)}
+    ports = json.loads((tmp_path / "eskin_readout.json").read_text())["ports"]
+    pins = (tmp_path / "eskin_readout_datasheet.md").read_text().split("## Pins")[1].split("\n## ")[0]
+    assert re.findall(r"^\| `(\w+)`", pins, re.MULTILINE) == [port["name"] for port in ports]
+    assert ports[-1]["name"] == TEST
     assert {"eskin_readout.v", f"{GATE}.v", "eskin_readout.sdc"} <= paths
     gate = tmp_path / f"{GATE}.v"
     assert gate.read_text().endswith(BEHAVIOUR)
