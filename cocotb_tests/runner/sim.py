@@ -156,6 +156,11 @@ def with_dut(plan: Plan, config: ReadoutConfig, files: Sequence[Path], top: str)
     """
     text = "\n".join(map(read_verilog, files))
     found = ports_of(text, top)
+    macros = {"READOUT": top} | ({"TEST_ENABLE": "1"} if TEST in found else {})
+    names = shlex.quote(" ".join(str(file.absolute()) for file in files))
+    plan = dataclasses.replace(plan, text=text, again=f"DUT={names} TOP={top}", macros=macros)
+    if not found:
+        return plan
     wanted = {port["name"]: Port(port["direction"], port["width"]) for port in ports(config)}
     wrong = [
         f"has {name} ({found[name]}) in place of ({port})" if name in found else f"lacks {name} ({port})"
@@ -170,9 +175,7 @@ def with_dut(plan: Plan, config: ReadoutConfig, files: Sequence[Path], top: str)
             f"module {top} {', '.join(wrong)}; give the configuration of your Verilog, for example with --config "
             f"eskin_readout.json, or write a wrapper and name it with --top"
         )
-    macros = {"READOUT": top} | ({"TEST_ENABLE": "1"} if TEST in found else {})
-    names = shlex.quote(" ".join(map(str, files)))
-    return dataclasses.replace(plan, text=text, again=f"DUT={names} TOP={top}", macros=macros)
+    return plan
 
 
 def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_stage: Callable[[str], None]) -> Tally:

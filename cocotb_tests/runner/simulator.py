@@ -41,6 +41,8 @@ FILES = HARNESS.with_suffix(".cpp")
 """The files of the harness in C++, for Verilator."""
 TEST_ENABLE = re.compile(r"input (wire )?test_enable;")
 """A port that only netlists have: it holds all clock gates open for a test of the chip."""
+ERROR = re.compile(r"\berror\b(?=[-:\s]|$)", re.IGNORECASE)
+"""A word of the line in which a simulator or compiler reports an error."""
 ENVIRONMENT = {
     "COCOTB_ANSI_OUTPUT": "0",
     # To rewrite assertions cocotb would load pytest with all its plugins, a quarter of what most runs take; its checks
@@ -292,11 +294,11 @@ def _write_sources(folder: Path, text: str, harness: str, control: str, foreign:
 
 def _failure(log: Path, what: str, given: bool) -> Exception:
     """Return the exception for a failed build: InputError for Verilog given by the user."""
-    tail = log.read_text(errors="replace")[-4000:] if log.exists() else ""
+    text = log.read_text(errors="replace") if log.exists() else ""
     if not given:
-        return RuntimeError(f"{what}\n{tail}")
-    lines = tail.strip().splitlines() or ["no word"]
-    first = next((line for line in lines if "error" in line.lower()), lines[-1]).strip()
+        return RuntimeError(f"{what}\n{text[-4000:]}")
+    lines = text.strip().splitlines() or ["no word"]
+    first = next((line for line in lines if ERROR.search(line)), lines[-1]).strip()
     return InputError(f"the Verilog cannot be built: {first}; give its configuration and all modules that it uses")
 
 

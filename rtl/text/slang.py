@@ -62,7 +62,7 @@ def top_of(design: Any, top: str) -> Any:
 
 
 def ports_of(text: str, top: str) -> dict[str, Port]:
-    """Return the ports of a module by name.
+    """Return the ports of a module by name, or no ports if a syntax error hides the module.
 
     Raises
     ------
@@ -71,6 +71,8 @@ def ports_of(text: str, top: str) -> dict[str, Port]:
     """
     design, _ = compilation({"dut.v": text}, top)
     instance = top_of(design, top)
+    if instance is None and re.search(rf"\bmodule\s+{re.escape(top)}\b", text):
+        return {}
     if instance is None:
         modules = ", ".join(sorted(one.name for one in design.getDefinitions())[:8]) or "none"
         raise InputError(f"the Verilog contains no module {top} (its modules: {modules}); name the top with --top")

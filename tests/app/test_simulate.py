@@ -124,7 +124,9 @@ def test_a_readout_of_the_user_is_held_to_the_model(tmp_path: Path, monkeypatch:
     assert bad.returncode == 1
     assert re.search(r"differs in polarity: model clock (\d+), row 1, column 1, (ON|OFF); RTL clock \1", bad.stdout)
     assert "\n  clock " in bad.stdout  # the model's state
-    assert re.search(r"reproduce: make sim .*LINK=four_phase .*DUT='wrapper.v bug.v' TOP=wrapper\n", bad.stdout)
+    assert re.search(
+        r"reproduce: make sim .*LINK=four_phase .*DUT='/\S+/wrapper.v /\S+/bug.v' TOP=wrapper\n", bad.stdout
+    )
     assert re.search(r"MISMATCH; equal runs before it: \d; report: out/\S+/run/mismatch.txt\n", bad.stdout)
 
     early = WRAPPER.replace(".addr(aer_addr)", ".addr(a)").replace(
@@ -145,6 +147,11 @@ def test_a_readout_of_the_user_is_held_to_the_model(tmp_path: Path, monkeypatch:
     stuck = call(*options, "high.v", "--dut", "core.v", "--top", "wrapper", "--link", "four_phase")
     assert "the request stays high or unknown in reset, so no run can begin; reproduce: make sim" in stuck.stdout
 
+    Path("open.v").write_text(text.replace("endmodule", "endmodul", 1))
+    lacking = "".join(f"absent a{number} ();\n" for number in range(120))  # more than 4000 characters of errors
+    Path("long.v").write_text(text.replace("endmodule", f"{lacking}endmodule", 1))
+    end = text.index("endmodule")
+    first, second = text[:end].count("\n") + 1, text[: text.index("\nmodule", end)].count("\n") + 1
     for arguments, sentence in [
         (
             ["core.v"],
@@ -165,6 +172,16 @@ def test_a_readout_of_the_user_is_held_to_the_model(tmp_path: Path, monkeypatch:
         (
             ["wrapper.v"],
             "the Verilog contains no module eskin_readout (its modules: theirs, wrapper); name the top with --top",
+        ),
+        (
+            ["open.v", "--link", "four_phase"],
+            f"the Verilog cannot be built: open.v:{second + 1}: syntax error; give its configuration and all modules "
+            "that it uses",
+        ),
+        (
+            ["long.v", "--link", "four_phase"],
+            f"the Verilog cannot be built: long.v:{first}: error: Unknown module type: absent; give its configuration "
+            "and all modules that it uses",
         ),
         (
             ["wrapper.v", "--link", "four_phase", "--top", "wrapper"],
