@@ -190,6 +190,10 @@ def _read_members(path: Path) -> tuple[NDArray[Any], str]:
     except InputError as error:
         raise InputError(f"{path} {error}") from None
     except Exception:  # a damaged archive makes zipfile, zlib and NumPy raise almost any type
+        if path.suffix.lower() != ".npz":
+            raise InputError(
+                f"{path} is not an event file; convert events of another program with eskin convert"
+            ) from None
         raise InputError(f"{path} is damaged or not an event file; record it again with eskin encode") from None
     raise InputError(f"{path} is an archive, but not an event file; make one with eskin encode")
 

@@ -283,7 +283,10 @@ def test_refuses_other_archives_and_other_files(tmp_path: Path) -> None:
     for content in (b"", b"PK", b"\x93NUMPY", b"t,x,y,p\n1,2,3,4\n", random.Random(0).randbytes(500)):
         path.write_bytes(content)
         assert refusal() == damaged
+    path = path.rename(tmp_path / "events.AEDAT4")
+    assert refusal() == f"{path} is not an event file; convert events of another program with eskin convert"
     path.unlink()
+    path = tmp_path / "events.npz"
     assert refusal() == f"cannot read {path}: No such file or directory"
     path.mkdir()
     assert refusal() == f"cannot read {path}: Is a directory"
