@@ -13,6 +13,7 @@ import torch
 from typer.testing import CliRunner
 
 from eskin.app.cli import app
+from eskin.base import progress
 from eskin.base.errors import InputError
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.file import IntegerWeights, weight_image
@@ -114,8 +115,9 @@ def test_the_nearest_leak_is_taken_and_said() -> None:
     assert config.out_synapse_shift == 0
 
 
-def test_published_networks_are_bit_exact_in_the_rtl(tmp_path: Path) -> None:
+def test_published_networks_are_bit_exact_in_the_rtl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run the NIR paper's Braille networks in RTL, and compare the classes with the float networks."""
+    monkeypatch.setattr(progress, "SILENCE_S", 0.01)
     paths = []
     for file in sorted((Path(__file__).parent / "nir_paper").glob("*.nir")):
         reset = "subtract" if "subtract" in file.name else "zero"
@@ -127,10 +129,15 @@ def test_published_networks_are_bit_exact_in_the_rtl(tmp_path: Path) -> None:
     assert re.search(
         r"^bit-exact: 2 runs, \d{4} clocks, 1\d\d events, 48 bins, 0 mismatches$", done.output, re.MULTILINE
     )
+    slow = re.findall(r"^building and simulating (zero|subtract) for icarus: \d+ s so far$", done.output, re.MULTILINE)
+    assert set(slow) == {"zero", "subtract"}
     for network in json.loads((tmp_path / "out" / "agreement.json").read_text())["networks"]:
         assert network["rtl"]["hidden spikes"] > 10
         assert network["rtl"]["output spikes"] > 10
         assert network["points"][0]["same"] >= 50
+    short = ["--bits", "8", "--scans", "1", "--bins", "1", "--rtl", "0", "-o", str(tmp_path / "new")]
+    assert CliRunner().invoke(app, ["agree", str(paths[0]), *short]).exit_code == 0
+    assert (tmp_path / "new" / "agreement.json").exists()
 
 
 @pytest.mark.parametrize(

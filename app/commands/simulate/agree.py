@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eskin.app.cli import asked_for, printable
+from eskin.app.commands.learn.options import output_folder
 from eskin.app.commands.outcome import conclude
 from eskin.app.options import WRITES_FOLDER
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
-from eskin.base.progress import bar
+from eskin.base.progress import bar, reported
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -44,6 +45,7 @@ def agree(
     if not 0 < rate <= 1:
         raise InputError(f"--rate must be above 0 and at most 1 event per bin and channel, not {rate:g}")
     loaded = {path: load_weights(path) for path in weights}
+    output_folder(out, "agreement.json")
     networks: list[dict[str, Any]] = []
     problems, runs = [], 0
     with bar("networks", len(loaded)) as step:
@@ -51,7 +53,8 @@ def agree(
             events = random_events(scans, bins, _inputs(one), rate, seed)
             found = {"network": path.stem, "bins": bins} | agreement(one, events, numbers)
             if rtl:
-                counts, problem = _in_rtl(one, numbers[0], events[:rtl], simulator, out / str(number))
+                with reported(printable(f"building and simulating {path.stem} for {simulator}")):
+                    counts, problem = _in_rtl(one, numbers[0], events[:rtl], simulator, out / str(number))
                 found |= {"rtl": counts}
                 runs += counts.get("checks", 0)
                 problems += [f"{path.stem}: {problem}"] if problem else []
