@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import sys
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
@@ -80,7 +81,10 @@ def train(
         key = fingerprint(split, network_config, train_config, seed)
         if checkpoint.path.exists():
             load_checkpoint(checkpoint.path, training, key)
-    for number in range(len(training.history), train_config.epochs):
+    done = len(training.history)
+    if 0 < done < train_config.epochs:
+        print(f"continuing after epoch {done} of {train_config.epochs}", file=sys.stderr, flush=True)
+    for number in range(done, train_config.epochs):
         epoch = _epoch(training, data, scans, train_config, seed, number, device)
         if split.held_out is not None and len(split.held_out):
             epoch = _note_held_out(training, split, epoch, device)

@@ -129,6 +129,8 @@ def test_a_killed_command_goes_on_and_ends_in_the_same_bits(tmp_path: Path) -> N
     for process in (whole, resumed):
         _, error = process.communicate(timeout=200)
         assert process.returncode == 0, error
+        continued = f"continuing after epoch {found} of {epochs}".encode()
+        assert (continued in error.splitlines()) is (process is resumed)
     results = [json.loads((tmp_path / name / "result.json").read_text()) for name in ("whole", "killed")]
     assert results[0] == results[1]
     states = [torch.load(tmp_path / name / "checkpoint.pt", weights_only=True) for name in ("whole", "killed")]
