@@ -22,6 +22,11 @@ def watched() -> bool:
     return sys.stderr.isatty()
 
 
+def note(text: str) -> None:
+    """Print a line about the progress of a command."""
+    print(text, file=sys.stderr, flush=True)
+
+
 def progress_of(*words: str, spinner: bool = False, time_left: bool = False, transient: bool = True) -> Progress:
     """Return a progress display in the common style: text, bar, count, time.
 

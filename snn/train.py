@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import sys
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
@@ -19,6 +18,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from eskin.base.errors import InputError
+from eskin.base.progress import note
 from eskin.snn.adam import Adam
 from eskin.snn.calibration import calibrate
 from eskin.snn.checkpoint import Checkpoint, fingerprint, load_checkpoint, save_checkpoint
@@ -83,7 +83,7 @@ def train(
             load_checkpoint(checkpoint.path, training, key)
     done = len(training.history)
     if 0 < done < train_config.epochs:
-        print(f"continuing after epoch {done} of {train_config.epochs}", file=sys.stderr, flush=True)
+        note(f"continuing after epoch {done} of {train_config.epochs}")
     for number in range(done, train_config.epochs):
         epoch = _epoch(training, data, scans, train_config, seed, number, device)
         if split.held_out is not None and len(split.held_out):
