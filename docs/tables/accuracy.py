@@ -59,11 +59,10 @@ LCS_LEAKY = "physical/leaky-2ms/lcs:2/12x16:across:12"
 FRAMES_LEAKY = "physical/leaky-2ms/frame-onoff:250:3:2/12x16:across:12"
 LCS_CONVOLUTIONS = "physical/convolutions/lcs:2/12x16:across:12"
 FRAMES_CONVOLUTIONS = "physical/convolutions/frame-diff:250:6/12x16:across:6"
-"""Points of the frontier in the README."""
+"""Points of the frontier in the README and in sentences of docs/results/frontier.md."""
 FEWEST = "physical/convolutions/lcs:3/12x16:across:2"
 FEW_ON_PAPER = "paper/convolutions/lcs:5/along:3"
 
-WORDS = {"leaky": "leaky network", "leaky-2ms": "leaky network", "convolutions": "convolutions"}
 NETWORKS = {"leaky": "leaky", "leaky-2ms": "leaky, 2 ms", "convolutions": "convolutions", "paper": "the paper's"}
 
 
@@ -123,14 +122,15 @@ def frontier_targets() -> None:
     reached = "{verdict}: {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f})"
     reached += " at {rate_hz:,.0f} events/s, seeds: {seeds}"
     rows = []
-    for words, name, least in (
-        ("97.15 % at 2,200 events/s with at most 256 spiking neurons (here 128)", LCS_LEAKY, 0.9715),
-        ("99 % at 2,200 events/s with the best network", LCS_CONVOLUTIONS, 0.99),
-        ("97.15 % at 1,000 events/s with the best network", FEWEST, 0.9715),
-        ("92 % at 2,200 events/s on the `paper` scan, with the best network", FEW_ON_PAPER, 0.92),
+    for words, name, least, most_hz in (
+        ("97.15 % at 2,200 events/s with at most 256 spiking neurons (here 128)", LCS_LEAKY, 0.9715, 2200),
+        ("99 % at 2,200 events/s with the best network", LCS_CONVOLUTIONS, 0.99, 2200),
+        ("97.15 % at 1,000 events/s with the best network", FEWEST, 0.9715, 1000),
+        ("92 % at 2,200 events/s on the `paper` scan, with the best network", FEW_ON_PAPER, 0.92, 2200),
     ):
         point = at(name)
-        verdict = "met" if point["accuracy"] >= least and point["rate_hz"] <= 2200 else "missed"
+        met = "met" if point["seeds"] >= 3 else "met so far"
+        verdict = met if point["accuracy"] >= least and point["rate_hz"] <= most_hz else "missed"
         rows.append([words, filled(reached, point | {"verdict": verdict})])
     rows.append(["97.15 % in the RTL chip with weights of 4 b", "not trained"])
     table("target: `physical` if not named, three seeds, last epoch | reached", rows)
@@ -148,7 +148,6 @@ def frontier_pairs() -> None:
             "a": a,
             "b": b,
             "right": f"{sum(pair['only_first'])}, {sum(pair['only_second'])}",
-            "p_values": ", ".join(filled("{p:p}", {"p": p}) for p in pair["p"]),
         }
         rows.append(pair | more)
     table(
@@ -157,7 +156,7 @@ def frontier_pairs() -> None:
         rows,
         "{a[preset]}, {of} | `{a[readout]}`, `{a[choice]}` | {a[bits_per_s]:1e-3*#3} | `{b[readout]}`, `{b[choice]}`"
         " | {b[bits_per_s]:1e-3*#3} | {difference:100*+.1f} ({interval[0]:100*+.1f} to {interval[1]:100*+.1f})"
-        " | {right} | {p_values}",
+        " | {right} | {p:p}",
     )
 
 
@@ -349,20 +348,20 @@ def headline() -> None:
     (best,) = sweep("tuned-2ms")
     replays, chip = replayed(), read("docs/data/touch.json")
     rows = [
-        filled("equal events of RTL and model ({images} scans) |  | {events:,}", replays),
+        filled("equal events of RTL and model ({images} scans, three encoders) |  | {events:,}", replays),
         filled("the paper's network, LCS 6 b | {published:100*.2f} % | {last:%}", paper),
         filled("leaky network, LCS 3 b, {data_rate_bps:1e-3*.0f} kb/s |  | {last:%}", best),
     ]
     kind = frame_points()["rnn"]
     rows.append(["the paper's ReLU network, frames, 3,200 kb/s", kind["theirs"], filled("{last:%}", kind)])
-    few = "{of}, {count} taxels, {words} ({bits_per_s:1e-3*.1f} kb/s) | {?theirs} | {accuracy:100*.1f} %"
+    few = "leaky network, {count} taxels, {words} ({bits_per_s:1e-3*.1f} kb/s) | {?theirs} | {accuracy:100*.1f} %"
     few += " ({interval[0]:100*.1f} to {interval[1]:100*.1f})"
     for name, words, theirs in (
         (LCS_LEAKY, "LCS 2 b, {rate_hz:,.0f} events/s", "97.15 % at 2,200 events/s (INTUITIVE chip)"),
         (FRAMES_LEAKY, "frames", ""),
     ):
         point = at(name)
-        more = {"of": WORDS[point["network"]], "count": len(point["taxels"]), "theirs": theirs}
+        more = {"count": len(point["taxels"]), "theirs": theirs}
         rows.append(filled(few, point | more | {"words": filled(words, point)}))
     finger = "[finger](docs/results/finger.md) at new speeds, {of} ({kbps:.2f} kb/s) |  | {speeds:.1f} %"
     reached = finger_reached()

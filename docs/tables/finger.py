@@ -172,12 +172,10 @@ def finger_pairs() -> None:
         cells = [name_of(other)]
         for part in KINDS.values():
             folds = [fold for fold in report["folds"] if part in fold["fold"]]
-            labels, words = _words(folds, point["network"])
-            pair = compare(labels, words, _words(folds, other["network"])[1])
-            p = ", ".join(filled("{p:p}", {"p": p}) for p in pair.p)
-            cells.append(
-                filled("{difference:100*+.1f} ({interval[0]:100*+.1f} to {interval[1]:100*+.1f}), p ", vars(pair)) + p
-            )
+            labels, predicted = _words(folds, point["network"])
+            pair = compare(labels, predicted, _words(folds, other["network"])[1])
+            words = "{difference:100*+.1f} ({interval[0]:100*+.1f} to {interval[1]:100*+.1f}), p {p:p}"
+            cells.append(filled(words, vars(pair)))
         rows.append([name_of(point), *cells])
     table("events | frames | repetition | one speed left out | one pressure left out", rows)
 

@@ -29,7 +29,8 @@ def only(rows: Iterable[Mapping[str, Any]], /, **values: Any) -> dict[str, Any]:
 class _Cells(Template):
     """Template with values of this project.
 
-    ``%`` is an accuracy with its interval; ``E`` the title of a readout; ``p`` a p value; ``r`` a normalised data rate.
+    ``%`` is an accuracy with its interval; ``E`` the title of a readout; ``p`` a p value, or several; ``r`` a
+    normalised data rate.
     """
 
     def format_value(self, value: Any, spec: str) -> str:
@@ -39,7 +40,8 @@ class _Cells(Template):
         if spec == "E":
             return look(value).title
         if spec == "p":
-            return digits(value, 2) if value >= 1e-3 else "< 0.001"
+            values = value if isinstance(value, list) else [value]
+            return ", ".join(digits(one, 2) if one >= 1e-3 else "< 0.001" for one in values)
         if spec == "r":
             return digits(value, 3 if value > 0.1 else 2)
         return super().format_value(value, spec)
