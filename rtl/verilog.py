@@ -103,23 +103,22 @@ def verilog(config: Config, gated: bool = False) -> str:
     if gated:
         top = top_block(config)
         text = clock_gates.gated(rtlil(config), top.module_name, config.reset == "sync")
-        return header(config, "//") + _waive(_synchronised(text), config)
+        return header(config, "//") + _waive(_marked(text), config)
     return header(config, "//") + _waive(block_verilog(top_block(config)), config)
 
 
 def block_verilog(block: Block[Any]) -> str:
     """Return a block and its submodules as Verilog text, with attributes at the synchronisers."""
     script = YOSYS_SCRIPT.format(top=block.module_name)
-    text = _synchronised(yosys.tidy(yosys.run(script, block_rtlil(block), "readout.v")))
-    return text.replace(f"module {Limit.module_name}(", f'(* keep_hierarchy = "yes" *)\nmodule {Limit.module_name}(')
+    return _marked(yosys.tidy(yosys.run(script, block_rtlil(block), "readout.v")))
 
 
-def _synchronised(text: str) -> str:
-    """Return Verilog text with attributes that keep tools from moving or merging synchroniser flip-flops."""
+def _marked(text: str) -> str:
+    """Return Verilog text with attributes that keep tools from merging synchroniser flip-flops, and the limiter."""
     for module, names in clock_gates.SYNCHRONISERS.items():
         for name in names:
             text = yosys.mark(text, module, name, '(* async_reg = "true", keep = "true" *)')
-    return text
+    return text.replace(f"module {Limit.module_name}(", f'(* keep_hierarchy = "yes" *)\nmodule {Limit.module_name}(')
 
 
 def rtlil(config: Config) -> str:

@@ -50,6 +50,7 @@ def compare(gold: dict[str, Any], gate: dict[str, Any]) -> tuple[int, list[str]]
     pairs, lonely = _match(ours, gold, theirs, gate)
     inputs = {name: len(p["bits"]) for name, p in gold["ports"].items() if p["direction"] == "input"}
     outputs = {name: len(p["bits"]) for name, p in gold["ports"].items() if p["direction"] == "output"}
+    named = _names(gold)  # of the designs as they were given
     _open(gold, [ours[name] for name, _ in pairs])
     _open(gate, [theirs[name] for _, name in pairs])
     both = {"modules": {"gold": gold, "gate": gate}}
@@ -61,7 +62,6 @@ def compare(gold: dict[str, Any], gate: dict[str, Any]) -> tuple[int, list[str]]
         "solve.abc": SOLVE,
     }
     equal = _constant_outputs(yosys.run_for(MITER, "", ("done.aig",), files)["done.aig"])
-    named = _names(gold)
     names = [min(named.get(ours[flop].held, {flop})) for flop, _ in pairs]
     for port, width in outputs.items():
         names += [port] if width == 1 else [f"{port}[{bit}]" for bit in range(width)]
@@ -79,14 +79,14 @@ def _cut(module: dict[str, Any]) -> dict[str, Register]:
         pins = {pin: bits[0] for pin, bits in cell["connections"].items()}
         reset: int | str = pins.get("R", "0")
         if found[1] == "N":
-            reset = _add(module, "$_NOT_", A=reset)
+            reset = add(module, "$_NOT_", A=reset)
         of = {value: reset if found[2] == value else "0" for value in "01"}
         cut[name] = Register(pins["Q"], pins["D"], of["0"], of["1"])
         del module["cells"][name]
     return cut
 
 
-def _add(module: dict[str, Any], kind: str, **inputs: int | str) -> int:
+def add(module: dict[str, Any], kind: str, **inputs: int | str) -> int:
     """Add a logic gate to a module and return its output net."""
     module["last"] = 1 + (module.get("last") or highest_net(module))
     module["cells"][f"$cut{module['last']}"] = cell_of(kind, inputs | {"Y": module["last"]})
@@ -137,8 +137,8 @@ def _open(module: dict[str, Any], registers: list[Register]) -> None:
     for register in registers:
         following += [register.next, register.clear, register.preset]
         if register.inverted:
-            following[-3:] = [_add(module, "$_NOT_", A=register.next), register.preset, register.clear]
-            last = _add(module, "$_NOT_", A="0")
+            following[-3:] = [add(module, "$_NOT_", A=register.next), register.preset, register.clear]
+            last = add(module, "$_NOT_", A="0")
             module["cells"][f"$cut{last}"]["connections"] = {"A": [last], "Y": [register.held]}
             held.append(last)
         else:

@@ -28,7 +28,7 @@ SYNCHRONISERS = {
 """Registers that take what comes without a clock, by their modules."""
 
 MEMORY = "$memrd_v2"
-"""A memory, which a macro replaces with its module: its register of the word read gets no gate."""
+"""Cell of a read port. A macro may replace a module that has one, so no register of this module gets a gate."""
 
 FEWEST_FLOPS = 3
 """Flops with one enable that are worth a clock gate."""
@@ -71,6 +71,8 @@ TO_VERILOG = (
 
 def gated(rtlil: str, top: str, synchronous_reset: bool) -> str:
     """Return Verilog with a clock gate for every block with a signal ``awake`` and for every large register enable.
+
+    Modules with a memory get no gate inside.
 
     Parameters
     ----------

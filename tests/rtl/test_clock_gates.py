@@ -30,6 +30,8 @@ def test_every_flop_and_output_is_proved_and_a_gate_that_sleeps_too_much_is_foun
         assert good in text
         with pytest.raises(Different, match=r"^with clock gates not proved equal: "):
             prove_gated(FEW, text.replace(good, bad))
+    with pytest.raises(Different, match=r"has another clock than clk$"):
+        prove_gated(FEW, text.replace("gate_0 (\n    .clk(clk)", "gate_0 (\n    .clk(rst)", 1))
 
 
 def test_every_large_enable_and_every_awake_has_a_gate_and_all_test_enables_are_a_port() -> None:
@@ -44,13 +46,15 @@ def test_every_large_enable_and_every_awake_has_a_gate_and_all_test_enables_are_
     assert "if (moves)" not in modules["eskin_taxel"]
 
 
-def test_the_synchronisers_are_marked_in_both_texts() -> None:
+def test_the_synchronisers_and_the_limiter_are_marked_in_both_texts() -> None:
     for gated in (False, True):
         text = verilog(FEW.replace(registers="spi"), gated=gated)
         marked = re.findall(
             r'^  \(\* async_reg = "true", keep = "true" \*\) reg (?:\[\d+:0\] )?(\w+);$', text, re.MULTILINE
         )
         assert sorted(marked) == ["ack_meta", "ack_sync", "cs_n", "mosi", "sck"]
+        narrow = verilog(chip(1, 2, 4, 5).classifier.replace(membrane_bits=9), gated=gated)
+        assert '(* keep_hierarchy = "yes" *)\nmodule eskin_limit(' in narrow
 
 
 def test_the_model_and_the_delivered_text_give_the_same_events(tmp_path: Path) -> None:
@@ -78,6 +82,10 @@ def test_a_chip_with_clock_gates_is_proved_and_simulated(tmp_path: Path) -> None
     assert "gate_0_enable = ~set_group &" in text
     with pytest.raises(Different, match=r"^with clock gates not proved equal: "):
         prove_gated(config, text.replace("gate_0_enable = ~set_group &", "gate_0_enable = set_group &"))
+    words = "always @(posedge clk)\n    if (read_valid"
+    assert words in text
+    with pytest.raises(Different, match=r"has another clock than clk$"):
+        prove_gated(config, text.replace(words, words.replace("clk", "write_valid"), 1))
     assert play(config, "icarus", tmp_path, text=text + BEHAVIOUR)["events"] > 20
     assert lint(tmp_path / "eskin_chip.v", tmp_path / f"{GATE}.v") == ""
     assert TEST in texts["eskin_chip.sdc"]

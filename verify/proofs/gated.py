@@ -6,12 +6,11 @@ import json
 import re
 from typing import Any
 
-from eskin.flow.asic.compare import compare
+from eskin.flow.asic.compare import add, compare
 from eskin.rtl import yosys
-from eskin.rtl.gates.cells import cell_of, highest_net
 from eskin.rtl.gates.clock_gates import FLOPS, GATE, STUB, TEST
 from eskin.rtl.verilog import Config, rtlil, top_block, verilog
-from eskin.verify.proofs.delivered import DATA, MEMORY, Different
+from eskin.verify.proofs.delivered import DATA, MEMORY, UNDEFINED, Different
 
 READ = {
     "gold": "read_rtlil readout.il; delete t:$meminit_v2; ",
@@ -27,26 +26,30 @@ SPELLED = re.compile(r"\\?\$(signal)\$(\d+)$|\b(memory)\[(\d+)\]$")
 
 
 def prove_gated(config: Config, text: str = "") -> int:
-    """Return the number of flops and outputs of a clock-gated design proved equal to its RTLIL.
+    """Return the number of flops, outputs and bits of memory pins of a clock-gated design proved equal to its RTLIL.
 
-    A clock gate lets the rising edge through where its enable was high before: a flop behind it is a flop with that
-    enable, all those in its way. ``test_enable`` is low. Nothing is assumed about which states can be reached. A memory
-    may read any word; its addresses, its enables and the words written must be equal.
+    A clock gate lets the rising edge through if its enable was high before. A flop behind clock gates is therefore
+    proved as a flop that is enabled while all enables of these gates are high. ``test_enable`` is low. Nothing is
+    assumed about which states can be reached. Each memory is cut: both designs read the same arbitrary word, and its
+    read address and write pins must be equal.
 
     Parameters
     ----------
     config : Config
     text : str
-        Verilog to be proved; that which is delivered by default.
+        Verilog to be proved, by default as delivered.
 
     Raises
     ------
     Different
-        If a point is not proved equal.
+        If a point is not proved equal, a flop has another clock than ``clk``, or the Verilog has an undefined constant.
     """
+    text = text or verilog(config, gated=True)
+    if undefined := UNDEFINED.search(text):
+        raise Different(f"the Verilog with clock gates has the undefined constant {undefined[0]}")
     top = top_block(config).module_name
     script = "".join((read + FLAT).format(top=top, side=side, gate=GATE, flops=FLOPS) for side, read in READ.items())
-    files = {"gated.v": (text or verilog(config, gated=True)).encode(), "stub.v": STUB.encode()}
+    files = {"gated.v": text.encode(), "stub.v": STUB.encode()}
     made = yosys.run_for(script, rtlil(config), [f"{side}.json" for side in READ], files)
     gold, gate = (json.loads(made[f"{side}.json"])["modules"][side] for side in READ)
     gold["netnames"] = {SPELLED.sub(r"\1\3_\2\4", name): net for name, net in gold["netnames"].items()}
@@ -54,7 +57,7 @@ def prove_gated(config: Config, text: str = "") -> int:
     for module in (gold, gate):
         enables = _Enables(module)
         enables.to_flops()
-        memories.append(enables.cut_memories(module))
+        memories.append(enables.cut_memories())
     if memories[0] != memories[1]:
         raise Different("with clock gates the memories are not those of the RTLIL")
     proved, differ = compare(gold, gate)
@@ -68,12 +71,15 @@ class _Enables:
 
     Attributes
     ----------
+    root : int
+        Net of the clock input, in front of all gates.
     gates : dict of int to (int, int)
         Nets of the clock and the enable of the gate that drives a net.
     """
 
     def __init__(self, module: dict[str, Any]) -> None:
-        self.cells, self.last = module["cells"], highest_net(module)
+        self.module, self.cells = module, module["cells"]
+        self.root = module["ports"]["clk"]["bits"][0]
         self.gates = {}
         for name, cell in list(self.cells.items()):
             if cell["type"] == GATE:
@@ -83,31 +89,27 @@ class _Enables:
         for table in ("ports", "netnames"):
             module[table].pop(TEST, None)
 
-    def add(self, kind: str, **inputs: Any) -> int:
-        """Add a logic gate and return its output net."""
-        self.last += 1
-        self.cells[f"$enable{self.last}"] = cell_of(kind, inputs | {"Y": self.last})
-        return self.last
-
-    def of(self, clock: int) -> tuple[int, Any]:
-        """Return the net that drives the gates in front of a clock, and their common enable, None without a gate."""
+    def of(self, clock: int) -> Any:
+        """Return the common enable of the gates in front of a clock, None without a gate."""
         enable: Any = None
         while clock in self.gates:
             clock, own = self.gates[clock]
-            enable = own if enable is None else self.add("$_AND_", A=enable, B=own)
-        return clock, enable
+            enable = own if enable is None else add(self.module, "$_AND_", A=enable, B=own)
+        if clock != self.root:
+            raise Different("with clock gates a flop or memory has another clock than clk")
+        return enable
 
     def to_flops(self) -> None:
         """Replace the gated clocks of all flops by enables."""
         for cell in list(self.cells.values()):
             if cell["type"].startswith("$_DFF_"):
                 pins = cell["connections"]
-                clock, enable = self.of(pins["C"][0])
-                pins["C"] = [clock]
+                enable = self.of(pins["C"][0])
+                pins["C"] = [self.root]
                 if enable is not None:
-                    pins["D"] = [self.add("$_MUX_", A=pins["Q"][0], B=pins["D"][0], S=enable)]
+                    pins["D"] = [add(self.module, "$_MUX_", A=pins["Q"][0], B=pins["D"][0], S=enable)]
 
-    def cut_memories(self, module: dict[str, Any]) -> dict[str, Any]:
+    def cut_memories(self) -> dict[str, Any]:
         """Turn the pins of every memory into ports of the module; return the parameters of each memory.
 
         A gated clock becomes a part of the enable of every written bit.
@@ -118,11 +120,12 @@ class _Enables:
                 continue
             del self.cells[name]
             pins, memory = cell["connections"], cell["parameters"]["MEMID"].removeprefix("\\")
-            pins["WR_CLK"][0], enable = self.of(pins["WR_CLK"][0])
+            enable = self.of(pins["WR_CLK"][0])
+            pins["WR_CLK"] = [self.root]
             if enable is not None:
-                pins["WR_EN"] = [self.add("$_AND_", A=bit, B=enable) for bit in pins["WR_EN"]]
+                pins["WR_EN"] = [add(self.module, "$_AND_", A=bit, B=enable) for bit in pins["WR_EN"]]
             for pin in ("RD_ADDR", "RD_DATA", "WR_CLK", "WR_EN", "WR_ADDR", "WR_DATA"):
                 direction = "input" if pin == "RD_DATA" else "output"
-                module["ports"][f"{memory}.{pin}"] = {"direction": direction, "bits": pins[pin]}
+                self.module["ports"][f"{memory}.{pin}"] = {"direction": direction, "bits": pins[pin]}
             found[memory] = {key: value for key, value in cell["parameters"].items() if key not in DATA}
         return found

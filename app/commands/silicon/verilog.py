@@ -98,7 +98,7 @@ def _deliver(config: Config, out: Path, prove: bool, report: Path | None = None,
     if prove and gated:
         from eskin.verify.proofs.gated import prove_gated
 
-        print(f"proved equal to the RTLIL: {prove_gated(config)} flops and outputs")
+        print(f"proved equal to the RTLIL: {prove_gated(config)} points")
     elif prove:
         from eskin.verify.proofs.delivered import prove_config
 
