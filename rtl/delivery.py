@@ -197,11 +197,10 @@ def description(config: Config, gated: bool = False) -> str:
 
 def constraints(config: Config, gated: bool = False) -> str:
     """Return the SDC timing constraints: clock, port delays and asynchronous inputs."""
-    own = list(ports(config))
+    own = list(ports(config, gated))
     pins = {port["name"]: port["name"] + ("[*]" if port["width"] > 1 else "") for port in own}
     inputs = {port["name"] for port in own if port["direction"] == "input"}
     timed = [name for name in pins if name not in ("clk", *ASYNCHRONOUS, *MACRO_IN, *MACRO_OUT)]
-    test = [TEST] * gated
     base = "sample rate times clocks per sample"
     if isinstance(config, FrameConfig):
         base = "frame rate times clocks per frame"
@@ -218,8 +217,8 @@ def constraints(config: Config, gated: bool = False) -> str:
         **{"LOAD_PF": LOAD_PF, "OUTSIDE": OUTSIDE, "DECISION_IN": DECISION_IN, "DAC_OUT": DAC_OUT},
         header=header(config, "#"),
         base=base,
-        driven=" ".join([joined(name for name in pins if name in inputs - {"clk", "rst"}), *test]),
-        inputs=" ".join([joined(name for name in timed if name in inputs), *test]),
+        driven=joined(name for name in pins if name in inputs - {"clk", "rst"}),
+        inputs=joined(name for name in timed if name in inputs),
         outputs=joined(name for name in timed if name not in inputs),
         decisions=joined(MACRO_IN),
         references=joined(MACRO_OUT),

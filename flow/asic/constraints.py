@@ -22,7 +22,6 @@ from eskin.rtl.delivery import (
     UNCERTAINTY,
     ports,
 )
-from eskin.rtl.gates.clock_gates import TEST
 from eskin.rtl.link import requests
 from eskin.rtl.verilog import header
 
@@ -57,20 +56,20 @@ def sdc(netlist: Netlist, period: str = "") -> str:
 def _delays(netlist: Netlist) -> Iterator[str]:
     """Yield the external delay of every port as a fraction of the clock period."""
     shares: dict[tuple[str, float], list[str]] = {}
-    for port in ports(netlist.config):
+    for port in ports(netlist.config, True):
         name, way = port["name"], port["direction"]
         if name != "clk":
             share = DECISION_IN if name in MACRO_IN else DAC_OUT if name in MACRO_OUT else OUTSIDE
             shares.setdefault((way, share), []).append(name + ("[*]" if port["width"] > 1 else ""))
-    shares["input", OUTSIDE].append(TEST)
     for (way, share), names in shares.items():
         yield f"set_{way}_delay [expr {share} * $period_ns] -clock clk [get_ports {{{' '.join(names)}}}]"
 
 
 def _edges(netlist: Netlist) -> Iterator[str]:
     """Yield the driving cells of the inputs, or edge times for clk, rst and libraries without a buffer."""
-    names = [p["name"] + ("[*]" if p["width"] > 1 else "") for p in ports(netlist.config) if p["direction"] == "input"]
-    driven = " ".join([*(name for name in names if name not in ("clk", "rst")), TEST])
+    inputs = [port for port in ports(netlist.config, True) if port["direction"] == "input"]
+    names = [port["name"] + ("[*]" if port["width"] > 1 else "") for port in inputs]
+    driven = " ".join(name for name in names if name not in ("clk", "rst"))
     if buffers := plain_buffers(netlist.library):
         cell = buffers[len(buffers) // 2]
         pin = cell.drives(cell.inputs[0])

@@ -33,10 +33,8 @@ def sheet_of(config: ReadoutConfig, report: dict[str, Any] | None) -> Sheet:
         "reset_clocks": RESET_CLOCKS,
         "registers": REGISTERS,
         "netlist": of_netlist(report),
-        "period_s": 1 / config.clock_hz,
         "dac_out": DAC_OUT,
         "decision_in": DECISION_IN,
-        "quoted": lambda names: ", ".join(f"`{name}`" for name in names),
         "codes": _codes(config),
         "choices": CHOICES,
         "receptive": [

@@ -85,7 +85,7 @@ class Sheet:
             "what": self.what,
             "version": __version__,
             "reset": RESETS[self.config.reset],
-            "no_netlist": NO_NETLIST,
+            "netlist": NO_NETLIST,
             "pictures": {picture.name: picture for picture in self.pictures},
             "fields": [(f"`{name}`", f"{value}") for name, value in self.config.to_dict().items()],
             "pins": [(f"`{pin['name']}`", pin["direction"], f"{pin['width']}", pin["meaning"]) for pin in pins],
@@ -134,4 +134,8 @@ def table(head: str, rows: Iterable[Iterable[str]]) -> str:
 
 
 PAGES = templates(Path(__file__).parent / "templates")
-PAGES.filters |= {"si": si, "clocks": lambda number: f"{number} clock{'s' * (number != 1)}"}
+PAGES.filters |= {
+    "si": si,
+    "clocks": lambda number: f"{number} clock{'s' * (number != 1)}",
+    "quoted": lambda names: ", ".join(f"`{name}`" for name in names),
+}
