@@ -207,7 +207,14 @@ class Layout:
             said = {"period_ns": period_ns, "difference_ns": model.check(text, block, known, part)}
             (part / "model.json").write_text(json.dumps(said))
 
-        inputs = (Path(model.__file__).read_text(), known.content.decode(), block.verilog(), placed.name)
+        script = Path(model.__file__).parents[1] / "templates" / "clocked.tcl"
+        inputs = (
+            Path(model.__file__).read_text(),
+            script.read_text(),
+            known.content.decode(),
+            block.verilog(),
+            placed.name,
+        )
         _copy(abstract / "macro.lef", folder / "readout.lef")
         made = self.stages.made("model", inputs, make)
         _copy(made / "macro.lib", folder / "readout.lib")

@@ -158,7 +158,7 @@ def _ask(script: str, files: Mapping[str, str], folder: Path) -> dict[tuple[str,
 
 def _load(library: str, netlist: str, top: str) -> str:
     """Return the commands that read a netlist and its library."""
-    return TEMPLATES.get_template("load.tcl").render(library=library, netlist=netlist, top=top)
+    return f"set sta_report_default_digits 6\nread_liberty {library}\nread_verilog {netlist}\nlink_design {top}\n"
 
 
 def _clocked(block: Block) -> str:
