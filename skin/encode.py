@@ -161,9 +161,11 @@ def _encode_prepared(
     options = Preparation(**prepared)
     if "scale" not in prepared and options.baseline == "none":  # values mean the same as without time stamps
         table = read_table(path, options)
-        scale = 1 / config.full_scale if table.codes else 1.0
-        _check_full_scale(path, table.values * scale, config)
-        options = dataclasses.replace(options, scale=repr(scale))
+        if table.codes:
+            _checked_codes(path, table.values, config)
+        else:
+            _check_full_scale(path, table.values, config)
+        options = dataclasses.replace(options, scale=repr(1 / config.full_scale if table.codes else 1.0))
     found = read_set(path, options, config, given)
     metadata = {"input": "recording", "scale": found.scale, "baseline": options.baseline}
     kept = found.said_of(found.sources[0])
@@ -239,7 +241,7 @@ def _checked_codes(source: Path, values: NDArray[Any], config: ReadoutConfig) ->
     if len(wrong):
         tick, taxel = (int(i) for i in wrong[0])
         raise InputError(
-            f"{source} has the code {values[tick, taxel]} at tick {tick}, taxel {taxel}, outside "
+            f"{source} has the code {values[tick, taxel]:g} at tick {tick}, taxel {taxel}, outside "
             f"{low}..{high} "
             f"of {config.sample_bits} bits; add --sample-bits, or --scale FACTOR to read them as numbers"
         )

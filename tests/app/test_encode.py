@@ -335,6 +335,13 @@ ENCODE_ERRORS: list[tuple[str, bytes | None, str, str]] = [
         "x.npy has 5 values beyond full scale, the largest 1.25 times full scale; "
         "subtract the baseline with --baseline first, or add --scale max",
     ),
+    (
+        "x.csv",
+        b"time_s,a\n0,1\n1,2048\n2,3\n",
+        "",
+        "x.csv has the code 2048 at tick 1, taxel 0, outside -2048..2047 of 12 bits; "
+        "add --sample-bits, or --scale FACTOR to read them as numbers",
+    ),
     ("x.npy", save_npy(GOOD), RATE + " --scale 0", "--scale needs a number other than 0, or max, not '0'"),
     (
         "x.npy",
