@@ -11,7 +11,8 @@ from eskin.base.rows import Template
 if TYPE_CHECKING:
     from rich.table import Table
 
-filled = Template("").filled
+CELLS = Template("")
+filled = CELLS.filled
 """Function that returns a template with ``{name:format}`` replaced by the values of a row."""
 
 
@@ -43,7 +44,7 @@ def new_table(headings: Iterable[str], title: str = "", left: Iterable[int] = (0
 
 
 def print_table(
-    heads: str,
+    heads: str | Iterable[str],
     rows: Iterable[Mapping[str, Any] | Sequence[str]],
     cells: str = "",
     title: str = "",
@@ -54,8 +55,8 @@ def print_table(
 
     Parameters
     ----------
-    heads : str
-        Titles of the columns between `` | ``.
+    heads : str or iterable of str
+        Titles of the columns; in a text, `` | `` separates them.
     rows : iterable
         Mappings, which ``cells`` formats, or the cells themselves.
     cells : str
@@ -65,9 +66,9 @@ def print_table(
     """
     from rich.text import Text
 
-    table = new_table(heads.split(" | "), title, left)
+    table = new_table(heads.split(" | ") if isinstance(heads, str) else heads, title, left)
     for row in rows:
-        made = Template("").cells(cells, row) if isinstance(row, Mapping) else row
+        made = CELLS.cells(cells, row) if isinstance(row, Mapping) else row
         table.add_row(*(Text(printable(cell)) for cell in made))
     show(table, least_width)
 

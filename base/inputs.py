@@ -51,14 +51,13 @@ def find_files(folder: Path, suffixes: Collection[str]) -> tuple[list[Path], lis
 
 
 def check_no_others(folder: Path, paths: Collection[Path]) -> None:
-    """Check that an output folder contains no event files except those that a command will write.
+    """Check that an output folder contains no .npz files except those that a command will write.
 
-    Training on the folder would read the other event files too.
+    Training on the folder would read the others too.
     """
     written = set(paths)
-    written = set(paths)
     if others := [path for path in find_files(folder, (".npz",))[0] if path not in written]:
-        count = f"{len(others)} event file{'s' * (len(others) > 1)}"
+        count = f"{len(others)} .npz file{'s' * (len(others) > 1)}"
         named = f"{others[0]}{', ...' * (len(others) > 1)}"
         raise InputError(
             f"{folder} contains {count} that this command would not overwrite ({named}); choose another --out, or "

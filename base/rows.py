@@ -1,4 +1,4 @@
-"""Format rows of data as text with templates, one column between two bars."""
+"""Format rows of data as text with templates, in which `` | `` separates the columns."""
 
 from __future__ import annotations
 

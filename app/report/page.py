@@ -87,7 +87,7 @@ def page(data: Data, runs: Sequence[Run]) -> str:
             p | {"ends": f"{space}to{space}".join(f"{100 * e:.1f}" for e in p.get("interval", ()))} for p in points
         ],
         "synthesis": [
-            r | {"title": READOUT_NAMES[r["readout"]], "process": r["process"] or "-"} for r in data["synthesis"]
+            r | {"title": READOUT_NAMES[r["readout"]], "process": r["process"] or None} for r in data["synthesis"]
         ],
     }
     return PAGES.get_template("page.html").render(
@@ -134,7 +134,7 @@ def _plot_accuracy(data: Data, path: Path) -> None:
     figure = new_figure(1.6 + 4.6 * len(presets), 4.6, "")
     panels = figure.subplots(1, len(presets), sharex=True, sharey=True, squeeze=False)[0]
     for panel, preset in zip(panels, presets, strict=True):
-        dress(panel)
+        dress(panel, "", "data rate (bit/s)")
         panel.set_title(f"{preset} scan" if preset else "", fontsize=9, parse_math=False)
         series: dict[tuple[str, str], list[Data]] = {}
         for point in data["points"]:
@@ -157,7 +157,6 @@ def _plot_accuracy(data: Data, path: Path) -> None:
                 panel.annotate(point.get("detail", ""), (point["data_rate_bps"], value), xytext=(4, 4), fontsize=6.5,
                                textcoords="offset points", color=GREY, parse_math=False)  # fmt: skip
         panel.set_xscale("log")
-        panel.set_xlabel("data rate (bit/s)", fontsize=8.5)
         for text in panel.legend(fontsize=7, frameon=False, loc="best").get_texts():
             text.set_parse_math(False)
     panels[0].set_ylabel("accuracy (%)", fontsize=8.5)

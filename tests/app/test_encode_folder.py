@@ -43,7 +43,7 @@ def test_a_folder_with_events_of_deleted_recordings_is_refused(call: Any, folder
     (folder / "skin/tap/1.csv").unlink()
     before = {path: path.read_bytes() for path in (folder / "e").rglob("*.npz")}
     code, _, err = call("encode skin -o e --resolution 4")
-    what = "1 event file that this command would not overwrite (e/tap/1.npz)"
+    what = "1 .npz file that this command would not overwrite (e/tap/1.npz)"
     assert (code, err) == (2, f"error: e contains {what}; choose another --out, or remove the folder\n")
     assert before == {path: path.read_bytes() for path in (folder / "e").rglob("*.npz")}
 

@@ -130,5 +130,5 @@ def _print_table(points: list[dict[str, Any]]) -> None:
         first = [name, "" if name == "clean" else f"{strength:g}", *[""] * len(networks), f"{point['rate_hz']:.0f}"]
         cell = filled("{accuracy:100*.1f} ({bootstrap_95[0]:100*.0f} to {bootstrap_95[1]:100*.0f})", point)
         rows.setdefault((name, strength), first)[2 + networks.index(point["network"])] = cell
-    heads = " | ".join(["disturbance", "strength", *networks, "events/s"])
+    heads = ["disturbance", "strength", *networks, "events/s"]
     print_table(heads, rows.values(), title="accuracy in %, 95 % interval over images and seeds", left=(0, 1))

@@ -72,7 +72,8 @@ def noise_power(
             f"mode {mode}",
         )
     for one in pairs:
-        print(filled(f"{{mode}}, {{noise_v:1e3*g}} mV: {ONLY_RIGHT} of {{images}}, McNemar p {{p:.2g}}", one))
+        line = f"{{mode}}, {{noise_v:1e3*g}} mV: {ONLY_RIGHT} of {{images}}, McNemar p {{p:.2g}}"
+        print(printable(filled(line, one)))
     print(printable(written))
 
 
@@ -119,11 +120,12 @@ def merits(
     from eskin.snn.figures.merits import plot_merits
     from eskin.snn.studies.merits import rest_and_timing
 
+    of_noise = read_shaped(noise, "the noise study", NOISE)["points"] if noise is not None else []
     out.mkdir(parents=True, exist_ok=True)
     result: dict[str, Any] = {}
     result["latency"], result["latency_pairs"] = _latency(weights or [], pair)
     result |= rest_and_timing(open_dataset(dataset).limit(limit), bar)
-    result["noise"] = read_shaped(noise, "the noise study", NOISE)["points"] if noise is not None else []
+    result["noise"] = of_noise
     written = write_results(out, "merits", result, plot_merits, command=command_line(context))
     for part, line in MERITS.items():
         for one in result[part]:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from eskin.app.options import LEAKY, with_config, with_fields
-from eskin.app.tables import filled, print_table
+from eskin.app.tables import CELLS, filled, print_table
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig
@@ -71,10 +71,10 @@ def _print_table(report: dict[str, Any]) -> None:
     cells += " | {events_per_taxel_per_s:,.0f} | {equal_frame_rate_hz:,.1f}"
     frame = "frame | {words_per_s:,.0f} | {bits_per_word} | {bits_per_s:,.0f} | 1"
     frame += " | {conversions_per_taxel_per_s:,.0f} | {frame_rate_hz:,.1f}"
-    rows = [filled(cells, report[encoder.name] | {"title": encoder.title}) for encoder in registry.ENCODERS]
+    rows = [CELLS.cells(cells, report[encoder.name] | {"title": encoder.title}) for encoder in registry.ENCODERS]
     print_table(
         "readout | sent/s | bits each | bits/s | to frame | taxel/s | frames/s",
-        [row.split(" | ") for row in [*rows, filled(frame, report["frame"])]],
+        [*rows, CELLS.cells(frame, report["frame"])],
         title=filled(
             "{rows} x {columns} taxels, {resolution} b, tau {tau_s:.3g} s, {dataset} ({preset}), {images} images",
             report,

@@ -10,7 +10,6 @@ import typer
 from eskin.app.cli import printable
 from eskin.app.commands.signals.options import SynthesisOption
 from eskin.app.options import Writes
-from eskin.app.report.page import ACCURACY, BENCHMARKS, REPLAY, SIM, page, runs_in
 from eskin.base.errors import InputError
 
 
@@ -39,6 +38,7 @@ def report(
 ) -> None:
     """Write all figures of the project into one self-contained HTML file."""
     from eskin.app.report.data import report_data
+    from eskin.app.report.page import ACCURACY, BENCHMARKS, REPLAY, SIM, page, runs_in
     from eskin.base.files import atomic_write
 
     if out.is_dir() and not _is_page(out):

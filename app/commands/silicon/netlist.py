@@ -129,13 +129,18 @@ def asic_scale(
     print_table(
         "taxels | tiles | relays | um2 a taxel | with lines | MHz without wires | MHz with wires | repeaters"
         " | synthesis, s",
-        measure(chosen, library, wire, pitch_um, out),
-        "{rows} x {columns} | {?tile_rows} x {?tile_columns} | {?relays} | {cells_um2_per_taxel:.0f}"
+        [row | {"tiles": _tiles(row)} for row in measure(chosen, library, wire, pitch_um, out)],
+        "{rows} x {columns} | {tiles} | {?relays} | {cells_um2_per_taxel:.0f}"
         " | {with_wires[area_um2_per_taxel]:.0f} | {without_wires[fmax_hz]:1e-6*.0f} | {with_wires[fmax_hz]:1e-6*.0f}"
         " | {with_wires[repeaters]} | {synthesis_s:.1f}",
         "Area and highest clock as the array grows",
     )
     print(out)
+
+
+def _tiles(row: dict[str, Any]) -> str:
+    """Return rows and columns of the tiles of a skin; empty for one array."""
+    return f"{row['tile_rows']} x {row['tile_columns']}" if "tile_rows" in row else ""
 
 
 @with_config
