@@ -34,7 +34,13 @@ def run_cell(
     labels = data.image_labels
     test = tested(data, folds, fold_seed, experiment.tests)[fold]
     images = np.setdiff1d(np.arange(len(labels)), test)
-    inner = stratified_folds(labels[images], INNER_FOLDS, fold_seed + 1)[seed % INNER_FOLDS]
+    try:
+        inner = stratified_folds(labels[images], INNER_FOLDS, fold_seed + 1)[seed % INNER_FOLDS]
+    except InputError:
+        raise InputError(
+            f"fold {fold} leaves fewer than {INNER_FOLDS} training images or recordings of a class, which inner "
+            f"validation needs; raise --folds, or record more"
+        ) from None
     held_out = images[inner]
     split = Split(data, np.setdiff1d(images, held_out), held_out, test)
     tried = [
