@@ -1,4 +1,4 @@
-"""Fill templates of Markdown and HTML pages, and embed pictures in them."""
+"""Fill text templates, and embed pictures in HTML pages."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def templates(folder: Path) -> Environment:
     )
 
 
-def embedded(plot: Callable[[Path], None], words: str, kind: str = "png") -> Markup:
+def embedded(plot: Callable[[Path], object], words: str, kind: str = "png") -> Markup:
     """Return the picture that a function writes to a file, as HTML with embedded data.
 
     Parameters

@@ -91,7 +91,7 @@ def reported(text: str) -> Iterator[None]:
 
     def report() -> None:
         while not done.wait(SILENCE_S):
-            print(f"{text}: {time.monotonic() - started:.0f} s so far", file=sys.stderr, flush=True)
+            note(f"{text}: {time.monotonic() - started:.0f} s so far")
 
     thread = threading.Thread(target=report, daemon=True)
     if not watched():

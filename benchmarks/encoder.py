@@ -192,10 +192,9 @@ def main(
     print(f"{signals} signals x {samples} samples, {config.sample_bits} bits, N = {config.resolution}, one core")
     print(f"{'':28}{'M samples/s':>12}{'times the copy (least..most)':>32}{'events':>14}")
     for result in results:
-        ratio = result["times_the_copy"]
-        spread = f"{ratio['median']:.2f} ({ratio['least']:.2f}..{ratio['most']:.2f})"
+        ratio = "{median:.2f} ({least:.2f}..{most:.2f})".format(**result["times_the_copy"])
         speed = result["taxel_samples_per_second"] / 1e6
-        print(f"{result['name']:28}{speed:12.0f}{spread:>32}{result['events'] or '':>14}")
+        print(f"{result['name']:28}{speed:12.0f}{ratio:>32}{result['events'] or '':>14}")
     options = {"signals": signals, "samples": samples, "rounds": rounds}
     libraries = versions("numpy", "numba", "scipy", "torch", "snntorch")
     content = options | {"seed": seed, "config": config.to_dict(), "versions": libraries, "results": results}

@@ -40,7 +40,7 @@ def new_app() -> typer.Typer:
 
 
 def write(path: Path | None, name: str, options: str, content: dict[str, Any]) -> None:
-    """Write a result with its command and the machine's versions, if the user named a file."""
+    """Write a result with its command, commit and date, if the user named a file, and print the path."""
     if path is not None:
         said = {"benchmark": name, **origin(f"python benchmarks/{name}.py {options}".strip())}
         write_json(path, said | content)

@@ -33,7 +33,7 @@ class Table:
     values: Floats
 
     def at(self, slew_s: Any, load_f: Any) -> Any:
-        """Return the value of the table at given slews and loads; two floats take a tenth of the time of NumPy."""
+        """Return the value at given slews and loads; a pair of floats avoids NumPy, which takes ten times as long."""
         if isinstance(slew_s, float) and isinstance(load_f, float):
             slews, loads, rows = self._lists
             low, high, part = _place_one(slews, slew_s)

@@ -31,6 +31,7 @@ from eskin.model.classifier.run import ClassifierRun, first_ready, simulate
 from eskin.rtl import yosys
 from eskin.rtl.classifier.core import Classifier
 from eskin.rtl.classifier.memory import InputMemory, NeuronMemory, RecurrentMemory
+from eskin.rtl.gates.clock_gates import FLOPS
 from eskin.rtl.verilog import block_rtlil
 
 BINS = 3
@@ -62,7 +63,7 @@ MEMORIES: dict[
 """Memories of a classifier by the name of their instance, and the words that they hold."""
 
 POTENTIALS = (
-    "read_rtlil readout.il; hierarchy -check -top {top}; proc; memory_map eskin_lane; opt_clean; write_json a.json"
+    "read_rtlil readout.il; hierarchy -check -top {top}; proc; memory_map {flops}; opt_clean; write_json a.json"
 )
 """The potentials of a lane become flops."""
 
@@ -81,7 +82,7 @@ class Window:
 def outside(config: ClassifierConfig) -> str:
     """Return the RTLIL of a classifier whose memories stand outside: their pins are ports."""
     block = Classifier(config)
-    script = POTENTIALS.format(top=block.module_name)
+    script = POTENTIALS.format(top=block.module_name, flops=FLOPS)
     design = json.loads(yosys.run(script, block_rtlil(block), "a.json"))
     top = design["modules"][block.module_name]
     for name, (memory, _) in MEMORIES.items():

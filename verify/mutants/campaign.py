@@ -237,7 +237,7 @@ def closing_line(done: Done) -> str:
 
 
 def _killed_share(count: dict[str, int]) -> tuple[float, float]:
-    """Return the 95 % interval of the share of mutants that are killed, of those that are not equivalent."""
+    """Return the 95 % interval of the share of killed mutants among the killed and surviving ones."""
     rest = count["killed"] + count["alive"]
     return wilson(count["killed"], rest) if rest else (0.0, 1.0)
 
