@@ -56,10 +56,14 @@ def call(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
 
 @pytest.fixture
 def refuses(call: Call, folder: Path) -> Callable[..., None]:
-    """Return a function that checks that ``eskin`` refuses a command line in one sentence and writes no file."""
+    """Return a function that checks that ``eskin`` refuses a command line in one sentence and changes no file.
 
-    def files() -> list[Path]:
-        return sorted(path for path in folder.rglob("*") if not path.is_dir())
+    ``sentence`` is a part of the error message; with ``error: `` and a line end it is all of it. A new folder is
+    no change.
+    """
+
+    def files() -> dict[Path, bytes]:
+        return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
     def refuses(sentence: str, *words: object) -> None:
         before = files()

@@ -166,7 +166,7 @@ def job(read: Callable[[Any], C]) -> tuple[C, random.Random]: ...
 
 
 def job(read: Any = config_of) -> tuple[Any, random.Random]:
-    """Return the configuration of the test, as a function reads it, and the random generator of the test."""
+    """Return the configuration, which ``read`` makes from its fields, and the random generator of the test."""
     fields = json.loads(os.environ[JOB])
     return read(fields["config"]), random.Random(fields["seed"])
 

@@ -21,6 +21,19 @@ HUGE = "1" + "0" * 400
 @pytest.mark.parametrize(
     ("line", "sentence"),
     [
+        ("sim --ticks 0", "--ticks must be in 1..1e+12, not 0\n"),
+        ("replay --workers 0", "--workers must be in 1..4096, not 0\n"),
+        ("rates --limit 0", "--limit must be in 1..1e+09, not 0\n"),
+        ("frames --frame-rate 0", "--frame-rate must be in 1e-09..1e+12, not 0.0\n"),
+        ("explore --min-resolution 11", "min-resolution must be in 1..10, not 11\n"),
+        ("explore --event-rate -1", "event rate must be a number of events/s from 0, not -1\n"),
+        ("power --noise 1e-300", "noise must be in 1e-15..1e+15 volts, not 1e-300\n"),
+        ("asic-scale --lib x.lib --pitch 0 -o s.json", "--pitch must be from 1 to 1000000 um, not 0\n"),
+        ("asic-scale --lib x.lib --ohm 1001 -o s.json", "--ohm must be from 0 to 1000 for each um, not 1001\n"),
+        (
+            "asic-scale --lib x.lib --farad 2e-12 -o s.json",
+            "--farad must be from 0 to 1e-12 for each um, not 2e-12\n",
+        ),
         ("power --rates r.json", "--rates has no effect on the published rates; add --mode consistent or "),
         ("power --dataset embedded", "--dataset has no effect on the published rates; add --mode consistent or "),
         ("power --preset physical --mode paper", "--preset has no effect on the published rates; add --mode "),
@@ -41,14 +54,23 @@ HUGE = "1" + "0" * 400
         ),
         ("rates --start-row 1", "--start-row has no effect with --preset paper; leave it out"),
         ("train --taxels corners --events x", "--taxels has no effect with --events"),
+        ("train --taxels lines", "taxels of 8 x 8 are chosen by across:K|"),
+        ("train --taxels corners --disturbed 2", "chosen taxels need undisturbed scans of textures"),
+        ("frontier --inner 1", "--inner needs points, such as"),
+        ("frontier --draw bad.json --inner 1", "--draw draws a finished file; leave points and --inner out"),
+        ("frontier --draw bad.json", "the frontier bad.json is damaged: points is missing; remove it"),
         ("verilog -o v --tiles 4", "tiles must be rows and columns such as 4x4, not '4'"),
         ("verilog -o v --tiles 9x9", "a merge takes at most 64 tiles, not 9 x 9"),
         ("verilog -o v --tiles 0x2", "tile_rows must be in 1..64, not 0"),
         ("verilog -o v --tiles 2x2 --relays 17", "relays must be in 0..16, not 17"),
-        ("verilog -o v --tiles 1x2 --link four_phase", "tiles need the link stream to their merge, not four_phase; "),
+        (
+            "verilog -o v --tiles 1x2 --link four_phase",
+            "tiles need the link stream to their merge, not four_phase; leave --link out\n",
+        ),
         (
             "verilog -o v --tiles 2x1 --rows 64 --columns 64",
-            "2 tiles of 64 x 64 taxels have 106497 input bits, a module has 65000 at most; add --merge and write a ",
+            "2 tiles of 64 x 64 taxels have 106497 input bits, a module has 65000 at most; add --merge and write a "
+            "tile without --tiles, a chip each\n",
         ),
         ("rates --tau 0.2 --dataset embedded", "--tau is the leak of encoding nlcs or nlcs-bipolar, not of lcs; add "),
         (

@@ -32,7 +32,7 @@ def needed(name: str) -> list[str]:
     return line_of(name, {}).split()[len(words_of(name)) :]
 
 
-NUMBERS = ("nan", "inf", "1e300", "-" + "9" * 30)
+NUMBERS = ("nan", "inf", "1e300", "9" * 30, "-" + "9" * 30)
 
 
 def options_of(name: str) -> dict[str, Any]:

@@ -40,7 +40,7 @@ COMMAND = [sys.executable, "-m", "eskin"]
 
 
 def call(*arguments: object) -> subprocess.CompletedProcess[str]:
-    """Return a function that runs a command in this process."""
+    """Run ``eskin`` in this process, and return exit code, output and error output."""
     words = [str(argument) for argument in arguments]
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as left:

@@ -10,7 +10,7 @@ import struct
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -32,8 +32,8 @@ from eskin.model.events.recording import Recording
 from eskin.model.readout import Stimulus, simulate
 from tests import browser as browsers
 from tests.board.test_gateware import TICKS, hears_ctrl_c, small_chip, weights_of
+from tests.conftest import Call
 
-Call = Callable[[str], tuple[int, str, str]]
 EVENTS_A_SECOND = 45_000
 """The most that the serial line of a board takes."""
 

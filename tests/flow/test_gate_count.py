@@ -91,7 +91,9 @@ def test_a_classifier_is_counted_without_its_memories(call: Any, refuses: Any, f
     shapes = ((4, 8), (8, 8), (8, 2), (8,), (2,))
     network = IntegerNetwork(config, *(np.zeros(shape, int) for shape in shapes))
     IntegerWeights(network, ("a", "b")).save(folder / "integer.npz")
-    found = json.loads(call("gates --classifier integer.npz --json")[1])["classifier"]
+    code, out, error = call("gates --classifier integer.npz --json")
+    assert code == 0, error
+    found = json.loads(out)["classifier"]
     assert found["memory_bits"] == config.memory_bits > 500
     # All potentials and spikes are there, and the weights are not: they alone would be more flops.
     assert 8 * (12 + 1) < found["flops"] < config.memory_bits
@@ -100,7 +102,9 @@ def test_a_classifier_is_counted_without_its_memories(call: Any, refuses: Any, f
 
 
 def test_command_compares_the_readouts_of_one_array(call: Any) -> None:
-    readouts = json.loads(call("gates --rows 2 --columns 2 --json")[1])["readouts"]
+    code, out, error = call("gates --rows 2 --columns 2 --json")
+    assert code == 0, error
+    readouts = json.loads(out)["readouts"]
     assert list(readouts) == [*registry.NAMES, "frame"]
     expected = count_gates(ReadoutConfig(rows=2, columns=2, encoding="nlcs"), 4).to_dict()
     assert readouts["nlcs"] == expected

@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,8 +14,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.rtl.registers.loader import SampleLoader
 from eskin.rtl.verilog import block_rtlil, block_verilog
 from eskin.verify.proofs.delivered import prove
-
-Call = Callable[[str], tuple[int, str, str]]
+from tests.conftest import Call
 
 BASE = "tapeout --author N --rows 2 --columns 2"
 

@@ -21,8 +21,7 @@ from eskin.model.frame_words import adc_code, pack, unpack
 from eskin.skin.textures.dataset import embedded_dataset
 from eskin.skin.textures.presets import preset
 from eskin.skin.textures.rates import measure_rates
-
-Call = Callable[[str], tuple[int, str, str]]
+from tests.conftest import Call
 
 
 @st.composite

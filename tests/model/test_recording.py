@@ -303,11 +303,12 @@ def test_any_truncation_and_any_flipped_bit_is_refused_or_harmless(tmp_path: Pat
         changed = bytearray(data)
         changed[bit // 8] ^= 1 << bit % 8
         damaged.append(bytes(changed))
-    refused = 0
+    refused = []
     for content in damaged:
         path.write_bytes(content)
         try:
             assert Recording.load(path) == original
-        except InputError:
-            refused += 1
-    assert refused > len(data)  # every truncation at least
+        except InputError as error:
+            refused.append(str(error))
+    assert all(str(path) in sentence for sentence in refused)
+    assert len(refused) > len(data)  # every truncation at least

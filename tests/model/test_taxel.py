@@ -49,10 +49,10 @@ def counts(config: ReadoutConfig, *codes: int) -> list[int]:
 
 def naive(
     config: ReadoutConfig, samples: NDArray[np.integer[Any]]
-) -> tuple[list[tuple[int, int, int]], NDArray[np.float64], NDArray[np.float64]]:
-    """Return events (clock, taxel, sign), and reference and half-width after each tick."""
+) -> tuple[list[tuple[int, int, int]], NDArray[np.float64]]:
+    """Return events (clock, taxel, sign), and the reference after each tick."""
     ticks, taxels = samples.shape
-    events, reference, half = [], np.zeros((ticks, taxels)), np.zeros((ticks, taxels))
+    events, reference = [], np.zeros((ticks, taxels))
     decisions = config.clocks_per_sample if config.decide_every == "clock" else 1
     for taxel in range(taxels):
         encoder, scale = config.encoder, 2**config.fraction_bits if config.encoder.leaks else 1
@@ -81,8 +81,8 @@ def naive(
                             h, counter = max(h - c, c), 0
                 if event:
                     events.append((tick * config.clocks_per_sample + clock, taxel, event))
-            reference[tick, taxel], half[tick, taxel] = u / scale, h
-    return sorted(events), reference, half
+            reference[tick, taxel] = u / scale
+    return sorted(events), reference
 
 
 @st.composite
@@ -221,7 +221,7 @@ def test_full_scale_square_is_followed_to_the_end(encoding: str, bits: int, reso
 def test_encoders_equal_the_naive_model(data: st.DataObject) -> None:
     config = data.draw(configs())
     samples = data.draw(signals(config))
-    expected, reference, _ = naive(config, samples)
+    expected, reference = naive(config, samples)
     got, late = encode_timed(config, samples)
     events = uncontended_events(config, got, late)
     signs = [1 if p else -1 for p in events["p"].tolist()]
@@ -326,7 +326,7 @@ def test_cw_lcs_goes_from_end_to_end_of_the_scale_where_16_bits_hold_it_and_wher
     assert config.sample_bits - (config.closing_step.bit_length() - 1) == wide
     ends = np.repeat([[-(2**15)], [2**15 - 1], [-(2**15)]], 3, axis=0)
     samples = np.repeat(ends, 33, axis=1)
-    events, reference, _ = naive(config, samples[:, :1])
+    events, reference = naive(config, samples[:, :1])
     assert np.array_equal(decode(config, *encode_timed(config, samples)), np.repeat(reference, 33, axis=1))
     assert count_events(config, samples)[0] == len(events)
 

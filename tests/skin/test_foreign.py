@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +14,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.foreign.aedat4 import read_aedat4, write_aedat4
 from eskin.skin.foreign.events import ForeignEvents, take, unwrapped
-
-Call = Callable[[str], tuple[int, str, str]]
+from tests.conftest import Call
 
 MICROSECONDS = ReadoutConfig(rows=9, columns=12, sample_rate_hz=1000.0, clocks_per_sample=1000)
 

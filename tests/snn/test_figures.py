@@ -207,6 +207,7 @@ def test_the_report_reads_the_file(call: Any, files: list[str], folder: Path) ->
     assert len(points) == len(PUBLISHED) + 7
     for ours, theirs in zip(written["points"], points, strict=True):
         assert theirs["accuracy"] == ours["accuracy"]
+        assert theirs["data_rate_bps"] == ours["data_rate_bps"]
         assert theirs.get("interval") == ours.get("interval")
     labels = [point["label"] for point in points]
     assert {

@@ -130,22 +130,6 @@ POINTS = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("command", "message"),
-    [
-        ("frontier --inner 1", "--inner needs points, such as"),
-        ("frontier --draw FILE --inner 1", "--draw draws a finished file; leave points and --inner out"),
-        ("frontier --draw FILE", "is damaged: points is missing; remove it"),
-        ("train --taxels lines", "taxels of 8 x 8 are chosen by across:K|"),
-        ("train --taxels corners --events x", "--taxels has no effect with --events"),
-        ("train --taxels corners --disturbed 2", "chosen taxels need undisturbed scans of textures"),
-    ],
-)
-def test_mistakes_are_one_sentence(command: str, message: str, refuses: Any, folder: Path) -> None:
-    (folder / "FILE").write_text("{}")
-    refuses(message, command, "-o out")
-
-
 def test_frames_and_events_of_one_rate_and_network_are_paired() -> None:
     (pair,) = frontier_data(POINTS)["pairs"]
     assert (pair["first"], pair["second"]) == (POINTS[0]["name"], POINTS[1]["name"]), "not those of other rates"

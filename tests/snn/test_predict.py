@@ -29,12 +29,11 @@ from eskin.snn.experiments.evaluate import Check
 from eskin.snn.experiments.trained import load_trained
 from eskin.snn.network import build
 from eskin.snn.network_config import NetworkConfig
+from tests.conftest import Call
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ReadoutConfig(rows=1, columns=4)
 BINS = BinConfig(bin_s=0.01)
-
-Call = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture(scope="module")
@@ -64,13 +63,13 @@ def replayed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def call(call: Call, trained: Path, tmp_path: Path) -> Call:
+def predict(call: Call, trained: Path, tmp_path: Path) -> Call:
     """Return a function that runs predict with the trained weights and returns exit code, output and error output."""
 
-    def predict(*words: object, weights: Path = trained / "weights.npz") -> tuple[int, str, str]:
+    def run(*words: object, weights: Path = trained / "weights.npz") -> tuple[int, str, str]:
         return call("predict", weights, *words, "-o", tmp_path / "predictions.json")
 
-    return predict
+    return run
 
 
 def images_in(folder: Path) -> list[dict[str, Any]]:
@@ -80,16 +79,16 @@ def images_in(folder: Path) -> list[dict[str, Any]]:
 # -- predictions -------------------------------------------------------------------------------------
 
 
-def test_foreign_events_get_the_class_of_ours(tmp_path: Path, replayed: Path, call: Call) -> None:
+def test_foreign_events_get_the_class_of_ours(tmp_path: Path, replayed: Path, predict: Call) -> None:
     """Check that microsecond time stamps keep every event in its bin of 10 ms."""
     pytest.importorskip("dv_processing", reason="the group exchange is not installed")
     for path in replayed.rglob("*.npz"):
         target = tmp_path / "theirs" / path.relative_to(replayed).with_suffix(".aedat4")
         target.parent.mkdir(parents=True, exist_ok=True)
         write_aedat4(target, Recording.load(path))
-    assert call("--events", replayed)[0] == 0
+    assert predict("--events", replayed)[0] == 0
     ours = {image["class"] + image["name"].split("/")[-1]: image for image in images_in(tmp_path)}
-    code, output, error = call("--events", tmp_path / "theirs")
+    code, output, error = predict("--events", tmp_path / "theirs")
     assert code == 0, output + error
     theirs = {image["class"] + image["name"].split("/")[-1]: image for image in images_in(tmp_path)}
     assert {name: image["predicted"] for name, image in theirs.items()} == {
@@ -99,10 +98,9 @@ def test_foreign_events_get_the_class_of_ours(tmp_path: Path, replayed: Path, ca
 
 
 def test_a_folder_of_foreign_events_is_learned_and_its_files_are_classified(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: Call
+    tmp_path: Path, call: Call, refuses: Callable[..., None], predict: Call
 ) -> None:
     """Train on tables of foreign events in a folder, and classify them."""
-    monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(6)
     for number in range(12):
         begin = 1_700_000_000_000_000 + int(rng.integers(1_000_000_000))
@@ -113,16 +111,11 @@ def test_a_folder_of_foreign_events_is_learned_and_its_files_are_classified(
         file.write_text("\n".join(lines))
     train = ["train", "--events", "ours", "--folds", "3", "--bin", "0.01", "--epochs", "12", "--set", "hidden=16"]
     for arguments in (["convert", "theirs", "-o", "ours"], [*train, "--set", "batch=4", "--out", "trained"]):
-        with pytest.raises(SystemExit) as left:
-            run(snn_app, "eskin", arguments)
-        assert left.value.code == 0, arguments
+        assert call(*arguments)[0] == 0, arguments
     Path("theirs/a/0.csv").rename("theirs/a/new.csv")
-    with pytest.raises(SystemExit) as left:
-        run(snn_app, "eskin", ["convert", "theirs", "-o", "ours"])
-    assert left.value.code == 2
-    assert not Path("ours/a/new.npz").exists()
+    refuses("contains 1 .npz file that this command would not overwrite (ours/a/0.npz)", "convert theirs -o ours")
     assert {Recording.load(path).config.columns for path in Path("ours").rglob("*.npz")} == {4}
-    code, output, error = call("--events", "ours", weights=Path("trained/weights.npz"))
+    code, output, error = predict("--events", "ours", weights=Path("trained/weights.npz"))
     assert code == 0, output + error
     found = images_in(tmp_path)
     assert len(found) == 12
@@ -130,13 +123,13 @@ def test_a_folder_of_foreign_events_is_learned_and_its_files_are_classified(
 
 
 @pytest.mark.skipif(shutil.which("g++") is None or shutil.which("perl") is None, reason="no simulator: g++ and perl")
-def test_predictions_from_rtl_spikes_are_those_from_model_spikes(tmp_path: Path, trained: Path, call: Call) -> None:
+def test_predictions_from_rtl_spikes_are_those_from_model_spikes(tmp_path: Path, trained: Path, predict: Call) -> None:
     size = ["--rows", "1", "--columns", "4"]
     what = ["--dataset", "embedded", "--limit", "6", "--workers", "1", "--out", str(tmp_path / "replay")]
     command = [sys.executable, "-m", "eskin", "replay", *size, *what]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stdout + done.stderr
-    code, output, error = call("--events", tmp_path / "replay", "--check-model")
+    code, output, error = predict("--events", tmp_path / "replay", "--check-model")
     assert code == 0, output + error
     assert "6 of 6 images: same events, same tensors, same logits, same predictions (" in output
     of_rtl = images_in(tmp_path)
@@ -149,12 +142,12 @@ def test_predictions_from_rtl_spikes_are_those_from_model_spikes(tmp_path: Path,
     assert len(np.unique(of_model, axis=0)) == 6
 
 
-def test_test_images_are_told_from_training_images(tmp_path: Path, trained: Path, call: Call) -> None:
+def test_test_images_are_told_from_training_images(tmp_path: Path, trained: Path, predict: Call) -> None:
     for texture in embedded_dataset():
         path = tmp_path / "all" / f"{texture.name}.npz"
         path.parent.mkdir(parents=True, exist_ok=True)
         record(texture, "embedded", PhysicalScan(), CONFIG).save(path)
-    code, output, error = call("--events", tmp_path / "all")
+    code, output, error = predict("--events", tmp_path / "all")
     assert code == 0, error
     result = json.loads((trained / "result.json").read_text())
     right = sum(a == b for a, b in zip(result["labels"], result["predicted"], strict=True))
@@ -168,20 +161,20 @@ def test_test_images_are_told_from_training_images(tmp_path: Path, trained: Path
     assert len({image["predicted"] for image in images_in(tmp_path)}) > 1
 
 
-def test_images_of_another_dataset_are_of_no_part(tmp_path: Path, replayed: Path, call: Call) -> None:
+def test_images_of_another_dataset_are_of_no_part(tmp_path: Path, replayed: Path, predict: Call) -> None:
     made = Recording.load(replayed / "brick" / "brick-00.npz")
     dataclasses.replace(made, metadata=made.metadata | {"dataset": "mine"}).save(tmp_path / "a.npz")
-    code, output, _ = call("--events", tmp_path / "a.npz")
+    code, output, _ = predict("--events", tmp_path / "a.npz")
     assert code == 0
     assert "images not used in the training: accuracy" in output
     assert images_in(tmp_path)[0]["part"] == "other"
 
 
 def test_without_the_result_of_the_training_nothing_is_said_about_folds(
-    tmp_path: Path, trained: Path, replayed: Path, call: Call
+    tmp_path: Path, trained: Path, replayed: Path, predict: Call
 ) -> None:
     shutil.copy(trained / "weights.npz", tmp_path / "weights.npz")
-    code, output, _ = call("--events", replayed, weights=tmp_path / "weights.npz")
+    code, output, _ = predict("--events", replayed, weights=tmp_path / "weights.npz")
     assert code == 0
     assert "all images: accuracy" in output
     assert "learned some of them: result.json of the training is missing beside weights.npz" in output
@@ -215,12 +208,12 @@ def test_a_training_on_event_files_has_its_folds_too(tmp_path: Path, replayed: P
     assert found.readout is None
 
 
-def test_a_recording_without_a_class_is_only_classified(tmp_path: Path, replayed: Path, call: Call) -> None:
+def test_a_recording_without_a_class_is_only_classified(tmp_path: Path, replayed: Path, predict: Call) -> None:
     made = Recording.load(replayed / "grass" / "grass-00.npz")
-    expected = call("--events", replayed / "grass" / "grass-00.npz")[1].splitlines()[1]
+    expected = predict("--events", replayed / "grass" / "grass-00.npz")[1].splitlines()[1]
     (tmp_path / "in").mkdir()
     dataclasses.replace(made, metadata={"name": ["no", "name"]}).save(tmp_path / "in" / "mine.npz")
-    code, output, _ = call("--events", tmp_path / "in")
+    code, output, _ = predict("--events", tmp_path / "in")
     assert code == 0
     assert "accuracy" not in output
     assert output.splitlines()[1] == expected.replace("grass/grass-00", "mine").replace(
@@ -229,29 +222,29 @@ def test_a_recording_without_a_class_is_only_classified(tmp_path: Path, replayed
     assert images_in(tmp_path)[0]["class"] is None
 
 
-def test_the_bins_are_those_of_the_training(tmp_path: Path, trained: Path, replayed: Path, call: Call) -> None:
+def test_the_bins_are_those_of_the_training(tmp_path: Path, trained: Path, replayed: Path, predict: Call) -> None:
     network = build(NetworkConfig.from_dict({"inputs": 4, "classes": 3, "hidden": 8, "readout": "membrane"}), seed=0)
     result = json.loads((trained / "result.json").read_text())
     weights = Weights(network, tuple(result["class_names"]), 0.02)
     save_weights(tmp_path / "weights.npz", weights)
-    code, _, error = call("--events", replayed, weights=tmp_path / "weights.npz")
+    code, _, error = predict("--events", replayed, weights=tmp_path / "weights.npz")
     assert code == 2
     assert error.startswith("error: the network has 4 input channels, but the scans have 8 (4 taxels)")
     bins = BinConfig(bin_s=0.02, start_s=0.04, stop_s=0.1, polarity=False)
     result["experiment"]["bins"] = dataclasses.asdict(bins)
     (tmp_path / "result.json").write_text(json.dumps(result))
-    code, output, error = call("--events", replayed, "--check-model", weights=tmp_path / "weights.npz")
+    code, output, error = predict("--events", replayed, "--check-model", weights=tmp_path / "weights.npz")
     assert code == 0, error
     assert output.startswith("6 recordings; 3 steps of 4 channels, 0.02 s each")
 
 
-def test_a_readout_that_is_not_that_of_the_training_is_told(tmp_path: Path, replayed: Path, call: Call) -> None:
+def test_a_readout_that_is_not_that_of_the_training_is_told(tmp_path: Path, replayed: Path, predict: Call) -> None:
     made = Recording.load(replayed / "brick" / "brick-00.npz")
     dataclasses.replace(made, config=CONFIG.replace(resolution=5)).save(tmp_path / "a.npz")
-    code, _, error = call("--events", tmp_path / "a.npz")
+    code, _, error = predict("--events", tmp_path / "a.npz")
     assert code == 0
     assert error == "warning: the readout differs from that of the training: resolution 5, in training 6\n"
-    assert call("--events", replayed)[2] == ""
+    assert predict("--events", replayed)[2] == ""
 
 
 # -- RTL against model -------------------------------------------------------------------------------
@@ -276,8 +269,8 @@ def quiet_place(events: Any) -> int:
     return int(np.flatnonzero(free)[7])
 
 
-def test_an_intact_replay_passes(replayed: Path, call: Call, tmp_path: Path) -> None:
-    code, output, _ = call("--events", replayed, "--events", replayed / "brick" / "brick-00.npz", "--check-model")
+def test_an_intact_replay_passes(replayed: Path, predict: Call, tmp_path: Path) -> None:
+    code, output, _ = predict("--events", replayed, "--events", replayed / "brick" / "brick-00.npz", "--check-model")
     assert code == 0
     events = sum(len(Recording.load(path).events) for path in replayed.rglob("*.npz"))
     last = output.splitlines()[-1]
@@ -291,13 +284,13 @@ def test_an_intact_replay_passes(replayed: Path, call: Call, tmp_path: Path) -> 
     assert str(tmp_path) not in json.dumps(report)
 
 
-def test_an_event_moved_by_a_clock_in_its_bin_is_found(tmp_path: Path, replayed: Path, call: Call) -> None:
+def test_an_event_moved_by_a_clock_in_its_bin_is_found(tmp_path: Path, replayed: Path, predict: Call) -> None:
     events = changed_events(replayed)
     place = quiet_place(events)
     clock = int(events["t"][place])
     events["t"][place] += 1
     path = tampered(replayed, tmp_path / "in", events=events)
-    code, output, _ = call("--events", tmp_path / "in", "--check-model")
+    code, output, _ = predict("--events", tmp_path / "in", "--check-model")
     assert code == 1
     assert "gravel/gravel-00: RTL and model differ\n" in output
     assert f"event {place} differs in clock: model clock {clock}, row 0, column" in output
@@ -339,10 +332,10 @@ def other_taxel(events: Any) -> Any:
     ],
 )
 def test_a_changed_event_is_found(
-    tmp_path: Path, replayed: Path, call: Call, change: Callable[[Any], Any], words: str
+    tmp_path: Path, replayed: Path, predict: Call, change: Callable[[Any], Any], words: str
 ) -> None:
     tampered(replayed, tmp_path / "in", events=change(changed_events(replayed)))
-    code, output, _ = call("--events", tmp_path / "in", "--check-model")
+    code, output, _ = predict("--events", tmp_path / "in", "--check-model")
     assert code == 1
     assert words in output
     assert "FAILED: of 6 compared images, 1 in events, " in output
@@ -361,7 +354,7 @@ def test_a_changed_event_is_found(
     ids=str,
 )
 def test_a_file_that_says_something_else_than_its_events_is_found(
-    tmp_path: Path, replayed: Path, call: Call, changes: dict[str, Any], words: str
+    tmp_path: Path, replayed: Path, predict: Call, changes: dict[str, Any], words: str
 ) -> None:
     made = Recording.load(replayed / "gravel" / "gravel-00.npz")
     if "metadata" in changes:
@@ -369,14 +362,14 @@ def test_a_file_that_says_something_else_than_its_events_is_found(
     if "duration_clocks" in changes:
         changes = {"duration_clocks": int(made.events["t"][-1]) + 1}
     path = tampered(replayed, tmp_path / "in", **changes)
-    code, output, _ = call("--events", path, "--check-model")
+    code, output, _ = predict("--events", path, "--check-model")
     assert code == 1
     assert words in output
     assert "FAILED: of 1 compared images, 1 in events" in output
 
 
 def test_counts_and_logits_are_compared_by_themselves(
-    replayed: Path, call: Call, monkeypatch: pytest.MonkeyPatch
+    replayed: Path, predict: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Check that defects in binning and in the network are found although events are equal."""
     original = evaluate.bin_recording
@@ -387,7 +380,7 @@ def test_counts_and_logits_are_compared_by_themselves(
 
     with monkeypatch.context() as patch:
         patch.setattr(evaluate, "bin_recording", lossy)
-        code, output, _ = call("--events", replayed, "--check-model")
+        code, output, _ = predict("--events", replayed, "--check-model")
     assert code == 1
     assert "brick/brick-00: step 0, taxel (0, 0), channel 0: model" in output
     assert "images, 0 in events, 6 in tensors, " in output
@@ -402,20 +395,20 @@ def test_counts_and_logits_are_compared_by_themselves(
 
     with monkeypatch.context() as patch:
         patch.setattr(evaluate, "logits_of", drifting)
-        code, output, _ = call("--events", replayed, "--check-model")
+        code, output, _ = predict("--events", replayed, "--check-model")
     assert code == 1
     assert "brick/brick-00: logits of the model [" in output
     assert "images, 0 in events, 0 in tensors, 6 in logits, 0 in predictions differ" in output
 
 
-def test_nothing_compared_is_a_failure(tmp_path: Path, replayed: Path, call: Call) -> None:
+def test_nothing_compared_is_a_failure(tmp_path: Path, replayed: Path, predict: Call) -> None:
     made = Recording.load(replayed / "brick" / "brick-00.npz")
     dataclasses.replace(made, metadata=made.metadata | {"source": "model"}).save(tmp_path / "a.npz")
-    code, output, _ = call("--events", tmp_path / "a.npz", "--check-model")
+    code, output, _ = predict("--events", tmp_path / "a.npz", "--check-model")
     assert code == 1
     assert output.splitlines()[-1] == ('FAILED: nothing was compared, none of 1 recordings has the source "rtl"')
     assert not Check([], 0, {}, np.zeros((1, 3), np.float32)).passed
-    code, output, _ = call("--events", tmp_path / "a.npz", "--events", replayed, "--check-model")
+    code, output, _ = predict("--events", tmp_path / "a.npz", "--events", replayed, "--check-model")
     assert code == 0
     assert "1 recordings do not come from the RTL and were not compared" in output
     assert output.splitlines()[-1].startswith("6 of 6 recordings: same events")
@@ -437,41 +430,41 @@ def test_nothing_compared_is_a_failure(tmp_path: Path, replayed: Path, call: Cal
     ids=str,
 )
 def test_a_scan_that_the_model_cannot_make_again_is_refused(
-    tmp_path: Path, replayed: Path, call: Call, metadata: dict[str, Any], sentence: str
+    tmp_path: Path, replayed: Path, predict: Call, metadata: dict[str, Any], sentence: str
 ) -> None:
     made = Recording.load(replayed / "gravel" / "gravel-00.npz")
     path = tampered(replayed, tmp_path / "in", metadata=made.metadata | metadata)
-    code, _, error = call("--events", path, "--check-model", "--dataset", "embedded")
+    code, _, error = predict("--events", path, "--check-model", "--dataset", "embedded")
     assert code == 2
     assert sentence in error
 
 
-def test_damaged_and_missing_files_are_refused(tmp_path: Path, trained: Path, replayed: Path, call: Call) -> None:
+def test_damaged_and_missing_files_are_refused(tmp_path: Path, trained: Path, replayed: Path, predict: Call) -> None:
     whole = (trained / "weights.npz").read_bytes()
     path = tmp_path / "weights.npz"
     path.write_bytes(whole[: len(whole) // 2])
-    code, _, error = call("--events", replayed, weights=path)
+    code, _, error = predict("--events", replayed, weights=path)
     assert (code, error) == (2, f"error: {path} is damaged or not a weight file; train again\n")
     path.write_bytes(whole)
     note = tmp_path / "result.json"
     note.write_text("{}")
-    code, _, error = call("--events", replayed, weights=path)
+    code, _, error = predict("--events", replayed, weights=path)
     assert (code, error) == (
         2, f"error: {note} is damaged or not the result of a training; remove it or train again\n"
     )  # fmt: skip
     result = json.loads((trained / "result.json").read_text())
     note.write_text(json.dumps(result | {"class_names": ["a", "b", "c"]}))
-    assert "has other classes or time bins than weights.npz" in call("--events", replayed, weights=path)[2]
+    assert "has other classes or time bins than weights.npz" in predict("--events", replayed, weights=path)[2]
     for fold in (-1, 6):
         note.write_text(json.dumps(result | {"fold": fold}))
-        assert "is damaged or not the result of a training" in call("--events", replayed, weights=path)[2]
+        assert "is damaged or not the result of a training" in predict("--events", replayed, weights=path)[2]
     result["experiment"] |= {"frames": {"frames_per_step": 20}, "network": {"kind": "rnn"}}
     note.write_text(json.dumps(result))
-    assert "was trained on frames and cannot classify events" in call("--events", replayed, weights=path)[2]
+    assert "was trained on frames and cannot classify events" in predict("--events", replayed, weights=path)[2]
     (tmp_path / "none").mkdir()
-    assert "holds no event files (.npz, .aedat4)" in call("--events", tmp_path / "none")[2]
-    code, _, error = call("--events", tmp_path / "none.npz")
+    assert "holds no event files (.npz, .aedat4)" in predict("--events", tmp_path / "none")[2]
+    code, _, error = predict("--events", tmp_path / "none.npz")
     assert code == 2
     assert error.endswith("none.npz does not exist; make one with eskin replay\n")
-    code, _, error = call("--events", replayed, weights=tmp_path / "gone.npz")
+    code, _, error = predict("--events", replayed, weights=tmp_path / "gone.npz")
     assert (code, error) == (2, f"error: weight file {tmp_path}/gone.npz does not exist; make one with eskin train\n")
