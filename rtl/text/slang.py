@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 from eskin.base.errors import InputError
 
 INCLUDE = re.compile(r'^[ \t]*`include\s+"([^"]+)".*$', re.MULTILINE)
+NO_CODE = re.compile(r'"(?:\\.|[^"\\\n])*"|//[^\n]*|/\*.*?\*/', re.DOTALL)
+"""Strings and comments."""
 
 
 class Port(NamedTuple):
@@ -71,7 +73,7 @@ def ports_of(text: str, top: str) -> dict[str, Port]:
     """
     design, _ = compilation({"dut.v": text}, top)
     instance = top_of(design, top)
-    if instance is None and re.search(rf"\bmodule\s+{re.escape(top)}\b", text):
+    if instance is None and re.search(rf"\bmodule\s+{re.escape(top)}\b", NO_CODE.sub(" ", text)):
         return {}
     if instance is None:
         modules = ", ".join(sorted(one.name for one in design.getDefinitions())[:8]) or "none"

@@ -12,6 +12,7 @@ import pytest
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
+from eskin.rtl.text.slang import ports_of
 from eskin.rtl.verilog import verilog
 from eskin.verify.crosscheck import cxxrtl
 from eskin.verify.crosscheck.check import Mismatch, play, texts
@@ -75,3 +76,9 @@ def test_what_cannot_be_played_and_what_is_missing_are_one_sentence(monkeypatch:
     monkeypatch.setitem(sys.modules, "pyslang", None)
     with pytest.raises(InputError, match="slang is not installed; install with: pip install"):
         problems({"a.v": "module a; endmodule"}, "a")
+
+
+def test_a_module_in_a_comment_is_no_module() -> None:
+    with pytest.raises(InputError, match="contains no module eskin_readout \\(its modules: other\\)"):
+        ports_of("// module eskin_readout\n/* module eskin_readout */ module other; endmodule", "eskin_readout")
+    assert ports_of("module other; endmodul\nmodule eskin_readout; endmodule", "eskin_readout") == {}
