@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+import re
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +75,9 @@ LOAD_PF = 0.05
 
 EDGE_NS, CLOCK_EDGE_NS = 0.5, 0.1
 """Transition times at the inputs, and at clock and reset, whose trees layout makes."""
+
+HEADER = re.compile(r"\A(?:// .*\n){3}(?://   .*\n)*")
+"""Header of a generated Verilog file."""
 
 TEMPLATES = templates(Path(__file__).parent / "templates")
 
@@ -273,7 +277,7 @@ def write(config: Config, folder: Path, gated: bool = False) -> list[Path]:
     """Write Verilog, constraints, description and core file into a folder; return their paths.
 
     Each file is written whole or not at all. With ``gated`` the Verilog has clock gates, whose module is a file of its
-    own.
+    own. Unchanged files of an earlier configuration of the design are removed.
     """
     top = top_block(config).module_name
     files = {
@@ -287,9 +291,33 @@ def write(config: Config, folder: Path, gated: bool = False) -> list[Path]:
     texts = {f"{top}{suffix}": text for suffix, text in files.items()} | _of_registers(config)
     texts |= {f"{GATE}.v": header(config, "//") + BEHAVIOUR} if gated else {}
     folder.mkdir(parents=True, exist_ok=True)
+    earlier = _unchanged(folder, top, {f"{top}_tb.sv", f"{GATE}.v", f"{NAME}.h", f"{NAME}.md"} - set(texts))
     paths = []
     for name, text in texts.items():
         paths.append(folder / name)
         with atomic_write(paths[-1]) as file:
             file.write(text.encode())
+    for path in earlier:
+        path.unlink()
     return paths
+
+
+def _unchanged(folder: Path, top: str, names: Collection[str]) -> list[Path]:
+    """Return the files with these names that are exactly as written for the configuration in the folder.
+
+    The list is empty if the folder contains another design, which may use these files.
+    """
+    paths = [folder / name for name in names if (folder / name).is_file()]
+    if not paths or list(folder.glob("*.core")) != [folder / f"{top}.core"]:
+        return []
+    try:
+        fields = json.loads((folder / f"{top}.json").read_text())["configuration"]
+        text = (folder / f"{top}.v").read_text()
+        head = HEADER.findall(text)[0]
+        readout = ReadoutConfig.from_dict(fields.get("readout", fields))
+        written = {f"{GATE}.v": head + BEHAVIOUR, f"{NAME}.h": head + c_header(readout), f"{NAME}.md": page(readout)}
+        if folder / f"{top}_tb.sv" in paths:
+            written[f"{top}_tb.sv"] = testbench(readout, TEST if f" {TEST};" in text else "")
+        return [path for path in paths if path.read_text() == written[path.name]]
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return []

