@@ -14,23 +14,33 @@ from eskin.flow.liberty.library import Cell, Library
 LEFT_OUT = ("cell", "wire_load", "wire_load_selection", "wire_load_table")
 
 
-def one_energy_a_pin(library: Library, kinds: set[str]) -> str:
+def related_pins(cell: Cell) -> list[str]:
+    """Return the inputs whose changes cause the energies of a cell's outputs; only clocks, if clocks are among them."""
+    found = {name for output in cell.outputs for energy in cell.pins[output].energies for name in energy.related}
+    return sorted(found & set(cell.clock_pins) or found)
+
+
+def one_energy_a_pin(library: Library, kinds: set[str], number: int = 0) -> str:
     """Return a library with one mean ``internal_power`` group per pin.
 
     OpenSTA 2.0 adds up the groups of a pin, whatever their conditions, and weighs each by how often its related pin
-    would pass. Wire loads are left out, since it would add those, and so are the ranges of capacitances, of which it
-    takes the upper ends.
+    would pass. The condition ``1`` gives a group the weight 1. Wire loads are left out, since OpenSTA would add those,
+    and so are the ranges of capacitances, because OpenSTA takes their upper ends.
 
     Parameters
     ----------
     library : Library
     kinds : set of str
         Names of the cells.
+    number : int
+        Index of the related pin whose energies the outputs of a cell get. OpenSTA looks up these energies at the slew
+        of that pin; without a related pin, at the slew of the output. If the cell has fewer related pins, the index
+        starts again at the first.
     """
     group = copy.copy(library.entry.group)
     last = "default_operating_conditions"
     group.attributes = [a for a in group.attributes if not a.name.startswith(("default_wire_load", last))]
-    cells = [_one_energy(cell) for cell in library.used(kinds)]
+    cells = [_one_energy(cell, number) for cell in library.used(kinds)]
     group.groups = [g for g in group.groups if g.group_name not in LEFT_OUT] + cells
     # OpenSTA knows the condition only behind the group that it names.
     condition = library.entry.text(last) or next(iter(library.entry.named("operating_conditions")), "")
@@ -38,20 +48,27 @@ def one_energy_a_pin(library: Library, kinds: set[str]) -> str:
     return text + (f'  {last} : "{condition}";\n' if condition else "") + "}\n"
 
 
-def _one_energy(cell: Cell) -> Any:
+def _one_energy(cell: Cell, number: int) -> Any:
     """Return the Liberty group of a cell with one energy per pin."""
+    related = related_pins(cell)
     group = copy.deepcopy(cell.entry.group)
-    for pin in dataclasses.replace(cell.entry, group=group).all("pin"):
+    for name, pin in dataclasses.replace(cell.entry, group=group).named("pin").items():
         pin.group.attributes = [a for a in pin.group.attributes if not a.name.endswith("_capacitance_range")]
         if found := pin.all("internal_power"):
             others = [g for g in pin.group.groups if g.group_name != "internal_power"]
-            pin.group.groups = [*others, _mean(found, cell.clock_pins)]
+            cause = related[number % len(related)] if related and name in cell.outputs else ""
+            mean = _mean([g for g in found if cause in g.text("related_pin").split()] or found)
+            if name in cell.outputs:
+                mean["when"] = '"1"'
+            if cause:
+                mean["related_pin"] = f'"{cause}"'
+            pin.group.groups = [*others, mean]
     return group
 
 
-def _mean(groups: list[Entry], clocks: list[str]) -> Any:
-    """Return one group that is the mean of groups: those caused by a clock, else conditional ones, else all."""
-    chosen = [g for g in groups if g.text("related_pin") in clocks] or [g for g in groups if g.text("when")] or groups
+def _mean(groups: list[Entry]) -> Any:
+    """Return one group that is the mean of groups: of those with a condition, else of all."""
+    chosen = [g for g in groups if g.text("when")] or groups
     first = copy.deepcopy(chosen[0].group)
     first.attributes = [a for a in first.attributes if a.name not in ("when", "related_pin")]
     by_edge = [[table for g in chosen for table in g.all(f"{edge}_power")] for edge in ("rise", "fall")]

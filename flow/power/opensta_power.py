@@ -2,7 +2,8 @@
 
 This version of OpenSTA (2.0) reads no activity of single pins. It takes one for all data, and the clock's: so what a
 toggle of the clock pin, of the data pins and of the output costs an instance is told apart by four reports, in which
-they toggle or not.
+they toggle or not. OpenSTA looks up the energy of an output at the slew of one related pin, so the reports are repeated
+for each related pin; the recorded activity gives the share of each pin.
 """
 
 from __future__ import annotations
@@ -13,13 +14,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.flow import opensta
 from eskin.flow.gatesim.flat_netlist import Cell, FlatNetlist
 from eskin.flow.liberty.library import Library
 from eskin.flow.power.activity import Activity
-from eskin.flow.power.opensta_library import one_energy_a_pin
+from eskin.flow.power.opensta_library import one_energy_a_pin, related_pins
 
 PERIOD_NS = 1000
 PERIOD_S = PERIOD_NS * 1e-9
@@ -35,15 +37,15 @@ PROBE = """library (probe) {{
   slew_upper_threshold_pct_rise : 80; slew_upper_threshold_pct_fall : 80;
   operating_conditions (one) {{ process : 1; voltage : 1; temperature : 25; }} default_operating_conditions : one;
   power_lut_template (energy) {{ variable_1 : input_transition_time; index_1 ("0.0, 1.0"); }}
-  cell (OUT) {{ area : 1; pin (A) {{ direction : input; capacitance : 0.001; }} {output} {energy} }} }}
-  cell (IN) {{ area : 1; pin (A) {{ direction : input; capacitance : 0.001; {energy} }} {output} }} }} }}
+  cell (OUT) {{ area : 1; pin (A) {{ direction : input; capacitance : 0.001; }}
+    {output} internal_power () {{ related_pin : "A"; when : "1"; {energy} }} }} }}
+  cell (IN) {{ area : 1; pin (A) {{ direction : input; capacitance : 0.001; internal_power () {{ {energy} }} }}
+    {output} }} }} }}
 """
 PROBE_OUTPUT = """pin (Z) { direction : output; function : "A"; timing () { related_pin : "A";
   timing_sense : positive_unate; cell_rise (scalar) { values ("0.1"); } cell_fall (scalar) { values ("0.1"); }
   rise_transition (scalar) { values ("0.1"); } fall_transition (scalar) { values ("0.1"); } }"""
-PROBE_ENERGY = (
-    "internal_power () { " + "".join(f'{e}_power (energy) {{ values ("1, 1"); }} ' for e in ("rise", "fall")) + "}"
-)
+PROBE_ENERGY = "".join(f'{e}_power (energy) {{ values ("1, 1"); }} ' for e in ("rise", "fall"))
 PROBED = """module probe (clk, a, w, x, y, z);
   input clk, a;
   output w, x, y, z;
@@ -78,8 +80,10 @@ class Costs:
     Attributes
     ----------
     leakage_w : float
-    clock, data, output : float
-        Inside the cell, for a toggle of its clock pin, of its data pins together, and of its output.
+    clock, data : float
+        Inside the cell, for a toggle of its clock pin, and of its data pins together.
+    output : list of float
+        Inside the cell, for a toggle of its output, by the related pin that causes this toggle.
     load : float
         For the load of its output, for a toggle of that.
     """
@@ -87,7 +91,7 @@ class Costs:
     leakage_w: float
     clock: float
     data: float
-    output: float
+    output: list[float]
     load: float
 
 
@@ -105,7 +109,8 @@ class OpenstaPower:
             folder = Path(name)
             counted = _counted(folder)
             reports = self._reports(folder)
-        self.costs = {cell.name: self._costs(cell, reports, counted) for cell in self.netlist.cells}
+            others = [self._of_outputs(folder, number) for number in range(1, self._most_related())]
+        self.costs = {cell.name: self._costs(cell, [reports, *others], counted) for cell in self.netlist.cells}
 
     # -- what it costs ---------------------------------------------------------------------------
 
@@ -114,11 +119,7 @@ class OpenstaPower:
 
         While no data moves, all do, data pins do, resets too; and of clock gates whose output rests.
         """
-        (folder / "netlist.v").write_text(self.netlist.verilog())
-        (folder / "cells.lib").write_text(one_energy_a_pin(self.library, {cell.kind for cell in self.netlist.cells}))
-        lines = [SET_UP.format(library="cells.lib", netlist="netlist.v", top=self.netlist.top, period=PERIOD_NS)]
-        unit = self.library.scales.capacitance
-        lines += [f"set_load {value / unit:.6g} [get_nets {{{net}}}]" for net, value in self.wires_f.items() if value]
+        lines = self._set_up(folder)
         lines += [f"report still.txt {STILL}", "report all.txt 1"]
         for number, name in enumerate(("data", "rest")):
             pins = [f"{cell.name}/{pin}" for cell in self.netlist.cells for pin in self._pins(cell)[number]]
@@ -128,6 +129,26 @@ class OpenstaPower:
         run(lines, folder)
         found = [_read(folder / f"{name}.txt") for name in ("still", "all", "data", "rest")]
         return [*found, self._gates_alone(folder)]
+
+    def _set_up(self, folder: Path, number: int = 0) -> list[str]:
+        """Return the commands that read netlist, wires and library, which takes a related pin by its index."""
+        kinds = {cell.kind for cell in self.netlist.cells}
+        (folder / "netlist.v").write_text(self.netlist.verilog())
+        (folder / "cells.lib").write_text(one_energy_a_pin(self.library, kinds, number))
+        unit = self.library.scales.capacitance
+        return [
+            SET_UP.format(library="cells.lib", netlist="netlist.v", top=self.netlist.top, period=PERIOD_NS),
+            *(f"set_load {value / unit:.6g} [get_nets {{{net}}}]" for net, value in self.wires_f.items() if value),
+        ]
+
+    def _most_related(self) -> int:
+        """Return the largest number of related pins of a cell."""
+        return max(len(related_pins(kind)) for kind in self.library.used({c.kind for c in self.netlist.cells}))
+
+    def _of_outputs(self, folder: Path, number: int) -> list[dict[str, tuple[float, float, float]]]:
+        """Return the reports without and with moving data, with the energies of another related pin."""
+        run([*self._set_up(folder, number), f"report still.txt {STILL}", "report all.txt 1"], folder)
+        return [_read(folder / f"{name}.txt") for name in ("still", "all")]
 
     def _gates_alone(self, folder: Path) -> dict[str, tuple[float, float, float]]:
         """Return the power of clock gates with an idle output, from one run per depth."""
@@ -182,25 +203,30 @@ class OpenstaPower:
         charged = [pin for pin in inputs if known.pins[pin].energies]
         return [p for p in charged if p in data], [p for p in charged if p not in data]
 
-    def _costs(self, cell: Cell, reports: list[dict[str, tuple[float, float, float]]], counted: Counted) -> Costs:
-        known = self.library.cells[cell.kind]
+    def _costs(self, cell: Cell, related: list[list[dict[str, tuple[float, float, float]]]], counted: Counted) -> Costs:
+        """Return the costs of a cell from the reports for each related pin, of which the first has all kinds."""
+        known, reports = self.library.cells[cell.kind], related[0]
         still, moving, data, rest = (report[cell.name] for report in reports[:4])
         by_clock, by_data, by_rest = (  # a clock makes two toggles in a period
             joules * PERIOD_S / 2 for joules in (still[0], data[0] - still[0], rest[0] - data[0])
         )
-        by_all = (moving[0] - still[0]) * PERIOD_S
         load, clock_load = (moving[1] - still[1]) * PERIOD_S, still[1] * PERIOD_S / 2
         inner = by_data / counted.clock_in
         if self._gated(cell):
             own = reports[4][cell.name][0] * PERIOD_S / 2
             gated = (by_clock - own) / counted.clock_out
-            return Costs(still[2], own / counted.clock_in, inner, gated, clock_load)
+            return Costs(still[2], own / counted.clock_in, inner, [gated], clock_load)
+        causes = [(rests[cell.name][0], moves[cell.name][0]) for rests, moves, *_ in related]
+        causes = causes[: max(len(related_pins(known)), 1)]
+        by_all = [(moves - rests) * PERIOD_S for rests, moves in causes]
         if known.memory:
-            output = by_all / counted.data_out - (by_data + by_rest) / counted.clock_in
+            by_inputs = (by_data + by_rest) / counted.clock_in
+            output = [joules / counted.data_out - by_inputs for joules in by_all]
             return Costs(still[2], by_clock / counted.clock_in, inner, output, load)
         if load > 0:
-            return Costs(still[2], 0.0, 0.0, by_all / counted.data_out, load)
-        return Costs(still[2], 0.0, 0.0, by_clock / counted.clock_out, clock_load)  # a gate in a clock's way
+            return Costs(still[2], 0.0, 0.0, [joules / counted.data_out for joules in by_all], load)
+        output = [rests * PERIOD_S / 2 / counted.clock_out for rests, _ in causes]
+        return Costs(still[2], 0.0, 0.0, output, clock_load)  # a gate in a clock's way
 
     # -- power -----------------------------------------------------------------------------------
 
@@ -218,8 +244,27 @@ class OpenstaPower:
 
         clock, output = toggles(known.clock_pins), toggles(known.outputs)
         data = toggles(self._pins(cell)[0])
-        internal = costs.clock * clock + costs.data * data + costs.output * output
+        caused = float(np.dot(costs.output, self._shares(cell, len(costs.output), activity)))
+        internal = costs.clock * clock + costs.data * data + caused * output
         return internal * clock_hz, costs.load * output * clock_hz, costs.leakage_w
+
+    def _shares(self, cell: Cell, causes: int, activity: Activity) -> list[float]:
+        """Return the share of the output toggles that each related pin causes; equal shares without any cause."""
+        if causes == 1:
+            return [1.0]
+        known = self.library.cells[cell.kind]
+
+        def changes(pin: str) -> NDArray[np.bool_]:
+            bits = activity.values.get(cell.pins.get(pin, ""), np.zeros(1, bool))
+            return bits[1:] != bits[:-1] if len(bits) > 1 else np.zeros(1, bool)
+
+        after: NDArray[np.bool_] = functools.reduce(np.logical_or, map(changes, known.outputs))
+        if not after.any():
+            return [1 / causes] * causes
+        moved = np.array([np.broadcast_to(changes(pin), after.shape)[after] for pin in related_pins(known)])
+        among = moved.sum(axis=0)
+        shares = np.where(among, moved / np.maximum(among, 1), 1 / causes).mean(axis=1)
+        return [float(share) for share in shares]
 
 
 def run(lines: list[str], folder: Path) -> None:
