@@ -132,8 +132,17 @@ def frontier_targets() -> None:
         met = "met" if point["seeds"] >= 3 else "met so far"
         verdict = met if point["accuracy"] >= least and point["rate_hz"] <= most_hz else "missed"
         rows.append([words, filled(reached, point | {"verdict": verdict})])
-    rows.append(["97.15 % in the RTL chip with weights of 4 b", "not trained"])
+    chip = frontier_chip()
+    verdict = "met" if chip["accuracy"] >= 0.9715 else "missed"
+    rows.append(["97.15 % in the RTL chip with weights of 4 b", filled(reached, chip | {"verdict": verdict})])
     table("target: `physical` if not named, three seeds, last epoch | reached", rows)
+
+
+def frontier_chip() -> dict[str, Any]:
+    """Return the result of the RTL chip with chosen taxels, summed over its seeds."""
+    found = read("docs/data/frontier_chip.json")
+    sums = {key: sum(run[key] for run in found["runs"]) for key in ("images", "events", "right", "mismatches")}
+    return found | sums
 
 
 def frontier_pairs() -> None:
