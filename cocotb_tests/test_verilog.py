@@ -213,7 +213,9 @@ def test_header_and_page_go_with_registers(tmp_path: Path) -> None:
     config = ReadoutConfig(rows=3, columns=5, registers="spi")
     command = [sys.executable, "-m", "eskin", "verilog", "--rows", "3", "--columns", "5", "--registers", "spi"]
     done = subprocess.run([*command, "-o", str(tmp_path)], capture_output=True, text=True, check=True)
-    names = [Path(line).name for line in done.stdout.splitlines()]
+    *lines, load = done.stdout.splitlines()
+    assert load == "the link stream sends at most 1,280,000 events/s (1 clock per event, clock 1.28e+06 Hz)"
+    names = [Path(line).name for line in lines]
     assert names[-5:-3] == ["eskin_registers.h", "eskin_registers.md"]
     assert names[-3] == "eskin_readout_datasheet.md"
     header = (tmp_path / "eskin_registers.h").read_text()

@@ -46,6 +46,10 @@ HUGE = "1" + "0" * 400
             "--relays has no effect with --merge; leave one of the two out",
         ),
         ("verilog -o v --tiles 1x2 --report r.json", "--report has no effect with --tiles; leave one of the two out"),
+        (
+            "verilog -o v --tiles 1x2 --clock-gates",
+            "--clock-gates has no effect with --tiles; leave one of the two out",
+        ),
         ("verilog -o v --tiles 4x4 --chip", "--chip has no effect with --tiles; leave one of the two out"),
         ("verilog -o v --readout frame --encoding lcs", "--encoding has no effect with --readout frame; leave it out"),
         (

@@ -94,6 +94,7 @@ def verilog(
 def _deliver(config: Config, out: Path, prove: bool, report: Path | None = None, gated: bool = False) -> None:
     """Write a design and its datasheet into a folder, optionally after proving the Verilog."""
     from eskin.flow.datasheet.page import deliver
+    from eskin.skin.recordings.quality import CLOCKS_PER_EVENT
 
     if prove and gated:
         from eskin.verify.proofs.gated import prove_gated
@@ -106,6 +107,12 @@ def _deliver(config: Config, out: Path, prove: bool, report: Path | None = None,
         print(f"proved equal to the RTLIL: {sum(points.values())} points of {len(points)} modules")
     for path in deliver(config, out, report, gated):
         print(path)
+    if isinstance(config, ReadoutConfig):
+        clocks = CLOCKS_PER_EVENT[config.link]
+        print(
+            f"the link {config.link} sends at most {config.clock_hz / clocks:,.0f} events/s "
+            f"({clocks} clock{'s' * (clocks > 1)} per event, clock {config.clock_hz:g} Hz)"
+        )
 
 
 @with_config(fields=[name for name in LOGIC if name != "encoding"], every=True)
