@@ -92,12 +92,15 @@ def _text_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
     lines = [line for line in lines if line and not line.startswith("#")]
     if not lines:
         raise InputError(f"{path} is empty; give a table with a line for each event")
-    delimiter = next((d for d in (",", ";", "\t") if d in lines[0]), None)
+    delimiter = next((d for d in ("\t", ";", ",") if d in lines[-1]), None)
+    if delimiter != ",":
+        lines = [line.replace(",", ".") for line in lines]
     rows = [[cell.strip() for cell in line.split(delimiter)] for line in lines]
     header = None if all(_number(cell) is not None for cell in rows[0]) else rows.pop(0)
     width = len(header or rows[0])
     if (wrong := next((n for n, row in enumerate(rows) if len(row) != width), None)) is not None:
-        raise InputError(f"{path}: event {wrong} has {len(rows[wrong])} cells, the first line {width}")
+        hint = "; a decimal comma needs another delimiter, such as ;" if delimiter == "," else ""
+        raise InputError(f"{path}: event {wrong} has {len(rows[wrong])} cells, the first line {width}{hint}")
     names = [str(n) for n in range(width)] if header is None else header
     if len(set(names)) < width:
         raise InputError(f"{path} has two columns of the same name: {', '.join(names)}; rename one")

@@ -116,6 +116,7 @@ def test_columns_are_found_by_name_in_any_order_and_unit(folder: Path, call: Cal
         "a.csv": "polarity;row;time [ms];col\n1;0;0;1\n-1;0;1.5;0\n1;1;2;1\n",
         "b.txt": "# by hand\nx y timestamp p note\n1 0 0.0 1 a\n0 0 0.0015 0 b\n1 1 0.002 1 c\n",
         "c.tsv": "on\taddress\tt_us\ntrue\t7\t0\nfalse\t3\t1500\ntrue\t9\t2000\n",
+        "f.csv": "t;x;y;p\n0,0;1;0;1\n0,0015;0;0;0\n0,002;1;1;1\n",
     }
     for name, text in texts.items():
         Path(name).write_text(text)
@@ -124,8 +125,10 @@ def test_columns_are_found_by_name_in_any_order_and_unit(folder: Path, call: Cal
     np.save("e.npy", np.array([[0, 0, 1, 1], [1500, 0, 0, 0], [2000, 1, 1, 1]]))
     more = {"c.tsv": " --map map.csv", "e.npy": " --fields t,y,x,p"}
     for name in (*texts, "d.npz", "e.npy"):
-        code, _, error = call(f"convert {name} -o e.npz{more.get(name, '')}")
+        code, output, error = call(f"convert {name} -o e.npz{more.get(name, '')}")
         assert code == 0, error
+        unit = {"a.csv": "ms", "b.txt": "s", "f.csv": "s"}.get(name, "us")
+        assert f"array of 2 rows x 2 columns, clock 1e+06 Hz, times in {unit}; --rows" in output
         assert Recording.load(Path("e.npz")).events.tolist() == wanted, name
 
 
@@ -139,7 +142,7 @@ def test_columns_are_found_by_name_in_any_order_and_unit(folder: Path, call: Cal
         ("t,x,y,p\n5,1.5,0,1\n", "", "column x must hold whole numbers, not float64"),
         ("t,x,y,p\n5,one,0,1\n", "", "event 0 has x 'one', which is no number"),
         ("t,x,y,p\nnan,0,0,1\n", "", "event 0 has no finite time; remove it"),
-        ("t,x,y,p\n5,0,0\n", "", "event 0 has 3 cells, the first line 4"),
+        ("t,x,y,p\n5,0,0\n", "", "event 0 has 3 cells, the first line 4; a decimal comma needs another"),
         ("t,x,p\n5,0,1\n", "", "no columns x and y, and no address"),
         ("t,address\n5,0\n", "", "one address each; give the taxel of each address with --map FILE"),
         ("time,t,x,y\n5,5,0,1\n", "", "two columns for t"),

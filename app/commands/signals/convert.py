@@ -187,6 +187,11 @@ def _taken(
         recordings.append(taken.recording)
     for line, times in said.items():
         print(printable(line if len(sources) == 1 else f"{times} of {len(sources)} files: {line}"))
+    units = ", ".join(sorted({events.unit for events in read}))
+    print(
+        f"array of {chosen.rows} rows x {chosen.columns} columns, clock {chosen.clock_hz:g} Hz, times in {units}; "
+        f"--rows, --columns, --sample-rate and --clocks-per-sample change array and clock"
+    )
     return recordings
 
 
