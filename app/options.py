@@ -74,7 +74,7 @@ WRITES_FILE, WRITES_FOLDER = Writes(), Writes(folder=True)
 
 
 def checking_outputs(command: Command) -> Command:
-    """Return a command that checks its output paths before any work."""
+    """Return a command that checks its output paths before any work, and leaves no empty folder after an error."""
     signature = inspect.signature(command, eval_str=True)
     parameters = signature.parameters
     marks = {n: mark for n, p in parameters.items() for mark in get_args(p.annotation) if isinstance(mark, Writes)}
@@ -89,7 +89,12 @@ def checking_outputs(command: Command) -> Command:
         for name, mark in marks.items():
             if arguments[name] is not None:
                 arguments[name] = mark.path(arguments[name], arguments, inputs)
-        return command(**arguments)
+        made = [one for name in marks if arguments[name] for one in outputs.missing_folders(arguments[name])]
+        try:
+            return command(**arguments)
+        except InputError:
+            outputs.remove_empty(made)
+            raise
 
     wrapper.__signature__ = signature  # type: ignore[attr-defined]
     wrapper.__annotations__ = {name: parameter.annotation for name, parameter in parameters.items()}

@@ -9,6 +9,7 @@ import os
 import re
 import stat
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 from eskin.base.errors import InputError
@@ -80,6 +81,19 @@ def check_folder(path: Path) -> None:
     if not nearest.is_dir():
         raise InputError(f"cannot write to {path}: {nearest} is a file; give a folder in another place")
     _probe(path, nearest)
+
+
+def missing_folders(path: Path) -> list[Path]:
+    """Return an output path and the folders above it that do not exist, the deepest first."""
+    return [one for one in (path, *path.parents) if not one.exists() and not one.is_symlink()]
+
+
+def remove_empty(folders: Iterable[Path]) -> None:
+    """Remove these folders and all folders in them that contain no file."""
+    for folder in folders:
+        for place, _, _ in os.walk(folder, topdown=False):
+            with contextlib.suppress(OSError):
+                os.rmdir(place)
 
 
 def in_out(folder: Path) -> bool:

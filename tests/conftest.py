@@ -56,14 +56,13 @@ def call(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
 
 @pytest.fixture
 def refuses(call: Call, folder: Path) -> Callable[..., None]:
-    """Return a function that checks that ``eskin`` refuses a command line in one sentence and changes no file.
+    """Return a function that checks that ``eskin`` refuses a command line in one sentence and leaves nothing new.
 
-    ``sentence`` is a part of the error message; with ``error: `` and a line end it is all of it. A new folder is
-    no change.
+    ``sentence`` is a part of the error message; with ``error: `` and a line end it is all of it.
     """
 
-    def files() -> dict[Path, bytes]:
-        return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    def files() -> dict[Path, bytes | None]:
+        return {path: path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
 
     def refuses(sentence: str, *words: object) -> None:
         before = files()
