@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from eskin import cocotb_tests, model, skin
 from eskin.base.errors import InputError
 from eskin.cocotb_tests.runner.build_cache import sources
-from eskin.cocotb_tests.runner.reproduce import own_variables
+from eskin.cocotb_tests.runner.reproduce import own_options
 from eskin.cocotb_tests.runner.simulator import Build
 from eskin.skin.recordings.folder import RecordingSet
 from eskin.skin.textures.dataset import Dataset, Texture
@@ -84,8 +85,13 @@ class Textures:
 
     @property
     def again(self) -> list[str]:
-        """Make variables that select these textures."""
-        return [f"PRESET={self.preset}", f"START_ROW={self.start_row}", f"DATASET={self.place or self.name}"]
+        """Options of replay that select these textures."""
+        place = shlex.quote(self.place or self.name)
+        return [
+            f"--preset {self.preset}",
+            *[f"--start-row {self.start_row}"] * bool(self.start_row),
+            f"--dataset {place}",
+        ]
 
     def texture(self, name: str) -> Texture:
         """Return a texture by name."""
@@ -133,8 +139,9 @@ class Own:
 
     @property
     def again(self) -> list[str]:
-        """Make variables that select these recordings."""
-        return [f"DATA={self.place}", *own_variables(self.recordings.options, self.recordings.scale)]
+        """Options that select these recordings."""
+        place = shlex.quote(str(self.place))
+        return [f"--data {place}", *own_options(self.recordings.options, self.recordings.scale)]
 
     def one_class_after_the_other(self, count: int) -> list[str]:
         """Return the names of recordings in an order that alternates between classes."""

@@ -150,7 +150,7 @@ async def _play_scans(bench: Bench, job: Job, config: ReadoutConfig) -> AsyncIte
     from eskin.model.events.recording import Recording
 
     for scan in _scans(job, config):
-        bench.scoreboard.reproduce = f"{re.sub(' SEED=[0-9]+', '', job.reproduce)} ONLY={scan.name}"  # no scenarios
+        bench.scoreboard.reproduce = f"{re.sub(' --seed [0-9]+', '', job.reproduce)} --only {scan.name}"  # no scenarios
         events = await bench.check(f"scan of {scan.name}", scan.stimulus, skip=scan.name in job.skip)
         make_folder(Path(job.keep), Path(scan.name).parent)
         Recording(events, config, scan.stimulus.clocks, metadata=scan.metadata).save(scan.keep)

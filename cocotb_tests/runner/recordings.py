@@ -20,7 +20,7 @@ from eskin.cocotb_tests.runner.inputs import Own
 from eskin.cocotb_tests.runner.picture import PICTURE, draw
 from eskin.cocotb_tests.runner.player import Job
 from eskin.cocotb_tests.runner.process import Tally
-from eskin.cocotb_tests.runner.reproduce import variables
+from eskin.cocotb_tests.runner.reproduce import options
 from eskin.cocotb_tests.runner.simulator import build, require_programs
 from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
@@ -92,7 +92,7 @@ def play(plan: OwnPlan, on_run: Callable[[Any], None]) -> Tally:
     with reported(f"building {array} for {plan.simulator}"):
         program = build(plan.config, plan.simulator, waves=plan.waves)
     codes = plan.material.arrays(plan.names)
-    again = ["make sim", *variables(plan.config), *plan.material.again, f"TICKS={plan.ticks or 10**6}"]
+    again = ["eskin sim", *options(plan.config), *plan.material.again, f"--ticks {plan.ticks or 10**6}"]
     job = dataclasses.replace(
         job_of(plan.material, plan.names, plan.config, program, " ".join(again)),
         ticks=plan.ticks,
@@ -123,7 +123,7 @@ def play_samples(config: ReadoutConfig, codes: NDArray[np.int32], simulator: Sim
     program, name = build(config, simulator), "signal"
 
     def play(folder: Path) -> Events:
-        again = " ".join(["make sim", *variables(config)])
+        again = " ".join(["eskin sim", *options(config)])
         job = Job(config.to_dict(), again, played={name: {"proof": ""}}, keep=str(folder))
         play_here(program, job, {name: codes}, folder)
         return Recording.load(folder / f"{name}.npz").events

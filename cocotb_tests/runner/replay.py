@@ -18,7 +18,7 @@ from eskin.cocotb_tests.runner.chunk import job_of, play_part
 from eskin.cocotb_tests.runner.inputs import Material, Textures, chosen
 from eskin.cocotb_tests.runner.player import Job
 from eskin.cocotb_tests.runner.process import Tally
-from eskin.cocotb_tests.runner.reproduce import variables
+from eskin.cocotb_tests.runner.reproduce import options
 from eskin.cocotb_tests.runner.simulator import Build, build, require_programs
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
@@ -101,7 +101,7 @@ class Plan:
 
     def job(self, names: list[str], every_clock: str) -> Job:
         """Return the job that plays some of the names; only ``every_clock`` plays the still clocks too."""
-        again = " ".join(["make replay", *variables(self.config), *self.material.again])
+        again = " ".join(["eskin replay", *options(self.config), *self.material.again])
         job = job_of(self.material, names, self.config, self.program, again)
         return dataclasses.replace(job, skip=[name for name in names if name != every_clock])
 

@@ -1,4 +1,4 @@
-"""Make commands that repeat a run."""
+"""Commands that repeat a run."""
 
 from __future__ import annotations
 
@@ -13,9 +13,16 @@ from eskin.model.frame_config import FrameConfig
 from eskin.skin.recordings.options import Preparation
 
 
-def reproduce(config: ReadoutConfig, simulator: str, seed: int) -> str:
+def reproduce(config: ReadoutConfig, simulator: str, seed: int, command: str = "sim") -> str:
     """Return the command that repeats the scenarios of a configuration with a waveform."""
-    return " ".join(["make sim", *variables(config), f"SIM={simulator}", f"SEED={seed}", "TEXTURES=0", "WAVES=1"])
+    words = [f"eskin {command}", *options(config), f"--sim {simulator}", f"--seed {seed}", "--textures 0", "--waves"]
+    return " ".join(words)
+
+
+def options(config: ReadoutConfig) -> list[str]:
+    """Return command-line options for the non-default fields of a configuration."""
+    split = (word.partition("=") for word in variables(config))
+    return [f"--{name.lower().replace('_', '-')} {value}" for name, _, value in split]
 
 
 def variables(config: ReadoutConfig | FrameConfig, without: Collection[str] = ()) -> list[str]:
@@ -35,8 +42,8 @@ def _text(value: Any) -> str:
     return shlex.quote(json.dumps([one.to_dict() for one in value], separators=(",", ":")))
 
 
-def own_variables(options: Preparation, scale: float) -> list[str]:
-    """Return make variables for the preparation of recordings."""
+def own_options(prepared: Preparation, scale: float) -> list[str]:
+    """Return command-line options for the preparation of recordings."""
     names = {field.name: option_of(field) for field in dataclasses.fields(Preparation) if field.metadata}
-    chosen = options.chosen() | {"scale": repr(scale)}
-    return [f"{names[name][2:].replace('-', '_').upper()}={value}" for name, value in chosen.items() if name in names]
+    chosen = prepared.chosen() | {"scale": repr(scale)}
+    return [f"{names[name]}={shlex.quote(str(value))}" for name, value in chosen.items() if name in names]

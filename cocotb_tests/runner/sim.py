@@ -24,7 +24,7 @@ from eskin.cocotb_tests.runner.picture import PICTURE, draw
 from eskin.cocotb_tests.runner.process import Tally
 from eskin.cocotb_tests.runner.reproduce import reproduce
 from eskin.cocotb_tests.runner.simulator import build, require_programs
-from eskin.model.config import ReadoutConfig
+from eskin.model.config import NO_LOGIC, ReadoutConfig, option_of
 from eskin.rtl.delivery import ports
 from eskin.rtl.gates.clock_gates import TEST
 from eskin.rtl.text.slang import Port, ports_of, read_verilog
@@ -61,9 +61,11 @@ class Plan:
     text : str
         Verilog to play instead of the configuration's own: a netlist with its cells, or a user's readout.
     again : str
-        What a user writes behind make for that text; empty without one.
+        Options for that text; empty without one.
     macros : dict of str to str, optional
         Further macros of the harness, for a user's readout.
+    command : str, optional
+        Command that simulates the text.
     """
 
     simulator: Simulator
@@ -77,6 +79,7 @@ class Plan:
     text: str = ""
     again: str = ""
     macros: dict[str, str] | None = None
+    command: str = "sim"
 
     def runs(self, config: ReadoutConfig) -> int:
         """Return the number of runs of a configuration."""
@@ -157,8 +160,8 @@ def with_dut(plan: Plan, config: ReadoutConfig, files: Sequence[Path], top: str)
     text = "\n".join(map(read_verilog, files))
     found = ports_of(text, top)
     macros = {"READOUT": top} | ({"TEST_ENABLE": "1"} if TEST in found else {})
-    names = shlex.quote(" ".join(str(file.absolute()) for file in files))
-    plan = dataclasses.replace(plan, text=text, again=f"DUT={names} TOP={top}", macros=macros)
+    names = " ".join(f"--dut {shlex.quote(str(file.absolute()))}" for file in files)
+    plan = dataclasses.replace(plan, text=text, again=f"{names} --top {top}", macros=macros)
     if not found:
         return plan
     wanted = {port["name"]: Port(port["direction"], port["width"]) for port in ports(config)}
@@ -176,6 +179,14 @@ def with_dut(plan: Plan, config: ReadoutConfig, files: Sequence[Path], top: str)
             f"eskin_readout.json, or write a wrapper and name it with --top"
         )
     return plan
+
+
+def configuration_hint(config: ReadoutConfig) -> str:
+    """Return the configuration to which a user's readout is compared, as options."""
+    names = config.to_dict().keys() - {*config.idle_fields, *NO_LOGIC, "fields"}
+    chosen = (field for field in dataclasses.fields(config) if field.name in names)
+    held = " ".join(f"{option_of(field)} {getattr(config, field.name)}" for field in chosen)
+    return f"the model has {held}; if your Verilog has another configuration, give its options or --config FILE.json"
 
 
 def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_stage: Callable[[str], None]) -> Tally:
@@ -201,9 +212,10 @@ def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_st
     with reported(f"building {config.rows} x {config.columns} taxels for {plan.simulator}"):
         program = build(config, plan.simulator, waves=plan.waves, text=plan.text, macros=plan.macros)
     place, material = plan.place(config), plan.material
-    again = " ".join([reproduce(config, plan.simulator, plan.seed), *filter(None, [plan.again])])
+    again = " ".join([reproduce(config, plan.simulator, plan.seed, plan.command), *filter(None, [plan.again])])
     if plan.textures:
-        again = f"{again.replace(' TEXTURES=0', '')} DATASET={material.place} TICKS={plan.ticks or ALL_TICKS}"
+        place = shlex.quote(material.place or material.name)
+        again = f"{again.replace(' --textures 0', '')} --dataset {place} --ticks {plan.ticks or ALL_TICKS}"
     job = dataclasses.replace(
         job_of(material, plan.textures, config, program, again),
         seed=plan.seed if plan.scenarios else None,

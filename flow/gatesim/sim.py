@@ -67,7 +67,7 @@ def play(plan: sim.Plan, gates: Gates, config: ReadoutConfig, again: str, on_sta
     gates : Gates
     config : ReadoutConfig
     again : str
-        What a user writes behind make to get this netlist.
+        Options of gatesim that make this netlist.
     on_stage : callable
         Called with what begins.
 
@@ -77,4 +77,6 @@ def play(plan: sim.Plan, gates: Gates, config: ReadoutConfig, again: str, on_sta
         If netlist and model differ.
     """
     text = "\n".join(path.read_text() for path in (gates.netlist, gates.cells))
-    return sim.play(dataclasses.replace(plan, text=text, again=again), config, lambda _: None, on_stage)
+    return sim.play(
+        dataclasses.replace(plan, text=text, again=again, command="gatesim"), config, lambda _: None, on_stage
+    )

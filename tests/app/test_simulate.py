@@ -125,9 +125,12 @@ def test_a_readout_of_the_user_is_held_to_the_model(tmp_path: Path, monkeypatch:
     assert re.search(r"differs in polarity: model clock (\d+), row 1, column 1, (ON|OFF); RTL clock \1", bad.stdout)
     assert "\n  clock " in bad.stdout  # the model's state
     assert re.search(
-        r"reproduce: make sim .*LINK=four_phase .*DUT='/\S+/wrapper.v /\S+/bug.v' TOP=wrapper\n", bad.stdout
+        r"reproduce: eskin sim .*--link four_phase .*--dut /\S+/wrapper.v --dut /\S+/bug.v --top wrapper\n", bad.stdout
     )
     assert re.search(r"MISMATCH; equal runs before it: \d; report: out/\S+/run/mismatch.txt\n", bad.stdout)
+
+    other = call(*theirs, "core.v", "--resolution", 5)
+    assert "the model has --rows 2 --columns 2 --encoding lcs --sample-bits 12 --resolution 5 " in other.stdout
 
     early = WRAPPER.replace(".addr(aer_addr)", ".addr(a)").replace(
         "theirs it", "wire [2:0] a; assign aer_addr = a ^ {3{aer_ack & ~aer_req}}; theirs it"
@@ -135,7 +138,7 @@ def test_a_readout_of_the_user_is_held_to_the_model(tmp_path: Path, monkeypatch:
     Path("early.v").write_text(early)
     broken = call(*options, "early.v", "--dut", "core.v", "--top", "wrapper", "--link", "four_phase")
     said = (
-        r"breaches of the protocol, first in clock \d+: the address changes while REQ or ACK is high\nreproduce: make"
+        r"breaches of the protocol, first in clock \d+: the address changes while REQ or ACK is high\nreproduce: eskin"
     )
     assert (broken.returncode, bool(re.search(said, broken.stdout))) == (1, True), broken.stdout
 
@@ -145,7 +148,7 @@ def test_a_readout_of_the_user_is_held_to_the_model(tmp_path: Path, monkeypatch:
         WRAPPER.replace(".req(aer_req)", ".req(r)").replace("theirs it", "wire r; assign aer_req = r | rst; theirs it")
     )
     stuck = call(*options, "high.v", "--dut", "core.v", "--top", "wrapper", "--link", "four_phase")
-    assert "the request stays high or unknown in reset, so no run can begin; reproduce: make sim" in stuck.stdout
+    assert "the request stays high or unknown in reset, so no run can begin; reproduce: eskin sim" in stuck.stdout
 
     Path("open.v").write_text(text.replace("endmodule", "endmodul", 1))
     lacking = "".join(f"absent a{number} ();\n" for number in range(120))  # more than 4000 characters of errors
@@ -308,7 +311,7 @@ def test_a_broken_readout_is_found_and_described(fault: str, tmp_path: Path, mon
     assert "RTL and model differ" in message
     assert re.search(r"clock \d+: sample -?\d+, reference -?\d+, half-width \d+, pending [01]", message)
     assert message.endswith("reproduce: " + reproduce(config, "icarus", 0))
-    assert reproduce(config, "icarus", 0) == "make sim ROWS=3 COLUMNS=4 SIM=icarus SEED=0 TEXTURES=0 WAVES=1"
+    assert reproduce(config, "icarus", 0) == "eskin sim --rows 3 --columns 4 --sim icarus --seed 0 --textures 0 --waves"
 
 
 @pytest.mark.parametrize("planted", ["", "run", "events", "events/brick"])

@@ -47,7 +47,7 @@ def gatesim(
         raise typer.Exit(1)
     print(f"known after a reset with unknown inputs: all {unknown.flops} flops")
     try:
-        tally = play(plan, gates, config, f"GATES=1 LIB={lib}", lambda stage: print(f"{config.encoding}: {stage}"))
+        tally = play(plan, gates, config, f"--lib {lib}", lambda stage: print(f"{config.encoding}: {stage}"))
     except MismatchFound as mismatch:
         print(f"{mismatch}\nMISMATCH; log: {plan.running(config)}")
         raise typer.Exit(1) from None

@@ -98,7 +98,9 @@ def _play_textures(
                     lambda stage, say=say, encoding=encoding: say(f"{encoding}: {stage}"),  # type: ignore[misc]
                 )
             except MismatchFound as mismatch:
-                _differ(mismatch, total, plan.running(chosen), plan.waveform(chosen) if plan.waves else None)
+                wave = plan.waveform(chosen) if plan.waves else None
+                hint = session.configuration_hint(chosen) if dut and not (total.runs + mismatch.before.runs) else ""
+                _differ(mismatch, total, plan.running(chosen), wave, hint)
             if plan.waves:
                 wave = plan.waveform(chosen)
                 print(printable(f"waveform: {wave}; open it with: gtkwave {wave}"))
@@ -133,10 +135,12 @@ def _play_own(
     print(printable(f"picture: {plan.picture}; event files: {plan.picture.parent / 'events'}"))
 
 
-def _differ(mismatch: MismatchFound, total: Tally, folder: Path, wave: Path | None = None) -> None:
+def _differ(mismatch: MismatchFound, total: Tally, folder: Path, wave: Path | None = None, hint: str = "") -> None:
     """Print the first difference, and where its report is; exit with 1."""
     total += mismatch.before
     print(f"{mismatch}\nMISMATCH; equal runs before it: {total.runs}; report: {folder / 'mismatch.txt'}")
     if wave is not None:
         print(printable(f"waveform: {wave}; open it with: gtkwave {wave}"))
+    if hint:
+        print(hint)
     raise typer.Exit(1) from None
