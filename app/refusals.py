@@ -18,7 +18,7 @@ SCANNED = "--sample-rate --decide-every --reference-reset"
 """Fields of the readout that the paper's scan sets itself."""
 
 IDLE: dict[str, dict[str, str]] = {
-    "encode sim replay train crossval sweep": {"not --baseline=highpass": "--highpass"},
+    "encode demo sim replay train crossval sweep": {"not --baseline=highpass": "--highpass"},
     "encode replay": {"--preset=paper": f"{SCANNED} --start-row"},
     "rates": {"--preset=paper": "--start-row"},
     "sim gatesim": {"--only": "--seed --textures"},

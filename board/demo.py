@@ -28,7 +28,7 @@ from eskin.model.address_events import Events
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
-from eskin.skin.encode import IMAGE_SUFFIXES, read_image
+from eskin.skin.encode import IMAGE_SUFFIXES, preparation_of, read_image
 from eskin.skin.recordings.options import FINGER
 from eskin.skin.samples import ARRAY_SUFFIXES
 from eskin.skin.textures.dataset import EMBEDDED
@@ -66,12 +66,15 @@ class Show:
         In the order in which they are played.
     load : callable
         Gives the codes of a name, shape (ticks, taxels), and what the page shows of it.
+    scale : float or None
+        Factor from the values of recordings to full scale.
     """
 
     config: ReadoutConfig
     network: IntegerWeights | None
     names: list[str]
     load: Callable[[str], tuple[NDArray[Any], Piece]]
+    scale: float | None = None
 
     @property
     def chip(self) -> ChipConfig | None:
@@ -93,7 +96,11 @@ class DemoResult:
 
 
 def show_of(
-    source: Path | None, weights: Path | None, only: str | None = None, readout: Mapping[str, Any] | None = None
+    source: Path | None,
+    weights: Path | None,
+    only: str | None = None,
+    readout: Mapping[str, Any] | None = None,
+    prepared: Mapping[str, Any] | None = None,
 ) -> Show:
     """Return the inputs of a demo.
 
@@ -107,17 +114,19 @@ def show_of(
         One name of a folder.
     readout : mapping of str to object, optional
         Fields of the readout of recordings without a network.
+    prepared : mapping of str to object, optional
+        Fields of ``Preparation`` for recordings without a network; the defaults are those of ``eskin encode``.
     """
     if source is not None and not source.exists():
         raise InputError(f"{source} does not exist; give an image, a recording, or a folder of them")
     recordings = source is not None and _holds_recordings(source)
-    if readout and (weights or not recordings):
-        name = next(iter(readout))
-        raise InputError(f"{name} is that of the network; leave it out, or play a recording without --weights")
     finger = source is not None and source.resolve() == FINGER.resolve()
+    if (set_ := {**(readout or {}), **(prepared or {})}) and (weights or finger or not recordings):
+        name = next(iter(set_))
+        raise InputError(f"{name} is that of the network; leave it out, or play a recording without --weights")
     if recordings and weights is None and not finger:
         assert source is not None
-        return _events_of(source, only, readout or {})
+        return _events_of(source, only, readout or {}, prepared or {})
     if weights is None:
         own = resources.files("eskin.model").joinpath(NETWORKS, FINGER_NETWORK if finger else TEXTURES_NETWORK)
         with resources.as_file(own) as path:
@@ -125,15 +134,17 @@ def show_of(
     else:
         network = IntegerWeights.load(weights)
     config = session.chip_of(network, weights).readout
+    scale = None
     if recordings:
         assert source is not None
         found = recordings_of(network, config, source)
         names, load = _recordings(found.sources, found.codes, config)
+        scale = found.scale
         unseen = network.notes["training"]["tested"]
         names = {name: truth for name, truth in names.items() if name in unseen} or names
     else:
         names, load = _images(network, config, source)
-    return Show(config, network, _chosen(names, only), load)
+    return Show(config, network, _chosen(names, only), load, scale)
 
 
 def _holds_recordings(source: Path) -> bool:
@@ -154,19 +165,19 @@ def _chosen(names: dict[str, str | None], only: str | None) -> list[str]:
     return [name for turn in itertools.zip_longest(*classes.values()) for name in turn if name is not None]
 
 
-def _events_of(source: Path, only: str | None, readout: Mapping[str, Any]) -> Show:
+def _events_of(source: Path, only: str | None, readout: Mapping[str, Any], prepared: Mapping[str, Any]) -> Show:
     """Return the show of recordings without a network: the page shows their events and no class."""
     from eskin.skin.recordings.folder import read_set
-    from eskin.skin.recordings.options import Preparation
 
-    found = read_set(source, Preparation(baseline="first"), ReadoutConfig(**readout), readout, flat=True)
+    config = ReadoutConfig(**readout)
+    found = read_set(source, preparation_of(source, config, prepared), config, readout, flat=True)
     if found.config.event_bits > ADDRESS_BITS:
         raise InputError(
             f"records of a board have addresses of {ADDRESS_BITS} bits, {found.config.rows} x {found.config.columns} "
             f"taxels of {found.config.encoding} have {found.config.event_bits}; play fewer taxels"
         )
     names, load = _recordings(found.sources, found.codes, found.config)
-    return Show(found.config, None, _chosen(names, only), load)
+    return Show(found.config, None, _chosen(names, only), load, found.scale)
 
 
 def _recordings(

@@ -151,21 +151,39 @@ def encode_samples(
     return _encoded(path, config, codes, clipped, model, metadata)
 
 
+def preparation_of(place: Path, config: ReadoutConfig, prepared: Mapping[str, Any]) -> Preparation:
+    """Return the preparation of a file or of a folder, with the default scale and baseline of each.
+
+    A folder has the baseline ``first`` and the scale ``max``. Without these options, integers in a file are codes and
+    floats are in full scale.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or a code or a float without these options is out of range.
+    """
+    from eskin.skin.recordings.table import read_table
+
+    if place.is_dir():
+        return Preparation(**{"baseline": "first"} | dict(prepared))
+    options = Preparation(**prepared)
+    if "scale" in prepared or options.baseline != "none":
+        return options
+    table = read_table(place, options)
+    if table.codes:
+        _checked_codes(place, table.values, config)
+    else:
+        _check_full_scale(place, table.values, config)
+    return dataclasses.replace(options, scale=repr(1 / config.full_scale if table.codes else 1.0))
+
+
 def _encode_prepared(
     path: Path, config: ReadoutConfig, given: Collection[str], prepared: Mapping[str, Any], model: str
 ) -> Encoded:
     """Return the events of a recording after resampling, baseline removal and scaling."""
     from eskin.skin.recordings.folder import read_set
-    from eskin.skin.recordings.table import read_table
 
-    options = Preparation(**prepared)
-    if "scale" not in prepared and options.baseline == "none":  # values mean the same as without time stamps
-        table = read_table(path, options)
-        if table.codes:
-            _checked_codes(path, table.values, config)
-        else:
-            _check_full_scale(path, table.values, config)
-        options = dataclasses.replace(options, scale=repr(1 / config.full_scale if table.codes else 1.0))
+    options = preparation_of(path, config, prepared)
     found = read_set(path, options, config, given)
     metadata = {"input": "recording", "scale": found.scale, "baseline": options.baseline}
     kept = found.said_of(found.sources[0])

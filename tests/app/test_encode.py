@@ -44,7 +44,7 @@ def test_encodes_floats_in_full_scale(call: Any, folder: Path) -> None:
     assert out.splitlines()[:4] == [
         f"e.npz: {n} events in 0.04 s, {n / 0.04:.6g} events/s",
         "lcs 4 b, 3 x 4 taxels, 400 samples at 10000 Hz, clock 640000 Hz",
-        f"samples {codes.min() / 2048:+.4f}..+0.9995 of full scale, 1 of 4800 clipped",
+        f"samples {codes.min() / 2048:+.4f}..+0.9995 of full scale, 1 of 4800 clipped, scale 1",
         f"events per taxel: {counts[least]} (row {least // 4}, column {least % 4}) to "
         f"{counts[most]} (row {most // 4}, column {most % 4})",
     ]

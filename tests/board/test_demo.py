@@ -30,6 +30,7 @@ from eskin.model.address_events import EVENT_DTYPE
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.model.readout import Stimulus, simulate
+from eskin.skin.encode import encode_samples
 from tests import browser as browsers
 from tests.board.test_gateware import TICKS, hears_ctrl_c, small_chip, weights_of
 from tests.conftest import Call
@@ -170,7 +171,27 @@ def test_a_users_recording_is_shown_without_a_network(call: Call, folder: Path) 
     codes, _ = show.load("touch")
     events = simulate(show.config, Stimulus.from_samples(show.config, codes))
     assert len(events) > 100
-    assert out.splitlines()[1:] == [f"touch: {len(events)} events", "played 1 recordings"]
+    assert out.splitlines()[1:] == ["scale 1", f"touch: {len(events)} events", "played 1 recordings"]
+
+
+@pytest.mark.parametrize("options", [{}, {"baseline": "first"}, {"scale": "2"}])
+@pytest.mark.parametrize("form", ["%.6f", "%d"])
+def test_demo_and_encode_scale_a_file_equally(options: dict[str, str], form: str, folder: Path, call: Call) -> None:
+    values = walk(300, 6) / (1 if form == "%d" else 4096) + 0.1
+    np.savetxt("touch.csv", values, form, delimiter=",")
+    if form == "%d" and "scale" in options:
+        options = {"scale": "0.0001"}
+    from eskin.board.demo import show_of
+
+    show = show_of(Path("touch.csv"), None, None, {"sample_rate_hz": 1000.0}, options)
+    words = " ".join(f"--{name} {value}" for name, value in options.items())
+    code, out, err = call(f"encode touch.csv -o e.npz --sample-rate 1000 --rows 2 --columns 3 {words}")
+    assert code == 0, err
+    assert show.scale is not None
+    assert f"clipped, scale {show.scale:.4g}\n" in out
+    config = ReadoutConfig(rows=2, columns=3, sample_rate_hz=1000.0)
+    made = encode_samples(Path("touch.csv"), config, {"sample_rate_hz", "rows", "columns"}, options)
+    assert np.array_equal(made.codes, show.load("touch")[0])
 
 
 def test_mistakes_are_one_sentence(call: Call) -> None:

@@ -12,9 +12,10 @@ import typer
 
 from eskin.app.cli import printable
 from eskin.app.commands.board.board import Udp, sending, served
-from eskin.app.commands.signals.recordings import named_place
-from eskin.app.options import with_fields
+from eskin.app.commands.signals.recordings import DEFAULTS, PREPARATION, named_place, scale_text
+from eskin.app.options import RECORDINGS, with_fields
 from eskin.model.config import ReadoutConfig
+from eskin.skin.recordings.options import Preparation
 
 if TYPE_CHECKING:
     from eskin.board.demo import DemoResult
@@ -24,6 +25,7 @@ HOLD_S = 1.5
 
 
 @with_fields(ReadoutConfig, ("encoding", "resolution", "sample_rate_hz"), "readout")
+@with_fields(Preparation, PREPARATION, "prepared", DEFAULTS, RECORDINGS)
 def demo(
     source: Annotated[
         Path | None,
@@ -46,6 +48,7 @@ def demo(
     only: Annotated[str | None, typer.Option(help="image or recording, by name")] = None,
     limit: Annotated[int | None, typer.Option(min=1, help="number of images or recordings [until Ctrl-C]")] = None,
     readout: dict[str, Any] | None = None,
+    prepared: dict[str, Any] | None = None,
 ) -> None:
     """Show a simulated board on a live page in the browser: textures, your image, or your recordings.
 
@@ -54,12 +57,14 @@ def demo(
     """
     from eskin.board import demo as player
 
-    show = player.show_of(source, weights, only, readout)
+    show = player.show_of(source, weights, only, readout, prepared)
     view = player.new_view(show)
     found: list[DemoResult] = []
     with sending(udp, view.clock_hz) as sender, served(view, port, "--port") as server:
         address = f"http://127.0.0.1:{server.server_port}/"
         print(f"{address} shows the skin; Ctrl-C ends", flush=True)
+        if show.scale is not None:
+            print(scale_text(show.scale), flush=True)
         print("preparing the model: half a minute the first time", file=sys.stderr, flush=True)
         if browser and (sys.platform in ("darwin", "win32") or {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ)):
             webbrowser.open(address)

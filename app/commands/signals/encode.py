@@ -11,7 +11,15 @@ import typer
 from numpy.typing import NDArray
 
 from eskin.app.cli import printable
-from eskin.app.commands.signals.recordings import PREPARATION, print_notes, print_set, quality_text, warn
+from eskin.app.commands.signals.recordings import (
+    DEFAULTS,
+    PREPARATION,
+    print_notes,
+    print_set,
+    quality_text,
+    scale_text,
+    warn,
+)
 from eskin.app.options import RECORDINGS, WRITES_FILE, Writes, with_config, with_fields
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.errors import InputError
@@ -19,7 +27,7 @@ from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.compare import count_per_taxel
 from eskin.model.events.recording import Recording, check_event_path
-from eskin.skin.encode import IMAGE_SUFFIXES, Encoded, Model, encode_image, encode_samples
+from eskin.skin.encode import IMAGE_SUFFIXES, Encoded, Model, encode_image, encode_samples, preparation_of
 from eskin.skin.recordings.options import Preparation
 from eskin.skin.samples import ARRAY_SUFFIXES, check_samples_path, write_samples
 
@@ -34,7 +42,7 @@ if TYPE_CHECKING:
     Preparation,
     PREPARATION,
     "prepared",
-    {"baseline": "first of a folder, none of a file", "scale": "max; file without --baseline: none"},
+    DEFAULTS,
     heading=RECORDINGS,
 )
 def encode(
@@ -75,7 +83,7 @@ def encode(
         if unused := [option for option, value in own.items() if value is not None]:
             raise InputError(f"{unused[0]} is for a single input; a folder gives each recording its name and class")
         with open_pool(workers, scheduler, threads=True) as pool:
-            _encode_folder(source, out, Preparation(**({"baseline": "first"} | prepared)), config, given, pool)
+            _encode_folder(source, out, preparation_of(source, config, prepared), config, given, pool)
         return
     if workers is not None or scheduler is not None:
         option = "--workers" if scheduler is None else "--scheduler"
@@ -138,7 +146,9 @@ def _print_summary(recording: Recording, data: Encoded, out: Path) -> None:
     )
     low, high = int(data.codes.min()) / full_scale, int(data.codes.max()) / full_scale
     clipped = f"{data.clipped} of {data.codes.size} clipped" if data.clipped else "none clipped"
-    print(f"samples {low:+.4f}..{high:+.4f} of full scale, {clipped}")
+    used = recording.metadata
+    scale = "" if "preset" in used else f", {scale_text(used.get('scale', 1 / full_scale))}"
+    print(f"samples {low:+.4f}..{high:+.4f} of full scale, {clipped}{scale}")
     print(f"events per taxel: {_at(counts, int(counts.argmin()))} to {_at(counts, int(counts.argmax()))}")
 
 

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 PREPARATION = tuple(field.name for field in dataclasses.fields(Preparation) if field.metadata)
 """Fields of Preparation that are options."""
 
+DEFAULTS = {"baseline": "first of a folder, none of a file", "scale": "max; file without --baseline: none"}
+"""Defaults of these options where the input is a file or a folder."""
+
 
 def named_place(given: Path | None) -> Path | None:
     """Return the folder named by the user, or the project's recordings of that name."""
@@ -124,8 +127,13 @@ def print_set(recordings: RecordingSet, again: bool = False) -> None:
     print(
         f"{config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels at "
         f"{config.sample_rate_hz:g} samples/s, {config.clocks_per_sample} clocks per sample, "
-        f"clock {config.clock_hz:g} Hz, scale {recordings.scale:.4g}"
+        f"clock {config.clock_hz:g} Hz, {scale_text(recordings.scale)}"
     )
+
+
+def scale_text(scale: float) -> str:
+    """Return a text for the factor from the values of a file to full scale."""
+    return f"scale {scale:.4g}"
 
 
 def quality_text(quality: Quality) -> str:
