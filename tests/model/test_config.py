@@ -18,36 +18,22 @@ ENCODERS = ", ".join(registry.NAMES)
 
 REFUSALS: list[tuple[dict[str, Any], str]] = [
     ({"rows": 0}, "rows must be in 1..64, not 0"),
-    ({"rows": 65}, "rows must be in 1..64, not 65"),
-    ({"columns": -1}, "columns must be in 1..64, not -1"),
     ({"rows": 8.0}, "rows must be of type int, not 8.0"),
     ({"rows": True}, "rows must be of type int, not True"),
-    ({"rows": "8"}, "rows must be of type int, not '8'"),
     ({"encoding": "sigma"}, f"encoding must be one of {ENCODERS}, not 'sigma'"),
-    ({"encoding": None}, f"encoding must be one of {ENCODERS}, not None"),
     ({"link": "spi"}, "link must be one of stream, four_phase, four_phase_dual, not 'spi'"),
     ({"frontend": "dc"}, "frontend must be one of digital, analog, not 'dc'"),
     ({"reset": "none"}, "reset must be one of sync, async, not 'none'"),
     ({"decide_every": "day"}, "decide_every must be one of clock, sample, not 'day'"),
-    ({"sample_bits": 2}, "sample_bits must be in 3..24, not 2"),
-    ({"sample_bits": 25}, "sample_bits must be in 3..24, not 25"),
     ({"resolution": 0}, "resolution must be in 1..sample_bits - 2 = 10, not 0"),
-    ({"resolution": 11}, "resolution must be in 1..sample_bits - 2 = 10, not 11"),
     ({"sample_bits": 3, "resolution": 2}, "resolution must be in 1..sample_bits - 2 = 1, not 2"),
-    ({"closing_shift": 17}, "closing_shift must be in 0..16, not 17"),
-    ({"window_period": 0}, "window_period must be in 1..65536, not 0"),
-    ({"leak_shift": 0}, "leak_shift must be in 1..16, not 0"),
-    ({"leak_period": 2**20 + 1}, "leak_period must be in 1..1048576, not 1048577"),
     ({"encoding": "nlcs", "fraction_bits": 20}, "fraction_bits must be in 0..31 - sample_bits = 19, not 20"),
     ({"clocks_per_sample": 0}, "clocks_per_sample must be in 1..16777216, not 0"),
-    ({"sample_rate_hz": 0.0}, "sample_rate_hz must be a positive number of hertz, not 0.0"),
     ({"sample_rate_hz": math.nan}, "sample_rate_hz must be a positive number of hertz, not nan"),
     ({"sample_rate_hz": math.inf}, "sample_rate_hz must be a positive number of hertz, not inf"),
     ({"sample_rate_hz": 1e-300}, "sample_rate_hz must be in 1e-09..1e+12 hertz, not 1e-300"),
-    ({"sample_rate_hz": 1e13}, "sample_rate_hz must be in 1e-09..1e+12 hertz, not 10000000000000.0"),
     ({"registers": "i2c"}, "registers must be one of none, spi, not 'i2c'"),
     ({"sample_rate_hz": "fast"}, "sample_rate_hz must be of type float, not 'fast'"),
-    ({"reference_reset": 2048}, "reference_reset must be in -2048..2047, not 2048"),
     ({"reference_reset": -2049}, "reference_reset must be in -2048..2047, not -2049"),
     ({"encoding": "nlcs", "reference_reset": -16}, "reference_reset must be in 0..2047, not -16"),
     (
@@ -66,55 +52,6 @@ def test_refuses_with_a_sentence(fields: dict[str, Any], sentence: str) -> None:
     with pytest.raises(InputError) as refused:
         ReadoutConfig(**fields)
     assert str(refused.value) == sentence
-
-
-def test_takes_both_ends_of_every_range() -> None:
-    for fields in (
-        {"rows": 1, "columns": 1},
-        {"rows": 64, "columns": 64},
-        {"sample_bits": 3, "resolution": 1},
-        {"sample_bits": 24, "resolution": 22, "fraction_bits": 7},
-        {"sample_bits": 12, "resolution": 10, "fraction_bits": 19},
-        {"clocks_per_sample": 1, "leak_shift": 1, "leak_period": 1, "window_period": 1, "closing_shift": 0},
-        {"clocks_per_sample": 2**24, "leak_shift": 16, "leak_period": 2**20, "window_period": 2**16},
-        {"reference_reset": -2048},
-        {"encoding": "nlcs", "reference_reset": 2047},
-    ):
-        ReadoutConfig(**fields)
-
-
-@pytest.mark.parametrize(
-    ("fields", "name", "value"),
-    [
-        ({}, "taxels", 64),
-        ({"rows": 12, "columns": 16}, "taxels", 192),
-        ({"sample_bits": 12}, "full_scale", 2048),
-        ({"resolution": 6}, "step", 16),  # half of an LSB of 2**-6 * 2048 = 32 codes
-        ({"resolution": 10}, "step", 1),
-        ({"encoding": "cw-lcs", "resolution": 6}, "closing_step", 4),
-        ({"encoding": "cw-lcs", "resolution": 10}, "closing_step", 1),  # never below one code
-        ({"encoding": "cw-lcs", "resolution": 9, "closing_shift": 5}, "closing_levels_log2", 1),
-        ({"encoding": "lcs"}, "grid", 16),
-        ({"encoding": "cw-lcs"}, "grid", 4),
-        ({"encoding": "nlcs"}, "grid", 1),
-        ({"encoding": "lcs"}, "has_polarity", True),
-        ({"encoding": "nlcs"}, "has_polarity", False),
-        ({"encoding": "lcs"}, "needs_tick", False),
-        ({"encoding": "lcs", "decide_every": "sample"}, "needs_tick", True),
-        ({"encoding": "nlcs"}, "needs_tick", True),
-        ({"resolution": 6}, "half_width_bits", 5),
-        ({"sample_rate_hz": 20_000, "clocks_per_sample": 64}, "clock_hz", 1.28e6),
-        ({"rows": 1}, "row_bits", 0),
-        ({"rows": 2}, "row_bits", 1),
-        ({"rows": 12}, "row_bits", 4),
-        ({"columns": 16}, "column_bits", 4),
-        ({"columns": 17}, "column_bits", 5),
-        ({"rows": 12, "columns": 16}, "event_bits", 9),
-        ({"rows": 1, "columns": 1, "encoding": "nlcs"}, "event_bits", 0),
-    ],
-)
-def test_derived_numbers(fields: dict[str, Any], name: str, value: float) -> None:
-    assert getattr(ReadoutConfig(**fields), name) == value
 
 
 def test_default_leak_is_close_to_200_ms() -> None:

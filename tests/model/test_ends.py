@@ -51,26 +51,6 @@ def test_random_decisions_for_thousands_of_clocks_never_wrap(config: ReadoutConf
     assert not config.has_polarity or seen.min() < -config.full_scale + 2 * config.step
 
 
-@pytest.mark.parametrize("encoding", [encoder.name for encoder in registry.ENCODERS if not encoder.leaks])
-@pytest.mark.parametrize("beyond", [1, 4096])
-def test_a_signal_beyond_an_end_stops_sending_there(encoding: str, beyond: int) -> None:
-    config = BASE.replace(encoding=encoding, window_period=2**16)
-    top, bottom = held(config, config.full_scale - 1 + beyond), held(config, -config.full_scale - config.step - beyond)
-    steps = config.full_scale // config.step
-    assert len(simulate(config, top)) == (steps - 1) * config.taxels
-    assert len(simulate(config, bottom)) == steps * config.taxels
-
-
-@pytest.mark.parametrize("encoding", [encoder.name for encoder in registry.ENCODERS if encoder.leaks])
-def test_a_leaky_reference_stays_below_the_top(encoding: str) -> None:
-    config = BASE.replace(encoding=encoding)
-    for beyond in (1, 5000):
-        stimulus = held(config, config.full_scale - 1 + beyond)
-        top = max(int(state_at(config, stimulus, clock).reference.max()) for clock in range(0, CLOCKS, 97))
-        assert top < config.full_scale << config.fraction_bits
-        assert 0 < len(simulate(config, stimulus)) < CLOCKS / 4
-
-
 def test_decisions_and_signals_that_do_not_fit_are_refused() -> None:
     digital, some = BASE.replace(frontend="digital"), np.zeros((CLOCKS, 4), np.uint8)
     with pytest.raises(InputError, match=r"^samples must be in -2048\.\.2047 \(12 bits\), not 0\.\.2048$"):

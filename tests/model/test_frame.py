@@ -60,13 +60,6 @@ def test_unpack_is_the_inverse_of_pack(config: FrameConfig, frames: int, seed: i
     assert not words.size or int(words.max()) < 1 << config.word_bits
 
 
-@given(configs())
-def test_bit_rate_is_resolution_times_taxels_times_frame_rate(config: FrameConfig) -> None:
-    assert config.bit_rate_hz == config.resolution * config.taxels * config.frame_rate_hz
-    filling = config.word_rate_hz * config.word_bits - config.bit_rate_hz
-    assert 0 <= filling < config.word_bits * config.frame_rate_hz
-
-
 def test_default_is_the_frame_readout_of_the_paper() -> None:
     config = FrameConfig()
     assert config.bit_rate_hz == 6 * 64 * 20_000
@@ -85,13 +78,6 @@ def test_a_frame_that_is_not_whole_is_left_out() -> None:
     config = FrameConfig(readout=ReadoutConfig(rows=1, columns=3, resolution=6))
     words = np.append(pack(config, np.array([[1, 2, -1]])).ravel(), 5)
     assert unpack(config, words, np.array([1, 0, 1])).tolist() == [[1, 2, -1]]
-
-
-def test_codes_are_the_upper_bits_of_the_samples() -> None:
-    config = FrameConfig(readout=ReadoutConfig(resolution=1))
-    assert adc_code(config, np.array([-2048, -1, 0, 2047])).tolist() == [-1, -1, 0, 0]
-    config = FrameConfig(readout=ReadoutConfig(resolution=10))
-    assert adc_code(config, np.array([-2048, -1, 0, 3, 4, 2047])).tolist() == [-512, -1, 0, 0, 1, 511]
 
 
 # -- the readout -------------------------------------------------------------------------------------
@@ -184,18 +170,6 @@ def test_a_stuck_sink_holds_the_scan_and_loses_nothing() -> None:
     assert np.array_equal(unpack(config, run.words["data"], run.words["sync"]), adc_code(config, samples))
 
 
-def test_a_texture_scan_is_whole() -> None:
-    config = FrameConfig()
-    codes, _ = preset("physical").samples(config.readout, embedded_dataset()[0].load())
-    samples = codes[::200]
-    run = simulate(config, FrameStimulus.from_samples(config, samples, drain=10))
-    received = unpack(config, run.words["data"], run.words["sync"])
-    assert np.array_equal(received, adc_code(config, samples))
-    assert len(np.unique(received)) > 5
-    seconds = len(samples) / config.frame_rate_hz
-    assert len(run.words) / seconds == pytest.approx(config.word_rate_hz)
-
-
 # -- refusals ----------------------------------------------------------------------------------------
 
 
@@ -204,11 +178,8 @@ def test_a_texture_scan_is_whole() -> None:
     [
         ({"word_bits": 5}, "word_bits must be in resolution = 6..64, not 5"),
         ({"word_bits": 65}, "word_bits must be in resolution = 6..64, not 65"),
-        ({"word_bits": 16.0}, "word_bits must be of type int, not 16.0"),
         ({"settle_clocks": 0}, "settle_clocks must be in 1..1024, not 0"),
         ({"conversion_clocks": 0}, "conversion_clocks must be in 1..1024, not 0"),
-        ({"rows": 65}, "rows must be in 1..64, not 65"),
-        ({"resolution": 11}, "resolution must be in 1..sample_bits - 2 = 10, not 11"),
     ],
 )
 def test_a_configuration_out_of_range_is_refused(fields: dict[str, Any], sentence: str) -> None:
@@ -263,10 +234,10 @@ def test_configuration_goes_through_a_dictionary() -> None:
 
 
 def test_frames_compares_all_readouts_on_the_same_scans(call: Call) -> None:
-    code, out, err = call("frames --dataset embedded --limit 3 --resolution 4 --frame-rate 5000 --json")
+    code, out, err = call("frames --dataset embedded --limit 1 --resolution 4 --frame-rate 5000 --json")
     assert (code, err) == (0, "")
     report = json.loads(out)
-    data, scan = embedded_dataset().limit(3), preset("paper")
+    data, scan = embedded_dataset().limit(1), preset("paper")
     frame_bits = 4 * 64 * 5000
     assert report["frame"]["bits_per_s"] == frame_bits
     assert report["frame"]["words_per_s"] == 16 * 5000

@@ -38,19 +38,3 @@ def test_an_event_takes_seven_clocks_and_the_whole_clocks_of_both_delays(up: int
     rises = [clock for clock in range(700) if link.advance(state, clock, link.ready(state), delays)]
     assert rises[0] == 3  # taken at clock 2, when ACK has been seen low
     assert set(np.diff(rises).tolist()) == {7 + up + down}
-
-
-@settings(deadline=None)
-@given(DELAYS)
-def test_a_link_that_is_ready_stays_as_it_is(delays: list[int]) -> None:
-    state = link.new_state()
-    clock = sent = 0
-    while not (sent and link.ready(state)):
-        take = not sent and link.ready(state)
-        link.advance(state, clock, take, np.array(delays))
-        sent += take
-        clock += 1
-    before = state.copy()
-    assert not link.advance(state, clock, False, np.array(delays))
-    assert (state == before).all()
-    assert state[link.EDGES] == 2

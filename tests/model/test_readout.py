@@ -140,19 +140,6 @@ def test_state_at_gives_the_registers_of_the_reference(data: st.DataObject) -> N
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
-@pytest.mark.parametrize("link", ["stream", "four_phase"])
-def test_state_at_is_right_before_every_clock(encoding: str, link: str) -> None:
-    config = ReadoutConfig(rows=2, columns=3, encoding=encoding, link=link, resolution=3, window_period=2)  # type: ignore[arg-type]
-    config = config.replace(leak_period=3, leak_shift=2)
-    rng = np.random.default_rng(5)
-    samples = rng.integers(-900, 901, (8, 6)).astype(np.int32)
-    stimulus = Stimulus.from_samples(config, samples, clocks_per_sample=9, ready=np.array([1, 0, 1]))
-    assert len(simulate(config, stimulus)) > 5
-    for clock in range(stimulus.clocks + 1):
-        assert_same_registers(config, stimulus, clock)
-
-
-@pytest.mark.parametrize("encoding", ENCODINGS)
 def test_a_sample_leaves_as_events_from_three_clocks_later_on(encoding: str) -> None:
     config = ReadoutConfig(rows=3, columns=5, encoding=encoding, resolution=4)  # type: ignore[arg-type]
     samples = np.zeros((1, 15), np.int32)
@@ -234,27 +221,6 @@ def test_every_accepted_request_leaves_once_in_order_and_in_time(data: st.DataOb
         assert number == len(left[place]) + on_the_way[place]
 
 
-@settings(deadline=None, max_examples=200)
-@given(st.data())
-def test_what_left_and_what_waits_is_how_far_the_references_moved(data: st.DataObject) -> None:
-    config = data.draw(configs(encoding="lcs", decide_every="clock"))
-    stimulus = data.draw(stimuli(config, enable_clock=np.zeros(1, np.int64), enable=np.ones((1, config.taxels), bool)))
-    stimulus = replace(stimulus, ready=np.ones(1, np.uint8), ack_delay=np.ones(1, np.int64))
-    steps = int(np.abs(np.diff(stimulus.samples.astype(np.int64), axis=0, prepend=0)).sum()) // config.step
-    start = (abs(config.reference_reset) // config.step + 1) * config.taxels
-    last = int(stimulus.sample_clock[-1]) if len(stimulus.sample_clock) else 0
-    stimulus = replace(stimulus, clocks=last + 7 * (steps + start) + 50)  # all caught up, at 7 clocks an event
-    events = simulate(config, stimulus)
-    rest = state_at(config, stimulus, stimulus.clocks)
-    moved = np.zeros((config.rows, config.columns), np.int64)
-    np.add.at(moved, (events["y"], events["x"]), np.where(events["p"], 1, -1))
-    assert not rest.pending.any()
-    assert not rest.latch_columns
-    assert np.array_equal(rest.reference, config.reference_reset + config.step * moved)
-    x = rest.sample - rest.reference
-    assert ((-config.step <= x) & (x < config.step)).all()
-
-
 @settings(deadline=None, max_examples=40)
 @given(st.data())
 def test_same_stimulus_gives_the_same_events_and_stays_untouched(data: st.DataObject) -> None:
@@ -265,19 +231,6 @@ def test_same_stimulus_gives_the_same_events_and_stays_untouched(data: st.DataOb
     assert np.array_equal(simulate(config, stimulus), first)
     for field in fields(Stimulus):
         assert np.array_equal(getattr(stimulus, field.name), getattr(before, field.name))
-
-
-def test_a_run_is_the_start_of_a_longer_one() -> None:
-    for link in ("stream", "four_phase"):
-        config = ReadoutConfig(rows=3, columns=5, link=link, resolution=5)
-        rng = np.random.default_rng(1)
-        samples = rng.integers(-2048, 2048, (20, 15))
-        stimulus = Stimulus.from_samples(config, samples, clocks_per_sample=11, ack_delay=np.array([3, 17]))
-        whole = timed(simulate(config, stimulus))
-        seen = 1 if link == "four_phase" else 0  # REQ is seen in the clock after its edge
-        for clocks in range(stimulus.clocks):
-            part = simulate(config, replace(stimulus, clocks=clocks))
-            assert timed(part) == [event for event in whole if event.clock + seen < clocks]
 
 
 # -- refusals ----------------------------------------------------------------------------------------

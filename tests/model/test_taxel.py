@@ -191,7 +191,7 @@ def test_silence_gives_no_event(encoding: str) -> None:
     assert encode(config, np.zeros((0, 1), np.int16)).shape == (0, 1)
 
 
-@pytest.mark.parametrize(("bits", "resolution"), [(3, 1), (12, 1), (12, 10), (16, 13), (16, 14), (24, 1), (24, 22)])
+@pytest.mark.parametrize(("bits", "resolution"), [(3, 1), (16, 14), (24, 22)])
 @pytest.mark.parametrize("encoding", registry.NAMES)
 def test_full_scale_square_is_followed_to_the_end(encoding: str, bits: int, resolution: int) -> None:
     config = one(encoding, sample_bits=bits, resolution=resolution, clocks_per_sample=2**24, fraction_bits=0)
@@ -302,16 +302,6 @@ def test_nlcs_follows_a_fall_no_steeper_than_its_leak(data: st.DataObject) -> No
     assert error.max() <= high
 
 
-def test_a_closed_window_follows_closer_than_an_open_one() -> None:
-    config = one("cw-lcs", sample_bits=12, resolution=2, window_period=2)
-    samples = np.round(900 * np.sin(np.arange(20_000) / 6000)).astype(np.int16)[:, None]
-    rms = {}
-    for encoding in ("lcs", "cw-lcs"):
-        same = config.replace(encoding=encoding)
-        rms[encoding] = float(np.std(samples - decode(same, *encode_timed(same, samples))))
-    assert rms["cw-lcs"] < 0.5 * rms["lcs"]
-
-
 @pytest.mark.parametrize("period", [2**15 - 1, 2**15, 2**16])
 def test_a_window_may_close_after_more_ticks_than_16_bits_count(period: int) -> None:
     config = one("cw-lcs", window_period=period, closing_shift=1)
@@ -393,19 +383,6 @@ def test_samples_of_any_layout_give_the_same_events_and_stay_untouched() -> None
     out = np.empty_like(expected)
     assert encode(one("lcs"), samples, out=out) is out
     assert np.array_equal(out, expected)
-
-
-@pytest.mark.parametrize("decide_every", ["clock", "sample"])
-def test_a_bipolar_reference_leaks_to_zero_from_both_sides(decide_every: str) -> None:
-    up, down = (
-        one("nlcs-bipolar", leak_shift=3, leak_period=1, decide_every=decide_every, reference_reset=reset)
-        for reset in (4, -4)
-    )
-    rest = np.zeros((60, 1), np.int16)
-    falls, rises = (decode(config, *encode_timed(config, rest))[:, 0] for config in (up, down))
-    assert (np.diff(falls) <= 0).all() and (np.diff(rises) >= 0).all()  # noqa: PT018
-    assert 0 < falls[-1] < 0.02
-    assert -0.02 < rises[-1] < 0
 
 
 def test_a_bipolar_taxel_fires_beyond_d_and_rounds_its_reference_down() -> None:

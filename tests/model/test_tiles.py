@@ -13,7 +13,7 @@ from eskin.cocotb_tests.bench.textures import scan
 from eskin.model.address_events import make_events
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
-from eskin.model.readout import Stimulus, simulate
+from eskin.model.readout import Stimulus
 from eskin.model.tiles.config import TilesConfig, tiles_of
 from eskin.model.tiles.merge import merge
 from eskin.model.tiles.relay import relay
@@ -29,29 +29,6 @@ def test_n_busy_tiles_get_one_place_in_n_and_every_clock_has_an_event() -> None:
     assert clock.tolist() == list(range(1, 151))
     assert tile.tolist() == [0, 2, 3] * 50
     assert number.tolist() == [n for n in range(50) for _ in range(3)]
-
-
-def test_nothing_is_lost_and_each_tile_keeps_its_order_whatever_the_sink() -> None:
-    rng = np.random.default_rng(1)
-    offered = [np.sort(rng.integers(0, 300, count)) for count in (40, 0, 90, 7, 120)]
-    ready = (rng.random(64) < 0.6).astype(np.uint8)
-    clock, tile, number = merge(offered, ready, 2000)
-    assert (np.diff(clock) > 0).all()
-    assert ready[clock % 64].all()
-    for index, clocks in enumerate(offered):
-        assert number[tile == index].tolist() == list(range(len(clocks)))
-        assert (clock[tile == index] > clocks).all()
-
-
-def test_a_tile_alone_sends_what_its_readout_does_one_clock_later() -> None:
-    config = ReadoutConfig(rows=3, columns=5, encoding="nlcs", leak_period=9)
-    stimulus = Stimulus.from_samples(config, scan(3, 5, 12, 1)[:200])
-    alone = simulate(config, stimulus)
-    merged = simulate_skin(TilesConfig.of(config, 1, 1), [stimulus])
-    alone["t"] += 1
-    alone = alone[alone["t"] < stimulus.clocks]
-    assert np.array_equal(alone, merged)
-    assert len(merged) > 100
 
 
 @pytest.mark.parametrize("relays", [1, 4])

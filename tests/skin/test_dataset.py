@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import pickle
 import shutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -80,77 +81,6 @@ def test_sums_in_binary_mode_and_blank_lines_are_read(textures):
     assert len(directory_dataset(textures)) == 4
 
 
-def test_hidden_files_and_folders_are_ignored(textures):
-    (textures / ".cache").mkdir()
-    (textures / "silk" / ".silk-3.png").write_bytes(b"")
-    (textures / "silk" / "readme.txt").write_text("silk")
-    assert len(directory_dataset(textures)) == 4
-
-
-def test_missing_directory_is_refused(tmp_path):
-    with pytest.raises(
-        InputError,
-        match=r"^dataset directory .*/gone is not a directory; "
-        r"give a directory with a folder of PNG images per class, or 'embedded'$",
-    ):
-        open_dataset(tmp_path / "gone")
-
-
-def test_directory_without_class_folders_is_refused(tmp_path):
-    with pytest.raises(
-        InputError,
-        match=r"^dataset directory .* has no class folders; put the PNG images of each class in one$",
-    ):
-        open_dataset(tmp_path)
-
-
-def test_class_folder_without_images_is_refused(textures):
-    (textures / "SHA256SUMS").unlink()
-    (textures / "wool").mkdir()
-    with pytest.raises(InputError, match=r"^class folder .*/wool has no PNG images; add some or remove it$"):
-        open_dataset(textures)
-
-
-def test_unknown_class_folder_is_refused(textures):
-    (textures / "wool").mkdir()
-    with pytest.raises(
-        InputError,
-        match=r"^unknown class folder wool in .*/cloth: SHA256SUMS lists no image of this class; "
-        r"remove the folder, or remove SHA256SUMS to use the directory unchecked$",
-    ):
-        open_dataset(textures)
-
-
-def test_unknown_image_is_refused(textures):
-    Image.fromarray(pixels(9)).save(textures / "silk" / "silk-9.png")
-    with pytest.raises(
-        InputError, match=r"^unknown image silk/silk-9\.png in .*: SHA256SUMS does not list it; remove it$"
-    ):
-        open_dataset(textures)
-
-
-@pytest.mark.parametrize("whole_class", [False, True])
-def test_missing_image_is_refused(textures, whole_class):
-    if whole_class:
-        shutil.rmtree(textures / "felt")
-    else:
-        (textures / "felt" / "felt-1.png").unlink()
-    with pytest.raises(
-        InputError,
-        match=r"^image felt/felt-1\.png of SHA256SUMS is missing in .*; copy the dataset again$",
-    ):
-        open_dataset(textures)
-
-
-def test_wrong_checksum_is_refused(textures):
-    Image.fromarray(pixels(9)).save(textures / "felt" / "felt-2.png")
-    with pytest.raises(
-        InputError,
-        match=r"^image felt/felt-2\.png in .* has the wrong SHA-256 sum; copy the dataset again$",
-    ):
-        open_dataset(textures)
-
-
 @pytest.mark.parametrize(
     "line",
     ["garbage", "0" * 64, "0" * 64 + "  ../felt.png", "0" * 63 + "  a/b.png", "0" * 64 + "  a/b/c.png"],
@@ -162,42 +92,79 @@ def test_sums_file_that_is_none_is_refused(textures, line):
         open_dataset(textures)
 
 
+def other_image(root: Path, name: str) -> None:
+    (root / name).parent.mkdir(exist_ok=True)
+    Image.fromarray(pixels(9)).save(root / name)
+
+
+WRONG: dict[str, tuple[Callable[[Path], Any], str]] = {
+    "no folder": (
+        shutil.rmtree,
+        r"dataset directory .*/cloth is not a directory; give a directory with a folder of PNG images per class, "
+        r"or 'embedded'",
+    ),
+    "no class": (
+        lambda root: [shutil.rmtree(root / name) for name in ("silk", "felt")],
+        r"dataset directory .*/cloth has no class folders; put the PNG images of each class in one",
+    ),
+    "no image": (
+        lambda root: [(root / "SHA256SUMS").unlink(), (root / "wool").mkdir()],
+        r"class folder .*/wool has no PNG images; add some or remove it",
+    ),
+    "a class too many": (
+        lambda root: (root / "wool").mkdir(),
+        r"unknown class folder wool in .*/cloth: SHA256SUMS lists no image of this class; "
+        r"remove the folder, or remove SHA256SUMS to use the directory unchecked",
+    ),
+    "an image too many": (
+        lambda root: other_image(root, "silk/silk-9.png"),
+        r"unknown image silk/silk-9\.png in .*: SHA256SUMS does not list it; remove it",
+    ),
+    "a class too few": (
+        lambda root: shutil.rmtree(root / "felt"),
+        r"image felt/felt-1\.png of SHA256SUMS is missing in .*; copy the dataset again",
+    ),
+    "an image too few": (
+        lambda root: (root / "felt" / "felt-1.png").unlink(),
+        r"image felt/felt-1\.png of SHA256SUMS is missing in .*; copy the dataset again",
+    ),
+    "another image": (
+        lambda root: other_image(root, "felt/felt-2.png"),
+        r"image felt/felt-2\.png in .* has the wrong SHA-256 sum; copy the dataset again",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_a_directory_that_is_no_dataset_is_refused(textures, what):
+    spoil, sentence = WRONG[what]
+    spoil(textures)
+    with pytest.raises(InputError, match=f"^{sentence}$"):
+        open_dataset(textures)
+
+
 # -- images ------------------------------------------------------------------------------------------
 
 
-def test_truncated_png_is_refused(textures):
-    path = textures / "silk" / "silk-1.png"
-    path.write_bytes(path.read_bytes()[:-700])
-    write_sums(textures)
-    with pytest.raises(InputError, match=r"^image .*silk-1\.png is damaged or not a PNG file \(.*\); copy it again$"):
-        open_dataset(textures)[2].load()
-
-
-@pytest.mark.parametrize("content", [b"", b"not a picture", b"\x89PNG\r\n\x1a\n", b"\x89PNG\r\n\x1a\n" + bytes(99)])
+@pytest.mark.parametrize("content", [b"", b"\x89PNG\r\n\x1a\n" + bytes(99)])
 def test_file_that_is_no_png_is_refused(tmp_path, content):
     path = tmp_path / "x.png"
+    sentence = r"^image .*x\.png is damaged or not a PNG file \(.*\); copy it again$"
     path.write_bytes(content)
-    with pytest.raises(InputError, match=r"^image .*x\.png is damaged or not a PNG file \(.*\); copy it again$"):
+    with pytest.raises(InputError, match=sentence):
         read_gray_png(path)
-
-
-def test_every_single_damaged_byte_is_refused_or_harmless(tmp_path):
-    path = tmp_path / "x.png"
     Image.fromarray(pixels(1)).save(path)
-    good = path.read_bytes()
-    refused = 0
-    for position in range(0, len(good), 37):
-        path.write_bytes(good[:position] + bytes([good[position] ^ 0x55]) + good[position + 1 :])
-        try:
-            read_gray_png(path)
-        except InputError:
-            refused += 1
-    assert refused > 0
+    path.write_bytes(path.read_bytes()[:-700])
+    with pytest.raises(InputError, match=sentence):
+        read_gray_png(path)
+    path.unlink()
+    with pytest.raises(InputError, match=r"^image .*x\.png does not exist; give a PNG file$"):
+        read_gray_png(path)
 
 
 @pytest.mark.parametrize(
     ("mode", "shown"),
-    [("RGB", "RGB"), ("RGBA", "RGBA"), ("LA", "LA"), ("P", "P"), ("1", "1"), ("I;16", r"I;16")],
+    [("RGB", "RGB"), ("P", "P"), ("I;16", r"I;16")],
 )
 def test_image_that_is_not_8_bit_gray_is_refused(tmp_path, mode, shown):
     path = tmp_path / "x.png"
@@ -207,11 +174,6 @@ def test_image_that_is_not_8_bit_gray_is_refused(tmp_path, mode, shown):
         match=rf"^image .*x\.png must be 8-bit gray, not {shown}; convert it to 8-bit gray \(mode L\) first$",
     ):
         read_gray_png(path)
-
-
-def test_missing_image_file_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"^image .*x\.png does not exist; give a PNG file$"):
-        read_gray_png(tmp_path / "x.png")
 
 
 # -- where it is found -------------------------------------------------------------------------------
@@ -327,11 +289,6 @@ def test_limit_spreads_over_the_classes(count, classes):
 def test_limit_refuses_less_than_one(count):
     with pytest.raises(InputError, match=rf"^the number of images must be at least 1, not {count}$"):
         embedded_dataset().limit(count)
-
-
-def test_textures_travel_to_other_processes():
-    texture = embedded_dataset()[5]
-    np.testing.assert_array_equal(pickle.loads(pickle.dumps(texture)).load(), texture.load())
 
 
 def test_kylberg_is_complete_where_it_is_there():

@@ -104,15 +104,6 @@ def test_integer_nlcs_is_within_0_3_percent_of_the_exponential(resolution):
     assert measure_rates(data, PAPER, config).events == pytest.approx(exact, rel=0.003)
 
 
-def test_more_sample_or_fraction_bits_change_next_to_nothing():
-    data = embedded_dataset().limit(12)
-    base = measure_rates(data, PAPER, paper("nlcs", 6)).events
-    assert measure_rates(data, PAPER, paper("nlcs", 6, sample_bits=16)).events == pytest.approx(base, rel=0.003)
-    assert measure_rates(data, PAPER, paper("nlcs", 6, fraction_bits=16)).events == pytest.approx(base, rel=0.001)
-    base = measure_rates(data, PAPER, paper("lcs", 6)).events
-    assert measure_rates(data, PAPER, paper("lcs", 6, sample_bits=16)).events == pytest.approx(base, rel=0.001)
-
-
 # -- what a rate is ----------------------------------------------------------------------------------
 
 
@@ -138,16 +129,6 @@ def test_workers_do_not_change_the_result_and_every_image_is_reported():
     assert one == three
     assert len(done) == 9
     assert (one.images, one.scans) == (9, 18)
-
-
-@pytest.mark.parametrize("name", ["paper", "physical"])
-@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 4), (3, 5), (12, 16)])
-def test_rates_grow_with_the_array(name, rows, columns):
-    scan, data = preset(name), embedded_dataset().limit(3)
-    config = scan.configure(ReadoutConfig(rows=rows, columns=columns))
-    rate = measure_rates(data, scan, config).population_rate_hz
-    full = measure_rates(data, scan, scan.configure(ReadoutConfig())).population_rate_hz
-    assert rate / full == pytest.approx(rows * columns / 64, rel=0.35)
 
 
 def test_clipped_samples_are_counted(tmp_path):
