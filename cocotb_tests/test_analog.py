@@ -16,10 +16,8 @@ if TYPE_CHECKING:
 
 BASE = ReadoutConfig(rows=2, columns=3, frontend="analog", resolution=3, window_period=2, leak_period=3, leak_shift=3)
 CONFIGS = {
-    "lcs": BASE,
     "lcs-sample-24b": BASE.replace(decide_every="sample", sample_bits=24, resolution=2, reset="async"),
     "cw-lcs": BASE.replace(encoding="cw-lcs", link="four_phase"),
-    "cw-lcs-sample": BASE.replace(encoding="cw-lcs", decide_every="sample", resolution=1, closing_shift=4),
     "nlcs": BASE.replace(encoding="nlcs", resolution=2, leak_shift=6),
     "nlcs-bipolar": BASE.replace(encoding="nlcs-bipolar", resolution=2, leak_shift=6),
 }

@@ -300,7 +300,6 @@ CONFIGS = [
     ReadoutConfig(rows=3, columns=5, encoding="cw-lcs"),
     ReadoutConfig(rows=2, columns=64, reset="async"),
     ReadoutConfig(rows=64, columns=2, encoding="nlcs"),
-    ReadoutConfig(rows=8, columns=8),
 ]
 
 

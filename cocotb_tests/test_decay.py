@@ -47,7 +47,6 @@ BASE = ReadoutConfig(rows=3, columns=1, encoding="nlcs")
 CONFIGS = [
     BASE.replace(leak_period=5),
     BASE.replace(rows=8, leak_period=2, reset="async"),  # several rows in each phase
-    BASE.replace(rows=1, leak_period=33, reset="async"),
     BASE.replace(rows=64, leak_period=64),
     BASE.replace(leak_period=7, registers="spi"),
 ]

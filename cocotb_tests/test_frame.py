@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import random
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from eskin.cocotb_tests.bench.frame import SarAdc
 from eskin.cocotb_tests.bench.textures import random_scan, scan
 from eskin.cocotb_tests.blocks.frame import cosimulate, scanned_frames
-from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
-from eskin.model.frame_words import adc_code
 
 PROPERTIES = (
     "OneTaxelSelected",
@@ -34,11 +30,8 @@ def frame_config(rows: int, columns: int, resolution: int, reset: str = "sync", 
 
 CONFIGS = [
     frame_config(1, 1, 1),
-    frame_config(1, 1, 10, "async"),
     frame_config(1, 4, 6),
-    frame_config(3, 5, 1, "async"),
     frame_config(3, 5, 10),
-    frame_config(8, 8, 6, "async"),
     frame_config(3, 5, 6, word_bits=6),  # a code is a word
     frame_config(2, 3, 5, word_bits=10, settle_clocks=3),  # half a word
     frame_config(4, 1, 22, "async", word_bits=23, sample_bits=24, settle_clocks=2),
@@ -65,12 +58,8 @@ def test_rtl_equals_the_model_in_every_clock_and_loses_no_sample(config: FrameCo
     assert all(counts[property_name] > 0 for property_name in PROPERTIES), counts
 
 
-@pytest.mark.parametrize(
-    "config",
-    [frame_config(8, 8, 6), frame_config(3, 5, 10, "async"), frame_config(1, 1, 6), frame_config(12, 16, 8)],
-    ids=name,
-)
-def test_texture_scan_leaves_as_the_words_of_the_model(config: FrameConfig, tmp_path: Path) -> None:
+def test_texture_scan_leaves_as_the_words_of_the_model(tmp_path: Path) -> None:
+    config = frame_config(12, 16, 8)
     samples = scan(config.rows, config.columns, config.sample_bits, 11)[::100][: scanned_frames(config)].astype(
         np.int64
     )
@@ -79,12 +68,3 @@ def test_texture_scan_leaves_as_the_words_of_the_model(config: FrameConfig, tmp_
     assert counts["words"] == counts["frames"] * config.words_per_frame
     assert counts["different codes"] > 3
     assert counts["overruns"] == 0
-
-
-def test_sar_of_the_bench_rounds_down_over_the_whole_range() -> None:
-    for resolution in (1, 4, 6):
-        config = FrameConfig(readout=ReadoutConfig(sample_bits=8, resolution=resolution))
-        adc = SarAdc(config, "fixed", random.Random(0))
-        samples = np.arange(-128, 128)
-        codes = np.array([adc.convert(int(sample)) for sample in samples])
-        assert np.array_equal(codes, adc_code(config, samples) & ((1 << resolution) - 1))

@@ -26,11 +26,8 @@ def frame_config(rows: int, columns: int, resolution: int, reset: str, word_bits
 
 
 CONFIGS = [
-    frame_config(1, 1, 1, "async", 16),
     frame_config(1, 4, 6, "sync", 6),
     frame_config(3, 5, 10, "async", 16),
-    frame_config(8, 8, 6, "sync", 16),
-    frame_config(12, 16, 8, "async", 16),
     frame_config(64, 64, 10, "sync", 64),
 ]
 

@@ -215,13 +215,11 @@ async def what_a_receiver_sees_of_a_reset(dut: Any) -> None:
 
 PROPERTIES = ("REQUEST_AFTER_RELEASE", "REQUEST_HELD", "ADDRESS_SETUP", "EveryEventOnceInOrder")
 CONFIGS = [
-    ReadoutConfig(rows=2, columns=8, link="four_phase"),
     ReadoutConfig(rows=3, columns=5, link="four_phase", reset="async"),
     ReadoutConfig(rows=1, columns=4, encoding="nlcs", link="four_phase"),
     ReadoutConfig(rows=1, columns=1, encoding="nlcs", link="four_phase", reset="async"),
     ReadoutConfig(rows=1, columns=1, link="four_phase"),
     ReadoutConfig(rows=3, columns=5, link="four_phase_dual"),
-    ReadoutConfig(rows=64, columns=2, encoding="nlcs", link="four_phase", reset="async"),
 ]
 
 
@@ -232,7 +230,7 @@ def name(config: ReadoutConfig) -> str:
     )
 
 
-@pytest.mark.parametrize("config", CONFIGS[1:], ids=lambda config: f"icarus-{name(config)}")
+@pytest.mark.parametrize("config", CONFIGS, ids=lambda config: f"icarus-{name(config)}")
 def test_link_keeps_the_protocol_and_equals_its_reference(config: ReadoutConfig, tmp_path: Path) -> None:
     counts = cosimulate(config, "icarus", "eskin_link", "link_keeps_the_protocol", tmp_path, seed=3)
     assert counts["received"] > 100
@@ -242,15 +240,13 @@ def test_link_keeps_the_protocol_and_equals_its_reference(config: ReadoutConfig,
     assert counts["ADDRESS_HELD"] > 50
 
 
-@pytest.mark.parametrize("config", CONFIGS[:2], ids=name)
-def test_link_with_an_immediate_receiver_takes_seven_clocks_per_event(config: ReadoutConfig, tmp_path: Path) -> None:
-    counts = cosimulate(config, "icarus", "eskin_link", "immediate_receiver_takes_seven_clocks", tmp_path, seed=4)
+def test_link_with_an_immediate_receiver_takes_seven_clocks_per_event(tmp_path: Path) -> None:
+    counts = cosimulate(CONFIGS[0], "icarus", "eskin_link", "immediate_receiver_takes_seven_clocks", tmp_path, seed=4)
     assert counts["events"] > 60
     assert counts["received"] >= counts["events"]
 
 
-@pytest.mark.parametrize("config", CONFIGS[:2], ids=name)
-def test_a_reset_breaks_a_handshake_off_as_the_documents_say(config: ReadoutConfig, tmp_path: Path) -> None:
-    counts = cosimulate(config, "icarus", "eskin_link", "what_a_receiver_sees_of_a_reset", tmp_path, seed=8)
+def test_a_reset_breaks_a_handshake_off_as_the_documents_say(tmp_path: Path) -> None:
+    counts = cosimulate(CONFIGS[0], "icarus", "eskin_link", "what_a_receiver_sees_of_a_reset", tmp_path, seed=8)
     assert counts["RequestWaitsForAck"] == counts["ResetEndsRequest"] == counts["LateAckTakesTheNext"] == 10
     assert counts["NoRequestWhileAckHigh"] == 120

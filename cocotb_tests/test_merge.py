@@ -25,8 +25,6 @@ CASES = [
     ("icarus", skin(1, 1, reset="async")),
     ("icarus", skin(1, 3, rows=1, columns=1, encoding="nlcs", reset="async")),
     ("icarus", skin(4, 4, rows=64, columns=64)),
-    ("icarus", skin(8, 8, rows=3, columns=5)),
-    ("verilator", skin(1, 2, reset="async")),
 ]
 
 

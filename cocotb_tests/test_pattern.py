@@ -13,7 +13,6 @@ BASE = ReadoutConfig(registers="spi")
 CONFIGS = [
     BASE.replace(rows=3, columns=5),
     BASE.replace(rows=1, columns=4, encoding="nlcs"),
-    BASE.replace(rows=1, columns=1),
 ]
 
 

@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from eskin.cocotb_tests.blocks.registers import CLOCKS, play
 from eskin.model.config import ReadoutConfig
-
-if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
-
 
 BASE = ReadoutConfig(registers="spi")
 CONFIGS = [
@@ -32,9 +27,3 @@ def test_file_equals_its_model_in_every_clock(config: ReadoutConfig, tmp_path: P
     counts = play(config, "icarus", "file_follows_its_model", tmp_path, 11)
     assert counts["checks"] > 8 * CLOCKS
     assert all(counts[what] > 30 for what in ("holes", "refused", "taken", "counted True")), counts
-
-
-def test_file_equals_its_model_on_verilator(tmp_path: Path) -> None:
-    simulator: Simulator = "verilator"
-    counts = play(CONFIGS[1], simulator, "file_follows_its_model", tmp_path, 12)
-    assert counts["taken"] > 30

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 CONFIG = ReadoutConfig(rows=1, columns=1, registers="spi")
 
 
-@pytest.mark.parametrize(("simulator", "reset"), [("icarus", "sync"), ("icarus", "async"), ("verilator", "sync")])
+@pytest.mark.parametrize(("simulator", "reset"), [("icarus", "sync"), ("icarus", "async")])
 def test_slave_equals_its_model_in_every_clock(simulator: Simulator, reset: str, tmp_path: Path) -> None:
     config = ReadoutConfig.from_dict(CONFIG.to_dict() | {"reset": reset})
     counts = play(config, simulator, "slave_follows_its_model", tmp_path, 7)
@@ -26,7 +26,7 @@ def test_slave_equals_its_model_in_every_clock(simulator: Simulator, reset: str,
     assert counts["resets"] > 0
 
 
-@pytest.mark.parametrize("simulator", ["icarus", "verilator"])
+@pytest.mark.parametrize("simulator", ["verilator"])
 def test_host_of_another_clock_is_understood_at_the_stated_pace(simulator: Simulator, tmp_path: Path) -> None:
     counts = play(CONFIG, simulator, "host_of_another_clock_reads_what_it_wrote", tmp_path, 9)
     assert min(counts["WrittenAsSent"], counts["ReadAsKept"]) > 7

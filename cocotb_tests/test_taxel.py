@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import random
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cocotb
 import pytest
@@ -15,9 +15,6 @@ from eskin.cocotb_tests.bench.reference import TaxelReference
 from eskin.cocotb_tests.runner.block import cosimulate
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
-
-if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 PHASES, CLOCKS = 14, 160
 
@@ -216,9 +213,8 @@ async def overloaded_taxel_raises_a_request_every_clock(dut: Any) -> None:
 def breadth() -> list[ReadoutConfig]:
     """Return configurations with every encoding, front end and resolution."""
     configs = []
-    for number, (encoding, frontend, resolution) in enumerate(
-        itertools.product(registry.NAMES, ["digital", "analog"], [1, 5, 10])
-    ):
+    kinds = [("digital", 1), ("digital", 5), ("analog", 10)]
+    for number, (encoding, (frontend, resolution)) in enumerate(itertools.product(registry.NAMES, kinds)):
         variant = number + number // 3
         config = ReadoutConfig(
             rows=1,
@@ -242,13 +238,11 @@ def breadth() -> list[ReadoutConfig]:
     # Windows that close in many steps, decided every clock and once a sample, and the smallest words.
     closing = ReadoutConfig(rows=1, columns=1, encoding="cw-lcs", resolution=3, closing_shift=3, window_period=2)
     configs += [closing, closing.replace(decide_every="sample", frontend="analog", reset="async", closing_shift=16)]
-    configs += [configs[0].replace(sample_bits=3, resolution=1), configs[-1].replace(sample_bits=4, resolution=1)]
+    configs.append(configs[-1].replace(sample_bits=4, resolution=1))
     # Wide words compared in full, and leaks whose k, P and F have nothing to do with each other, from the top code on.
     leaky = ReadoutConfig(rows=1, columns=1, encoding="nlcs", leak_period=1)
     configs += [
-        configs[0].replace(sample_bits=16, resolution=14, reference_reset=0),
         closing.replace(sample_bits=24, resolution=20, window_period=5, reset="async"),
-        leaky.replace(leak_shift=10, fraction_bits=0, reference_reset=2047),
         leaky.replace(sample_bits=16, resolution=9, leak_shift=16, fraction_bits=3, reference_reset=7 * 2**12),
         leaky.replace(sample_bits=24, leak_shift=2, leak_period=4, fraction_bits=7, reference_reset=2**23 - 1),
     ]
@@ -276,19 +270,9 @@ def name(config: ReadoutConfig) -> str:
     )
 
 
-VERILATOR = [
-    ReadoutConfig(rows=1, columns=1, encoding="cw-lcs", resolution=4, window_period=2, reset="async"),
-    ReadoutConfig(rows=1, columns=1, encoding="nlcs", frontend="analog", leak_period=3, leak_shift=3),
-]
-CASES = [
-    *(pytest.param("icarus", config, id=f"icarus-{name(config)}") for config in breadth()),
-    *(pytest.param("verilator", config, id=f"verilator-{name(config)}") for config in VERILATOR),
-]
-
-
-@pytest.mark.parametrize(("simulator", "config"), CASES)
-def test_taxel_equals_its_reference_in_every_clock(simulator: Simulator, config: ReadoutConfig, tmp_path: Path) -> None:
-    counts = cosimulate(config, simulator, "eskin_taxel", "taxel_follows_its_reference", tmp_path, seed=1)
+@pytest.mark.parametrize("config", breadth(), ids=lambda config: f"icarus-{name(config)}")
+def test_taxel_equals_its_reference_in_every_clock(config: ReadoutConfig, tmp_path: Path) -> None:
+    counts = cosimulate(config, "icarus", "eskin_taxel", "taxel_follows_its_reference", tmp_path, seed=1)
     assert counts["clocks"] >= PHASES * CLOCKS
     assert counts["checks"] >= counts["clocks"]
     happened = {"on", "waiting", "disabled", "pulses", "resets"}
