@@ -126,6 +126,22 @@ def test_a_wrong_number_of_toggles_is_an_error(made: Made) -> None:
         ways.measure("clocked", right, 0)
 
 
+def test_both_ways_agree_behind_slow_nets(made: Made, tmp_path: Path) -> None:
+    """Check that gates behind flops with 1 pF have the same energy inside, whichever input causes it."""
+    cells = made.library.cells
+    scenario = next(s for s in scenarios(CONFIG) if s.name == SATURATED)
+    activity, _ = play(scenario, CONFIG, made.flat, made.cells, tmp_path)
+    flops = [cell for cell in made.flat.cells if cells[cell.kind].flop]
+    slow = {cell.pins[pin]: 1e-12 for cell in flops for pin in cells[cell.kind].outputs if pin in cell.pins}
+    gates = [cell.name for cell in made.flat.cells if not cells[cell.kind].memory]
+    own, other = (
+        sum(found[name][0] for name in gates)
+        for way in (LibertyPower, OpenstaPower)
+        for found in [way(made.flat, made.library, slow).power_w(activity, CONFIG.clock_hz)]
+    )
+    assert other == pytest.approx(own, rel=0.02)
+
+
 def test_energies_are_the_tables_of_the_library(made: Made) -> None:
     """Check the energy of an idle flop: two clock edges at 8 fJ plus 1 fJ per ns of slew."""
     flop = next(cell for cell in made.flat.cells if cell.kind == "PERCH")
