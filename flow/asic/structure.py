@@ -1,7 +1,8 @@
-"""Structural checks of a netlist: one clock, latches only in clock gates, reset for every flop."""
+"""Structural checks of a netlist: one clock, latches only in clock gates, reset for every flop, loads of outputs."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +25,23 @@ RESET_CLOCKS = 4
 
 
 @dataclass(frozen=True)
+class Overload:
+    """An output that drives more pins than the library allows.
+
+    Attributes
+    ----------
+    output : str
+        Cell and pin, ``tick_reg/Q``.
+    load_f, allowed_f : float
+        Capacitance of the pins, and ``max_capacitance`` of the library.
+    """
+
+    output: str
+    load_f: float
+    allowed_f: float
+
+
+@dataclass(frozen=True)
 class Structure:
     """Violations found by the structural checks.
 
@@ -35,6 +53,8 @@ class Structure:
         Flops that a reset of ``RESET_CLOCKS`` clocks does not set, and those whose clock ``test_enable`` leaves off.
     stray_latches : tuple of str
         Latches that are no part of a clock gate.
+    overloaded : tuple of Overload
+        The largest load first; without clocks, whose buffers the layout makes.
     """
 
     flops: int
@@ -42,6 +62,18 @@ class Structure:
     without_reset: tuple[str, ...]
     stopped_in_test: tuple[str, ...]
     stray_latches: tuple[str, ...]
+    overloaded: tuple[Overload, ...] = ()
+
+    @property
+    def warning(self) -> str:
+        """One sentence about overloaded outputs; empty without any."""
+        if not self.overloaded:
+            return ""
+        worst, more = self.overloaded[0], len(self.overloaded) - 1
+        return (
+            f"{worst.output} drives {worst.load_f * 1e12:.3g} pF, its library allows {worst.allowed_f * 1e12:.3g} pF"
+            f"{f'; {more} more outputs drive too much' if more else ''}; buffer these nets in the layout"
+        )
 
     @property
     def problems(self) -> list[str]:
@@ -64,6 +96,8 @@ class Structure:
             "clock_gates": self.clock_gates,
             "latches_outside_gates": len(self.stray_latches),
             "flops_without_reset": len(self.without_reset),
+            "outputs_over_max_capacitance": len(self.overloaded),
+            **({"largest_load": vars(self.overloaded[0])} if self.overloaded else {}),
             "scan": {"flops_clocked_in_test": self.flops - len(self.stopped_in_test), "chain": NO_CHAIN},
         }
 
@@ -97,7 +131,24 @@ def check(netlist: Netlist, design: dict[str, Any]) -> Structure:
         for name, cell in tested["modules"][netlist.top]["cells"].items()
         if cell["type"] == "$_MUX_" and in_test.get(cell["connections"]["S"][0], "x") != "1"
     ]
-    return Structure(flops, integrated + built, tuple(without), tuple(stopped), tuple(stray))
+    over = _overloaded(clocks, readers)
+    return Structure(flops, integrated + built, tuple(without), tuple(stopped), tuple(stray), over)
+
+
+def _overloaded(clocks: Clocks, readers: dict[Bit, list[tuple[str, str]]]) -> tuple[Overload, ...]:
+    """Return the outputs whose pins have more capacitance than allowed, the largest load first."""
+    instances, library = clocks.module["cells"], clocks.library
+    found = []
+    for name, instance in instances.items():
+        cell = library.cells[instance["type"]]
+        for pin in cell.outputs:
+            allowed = cell.pins[pin].entry.number("max_capacitance", math.inf) * library.scales.capacitance
+            for bit in instance["connections"].get(pin, []):
+                driven = [(library.cells[instances[other]["type"]], to) for other, to in readers.get(bit, [])]
+                load = sum(reader.pins[to].load_f for reader, to in driven)
+                if load > allowed and not any(to in reader.clock_pins for reader, to in driven):
+                    found.append(Overload(f"{name}/{pin}", load, allowed))
+    return tuple(sorted(found, key=lambda over: -over.load_f))
 
 
 def _readers(clocks: Clocks) -> dict[Bit, list[tuple[str, str]]]:

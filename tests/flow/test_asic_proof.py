@@ -14,7 +14,9 @@ from eskin.flow.asic.clocks import ClockError
 from eskin.flow.asic.equivalence import Equivalence, design_of, prove
 from eskin.flow.asic.structure import check
 from eskin.flow.asic.synthesis import Netlist, synthesise
+from eskin.flow.gatesim.flat_netlist import flatten
 from eskin.flow.liberty.library import Library, read
+from eskin.flow.power.liberty_power import LibertyPower
 from eskin.model.config import ReadoutConfig
 from tests.flow import example_library
 
@@ -131,6 +133,32 @@ def test_a_broken_rule_is_named(old: str, new: str, options: dict[str, str], sen
     problems = check(wrong, design_of(wrong)).problems
     assert len(problems) >= 1
     assert any(re.search(sentence, problem) for problem in problems), problems
+
+
+def test_an_output_that_drives_more_than_the_library_allows_is_named(tmp_path: Path) -> None:
+    """Check loads against those of the power model; clocks are left to the layout."""
+    assert not check(made(), design_of(made())).warning
+    path = tmp_path / "tight.lib"
+    path.write_text(example_library.library().replace("max_capacitance : 0.1;", "max_capacitance : 0.01;"))
+    tight = dataclasses.replace(made(), library=read(path))
+    found = check(tight, design_of(tight))
+    flat = flatten(tight.text, tight.top, tight.library.content)
+    kinds = tight.library.cells
+    clocks = {cell.pins[pin] for cell in flat.cells for pin in kinds[cell.kind].clock_pins}
+    limited = {
+        cell.pins[pin]
+        for cell in flat.cells
+        for pin in kinds[cell.kind].outputs
+        if pin in cell.pins and "max_capacitance" in kinds[cell.kind].pins[pin].entry.group
+    }
+    loads = LibertyPower(flat, tight.library, {}).load_f
+    wanted = sorted((loads[net] for net in limited - clocks if loads.get(net, 0.0) > 0.01e-12), reverse=True)
+    assert [over.load_f for over in found.overloaded] == pytest.approx(wanted)
+    assert re.fullmatch(
+        r"\S+/\w+ drives 0\.\d+ pF, its library allows 0\.01 pF; \d+ more outputs drive too much; "
+        r"buffer these nets in the layout",
+        found.warning,
+    )
 
 
 def test_a_latch_that_is_open_while_the_clock_is_high_is_refused() -> None:

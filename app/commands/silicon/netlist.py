@@ -97,6 +97,8 @@ def asic(
     print(found.write(out, report.command_of(chosen, corners, power, from_verilog)))
     proof = found.equivalence
     print(f"equivalent to the RTL: {proof.proved} of {proof.of} points proved")
+    if found.structure.warning:
+        print(f"note: {found.structure.warning}")
     if apart := found.more.get("with_wires", {}).get(APART):
         print(f"power with wires was not measured: {apart}")
     conclude(found.problems, found.closing_line())
