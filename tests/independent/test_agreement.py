@@ -93,8 +93,9 @@ def test_a_shorter_draw_is_the_beginning_of_a_longer_one(holdout: int) -> None:
 
 def test_skins_of_tiles_give_the_same_events(holdout: int) -> None:
     events = 0
-    for number, draw in enumerate(draws(holdout, 9, most_taxels=6, set={"frontend": "digital", "link": "stream"})):
-        skin = TilesConfig.of(draw.config.replace(registers="none", fields="own"), 1 + number % 3, 1 + number // 3 % 3)
+    drawn = draws(holdout, 9, most_taxels=6, set={"frontend": "digital", "link": "stream"})[:9]  # 1 to 3 tiles a side
+    for number, draw in enumerate(drawn):
+        skin = TilesConfig.of(draw.config.replace(registers="none", fields="own"), 1 + number % 3, 1 + number // 3)
         of_tiles = [dataclasses.replace(draw, run=run).stimulus.samples for run in range(skin.tiles)]
         ticks = min(map(len, of_tiles))
         first = dataclasses.replace(draw.stimulus, sample_clock=draw.stimulus.sample_clock[:ticks])

@@ -31,13 +31,6 @@ SHRUNK: dict[str, tuple[tuple[str, str, str], int, dict[str, Any], dict[str, Any
         ONE | {"encoding": "lcs", "sample_bits": 3, "link": "stream"},
         4,
     ),
-    "an end of the scale": (
-        ("encoders.lcs", "moved[-1] == moved[-2]", "~(moved[-1] & ~moved[-2])"),
-        3,
-        ONE | {"frontend": "analog", "encoding": "lcs", "sample_bits": 3, "link": "stream"},
-        {"decide_every": "clock"},
-        8,
-    ),
     "a mask": (
         ("taxel", "self.request.eq(own.pending & self.enable)", "self.request.eq(own.pending)"),
         3,
