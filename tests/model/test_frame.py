@@ -247,6 +247,7 @@ def test_frames_compares_all_readouts_on_the_same_scans(call: Call) -> None:
         rate = measure_rates(data, scan, config).population_rate_hz
         found = report[encoding]
         assert found["events_per_s"] == rate > 0
+        assert found["bits_per_event"] == bits
         assert found["bits_per_s"] == rate * bits
         assert found["ratio_to_frame"] == pytest.approx(rate * bits / frame_bits)
         assert found["equal_frame_rate_hz"] * 4 * 64 == pytest.approx(rate * bits)
