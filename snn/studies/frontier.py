@@ -83,11 +83,11 @@ PLAN: dict[str, int] = {
     "physical/leaky-2ms/frame-onoff:250:3:2/12x16:across:12": 3,
     "physical/convolutions/lcs:2/12x16:across:12": 2,
     "physical/convolutions/frame-diff:250:6/12x16:across:6": 2,
-    "physical/convolutions/lcs:3/12x16:across:2": 1,
+    "physical/convolutions/lcs:3/12x16:across:2": 3,
     "physical/convolutions/frame-diff:250:7/12x16:across:1": 1,
-    "physical/convolutions/frame-diff:250:4/12x16:across:2": 1,
+    "physical/convolutions/frame-diff:250:4/12x16:across:2": 3,
     "paper/convolutions/lcs:4/along:6": 1,
-    "paper/convolutions/lcs:5/along:3": 1,
+    "paper/convolutions/lcs:5/along:3": 3,
     "paper/convolutions/frame-diff:250:5/along:6": 1,
 }
 """Seeds of every point that is trained for docs/results/frontier.md."""
