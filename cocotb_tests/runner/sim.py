@@ -214,8 +214,8 @@ def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_st
     place, material = plan.place(config), plan.material
     again = " ".join([reproduce(config, plan.simulator, plan.seed, plan.command), *filter(None, [plan.again])])
     if plan.textures:
-        place = shlex.quote(material.place or material.name)
-        again = f"{again.replace(' --textures 0', '')} --dataset {place} --ticks {plan.ticks or ALL_TICKS}"
+        dataset = shlex.quote(material.place or material.name)
+        again = f"{again.replace(' --textures 0', '')} --dataset {dataset} --ticks {plan.ticks or ALL_TICKS}"
     job = dataclasses.replace(
         job_of(material, plan.textures, config, program, again),
         seed=plan.seed if plan.scenarios else None,
