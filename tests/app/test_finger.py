@@ -16,7 +16,7 @@ from eskin.snn.data.scans import load_recordings
 from eskin.snn.experiments.evaluate import integer_classes
 from tests.app.test_simulate import call
 
-LAST = re.compile(r"touch to class: (\d+) images, (\d+) events, 0 mismatches, (\d+) right")
+LAST = re.compile(r"touch to class: (\d+) recordings, (\d+) events, 0 mismatches, (\d+) right")
 
 
 def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(

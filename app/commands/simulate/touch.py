@@ -72,10 +72,10 @@ def touch(
             print(f"{mismatch}\nMISMATCH")
             raise typer.Exit(1) from None
     now = {"images": len(missing), "seconds": round(time.monotonic() - started, 1), "workers": pool.workers}
-    _conclude(plan, now)
+    _conclude(plan, now, "images" if data is None else "recordings")
 
 
-def _conclude(plan: Plan, now: dict[str, Any]) -> None:
+def _conclude(plan: Plan, now: dict[str, Any], noun: str) -> None:
     """Write and print the totals of all results; exit with 1 if results are missing or no event occurred."""
     from eskin.cocotb_tests.touch.picture import draw
     from eskin.cocotb_tests.touch.plan import summarise
@@ -103,6 +103,6 @@ def _conclude(plan: Plan, now: dict[str, Any]) -> None:
     print(printable(f"answers: {plan.folder / 'summary.json'}" + (f"; picture: {picture}" if picture else "")))
     judged = f"{summary['right']} right" if summary["labelled"] else "true classes not known"
     print(
-        f"touch to class: {summary['images']} images, {summary['events']} events, {summary['mismatches']} mismatches, "
+        f"touch to class: {summary['images']} {noun}, {summary['events']} events, {summary['mismatches']} mismatches, "
         f"{judged}"
     )
