@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eskin.base.figures.labels import Box, Taken, on_page, place_label
-from eskin.base.figures.style import dress, legend_below, new_figure, save_figure
+from eskin.base.figures.style import GREY, dress, legend_below, new_figure, save_figure
 from eskin.skin.figures.readouts import look
 from eskin.snn.figures.fig9 import NAMES, RECEIVED, Data
 
@@ -41,7 +41,8 @@ def words_of(point: Data) -> str:
     if kind.startswith("frame"):
         levels = f", levels of {numbers[2]} b" if len(numbers) > 2 else ""
         words = f"{RECEIVED.get(kind.removeprefix('frame-'), '')}{numbers[0]} Hz {numbers[1]} b{levels}"
-    return f"{words}, {len(point['taxels'])} taxels"
+    count = len(point["taxels"])
+    return f"{words}, {count} taxel{'s' * (count > 1)}"
 
 
 def plot_frontier(data: Data, path: Path) -> None:
@@ -97,5 +98,6 @@ def _draw_points(panel: Axes, points: list[Data]) -> None:
         boxes.append((point, box))
     for point, box in boxes:
         label = panel.annotate(words_of(point), (point["bits_per_s"], 100 * point["accuracy"]), xytext=(0, 0),
-                               textcoords="offset points", fontsize=7, color=look(kind_of(point)).colour)  # fmt: skip
+                               textcoords="offset points", fontsize=7, color=look(kind_of(point)).colour,
+                               arrowprops={"arrowstyle": "-", "lw": 0.6, "color": GREY})  # fmt: skip
         place_label(panel, label, box, taken, "right above below left")
