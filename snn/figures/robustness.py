@@ -75,7 +75,7 @@ def _draw_curve(
     panel: Axes, name: str, strengths: Sequence[float], points: Points, styles: Mapping[str, dict[str, Any]]
 ) -> None:
     """Draw accuracy against the strength of one disturbance."""
-    dress(panel, name.replace("-", " "))
+    dress(panel)
     for network, style in styles.items():
         own = _of(points, network, name)
         middle, ends = _bars(own)
