@@ -12,6 +12,10 @@ from eskin.base.figures.style import GREY, dress, legend_below, new_figure, save
 from eskin.skin.figures.readouts import look
 
 HERE = Path(__file__)
+LEFT_OUT = dict(
+    zip(KINDS, ("other repetition", "one speed left out (mean)", "one pressure left out (mean)"), strict=True)
+)
+"""Title of each panel."""
 
 
 def main() -> None:
@@ -21,17 +25,16 @@ def main() -> None:
     panels = dict(zip(KINDS, figure.subplots(1, len(KINDS), sharey=True), strict=True))
     goals = dict(TARGETS.values())
     for kind, panel in panels.items():
-        title = {"repetition": "other repetition"}.get(kind, kind.replace("mean of ", ""))
-        dress(panel, title, "kbit/s on the link")
+        title = LEFT_OUT[kind]
+        dress(panel, title, "data rate (kb/s)")
         panel.axhline(100 * goals[kind], color=GREY, lw=1, ls=":")
         panel.annotate("target", (0, 100 * goals[kind]), (3, 3), panel.get_yaxis_transform(), "offset points",
                        fontsize=8, color=GREY)  # fmt: skip
         panel.set_xlim(0.8, 2.2)
         for point in report["points"]:
             style, above = look(point["readout"]), 2 + (point["readout"] != "frame")
-            rate, label = 1e-3 * point["bits_per_s"], name_of(point)
-            if point["readout"] != "frame":
-                label += f", {point['events_per_s']:.0f} events/s"
+            rate = 1e-3 * point["bits_per_s"]
+            label = f"{name_of(point)}: {rate:.2f} kb/s"
             for predicted, filling, shown in (
                 (point["network"], style.colour, {"label": label}),
                 ([point["statistic"]], "white", {}),
