@@ -21,22 +21,26 @@ def reproduce(config: ReadoutConfig, simulator: str, seed: int, command: str = "
 
 def options(config: ReadoutConfig) -> list[str]:
     """Return command-line options for the non-default fields of a configuration."""
-    split = (word.partition("=") for word in variables(config))
-    return [f"--{name.lower().replace('_', '-')} {value}" for name, _, value in split]
+    return [f"{option} {text}" for option, text in _changed(config)]
 
 
 def variables(config: ReadoutConfig | FrameConfig, without: Collection[str] = ()) -> list[str]:
     """Return make variables for the non-default fields of a configuration."""
+    return [f"{option[2:].replace('-', '_').upper()}={text}" for option, text in _changed(config, without)]
+
+
+def _changed(config: ReadoutConfig | FrameConfig, without: Collection[str] = ()) -> list[tuple[str, str]]:
+    """Return option and value of the non-default fields of a configuration."""
     idle = {"readout", *without, *(config.idle_fields if isinstance(config, ReadoutConfig) else ())}
     return [
-        f"{option_of(field)[2:].replace('-', '_').upper()}={_text(getattr(config, field.name))}"
+        (option_of(field), _text(getattr(config, field.name)))
         for field in dataclasses.fields(config)
         if field.name not in idle and getattr(config, field.name) != field.default
     ]
 
 
 def _text(value: Any) -> str:
-    """Return a value as text for make."""
+    """Return a value as text for make and the shell."""
     if not isinstance(value, tuple):
         return str(value)
     return shlex.quote(json.dumps([one.to_dict() for one in value], separators=(",", ":")))
