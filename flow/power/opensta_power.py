@@ -108,6 +108,7 @@ class OpenstaPower:
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             counted = _counted(folder)
+            (folder / "netlist.v").write_text(self.netlist.verilog())
             reports = self._reports(folder)
             others = [self._of_outputs(folder, number) for number in range(1, self._most_related())]
         self.costs = {cell.name: self._costs(cell, [reports, *others], counted) for cell in self.netlist.cells}
@@ -131,19 +132,22 @@ class OpenstaPower:
         return [*found, self._gates_alone(folder)]
 
     def _set_up(self, folder: Path, number: int = 0) -> list[str]:
-        """Return the commands that read netlist, wires and library, which takes a related pin by its index."""
-        kinds = {cell.kind for cell in self.netlist.cells}
-        (folder / "netlist.v").write_text(self.netlist.verilog())
-        (folder / "cells.lib").write_text(one_energy_a_pin(self.library, kinds, number))
+        """Return the commands that read netlist, wires and a library, which takes a related pin by its index."""
+        (folder / "cells.lib").write_text(one_energy_a_pin(self.library, self._kinds, number))
         unit = self.library.scales.capacitance
         return [
             SET_UP.format(library="cells.lib", netlist="netlist.v", top=self.netlist.top, period=PERIOD_NS),
             *(f"set_load {value / unit:.6g} [get_nets {{{net}}}]" for net, value in self.wires_f.items() if value),
         ]
 
+    @property
+    def _kinds(self) -> set[str]:
+        """Names of the cells that the netlist uses."""
+        return {cell.kind for cell in self.netlist.cells}
+
     def _most_related(self) -> int:
         """Return the largest number of related pins of a cell."""
-        return max(len(related_pins(kind)) for kind in self.library.used({c.kind for c in self.netlist.cells}))
+        return max(len(related_pins(kind)) for kind in self.library.used(self._kinds))
 
     def _of_outputs(self, folder: Path, number: int) -> list[dict[str, tuple[float, float, float]]]:
         """Return the reports without and with moving data, with the energies of another related pin."""
