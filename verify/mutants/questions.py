@@ -120,7 +120,8 @@ def _imports(root: Path) -> dict[str, set[str]]:
     """Return the imported modules of every file."""
     found: dict[str, set[str]] = {}
     for path in sorted(root.rglob("*.py")):
-        if {".venv", "out", "build"} & set(path.relative_to(root).parts):
+        parts = path.relative_to(root).parts
+        if parts[0].startswith(".") or {"out", "build"} & set(parts):
             continue
         wanted: set[str] = set()
         for node in ast.walk(ast.parse(path.read_text())):
