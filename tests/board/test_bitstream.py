@@ -11,7 +11,7 @@ import pytest
 from eskin.base.errors import InputError
 from eskin.board.bitstream import report
 from eskin.board.bitstream.boards import BOARDS, OnBoard, platform_of
-from eskin.board.bitstream.build import NAME, BuildFailed, Built, _run, read_report
+from eskin.board.bitstream.build import NAME, NETWORK, BuildFailed, Built, _run, design_of, read_report
 from eskin.board.config import BoardConfig
 
 BUILT = Built({"TRELLIS_COMB": 2000, "DP16KD": 4}, {"TRELLIS_COMB": 24288}, 51.25e6, 50e6, {f"{NAME}.bit": b"bits"})
@@ -24,6 +24,15 @@ def test_mistakes_are_one_sentence(refuses: Any) -> None:
     refuses(sentence, "fpga --receiver --alone 8")
 
 
+def test_the_default_is_the_chip_of_the_embedded_textures() -> None:
+    config = design_of(None, receiver=False)
+    assert config.chip is not None
+    assert (config.chip.readout.taxels, config.chip.classifier.hidden) == (64, 64)
+    assert config.identity == design_of(NETWORK, receiver=False).identity
+    assert config.identity != design_of(NETWORK.with_name("fold-1.npz"), receiver=False).identity
+    assert design_of(None, receiver=True) == BoardConfig(chip=None)
+
+
 def test_every_board_has_the_pins_and_the_clock() -> None:
     assert [platform_of(board).device for board in BOARDS] == ["LFE5U-85F", "LFE5U-45F", "LFE5U-25F", "LFE5U-12F"]
     plan = platform_of("ulx3s").prepare(OnBoard(BoardConfig(chip=None)), NAME)
@@ -33,6 +42,14 @@ def test_every_board_has_the_pins_and_the_clock() -> None:
     assert 'LOCATE COMP "aer_0__req__io" SITE "B11";' in text
     assert "50000000.0 HZ" in text
     assert "25000000.0 HZ" in text
+
+
+def test_the_classifier_alone_has_potentials_of_32_thresholds() -> None:
+    for bits in (8, 4):
+        config = report.plain_classifier(bits)
+        assert (config.inputs, config.hidden, config.classes, config.lanes) == (128, 256, 6, 16)
+        assert (config.membrane_bits, 32 * config.threshold) == (14, 2**13)
+        assert (config.saturates, config.output_saturates) == (True, False)
 
 
 def test_a_report_says_what_was_found_and_aimed_at(tmp_path: Path) -> None:

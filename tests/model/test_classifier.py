@@ -65,6 +65,20 @@ def test_no_potential_ever_leaves_the_ends(fields: dict[str, Any]) -> None:
     assert sized.saturates == (bits_of(sized.hidden_range) > bits_of((low, high)) + 1)
 
 
+@pytest.mark.parametrize("fields", VARIANTS[:1] + VARIANTS[2:])
+def test_ends_are_those_of_the_worst_bin_of_every_neuron(fields: dict[str, Any]) -> None:
+    own = network(membrane_bits=32, **fields)
+    config, found = own.config, []
+    for neuron in range(config.hidden):
+        inputs = [int(weight) << config.in_shift for weight in own.w_in[:, neuron]]
+        spikes = [int(weight) << config.rec_shift for weight in own.w_rec[:, neuron]]
+        bias = int(own.b_hidden[neuron]) << config.bias_shift
+        low = config.events_per_bin * min(0, *inputs) + sum(min(0, spike) for spike in spikes) + min(0, bias)
+        high = config.events_per_bin * max(0, *inputs) + sum(max(0, spike) for spike in spikes) + max(0, bias)
+        found.append(config.hidden_ends(low, high))
+    assert own.hidden_ends == (min(low for low, _ in found), max(high for _, high in found))
+
+
 def test_arrays_that_do_not_fit_are_refused() -> None:
     own = network()
     for rows in (5, 7):

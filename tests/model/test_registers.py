@@ -23,7 +23,7 @@ from eskin.model.readout import Stimulus, simulate
 from eskin.model.registers import settings
 from eskin.model.registers.description import WORD_BITS, registers
 from eskin.model.registers.driver import Registers
-from eskin.model.registers.export import c_header, constants
+from eskin.model.registers.export import c_header, constants, page
 from eskin.model.registers.file import RegisterFile, Settings
 from eskin.model.registers.spi import COMMAND_BITS, Pins, SpiSlave
 
@@ -164,6 +164,15 @@ def test_a_transfer_that_is_broken_off_anywhere_writes_nothing() -> None:
     assert chip.file.words == before
     chip.exchange(sent.to_bytes(6, "big"))
     assert chip.file.words != before
+
+
+def test_the_page_names_every_field_of_its_configuration() -> None:
+    for config in CONFIGS[:3]:
+        text = page(config)
+        for register in registers(config):
+            assert f"`{register.name}`" in text
+            assert all(f"`{field.name}`" in text and field.meaning in text for field in register.fields)
+    assert re.findall(r"[\d.]+ [kM]Hz", page(CONFIG)) == ["1.28 MHz", "160 kHz", "320 kHz"]  # clock, read, write
 
 
 def test_without_the_compiler_it_is_a_sentence() -> None:

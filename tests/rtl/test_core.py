@@ -83,3 +83,8 @@ def test_a_wrong_event_fails_the_simulation(delivered: dict[str, str], tmp_path:
     code, said = run("sim", tmp_path, delivered | {f"{TOP}.v": wrong})
     assert "FAILED" in said, said
     assert code != 0
+
+
+def test_a_width_that_does_not_fit_fails_the_lint(delivered: dict[str, str], tmp_path: Path) -> None:
+    wrong = delivered[f"{TOP}.v"].replace("output wire event_valid", "output wire [1:0] event_valid", 1)
+    assert run("lint", tmp_path, delivered | {f"{TOP}.v": wrong})[0] != 0

@@ -81,6 +81,13 @@ def test_sums_in_binary_mode_and_blank_lines_are_read(textures):
     assert len(directory_dataset(textures)) == 4
 
 
+def test_hidden_files_and_folders_are_ignored(textures):
+    (textures / ".cache").mkdir()
+    (textures / "silk" / ".silk-3.png").write_bytes(b"")
+    (textures / "silk" / "readme.txt").write_text("silk")
+    assert len(directory_dataset(textures)) == 4
+
+
 @pytest.mark.parametrize(
     "line",
     ["garbage", "0" * 64, "0" * 64 + "  ../felt.png", "0" * 63 + "  a/b.png", "0" * 64 + "  a/b/c.png"],

@@ -169,6 +169,11 @@ def test_paper_refuses_an_image_too_small_and_takes_the_smallest():
     assert PAPER.signals(config, noise(16, 16)).shape == (2 * 560 // 26, 192)
 
 
+def test_paper_refuses_a_tau_that_is_no_time():
+    with pytest.raises(InputError, match=r"^tau must be a positive number of seconds, not -1$"):
+        PAPER.configure(ReadoutConfig(encoding="nlcs"), -1)
+
+
 # -- physical ----------------------------------------------------------------------------------------
 
 
@@ -219,6 +224,10 @@ def test_physical_refuses_an_image_too_small():
         r"4\.43 pixels apart; use a smaller array or a larger image$",
     ):
         PHYSICAL.signals(ReadoutConfig(), noise(64, 32))
+
+
+def test_physical_takes_a_single_row_of_pixels_for_one_row_of_taxels():
+    assert PHYSICAL.signals(ReadoutConfig(rows=1), noise(1, 60)).shape[1] == 8
 
 
 def test_physical_sets_only_the_leak():
@@ -312,6 +321,15 @@ def test_presets_are_found_by_name():
 def test_scan_constants_are_validated(scan, field, value, sentence):
     with pytest.raises(InputError, match=sentence):
         scan(**{field: value})
+
+
+def test_scan_constants_are_used():
+    config = PAPER.configure(ReadoutConfig())
+    image = noise(90, 90)
+    half = PaperScan(pixel_full_scale=512.0)
+    np.testing.assert_allclose(half.signals(config, image) * 2, PAPER.signals(config, image))
+    slow = PhysicalScan(speed_m_per_s=65e-4)
+    assert slow.duration_s(config, (90, 90)) == pytest.approx(10 * PHYSICAL.duration_s(config, (90, 90)), rel=0.01)
 
 
 @pytest.mark.parametrize("scan", [PAPER, PHYSICAL], ids=lambda scan: str(scan.name))

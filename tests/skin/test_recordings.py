@@ -85,6 +85,11 @@ def test_a_counter_of_samples_is_neither_a_taxel_nor_time(tmp_path):
     assert "ignored as a counter" in table.notes[0]
 
 
+def test_columns_of_an_array_are_named_by_their_number(tmp_path):
+    np.save(tmp_path / "x.npy", np.array([[1.0, 5.0, 2.0], [0.0, 3.0, 4.0]]))
+    assert read_table(tmp_path / "x.npy", Preparation()).names == ("1", "2", "3")
+
+
 def test_chosen_columns_are_the_taxels(tmp_path):
     text = "t,a,b,c\n" + "".join(f"{k / 10},{k % 3},{k % 5},{k % 7}\n" for k in range(9))
     assert table_of(tmp_path, text, Preparation(taxel_columns="b,4")).names == ("b", "c")
@@ -337,6 +342,20 @@ def test_the_clock_is_as_slow_as_can_be(tmp_path):
     worse = measure_quality(half, codes, simulate(half, Stimulus.from_samples(half, codes)))
     assert worse.late + worse.merged > 0
     assert with_clock(config.replace(link="four_phase"), found.codes).clocks_per_sample > config.clocks_per_sample
+
+
+def test_the_clock_begins_with_what_the_largest_burst_takes():
+    config = ReadoutConfig(rows=1, columns=1)
+    burst = np.array([[0], [11 * config.step], [0]], np.int32)  # 11 events, and 4 clocks for each of a taxel, and 8
+    assert with_clock(config, [burst]).clocks_per_sample == 64
+    assert with_clock(config, [2 * burst]).clocks_per_sample == 128
+
+
+def test_equal_file_names_in_two_classes_stay_apart(tmp_path):
+    write_skin(tmp_path / "s", each=2)
+    sources, _ = sources_of(tmp_path / "s")
+    assert [source.name for source in sources] == [f"{c}/{k}" for c in ("press", "stroke", "tap") for k in (0, 1)]
+    assert [source.class_name for source in sources] == ["press"] * 2 + ["stroke"] * 2 + ["tap"] * 2
 
 
 # -- folders -----------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from eskin.verify.faults.bench import bench_gates
 from eskin.verify.faults.cases import CASES, ack_never_falls, cases
 from eskin.verify.faults.outcomes import CLASSES, UnlikeModel, Upset, upsets
 from eskin.verify.faults.plan import FEW, Trial, classifiers, hosts, surroundings, tiles, trials
-from eskin.verify.faults.run import problems_of, run
+from eskin.verify.faults.run import campaign, problems_of, run, write
 from tests.planted import planted
 
 ROOT = Path(__file__).parents[2]
@@ -221,3 +221,34 @@ def test_the_command_ends_with_its_one_line(call: Any, folder: Path, monkeypatch
     kept = json.loads((folder / "faults.json").read_text())
     assert kept["result"] == last
     assert kept["command"] == "make faults SMALL=1"
+
+
+def test_a_campaign_that_was_stopped_goes_on_behind_what_is_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried = []
+
+    def stopped_once(trial: Trial) -> tuple[list[dict[str, int]], list[str]]:
+        tried.append(trial.stride)
+        if tried == [1, 2]:
+            raise KeyboardInterrupt
+        return [{"upsets": trial.stride, "never recovers": 0}], []
+
+    monkeypatch.setattr("eskin.verify.faults.plan.trials", lambda small: [Trial(FEW, stride=1), Trial(FEW, stride=2)])
+    monkeypatch.setattr("eskin.verify.faults.plan.surroundings", lambda small: [])
+    monkeypatch.setattr("eskin.verify.faults.run.run", stopped_once)
+    out, said = tmp_path / "faults.json", []
+    with pytest.raises(KeyboardInterrupt):
+        campaign(True, out, said.append)
+    done = campaign(True, out, said.append)
+    assert tried == [1, 2, 2]
+    assert len(said) == 3  # the first piece is told again
+    write(out, "make faults", done)
+    assert json.loads(out.read_text())["result"].startswith("faults: 3 upsets, 0 of them for good")
+    assert list(tmp_path.iterdir()) == [out]
+    monkeypatch.setattr("eskin.verify.faults.run.version", lambda needs: "another")
+    (tmp_path / ".faults.json.pieces").write_text('{"name": "' + str(Trial(FEW, stride=1)) + '", "code": "old"}\n{"na')
+    campaign(True, out, said.append)
+    assert tried == [1, 2, 2, 1, 2]
+    campaign(True, out, said.append)  # the line that was cut off stands in the middle now
+    assert tried == [1, 2, 2, 1, 2]
