@@ -121,7 +121,7 @@ def sentences(network: dict[str, Any], found: dict[str, dict[str, Any]], total: 
     if network["accuracy"] < best[0] - WORSE:
         finer = "" if best[1] == "events" else ", a finer --resolution"
         lines.append(
-            f"the network is {best[0] - network['accuracy']:.1%} worse than the {words[best[1]]}; "
+            f"the network is {100 * (best[0] - network['accuracy']):.1f} points worse than the {words[best[1]]}; "
             f"try more --epochs, --set hidden=256, --set windows=8{finer}, or another seed"
         )
     return lines

@@ -45,7 +45,7 @@ def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(
     shutil.copytree(FINGER / "Denim", "new")
     out = done("predict", "made/weights.npz", "--data", "new")
     assert out.count("(class: not known)") == 6
-    out = done("quantise", "--weights", "made/weights.npz", "-o", "made/whole.npz", "--accuracy")
+    out = done("quantise", "--weights", "made/weights.npz", "--accuracy")
     assert f"float {result['right']} of 12 right, integer " in out
     out = done("touch", "--data", "finger", "--weights", "made/whole.npz", "--limit", 2)
     line = LAST.fullmatch(out.splitlines()[-1])

@@ -78,7 +78,7 @@ def demo(
             print(file=sys.stderr)
     known = [one for one in found if one.truth is not None and one.found is not None]
     right = f", {sum(one.truth == one.found for one in known)} of {len(known)} classes right" if known else ""
-    print(f"played {len(found)} recordings{right}")
+    print(f"played {len(found)} recording{'s' * (len(found) != 1)}{right}")
 
 
 def _line(one: DemoResult) -> str:

@@ -96,11 +96,6 @@ def import_(
 
 
 def quantise(
-    out: Annotated[
-        Path,
-        typer.Option("-o", "--out", metavar="INTEGER.npz", help="file to write; memory images are written beside it"),
-        WRITES_FILE,
-    ],
     weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")] = TRAINED,
     bits: Annotated[int, typer.Option(min=2, max=8, help="bits of all weights")] = 8,
     in_bits: Annotated[int | None, typer.Option(metavar="2..8", help="bits of the input weights")] = None,
@@ -125,8 +120,19 @@ def quantise(
     accuracy: Annotated[
         bool, typer.Option("--accuracy", help="print the accuracy of float and integer network on the test images")
     ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--out",
+            metavar="INTEGER.npz",
+            help="file to write; memory images are written beside it [whole.npz beside the weights]",
+        ),
+        WRITES_FILE,
+    ] = None,
 ) -> None:
     """Quantise a trained network to integers for the hardware classifier, and write its memory images."""
+    out = out or weights.with_name("whole.npz")
     if out.suffix != ".npz":
         raise InputError(f"integer networks end in .npz, {out.name} does not; rename the output")
     from eskin.model.classifier.chip_config import with_room

@@ -91,7 +91,8 @@ def predict(
     counts = work.bin_recordings(recordings, trained)
     logits = work.logits_of(trained.weights.network, counts)
     scores = work.scores(recordings, counts, logits, trained)
-    print(f"{len(counts)} recordings; {counts.steps} steps of {counts.channels} channels, {counts.step_s:g} s each")
+    noun = "recording" if len(counts) == 1 else "recordings"
+    print(f"{len(counts)} {noun}; {counts.steps} steps of {counts.channels} channels, {counts.step_s:g} s each")
     if other := trained.other_fields(recordings[0].config):
         print(f"warning: the readout differs from that of the training: {'; '.join(other)}", file=sys.stderr)
     _print_recordings(recordings, logits, trained)

@@ -123,7 +123,11 @@ def print_set(recordings: RecordingSet, again: bool = False) -> None:
         f" of {len(classes)} classes ({', '.join(classes[:8])}{', ...' if len(classes) > 8 else ''})" if classes else ""
     )
     if not again:
-        print(printable(f"{recordings.name}: {len(recordings.sources)} recordings{of}"))
+        print(
+            printable(
+                f"{recordings.name}: {len(recordings.sources)} recording{'s' * (len(recordings.sources) != 1)}{of}"
+            )
+        )
     print(
         f"{config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels at "
         f"{config.sample_rate_hz:g} samples/s, {config.clocks_per_sample} clocks per sample, "
