@@ -173,7 +173,7 @@ def test_a_users_recording_is_shown_without_a_network(call: Call, folder: Path) 
     codes, _ = show.load("touch")
     events = simulate(show.config, Stimulus.from_samples(show.config, codes))
     assert len(events) > 100
-    assert out.splitlines()[1:] == ["scale 1", f"touch: {len(events)} events", "played 1 recordings"]
+    assert out.splitlines()[1:] == ["scale 1", f"touch: {len(events)} events", "played 1 recording"]
 
 
 @pytest.mark.parametrize("options", [{}, {"baseline": "first"}, {"scale": "2"}])
