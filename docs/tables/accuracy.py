@@ -357,7 +357,7 @@ def headline() -> None:
     (best,) = sweep("tuned-2ms")
     replays, chip = replayed(), read("docs/data/touch.json")
     rows = [
-        filled("equal events of RTL and model ({images} scans, three encoders) |  | {events:,}", replays),
+        filled("equal events of RTL and model ({images} scans, four encoders) |  | {events:,}", replays),
         filled("the paper's network, LCS 6 b | {published:100*.2f} % | {last:%}", paper),
         filled("leaky network, LCS 3 b, {data_rate_bps:1e-3*.0f} kb/s |  | {last:%}", best),
     ]
