@@ -30,6 +30,7 @@ from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
 from eskin.skin.encode import IMAGE_SUFFIXES, preparation_of, read_image
 from eskin.skin.recordings.options import FINGER
+from eskin.skin.recordings.trained_on import network_of
 from eskin.skin.samples import ARRAY_SUFFIXES
 from eskin.skin.textures.dataset import EMBEDDED
 from eskin.skin.textures.physical import PhysicalScan, large_enough
@@ -68,6 +69,8 @@ class Show:
         Gives the codes of a name, shape (ticks, taxels), and what the page shows of it.
     scale : float or None
         Factor from the values of recordings to full scale.
+    weights : Path or None
+        File of the network, unless it is the project's own.
     """
 
     config: ReadoutConfig
@@ -75,6 +78,7 @@ class Show:
     names: list[str]
     load: Callable[[str], tuple[NDArray[Any], Piece]]
     scale: float | None = None
+    weights: Path | None = None
 
     @property
     def chip(self) -> ChipConfig | None:
@@ -109,7 +113,8 @@ def show_of(
     source : Path, optional
         An image, a recording, or a folder of either in class folders; by default the embedded textures.
     weights : Path, optional
-        Integer network; by default the project's own for images and ``FINGER``, and none for other recordings.
+        Integer network. The default for recordings is the newest one trained on a folder of this name, and for images
+        and ``FINGER`` the project's own. Other recordings are played without a class.
     only : str, optional
         One name of a folder.
     readout : mapping of str to object, optional
@@ -124,6 +129,8 @@ def show_of(
     if (set_ := {**(readout or {}), **(prepared or {})}) and (weights or finger or not recordings):
         name = next(iter(set_))
         raise InputError(f"{name} is that of the network; leave it out, or play a recording without --weights")
+    if source is not None and recordings and weights is None and not set_:
+        weights = network_of(source)
     if recordings and weights is None and not finger:
         assert source is not None
         return _events_of(source, only, readout or {}, prepared or {})
@@ -144,7 +151,7 @@ def show_of(
         names = {name: truth for name, truth in names.items() if name in unseen} or names
     else:
         names, load = _images(network, config, source)
-    return Show(config, network, _chosen(names, only), load, scale)
+    return Show(config, network, _chosen(names, only), load, scale, weights)
 
 
 def _holds_recordings(source: Path) -> bool:

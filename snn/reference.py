@@ -23,18 +23,21 @@ LEAST_RATE = 1e-3
 
 
 def event_statistics(data: ScanData) -> NDArray[np.float64]:
-    """Return statistics of the events of every image, from its first scan, shape (images, columns).
+    """Return ``event_columns`` of every image, from its first scan, shape (images, columns)."""
+    scans = data.first_scans(range(len(data.names)))
+    counts = [data.values[scan, : data.steps_of(scan)].astype(np.float64) for scan in scans]
+    return np.array([event_columns(one, data.taxels) for one in counts])
+
+
+def event_columns(counts: NDArray[np.float64], taxels: int) -> NDArray[np.float64]:
+    """Return statistics of the events or frames of a scan of shape (steps, channels).
 
     These are the logarithm of the mean magnitude of each channel (of events, their rate), and ``statistics`` of ON less
     OFF events of each taxel, or of the frames.
     """
-    signed = data.channels == 2 * data.taxels and data.values.min(initial=0) >= 0
-    found = []
-    for scan in data.first_scans(range(len(data.names))):
-        counts = data.values[scan, : data.steps_of(scan)].astype(np.float64)
-        net = counts[:, : data.taxels] - counts[:, data.taxels :] if signed else counts
-        found.append(np.concatenate([np.log(np.abs(counts).mean(0) + LEAST_RATE), statistics(net)]))
-    return np.array(found)
+    signed = counts.shape[1] == 2 * taxels and counts.min(initial=0) >= 0
+    net = counts[:, :taxels] - counts[:, taxels:] if signed else counts
+    return np.concatenate([np.log(np.abs(counts).mean(0) + LEAST_RATE), statistics(net)])
 
 
 def logistic_classes(

@@ -25,7 +25,8 @@ from eskin.cocotb_tests.touch.player import JOB, Job
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
-from eskin.skin.recordings.trained_on import OwnReadout
+from eskin.skin.recordings.options import FINGER
+from eskin.skin.recordings.trained_on import RUNS, OwnReadout, network_of, networks_of_recordings
 from eskin.skin.textures.dataset import EMBEDDED, open_dataset
 from eskin.skin.textures.presets import preset
 
@@ -194,8 +195,7 @@ def plan(weights: Path | None, data: Path | None, dataset: str, limit: int | Non
             raise InputError(f"{networks[0].path} was trained on recordings; play some with --data")
         material: Material = Textures(textures, dataset, kind)
     else:
-        if weights is None:
-            raise InputError("--data needs --weights, from eskin quantise")
+        weights = weights or _network_for(data)
         networks = _load(weights)
         material = _own(networks[0], data)
     again = [
@@ -205,6 +205,20 @@ def plan(weights: Path | None, data: Path | None, dataset: str, limit: int | Non
     ]
     names = chosen(material, limit, only, not_learned(material, networks))
     return Plan(material, choose(material, names, networks), " ".join(again), out)
+
+
+def _network_for(data: Path) -> Path:
+    """Return the newest network trained on a folder of recordings of this name, else on any recordings."""
+    if found := network_of(data):
+        return found
+    if data.resolve() == FINGER.resolve():
+        return SHIPPED / FINGER.name
+    if newest := next(iter(networks_of_recordings()), None):
+        return newest
+    raise InputError(
+        f"no integer network in {RUNS} was trained on recordings; run eskin train --data {data}, then the command that "
+        f"it prints, or give --weights"
+    )
 
 
 def not_learned(material: Material, networks: Sequence[Network]) -> list[str]:

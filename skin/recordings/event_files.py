@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import json
 import os
 import shutil
@@ -16,7 +17,8 @@ from eskin.base.errors import InputError
 from eskin.base.workers.pool import WorkerPool
 from eskin.model import __version__
 from eskin.model.config import ReadoutConfig
-from eskin.skin.recordings.folder import quality_warnings, read_set, sources_of, write_folder
+from eskin.skin.recordings.fitting import ByReconstruction
+from eskin.skin.recordings.folder import Fit, quality_warnings, read_set, sources_of, write_folder
 from eskin.skin.recordings.options import Preparation
 from eskin.skin.recordings.statistics import write_signals
 
@@ -32,19 +34,22 @@ def kept_events(
     config: ReadoutConfig,
     given: Collection[str] = (),
     progress: Callable[[], object] | None = None,
-    out: Path = KEPT,
     pool: WorkerPool | None = None,
     flat: bool = False,
+    fit: Fit | None = None,
 ) -> tuple[Path, tuple[str, ...], tuple[str, ...]]:
     """Return the folder of event files for class folders, with notes and warnings; encode the recordings if needed.
 
-    With ``flat``, recordings may be beside the class folders, or a single file; they have no class.
+    With ``flat``, recordings may be beside the class folders, or a single file; they have no class. ``fit``, by default
+    ``ByReconstruction``, chooses what is not given.
 
     The folder's name contains a digest of recordings, options, configuration and the model's source files, so files
     made by anything else are never used.
     """
-    digest = hashlib.sha256(json.dumps([__version__, asdict(options), config.to_dict(), sorted(given)]).encode())
-    for file in sorted([*_MODEL.rglob("*.py"), *_HERE.glob("*.py")]):
+    fit = fit or ByReconstruction()
+    settings = [__version__, asdict(options), config.to_dict(), sorted(given), repr(fit)]
+    digest = hashlib.sha256(json.dumps(settings).encode())
+    for file in sorted([*_MODEL.rglob("*.py"), *_HERE.glob("*.py"), Path(inspect.getfile(type(fit)))]):
         digest.update(file.read_bytes())
     sources, left_out = sources_of(place, flat, options.strict)
     for source in sources:
@@ -52,15 +57,15 @@ def kept_events(
             digest.update(source.name.encode() + source.path.suffix.encode() + b"\0" + source.path.read_bytes())
         except OSError as error:
             raise InputError(f"cannot read {source.path}: {error.strerror}") from None
-    folder = out / f"{place.resolve().name}-{digest.hexdigest()[:12]}"
+    folder = KEPT / f"{place.resolve().name}-{digest.hexdigest()[:12]}"
     if folder.is_dir():
         return folder, (), left_out
-    recordings = read_set(place, options, config, given, progress, flat, fit=True)
+    recordings = read_set(place, options, config, given, progress, flat, fit)
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        part = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=out))
+        KEPT.mkdir(parents=True, exist_ok=True)
+        part = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=KEPT))
     except OSError as error:
-        raise InputError(f"cannot make a folder in {out}: {error.strerror}") from None
+        raise InputError(f"cannot make a folder in {KEPT}: {error.strerror}") from None
     try:
         quality, _ = write_folder(recordings, part, pool)
         write_signals(recordings, part)

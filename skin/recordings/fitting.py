@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +63,29 @@ def with_resolution(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32
         if np.median(signal / np.maximum(noise, 1e-9)) >= 10 ** (ENOUGH_DB / 10):
             return config.replace(resolution=resolution)
     return config
+
+
+@dataclass(frozen=True)
+class ByReconstruction:
+    """Choose the resolution by the reconstruction SNR of the recordings, and the full scale from all of them."""
+
+    def learned(self, sources: Sequence[object]) -> NDArray[np.int64]:
+        """Return the numbers of all recordings."""
+        return np.arange(len(sources))
+
+    def __call__(
+        self,
+        config: ReadoutConfig,
+        given: Collection[str],
+        sources: Sequence[object],
+        recordings: Sequence[NDArray[np.int32]],
+        progress: Callable[[], object],
+    ) -> tuple[ReadoutConfig, str]:
+        """Return a configuration with the chosen resolution, unless it is given, and a note for the user."""
+        if "resolution" in given:
+            return config, ""
+        config = with_resolution(config, recordings)
+        return config, f"resolution {config.resolution} b; --resolution chooses another"
 
 
 def array_of(taxels: int) -> tuple[int, int] | None:

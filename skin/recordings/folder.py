@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.model.readout import Stimulus, simulate
 from eskin.skin.recordings.columns import match_columns
-from eskin.skin.recordings.fitting import array_of, steepest_step, with_clock, with_resolution, with_seconds
+from eskin.skin.recordings.fitting import array_of, steepest_step, with_clock, with_seconds
 from eskin.skin.recordings.options import Preparation
 from eskin.skin.recordings.prepare import prepare
 from eskin.skin.recordings.quality import MUCH_LATE, Quality, measure_quality, pooled
@@ -47,6 +47,23 @@ class Source:
     path: Path
     name: str
     class_name: str | None
+
+
+class Fit(Protocol):
+    """Choose a configuration for recordings; its ``repr`` names all of its parameters."""
+
+    def learned(self, sources: Sequence[Source]) -> NDArray[np.int64]:
+        """Return the numbers of the recordings from which it chooses."""
+
+    def __call__(
+        self,
+        config: ReadoutConfig,
+        given: Collection[str],
+        sources: Sequence[Source],
+        recordings: Sequence[NDArray[np.int32]],
+        progress: Callable[[], object],
+    ) -> tuple[ReadoutConfig, str]:
+        """Return a configuration in which the given fields are unchanged, and a note for the user or an empty text."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +185,7 @@ def read_set(
     given: Collection[str] = (),
     progress: Callable[[], object] | None = None,
     flat: bool = False,
-    fit: bool = False,
+    fit: Fit | None = None,
 ) -> RecordingSet:
     """Return the recordings of a folder or file, with a suitable configuration.
 
@@ -185,8 +202,8 @@ def read_set(
         Called after each file.
     flat : bool
         Same as for ``sources_of``.
-    fit : bool
-        Whether to choose the resolution from the recordings, unless it is given.
+    fit : Fit, optional
+        Chooses encoder, resolution and scale from recordings, where these are not given.
     """
     sources, left_out = sources_of(place, flat, options.strict)
     tables = []
@@ -203,14 +220,18 @@ def read_set(
             names = tables[0].names
             options = dataclasses.replace(options, taxel_columns=",".join(names), names=names if options.names else ())
     prepared = prepare(
-        tables, options, config.sample_bits, config.sample_rate_hz if "sample_rate_hz" in given else None
+        tables,
+        options,
+        config.sample_bits,
+        config.sample_rate_hz if "sample_rate_hz" in given else None,
+        fit.learned(sources) if fit else None,
     )
     taxels = tables[0].values.shape[1]
     config = _with_array(config, taxels, given, tables[0].path).replace(sample_rate_hz=prepared.rate_hz)
     config = with_seconds(config, given)
-    if fit and "resolution" not in given:
-        config = with_resolution(config, prepared.codes)
-        notes += (f"resolution {config.resolution} b; --resolution chooses another",)
+    if fit and not {"encoding", "resolution"} <= set(given):
+        config, note = fit(config, given, sources, prepared.codes, progress or (lambda: None))
+        notes += (note,) if note else ()
     if "clocks_per_sample" not in given:
         config = with_clock(config, prepared.codes)
     return RecordingSet(
@@ -222,7 +243,7 @@ def read_set(
         scale=prepared.scale,
         clipped=prepared.clipped,
         notes=(*notes, *prepared.notes),
-        warnings=(*left_out, *prepared.warnings, *_unseen(config, prepared.codes)),
+        warnings=(*left_out, *prepared.warnings, *negative_part_lost(config, prepared.codes)),
         columns=tables[0].names if tables[0].named else (),
         starts_s={s.name: t.start_s for s, t in zip(sources, tables, strict=True) if t.time_s is not None},
     )
@@ -242,7 +263,7 @@ def _with_array(config: ReadoutConfig, taxels: int, given: Collection[str], path
     return config.replace(rows=size[0], columns=size[1])
 
 
-def _unseen(config: ReadoutConfig, recordings: list[NDArray[np.int32]]) -> list[str]:
+def negative_part_lost(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -> list[str]:
     """Return a warning about negative signals that an encoder without OFF events cannot represent."""
     if config.has_polarity:
         return []

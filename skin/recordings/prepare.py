@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,7 +55,13 @@ class Prepared:
     notes: tuple[str, ...] = ()
 
 
-def prepare(tables: Sequence[Table], options: Preparation, sample_bits: int, rate_hz: float | None = None) -> Prepared:
+def prepare(
+    tables: Sequence[Table],
+    options: Preparation,
+    sample_bits: int,
+    rate_hz: float | None = None,
+    learned: Collection[int] | None = None,
+) -> Prepared:
     """Return recordings as codes, with one sampling rate and one scale.
 
     Parameters
@@ -67,6 +73,8 @@ def prepare(tables: Sequence[Table], options: Preparation, sample_bits: int, rat
         W.
     rate_hz : float, optional
         By default the rate of the time stamps, median of all recordings.
+    learned : collection of int, optional
+        Numbers of the recordings that determine the scale; all by default.
 
     Raises
     ------
@@ -87,7 +95,7 @@ def prepare(tables: Sequence[Table], options: Preparation, sample_bits: int, rat
     notes = _filled(tables)
     if resampled:
         notes.append(f"{resampled} of {len(tables)} recordings have uneven time stamps and were resampled linearly")
-    scale = scale_of(signals, options, sample_bits)
+    scale = scale_of(signals if learned is None else [signals[n] for n in learned], options, sample_bits)
     with np.errstate(over="ignore"):  # what overflows saturates, as all that is out of range
         found = [quantise(signal * scale, sample_bits) for signal in signals]
     clipped, samples = sum(n for _, n in found), sum(codes.size for codes, _ in found)

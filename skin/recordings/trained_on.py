@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from eskin.base.errors import InputError
+from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.recordings.folder import RecordingSet, read_set
@@ -15,6 +16,29 @@ from eskin.skin.recordings.options import Preparation
 
 EVERY_FIELD = frozenset(field.name for field in dataclasses.fields(ReadoutConfig))
 """All of them are said: none follows the recordings."""
+
+
+RUNS = Path("out")
+"""Folder of the folders that ``eskin train`` writes by default; ``eskin quantise`` writes ``whole.npz`` there."""
+
+
+def networks_of_recordings(runs: Path = RUNS) -> dict[Path, str]:
+    """Return the integer networks trained on a user's recordings, newest first, with the name of their folder."""
+    found = {}
+    for path in sorted(runs.glob("train*/whole.npz"), key=lambda path: path.stat().st_mtime, reverse=True):
+        try:
+            said = IntegerWeights.load(path).notes.get("training") or {}
+        except InputError:
+            continue
+        if said.get("recordings") and isinstance(said.get("dataset"), str):
+            found[path] = said["dataset"]
+    return found
+
+
+def network_of(place: Path, runs: Path = RUNS) -> Path | None:
+    """Return the newest integer network trained on a folder of recordings of this name, or None."""
+    name = place.resolve().name
+    return next((path for path, dataset in networks_of_recordings(runs).items() if dataset == name), None)
 
 
 @dataclass(frozen=True)

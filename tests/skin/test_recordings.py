@@ -437,15 +437,14 @@ def test_recordings_of_other_arrays_or_rates_are_refused(tmp_path):
         read_set(tmp_path / "s/a/0.csv", FIRST, ReadoutConfig(rows=2, columns=4), {"rows", "columns"})
 
 
-def test_event_files_are_kept_by_what_makes_them(tmp_path):
+def test_event_files_are_kept_by_what_makes_them(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     write_skin(tmp_path / "s", each=1, taxels=4)
     made = []
 
     def kept(**fields):
         done: list[None] = []
-        folder, *_ = kept_events(
-            tmp_path / "s", FIRST, ReadoutConfig(**fields), fields, lambda: done.append(None), tmp_path / "out"
-        )
+        folder, *_ = kept_events(tmp_path / "s", FIRST, ReadoutConfig(**fields), fields, lambda: done.append(None))
         made.append(len(done))
         return folder
 
@@ -456,7 +455,7 @@ def test_event_files_are_kept_by_what_makes_them(tmp_path):
     write_csv(tmp_path / "s/tap/0.csv", counts("tap", taxels=4, seed=99))
     assert kept(resolution=4) != first
     assert made == [3, 0, 3, 3]
-    assert len(list((tmp_path / "out").iterdir())) == 3  # nothing half made beside them
+    assert len(list((tmp_path / "out/recordings").iterdir())) == 3  # nothing half made beside them
 
 
 def test_cw_lcs_renders_a_slow_skin_as_well_as_lcs(tmp_path):

@@ -36,7 +36,10 @@ def demo(
         ),
     ] = None,
     weights: Annotated[
-        Path | None, typer.Option(metavar="INTEGER.npz", help="integer network, from eskin quantise [embedded]")
+        Path | None,
+        typer.Option(
+            metavar="INTEGER.npz", help="integer network [from eskin quantise for these recordings; embedded]"
+        ),
     ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="port of the live page; 0 for any free port")] = 8000,
     browser: Annotated[bool, typer.Option(help="open the page in a browser")] = True,
@@ -52,8 +55,8 @@ def demo(
 ) -> None:
     """Show a simulated board on a live page in the browser: textures, your image, or your recordings.
 
-    Images run through readout and classifier. Recordings run through the readout, and with --weights also through
-    the classifier.
+    Images run through readout and classifier. Recordings run through the readout, and if a network was trained and
+    quantised for their folder, also through the classifier.
     """
     from eskin.board import demo as player
 
@@ -65,6 +68,8 @@ def demo(
         print(f"{address} shows the skin; Ctrl-C ends", flush=True)
         if show.scale is not None:
             print(scale_text(show.scale), flush=True)
+        if show.weights is not None and weights is None:
+            print(printable(f"network: {show.weights}"), flush=True)
         print("preparing the model: half a minute the first time", file=sys.stderr, flush=True)
         if browser and (sys.platform in ("darwin", "win32") or {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ)):
             webbrowser.open(address)

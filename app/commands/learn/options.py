@@ -6,6 +6,7 @@ import dataclasses
 import inspect
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -31,6 +32,7 @@ from eskin.snn.data.frame_steps import FRAMES, FrameSteps
 from eskin.snn.experiments.recipes import RECIPES
 
 if TYPE_CHECKING:
+    from eskin.skin.recordings.folder import Fit
     from eskin.snn.experiments.experiment import Experiment
 
 Preset = Annotated[str | None, typer.Option(metavar="paper|physical", help="constants of the texture scan [physical]")]
@@ -106,7 +108,11 @@ ENCODER = ("encoding", "resolution", "fields", "sample_rate_hz")
 
 OWN = field_options(Preparation, PREPARATION, {"baseline": "first", "strict": True}, RECORDINGS)
 
-_IN_HELP = {"resolution": f"{DEFAULT_RESOLUTION}; --data: follows the recordings", "sample_rate_hz": "time stamps"}
+_IN_HELP = {
+    "encoding": "lcs; train --data: chosen by inner validation",
+    "resolution": f"{DEFAULT_RESOLUTION}; --data: follows the recordings",
+    "sample_rate_hz": "time stamps",
+}
 
 READOUT = [*field_options(ReadoutConfig, ENCODER, _IN_HELP), CONFIG_FILE]
 
@@ -138,34 +144,40 @@ NOT_OF_A_SWEEP = ("encoding", "resolution", "events", "frames")
 def with_experiment(command: Callable[..., Any]) -> Callable[..., Any]:
     """Replace the parameter ``made`` of a command, an Experiment, by the options that define it.
 
-    A parameter ``options`` instead receives their values by name, without those that the points of a sweep say.
+    A parameter ``make`` receives a function instead, which makes the Experiment and takes a ``Fit`` for recordings. A
+    parameter ``options`` instead receives their values by name, without those that the points of a sweep say.
     """
     others = inspect.signature(_options, eval_str=True).parameters.values()
     options = [*READOUT, *(p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in others), *OWN]
-    if "made" in inspect.signature(command).parameters:
-        return replace_parameters(command, ["made"], options, _made)
+    wanted = inspect.signature(command).parameters
+    if "make" in wanted:
+        return replace_parameters(command, ["make"], options, lambda values: {"make": partial(_made, values)})
+    if "made" in wanted:
+        return replace_parameters(command, ["made"], options, lambda values: {"made": _made(values)})
     kept = [option for option in options if option.name not in NOT_OF_A_SWEEP]
     return replace_parameters(command, ["options"], kept, lambda values: {"options": values})
 
 
-def _made(values: dict[str, Any]) -> dict[str, Any]:
+def _made(values: dict[str, Any], fit: Fit | None = None) -> Experiment:
     """Return the experiment for the options of a command; raise an error for settings that the network lacks."""
     from eskin.snn.experiments.settings import idle_settings
 
-    made = build_experiment(values)
+    made = build_experiment(values, fit)
     kind, idle = idle_settings(made, values["settings"])
     if idle:
         raise InputError(f"{idle[0]} has no effect on a network of kind {kind}; leave it out")
-    return {"made": made}
+    return made
 
 
-def build_experiment(options: dict[str, Any]) -> Experiment:
+def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experiment:
     """Return the experiment for the options of a command.
 
     Parameters
     ----------
     options : dict
         Values by name, of all parameters of ``_options``, and texts of the fields of Preparation.
+    fit : Fit, optional
+        Chooses encoder, resolution and scale for recordings, as in ``kept_events``; not used for frames.
 
     Raises
     ------
@@ -191,7 +203,8 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
     prepared = parse_fields(Preparation, {name: options[name] for name in PREPARATION})
     follows: dict[str, Any] = {}
     if options["data"] is not None:
-        folder = events_of(options["data"], {"strict": True} | prepared, readout, given)
+        fit = fit if options["frames"] is None else None
+        folder = events_of(options["data"], {"strict": True} | prepared, readout, given, fit=fit)
         options = options | {"events": folder, "bin_s": options["bin_s"] or _bin_of(folder)}
         bin_s = options["bin_s"] or BinConfig().bin_s
         if options["frames"] is not None:

@@ -33,7 +33,7 @@ FILES = ("checkpoint.pt", "result.json", "weights.npz")
 
 @with_experiment
 def train(
-    made: Any,
+    make: Any,
     folds: Folds = 6,
     fold: Annotated[int, typer.Option(min=0, help="test fold, from 0")] = 0,
     test: Annotated[
@@ -63,10 +63,13 @@ def train(
     A stopped training continues from its checkpoint.
     """
     check_device(device, threads)
-    if made.grid is not None:
-        raise InputError("train takes one setting; give it with --set, or the grid to crossval or sweep")
     if fold >= folds:
         raise InputError(f"fold must be in 0..{folds - 1}, not {fold}")
+    from eskin.snn.encoder_choice import ByClasses
+
+    made: Experiment = make(ByClasses(fold, folds, test))
+    if made.grid is not None:
+        raise InputError("train takes one setting; give it with --set, or the grid to crossval or sweep")
     chosen_out, out = out, out or OUT
     output_folder(out, *FILES)
     with bar("recording scans") as step:

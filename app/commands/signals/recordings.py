@@ -18,7 +18,7 @@ from eskin.model.config import ReadoutConfig, option_of
 from eskin.skin.recordings.options import FINGER, Preparation
 
 if TYPE_CHECKING:
-    from eskin.skin.recordings.folder import RecordingSet
+    from eskin.skin.recordings.folder import Fit, RecordingSet
     from eskin.skin.recordings.quality import Quality
 
 PREPARATION = tuple(field.name for field in dataclasses.fields(Preparation) if field.metadata)
@@ -83,11 +83,16 @@ def own_recordings(
 
 
 def events_of(
-    place: Path, prepared: Mapping[str, Any], config: ReadoutConfig, given: Collection[str], flat: bool = False
+    place: Path,
+    prepared: Mapping[str, Any],
+    config: ReadoutConfig,
+    given: Collection[str],
+    flat: bool = False,
+    fit: Fit | None = None,
 ) -> Path:
     """Return the folder of event files of a user's recordings, encoded if not cached.
 
-    ``flat`` takes recordings without a class too: a file, or a folder of files.
+    ``flat`` takes recordings without a class too: a file, or a folder of files. ``fit`` as in ``kept_events``.
     """
     from eskin.base.workers.pool import Local
     from eskin.skin.recordings.event_files import kept_events
@@ -95,7 +100,9 @@ def events_of(
     if not place.is_dir() and not (flat and place.is_file()):
         raise InputError(f"{place} is not a folder; give one with a folder for each class")
     with Local(threads=True) as pool, bar("encoding recordings") as step:
-        folder, notes, warnings = kept_events(place, preparation(prepared), config, given, step, pool=pool, flat=flat)
+        folder, notes, warnings = kept_events(
+            place, preparation(prepared), config, given, step, pool=pool, flat=flat, fit=fit
+        )
     print_notes(notes)
     warn(warnings)
     print(printable(f"event files of {place}: {folder}"))

@@ -29,7 +29,9 @@ MOST_LINES = 20
 def touch(
     weights: Annotated[
         Path | None,
-        typer.Option(help="integer network, or a folder with one for each fold [the project's own]"),
+        typer.Option(
+            help="integer network, or a folder with one for each fold [the project's own; --data: from eskin quantise]"
+        ),
     ] = None,
     dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded' [embedded]")] = None,
     data: OwnData = None,
@@ -56,7 +58,10 @@ def touch(
     plan = session.plan(weights, data, dataset or EMBEDDED, limit, only, out)
     if only is None and limit is None and (learned := len(plan.material.names) - len(plan.names)):
         print(f"{learned} left out, because every network was trained on them")
-    known = plan.networks[plan.names[0]].weights.class_names
+    used = plan.networks[plan.names[0]]
+    if data is not None and weights is None:
+        print(printable(f"network: {used.path}, trained on {used.dataset}"))
+    known = used.weights.class_names
     folders = {name.split("/")[0] for name in plan.material.names if "/" in name}
     if data is not None and (others := sorted(folders - set(known))):
         warn([f"the network has the classes {', '.join(known)}; it was not trained on {', '.join(others)}"])

@@ -1,0 +1,129 @@
+"""Choose encoder and resolution for recordings by the classes that a logistic regression finds from their events."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.taxel import encode_timed
+from eskin.skin.recordings.fitting import RESOLUTIONS, ByReconstruction, with_seconds
+from eskin.skin.recordings.folder import Source, negative_part_lost
+from eskin.skin.recordings.quality import MOST_CLOCKS
+from eskin.snn.data.bins import BinConfig
+from eskin.snn.data.folds import matching, stratified_folds
+from eskin.snn.reference import event_columns, logistic_classes
+
+MOST_JUDGED = 150
+"""Training recordings on which encoders are compared at most, evenly spread over the classes."""
+
+INNER_FOLDS = 3
+
+FREE = {"resolution", "rows", "columns", "sample_bits", "sample_rate_hz", "clocks_per_sample", "link", "frontend"}
+"""Fields that a user can give while the encoder is chosen: the others belong to one encoder, or follow from it."""
+
+
+@dataclass(frozen=True)
+class ByClasses:
+    """Choose encoder, resolution and full scale from the training recordings of one fold.
+
+    Attributes
+    ----------
+    fold, folds : int
+        Test fold, and number of folds.
+    test : str or None
+        Pattern of the names of the test recordings, instead of a fold.
+    """
+
+    fold: int = 0
+    folds: int = 6
+    test: str | None = None
+
+    def learned(self, sources: Sequence[Source]) -> NDArray[np.int64]:
+        """Return the numbers of the training recordings."""
+        names, labels = [source.name for source in sources], _labels(sources)
+        every = np.arange(len(sources))
+        if self.test is not None:
+            return np.setdiff1d(every, matching(names, self.test))
+        return np.setdiff1d(every, stratified_folds(labels, self.folds)[self.fold])
+
+    def __call__(
+        self,
+        config: ReadoutConfig,
+        given: Collection[str],
+        sources: Sequence[Source],
+        recordings: Sequence[NDArray[np.int32]],
+        progress: Callable[[], object],
+    ) -> tuple[ReadoutConfig, str]:
+        """Return the configuration with the lowest data rate among those that are as accurate as the best one.
+
+        That is at most one standard error below the best accuracy, by inner cross-validation of a logistic regression
+        on event statistics. Fields in ``given`` stay. With fewer than two training recordings of a class, encoder and
+        resolution follow ``ByReconstruction``.
+        """
+        numbers = self.learned(sources)
+        numbers = numbers[:: -(-len(numbers) // MOST_JUDGED)]
+        labels = _labels([sources[number] for number in numbers])
+        judged = [recordings[number] for number in numbers]
+        inner = min(INNER_FOLDS, int(np.bincount(labels).min()))
+        if inner < 2 or len(set(labels.tolist())) < 2:
+            return ByReconstruction()(config, given, sources, judged, progress)
+        seconds = sum(map(len, judged)) / config.sample_rate_hz
+        found = []
+        for tried in _candidates(config, given):
+            if "encoding" not in given and negative_part_lost(tried, judged):
+                continue
+            columns, events = _statistics(tried, judged)
+            accuracy = _accuracy(columns, labels, inner)
+            found.append((accuracy, events * tried.event_bits / seconds, tried))
+            progress()
+        best = max(accuracy for accuracy, *_ in found)
+        error = math.sqrt(best * (1 - best) / len(labels))
+        accuracy, bps, chosen = min((one for one in found if one[0] >= best - error), key=lambda one: one[1])
+        return chosen.replace(clocks_per_sample=config.clocks_per_sample), (
+            f"encoder {chosen.encoding} with {chosen.resolution} b, {bps:.3g} bit/s: inner validation with a logistic "
+            f"regression on event statistics finds the class of {accuracy:.0%} of {len(labels)} training recordings, "
+            f"and of {best:.0%} with the best of {len(found)} settings; --encoding and --resolution choose others"
+        )
+
+
+def _candidates(config: ReadoutConfig, given: Collection[str]) -> Iterable[ReadoutConfig]:
+    """Yield every encoder and resolution that the given fields permit."""
+    encodings = registry.NAMES if set(given) <= FREE else [config.encoding]
+    resolutions = [config.resolution] if "resolution" in given else RESOLUTIONS
+    for encoding in encodings:
+        for resolution in resolutions:
+            tried = config.replace(encoding=encoding, resolution=resolution, clocks_per_sample=MOST_CLOCKS)
+            yield with_seconds(tried, given)
+
+
+def _statistics(config: ReadoutConfig, recordings: Iterable[NDArray[np.int32]]) -> tuple[NDArray[np.float64], int]:
+    """Return the event statistics of each recording, and the number of all events."""
+    ticks = max(round(BinConfig().bin_s * config.sample_rate_hz), 1)
+    columns, events = [], 0
+    for codes in recordings:
+        counts, _ = encode_timed(config, codes)
+        net = np.add.reduceat(counts, np.arange(0, len(counts), ticks), axis=0).astype(np.float64)
+        parts = [np.maximum(net, 0), np.maximum(-net, 0)] if config.has_polarity else [net]
+        columns.append(event_columns(np.hstack(parts), config.taxels))
+        events += int(np.abs(counts).sum())
+    return np.array(columns), events
+
+
+def _accuracy(columns: NDArray[np.float64], labels: NDArray[np.int64], inner: int) -> float:
+    """Return the part of the recordings that a logistic regression classifies correctly in inner folds."""
+    every = np.arange(len(labels))
+    right = 0
+    for part in stratified_folds(labels, inner):
+        right += int((logistic_classes(columns, labels, np.setdiff1d(every, part), part) == labels[part]).sum())
+    return right / len(labels)
+
+
+def _labels(sources: Sequence[Source]) -> NDArray[np.int64]:
+    names = sorted({str(source.class_name) for source in sources})
+    return np.array([names.index(str(source.class_name)) for source in sources], np.int64)

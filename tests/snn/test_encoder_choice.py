@@ -1,0 +1,75 @@
+"""Test the choice of encoder, resolution and scale by the classes of the training recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eskin.app.commands.signals.recordings import events_of
+from eskin.model.config import ReadoutConfig
+from eskin.skin.recordings.fitting import RESOLUTIONS
+from eskin.skin.recordings.folder import RecordingSet, read_set, sources_of
+from eskin.skin.recordings.options import FINGER, Preparation
+from eskin.snn.data.bins import BinConfig
+from eskin.snn.data.scans import load_recordings
+from eskin.snn.encoder_choice import ByClasses
+from eskin.snn.experiments.single import Fold
+from tests.skins import counts, write_csv, write_skin
+
+FIRST = Preparation(baseline="first")
+
+
+def chosen(fit: ByClasses, place: Path = Path("skin"), **given: Any) -> RecordingSet:
+    return read_set(place, FIRST, ReadoutConfig(**{"resolution": 4} | given), given, fit=fit)
+
+
+@pytest.mark.parametrize("test", [None, "*/[02]"])
+def test_it_learns_from_the_training_recordings_of_the_fold_alone(folder: Path, test: str | None) -> None:
+    write_skin(folder / "skin", taxels=4, each=5)
+    fit = ByClasses(fold=1, folds=5, test=test)
+    data = load_recordings(events_of(Path("skin"), {}, ReadoutConfig(), ()), BinConfig())
+    fold = Fold.choose(data, 1, 5) if test is None else Fold.named(data, test)
+    sources, _ = sources_of(Path("skin"))
+    assert [sources[number].name for number in fit.learned(sources)] == [data.names[image] for image in fold.images]
+    before = chosen(fit)
+    for image in fold.test:  # ten times as loud
+        kind, number = data.names[image].split("/")
+        write_csv(Path("skin") / f"{kind}/{number}.csv", counts(kind, taxels=4, seed=99) * 10)
+    after = chosen(fit)
+    assert (after.config, after.scale) == (before.config, before.scale)
+    assert after.clipped > 0
+
+
+def test_it_takes_the_cheapest_of_the_accurate_encoders(folder: Path) -> None:
+    for kind, slope in (("slow", 1.0), ("fast", 4.0)):
+        for number in range(6):
+            time_s = np.arange(400) / 100
+            phase = np.random.default_rng([len(kind), number]).random()
+            values = 1000 * np.abs((slope * time_s + phase) % 2 - 1)
+            write_csv(folder / f"skin/{kind}/{number}.csv", np.repeat(values[:, None], 2, axis=1))
+    found = chosen(ByClasses(folds=3))
+    assert any("finds the class of 100% of 8 training recordings" in note for note in found.notes)
+    assert found.config.resolution == min(RESOLUTIONS), "every setting finds the classes, and this has fewest events"
+
+
+def test_given_fields_stay(folder: Path) -> None:
+    write_skin(folder / "skin", taxels=4, each=4)
+    fit = ByClasses(folds=2)
+    assert chosen(fit, encoding="cw-lcs").config.encoding == "cw-lcs"
+    assert chosen(fit, resolution=7).config.resolution == 7
+    assert chosen(fit, leak_shift=5).config.encoding == "lcs"
+    both = chosen(fit, encoding="lcs", resolution=4)
+    assert (both.config.encoding, both.config.resolution) == ("lcs", 4)
+    assert not any("inner validation" in note for note in both.notes)
+
+
+def test_too_few_recordings_leave_the_encoder(folder: Path) -> None:
+    write_skin(folder / "skin", taxels=4, each=2)
+    assert any(note.startswith("resolution ") for note in chosen(ByClasses(folds=2)).notes)
+
+
+def test_it_leaves_out_an_encoder_that_cannot_represent_the_signals() -> None:
+    assert chosen(ByClasses(), FINGER).config.encoding != "nlcs"
