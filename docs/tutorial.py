@@ -15,7 +15,8 @@
 #
 # This tutorial takes a quarter of an hour and shows the result of every step. First, one taxel samples a sine. A
 # decoder rebuilds the sine from the taxel's events, and a simulation of the hardware sends the same events. Then 64
-# taxels slide over brick, grass and gravel, and a network classifies the textures.
+# taxels slide over brick, grass and gravel, and a network classifies the textures. The last part does the same with
+# recordings of a real finger, up to the class that the hardware computes.
 #
 # After `make setup`, run `docs/tutorial.py` in the repository root with `.venv/bin/python`, as a whole or cell by cell.
 # This page and a notebook are generated from that file.
@@ -252,47 +253,58 @@ axis.set_title(data.names[number], loc="left")
 _ = axis.set(xlabel="time (ms)", ylabel="SoftMax (0 to 1)", ylim=(-0.05, 1.05))
 
 # %% [markdown]
-# ## Your own sensor
+# ## A real finger
 #
-# This example imitates a slow piezoresistive skin with 16 taxels, 35 samples per second, and raw counts on a baseline
-# of several thousand. The first column is a time stamp, and each class has a folder. The cell generates the files. Your
-# own files may have decimal commas, other columns and irregular time stamps.
+# The textures above are photographs. The project also has 24 recordings of a real tactile finger with 16 capacitive
+# taxels, which slides over four fabrics ([source and results](results/finger.md)). Each fabric has a folder, and each
+# recording is a `.csv` file with one line per sample. For your own sensor, replace `finger` by your folder.
+#
+# `read_set` finds time stamps, taxel columns and sampling rate, subtracts the first value of each taxel, and scales all
+# recordings equally. The next cell shows the signals and events of one recording.
+
+# %%
+from eskin.skin.recordings.folder import read_set
+from eskin.skin.recordings.options import FINGER, Preparation
+
+finger = read_set(FINGER, Preparation(baseline="first"), ReadoutConfig(resolution=4))
+names = [source.name for source in finger.sources]
+number = names.index("Denim/F180_V-150mmps_0")
+recording, _ = finger.recording(number)
+print(f"{len(names)} recordings, {finger.config.taxels} taxels at {finger.config.sample_rate_hz:g} samples/s")
+print(f"{names[number]}: {len(recording.events)} events in {recording.duration_s:.1f} s")
+
+figure, (above, below) = plt.subplots(2, 1, figsize=(8, 4), sharex=True, layout="constrained")
+signals = finger.codes[number] / finger.config.full_scale
+above.plot(np.arange(len(signals)) / finger.config.sample_rate_hz, signals, color="black", alpha=0.4, lw=0.7)
+above.set(ylabel="16 taxels (full scales)", title=names[number])
+events = recording.events
+taxel = events["y"] * finger.config.columns + events["x"]
+colours = np.where(events["p"], ON_COLOUR, OFF_COLOUR)
+below.scatter(events["t"] / finger.config.clock_hz, taxel, s=2, c=colours)
+_ = below.set(xlabel="time (s)", ylabel="taxel", title="address events, ON blue, OFF orange")
+
+# %% [markdown]
+# Four commands lead from the folder to a class that the RTL computes. `train` chooses encoder, resolution and time
+# constants for the recordings. Four recordings are not used for training. `sim` compares RTL and model on three
+# recordings, `quantise` rounds the network to integers, and `touch` sends the test recordings through readout and
+# classifier in RTL.
+
 
 # %%
 from pathlib import Path
 
-generator = np.random.default_rng(0)
-skin = Path(tempfile.mkdtemp()) / "my_skin"
-stamps = np.arange(0, 4, 1 / 35)[:, None]
-for kind, starts in {"press": (1.0,), "tap": (0.5, 1.5, 2.5, 3.5), "rub": (0.8, 1.8, 2.8)}.items():
-    (skin / kind).mkdir(parents=True)
-    for number in range(6):
-        width = {"press": 0.8, "tap": 0.1, "rub": 0.3}[kind]
-        taxels = np.arange(16) * (0.05 if kind == "rub" else 0.0)
-        touch = sum(np.exp(-(((stamps - start - taxels) / width) ** 2)) for start in starts)
-        counts = 9000 + generator.uniform(2500, 3500, 16) * touch + generator.normal(0, 4, touch.shape)
-        lines = [
-            ",".join([f"{s:.4f}", *map(str, row)]) for s, row in zip(stamps[:, 0], counts.astype(int), strict=True)
-        ]
-        header = ",".join(["time", *(f"s{taxel}" for taxel in range(16))])
-        (skin / kind / f"{number}.csv").write_text("\n".join([header, *lines]) + "\n")
-
-# %% [markdown]
-# `make train DATA=my_skin/` trains a network that classifies these recordings. `make sim DATA=my_skin/` plays
-# recordings through the RTL. Both commands detect time stamps, rate, baseline, scale and clock. Each warning names the
-# option that fixes the problem.
+work = Path(tempfile.mkdtemp())
 
 
-# %%
 def run(*words):
     command = [sys.executable, "-m", "eskin", *words]
-    return subprocess.run(command, cwd=skin.parent, capture_output=True, text=True, check=True)
+    return subprocess.run(command, cwd=work, capture_output=True, text=True, check=True).stdout.splitlines()
 
 
-trained = run("train", "--data", "my_skin", "--epochs", "40", "--set", "hidden=64")
-print("\n".join(trained.stdout.splitlines()[-7:]))
-played = run("sim", "--data", "my_skin", "--encoding", "lcs", "--sim", "icarus", "--ticks", "60")
-print(played.stdout)
+print("\n".join(run("train", "--data", "finger")[-8:]))
+print("\n".join(run("sim", "--data", "finger", "--encoding", "lcs", "--ticks", "60")[-1:]))
+print("\n".join(run("quantise")[-1:]))
+print("\n".join(run("touch", "--data", "finger")))
 
 # %% [markdown]
 # ## Next steps

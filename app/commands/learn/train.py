@@ -111,7 +111,7 @@ def train(
         place = str(out / "weights.npz")
         words = ["export", place, "-o", str(out / "network.nir")]
         if made.events is not None:
-            words = ["quantise", place, "-o", str(out / "whole.npz")]
+            words = ["quantise", place]
         print(f"next: {shlex.join(['eskin', *words])}")
 
 
