@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import math
 import re
@@ -121,6 +122,26 @@ def _read_csv(path: Path, data: bytes) -> Samples:
         raise InputError(
             f"{path} is not a table of numbers separated by commas: {reason[:1].lower() + reason[1:]}"
         ) from None
+
+
+def cells_of(path: Path, lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
+    """Return the cells of every line of a table; a cell in double quotes may contain the delimiter.
+
+    Parameters
+    ----------
+    path : Path
+        Name of the table, for messages.
+    lines : sequence of str
+    delimiter : str or None
+        None: white space.
+    """
+    if delimiter is None:
+        return [line.split() for line in lines]
+    try:
+        rows = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
+    except csv.Error as error:
+        raise InputError(f"{path} is not a table of cells: {error}") from None
+    return [[cell.strip() for cell in row] for row in rows]
 
 
 def _is_number(cell: bytes) -> bool:

@@ -15,6 +15,7 @@ from eskin.base.errors import InputError
 from eskin.base.files import atomic_write, check_unpacked, read_bytes
 from eskin.model.events.recording import Recording
 from eskin.skin.foreign.events import CLOCKS, UNITS_S, ForeignEvents, in_unit, lost_clocks
+from eskin.skin.samples import cells_of
 
 TEXT_SUFFIXES = (".csv", ".txt", ".tsv")
 
@@ -93,9 +94,7 @@ def _text_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
     if not lines:
         raise InputError(f"{path} is empty; give a table with a line for each event")
     delimiter = next((d for d in ("\t", ";", ",") if d in lines[-1]), None)
-    if delimiter != ",":
-        lines = [line.replace(",", ".") for line in lines]
-    rows = [[cell.strip() for cell in line.split(delimiter)] for line in lines]
+    rows = cells_of(path, lines, delimiter)
     header = None if all(_number(cell) is not None for cell in rows[0]) else rows.pop(0)
     width = len(header or rows[0])
     if (wrong := next((n for n, row in enumerate(rows) if len(row) != width), None)) is not None:
@@ -124,9 +123,10 @@ def _parsed(path: Path, name: str, cells: Sequence[str]) -> NDArray[Any]:
 
 
 def _number(cell: str) -> int | float | None:
+    """Return the number in a cell, also with a decimal comma; None for other texts."""
     for kind in (int, float):
         try:
-            return kind(cell)
+            return kind(cell.replace(",", "."))
         except ValueError:
             continue
     return None

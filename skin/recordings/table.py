@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 from eskin.base.files import read_bytes
 from eskin.skin.recordings.options import Preparation
-from eskin.skin.samples import ARRAY_SUFFIXES, read_samples
+from eskin.skin.samples import ARRAY_SUFFIXES, cells_of, read_samples
 
 Values = NDArray[np.float64]
 
@@ -134,15 +134,18 @@ def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...]
     if not lines:
         raise InputError(f"{path} holds no samples; give at least one line of numbers")
     delimiter = {"tab": "\t", "space": None, "": _delimiter(lines)}.get(options.delimiter, options.delimiter)
+    if '"' in text:
+        lines = ["\t".join(cells) for cells in cells_of(path, lines, delimiter)]
+        delimiter = "\t"
     comma = options.decimal == "comma" or (options.decimal == "auto" and delimiter != "," and "," in lines[-1])
     if comma and delimiter == ",":
         raise InputError("a decimal comma needs another delimiter; add --delimiter, such as ';'")
-    cells = [cell.strip().strip('"') for cell in lines[0].split(delimiter)]
+    cells = [cell.strip() for cell in lines[0].split(delimiter)]
     headed = not all(_is_number(cell.replace(",", ".") if comma else cell) or _is_missing(cell) for cell in cells)
     body = lines[1:] if headed else lines
     if not body:
         raise InputError(f"{path} holds no samples below its header; give at least one line of numbers")
-    numbers = "\n".join(body).replace('"', "")
+    numbers = "\n".join(body)
     if comma:
         numbers = numbers.replace(",", ".")
     try:

@@ -117,6 +117,7 @@ def test_columns_are_found_by_name_in_any_order_and_unit(folder: Path, call: Cal
         "b.txt": "# by hand\nx y timestamp p note\n1 0 0.0 1 a\n0 0 0.0015 0 b\n1 1 0.002 1 c\n",
         "c.tsv": "on\taddress\tt_us\ntrue\t7\t0\nfalse\t3\t1500\ntrue\t9\t2000\n",
         "f.csv": "t;x;y;p\n0,0;1;0;1\n0,0015;0;0;0\n0,002;1;1;1\n",
+        "g.csv": '"t","x","y","p","a, note"\n"0,0","1","0","1","b, c"\n"0,0015",0,0,0,d\n"0,002",1,1,1,e\n',
     }
     for name, text in texts.items():
         Path(name).write_text(text)
@@ -127,7 +128,7 @@ def test_columns_are_found_by_name_in_any_order_and_unit(folder: Path, call: Cal
     for name in (*texts, "d.npz", "e.npy"):
         code, output, error = call(f"convert {name} -o e.npz{more.get(name, '')}")
         assert code == 0, error
-        unit = {"a.csv": "ms", "b.txt": "s", "f.csv": "s"}.get(name, "us")
+        unit = {"a.csv": "ms", "b.txt": "s", "f.csv": "s", "g.csv": "s"}.get(name, "us")
         assert f"array of 2 rows x 2 columns, clock 1e+06 Hz, times in {unit}; --rows" in output
         assert Recording.load(Path("e.npz")).events.tolist() == wanted, name
 

@@ -42,6 +42,13 @@ def test_semicolons_and_a_decimal_comma_are_read(tmp_path, options):
     assert table.names == ("a", "b")
 
 
+def test_quoted_cells_may_hold_the_delimiter(tmp_path):
+    table = table_of(tmp_path, '"t","a, left","b"\n"0,00","1,5","2"\n"0,10","2,5","3"\n"0,20","0,5","-4"\n')
+    assert table.names == ("a, left", "b")
+    assert np.array_equal(table.values, [[1.5, 2], [2.5, 3], [0.5, -4]])
+    assert np.allclose(table.time_s, [0, 0.1, 0.2])
+
+
 @pytest.mark.parametrize("mark", ["\t", " ", ",", ";", "|"])
 def test_any_delimiter_is_read(tmp_path, mark):
     options = Preparation(delimiter=mark if mark == "|" else "")
