@@ -14,6 +14,7 @@ import pytest
 from eskin.cocotb_tests.bench.block import JOB, Block, Checker, report
 from eskin.cocotb_tests.runner.block import cosimulate
 from eskin.cocotb_tests.test_classifier import network_of
+from eskin.rtl.classifier.memory import address_bits
 
 CLOCKS = 400
 CONFIG = network_of(5, 12, 3, 4)
@@ -52,6 +53,10 @@ async def memory_is_a_list(dut: Any) -> None:
         elif reads:
             read = content[at]
     report(check.counts)
+
+
+def test_an_address_has_as_many_bits_as_the_last_word_needs() -> None:
+    assert [address_bits(words) for words in (1, 2, 3, 4, 5, 8, 9, 64, 65)] == [1, 1, 2, 2, 3, 3, 4, 6, 7]
 
 
 @pytest.mark.parametrize("top", TOPS)
