@@ -136,7 +136,8 @@ def test_tests_run_to_the_first_failure_and_within_their_time(tmp_path: Path) ->
     for place, worse in ((original, "pass"), (mutant, "assert 0")):
         place.mkdir()
         (place / "test_it.py").write_text(
-            f"def test_good(): pass\ndef test_bad(): assert 0\ndef test_worse(): {worse}\n"
+            "import pytest\ndef test_good(): pass\ndef test_bad(): assert 0\n"
+            f"@pytest.mark.parametrize('x', ['a [b] c', 'd'])\ndef test_worse(x): {worse}\n"
         )
         (place / "test_hangs.py").write_text("def test_hangs():\n    while True: pass\n")
         (place / "test_broken.py").write_text("import nothing_that_is_there\n" * (place == mutant))
@@ -144,7 +145,7 @@ def test_tests_run_to_the_first_failure_and_within_their_time(tmp_path: Path) ->
     def first(*tests: str, limit_s: float = 60) -> str:
         return first_failed(mutant, tests, original, quick=False, limit_s=limit_s)
 
-    assert first("test_it.py") == "test_it.py::test_worse"
+    assert first("test_it.py") == "test_it.py::test_worse[a [b] c]"
     assert failing(original) == ["test_it.py::test_bad"]  # it fails without the mutant too, and says nothing of it
     assert first("test_broken.py") == "test_broken.py"
     assert first("test_hangs.py", limit_s=2) == "test_hangs.py (no end within 2 s)"

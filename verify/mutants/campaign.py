@@ -151,7 +151,8 @@ def run(plan: Plan, out: Path, pool: WorkerPool | None, again: bool, on_finding:
         asked = {mutant.file: _asked(mutant.file, phase, checkout, plan.seed) for mutant in todo}
         for mutant, verdict in zip(todo, each(pool, job, ((m, asked[m.file]) for m in todo)), strict=True):
             known = pieces.known(mutant.name) or {}
-            first = {"first": known.get("first", known["verdict"])} if known.get("verdict") in SURVIVED else {}
+            survived = not phase and known.get("verdict") in SURVIVED  # it is judged again, with new tests
+            first = {"first": known.get("first", known["verdict"])} if survived else {}
             on_finding(_finding(mutant, pieces.add(mutant.name, known | verdict | first)))
         again = False
         done.skipped |= set(failing(checkout))

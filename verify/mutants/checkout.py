@@ -30,7 +30,8 @@ from eskin.verify.mutants.fork import play
 PYTEST = ("pytest", "-q", "--tb=no", "-rfE", "-p", "no:cacheprovider", "--hypothesis-profile=ci", "-k", "not verilator")
 """Cases on Verilator are left out: they play the same test on another simulator, and building one takes long."""
 
-FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
+FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+?::\w+\[.*?\](?= - |$)|\S+)", re.MULTILINE)
+"""Parameters in the name of a test may have spaces."""
 PROPERTY = re.compile(r"^(\w+: \w+): ", re.MULTILINE)
 QUICK = ("-m", "quick")
 NO_TESTS = 5
