@@ -54,6 +54,13 @@ def test_refuses_with_a_sentence(fields: dict[str, Any], sentence: str) -> None:
     assert str(refused.value) == sentence
 
 
+def test_a_link_with_two_requests_has_no_address_bit_for_the_polarity() -> None:
+    bits = {
+        link: ReadoutConfig(rows=2, columns=4, link=link).address_bits for link in ("four_phase", "four_phase_dual")
+    }
+    assert bits == {"four_phase": 4, "four_phase_dual": 3}
+
+
 def test_default_leak_is_close_to_200_ms() -> None:
     assert ReadoutConfig(encoding="nlcs").tau_s == pytest.approx(0.2, rel=0.001)
 

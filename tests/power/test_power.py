@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eskin.base.errors import InputError
+from eskin.power.build import chosen_corrections
 from eskin.power.equations import CORRECTIONS, LARGEST, SMALLEST, PowerModel, TaxelRates
 from eskin.power.explore import GivenRates
 from eskin.power.parameters import PowerParameters
@@ -426,3 +427,19 @@ def test_an_encoder_takes_its_own_equations_or_those_of_lcs() -> None:
     }
     with pytest.raises(InputError, match=r"^the power model has equations of lcs, cw-lcs, nlcs only, not of pcm$"):
         equations_of("pcm")
+
+
+def test_corrections_follow_the_mode_or_a_list() -> None:
+    one = min(CORRECTIONS)
+    assert chosen_corrections("consistent", None, None) == frozenset(CORRECTIONS)
+    assert chosen_corrections("paper", None, None) == chosen_corrections(None, None, None) == frozenset()
+    assert chosen_corrections(None, one, None) == {one}
+    assert chosen_corrections(None, None, one) == frozenset(CORRECTIONS) - {one}
+    for mode, correct, without, sentence in (
+        ("paper", one, None, "mode paper has no corrections"),
+        ("consistent", one, None, "--correct lists all corrections to make"),
+        (None, one, one, "give one of them"),
+        ("fair", None, None, "mode must be one of"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            chosen_corrections(mode, correct, without)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import os
 from pathlib import Path
@@ -13,6 +14,7 @@ from eskin.base.errors import InputError
 from eskin.model.address_events import make_events
 from eskin.model.config import ReadoutConfig
 from eskin.model.readout import Stimulus, simulate
+from eskin.skin.recordings.columns import match_columns
 from eskin.skin.recordings.event_files import kept_events
 from eskin.skin.recordings.fitting import array_of, with_clock, with_seconds
 from eskin.skin.recordings.folder import quality_warnings, read_set, sources_of
@@ -128,7 +130,15 @@ def test_tables_that_cannot_be_read_get_one_sentence(tmp_path, monkeypatch, text
 
 
 @pytest.mark.parametrize(
-    "options", [{"scale": "p0"}, {"scale": "much"}, {"scale": "0"}, {"baseline": "mean"}, {"highpass_hz": -1.0}]
+    "options",
+    [
+        {"scale": "p0"},
+        {"scale": "p100.5"},
+        {"scale": "much"},
+        {"scale": "0"},
+        {"baseline": "mean"},
+        {"highpass_hz": -1.0},
+    ],
 )
 def test_options_that_mean_nothing_are_refused(options):
     with pytest.raises(InputError, match=next(iter(options)).removesuffix("_hz")):
@@ -422,6 +432,10 @@ def test_columns_are_matched_by_name(tmp_path):
     (tmp_path / "s/b/0.csv").write_text("s0,s1,x\n3,2,3\n2,3,5\n4,3,2\n")
     with pytest.raises(InputError, match="has the column 'x', the other files s0, s1, s2; rename it, or choose"):
         read_set(tmp_path / "s", options, config, given)
+    (tmp_path / "s/b/0.csv").unlink()
+    nameless = read_table(tmp_path / "s/a/0.csv", options)
+    tables, _ = match_columns([dataclasses.replace(nameless, named=False), nameless], options)
+    assert len(tables) == 2, "a file without a header does not end the list"
     with pytest.raises(InputError, match="--taxel-columns s0,s1,1 has s0 twice; name every column once"):
         read_table(tmp_path / "s/a/0.csv", Preparation(taxel_columns="s0,s1,1"))
 

@@ -199,6 +199,7 @@ def test_a_number_that_float32_does_not_hold_is_refused(name: str) -> None:
     [
         lambda c: c["network"]["w_in"].fill_(math.nan),
         lambda c: c["optimizer"]["state"][0]["exp_avg"].fill_(math.inf),
+        lambda c: c["optimizer"].update(state={}),
         lambda c: c["history"][0].update(loss=math.nan),
         lambda c: c["history"][0].update(number="one"),
         lambda c: c.update(best=3),

@@ -16,13 +16,16 @@ from eskin.power.parameters import PowerParameters
 from eskin.skin.textures.dataset import Dataset, open_dataset
 from eskin.snn.data.disturb import noisy
 from eskin.snn.data.frame_steps import FrameSteps
+from eskin.snn.exchange.weights import Weights
 from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.network import build
+from eskin.snn.studies.agreement import agreement, random_events
 from eskin.snn.studies.latency import begin_of
 from eskin.snn.studies.noise import Noisy, Rates, noisy_scans, power_of
 from eskin.snn.studies.paired import paired
 from eskin.snn.studies.rest import bits_per_second
 from eskin.snn.studies.timing import _errors, timing_points
-from tests.snn.helpers import two_textures
+from tests.snn.helpers import small_network, two_textures
 
 SMALL = ReadoutConfig(rows=2, columns=3, resolution=4)
 
@@ -118,6 +121,14 @@ def test_steps_of_events_begin_where_they_count() -> None:
     assert begin_of(paper) == pytest.approx(0.01, rel=0.06)
     assert begin_of(dataclasses.replace(paper, frames=FrameSteps())) == 0
     assert begin_of(dataclasses.replace(paper, preset="physical")) == 0
+
+
+def test_float_and_integer_networks_read_the_same_scans() -> None:
+    weights = Weights(build(small_network(decay=0.75, output_decay=0.875), seed=1).eval(), ("a", "b", "c"), 0.004)
+    found = agreement(weights, random_events(scans=9, bins=40, inputs=8, most=1.0, seed=2), [8])
+    assert (found["scans"], sum(found["classes"])) == (9, 9)
+    assert found["points"][0]["same"] >= 8
+    assert found["points"][0]["spikes_per_bin"] == pytest.approx(found["spikes_per_bin"], rel=0.05)
 
 
 def test_answers_are_paired_on_the_folds_that_both_have() -> None:
