@@ -115,6 +115,7 @@ def test_every_mutated_file_has_tests_and_blocks_of_the_rtl_have_their_proofs() 
         files = mutated_files(packages)
         assert len(files) > 20
         assert [file for file in files if not questions.questions(file).tests] == []
+    assert questions.questions("app/commands/learn/train.py").tests[-1] == questions.COMMANDS
     assert questions.questions("rtl/frame.py").proofs == ("frame_readout",)
     assert questions.questions("rtl/registers/spi.py").proofs == ("spi", "registers")
     assert "taxel" in questions.questions("rtl/encoders/lcs.py").proofs

@@ -17,6 +17,9 @@ MOST = 6
 NO_RESULTS = {"__init__", "__main__", "figures", "board", "text", "datasheet"}
 """Folders and files that draw or write texts: their mutants spoil no result."""
 
+COMMANDS = "tests/docs/test_made.py"
+"""Test that compares the page of commands with the commands."""
+
 NO_LOGIC = {"block", "yosys", "verilog", "delivery", "gates", "ports"}
 """Files of ``rtl/`` that describe no hardware."""
 
@@ -52,9 +55,11 @@ def questions(file: str, root: Path = ROOT) -> Questions:
 
     Its tests are the test files with its name or that of its folder, and those that import it if these are few. A
     file of the RTL is asked the tests of the files that place it, too. So is a file without a test file of its own
-    name, if these are few or there are no others.
+    name, if these are few or there are no others. Commands are asked the test of the page of commands, too, which has
+    all options with their defaults.
     """
-    return Questions(_tests(file, root), _proofs(file, root) if file.startswith("rtl/") else ())
+    more = (COMMANDS,) if file.startswith("app/commands/") else ()
+    return Questions((*_tests(file, root), *more), _proofs(file, root) if file.startswith("rtl/") else ())
 
 
 @cache
