@@ -8,6 +8,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from eskin.base.errors import InputError
+from eskin.base.units import counted
 
 _KINDS = {stat.S_ISDIR: "a folder", stat.S_ISFIFO: "a FIFO", stat.S_ISSOCK: "a socket"}
 
@@ -57,7 +58,7 @@ def check_no_others(folder: Path, paths: Collection[Path]) -> None:
     """
     written = set(paths)
     if others := [path for path in find_files(folder, (".npz",))[0] if path not in written]:
-        count = f"{len(others)} .npz file{'s' * (len(others) > 1)}"
+        count = counted(len(others), ".npz file")
         named = f"{others[0]}{', ...' * (len(others) > 1)}"
         raise InputError(
             f"{folder} contains {count} that this command would not overwrite ({named}); choose another --out, or "

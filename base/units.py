@@ -17,6 +17,11 @@ def with_unit(value: float, unit: str) -> str:
     return f"{plain(value / 1000.0 ** (power - 6))} {PREFIXES[power]}{unit}"
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun, in the plural unless the number is 1: 3 recordings."""
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
 def plain(value: float) -> str:
     """Return a number as text, with significant digits, or from 1000 on whole: 0.000123, 3.66, 12,345."""
     return f"{value:,.0f}" if abs(value) >= 999.5 else f"{value:.3g}"

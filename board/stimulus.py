@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +17,6 @@ from eskin.skin.textures.presets import preset
 
 if TYPE_CHECKING:
     from eskin.skin.recordings.folder import RecordingSet
-
-EVERY_FIELD = frozenset(field.name for field in dataclasses.fields(ReadoutConfig))
-"""Of the readout of own recordings: none follows the recordings."""
 
 
 def codes_to_play(
@@ -112,6 +108,7 @@ def recordings_of(weights: IntegerWeights, readout: ReadoutConfig, place: Path) 
     """Return a user's recordings, prepared as in the training."""
     from eskin.skin.recordings.folder import read_set
     from eskin.skin.recordings.options import Preparation
+    from eskin.skin.recordings.trained_on import EVERY_FIELD
 
     said = weights.notes["training"]["recordings"]
     if said is None:

@@ -11,6 +11,7 @@ from typing import Any
 
 from eskin.base.files import atomic_write
 from eskin.base.pages import templates
+from eskin.base.units import counted
 from eskin.flow.datasheet.pictures import timing_diagram
 from eskin.flow.datasheet.waves import Wave
 from eskin.model import __version__
@@ -136,6 +137,6 @@ def table(head: str, rows: Iterable[Iterable[str]]) -> str:
 PAGES = templates(Path(__file__).parent / "templates")
 PAGES.filters |= {
     "si": si,
-    "clocks": lambda number: f"{number} clock{'s' * (number != 1)}",
+    "clocks": lambda number: counted(number, "clock"),
     "quoted": lambda names: ", ".join(f"`{name}`" for name in names),
 }

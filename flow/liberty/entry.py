@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.files import read_bytes
+from eskin.base.units import counted
 
 MOST = 1e15
 """Largest number that an attribute may have, in the units of the file."""
@@ -59,7 +60,7 @@ class Entry:
         """Return the names in the parentheses of the group."""
         found = [text for argument in self.group.args if (text := _text(argument))]
         if len(found) != count:
-            raise self.wrong("the brackets", f"must hold {count} name{'s' * (count > 1)}, not {len(found)}")
+            raise self.wrong("the brackets", f"must hold {counted(count, 'name')}, not {len(found)}")
         return found
 
     def value(self, name: str) -> Any:

@@ -20,7 +20,6 @@ BINARY: tuple[Operators, ...] = (
 BINARY += (("<<", ">>", "<<<", ">>>"), ("+", "-"), ("*", "/", "%"))
 """Operators of two operands, those that bind least first."""
 
-LEVEL = {operator: level for level, operators in enumerate(BINARY) for operator in operators}
 COMPARISONS = {"==", "!=", "===", "!==", "<", "<=", ">", ">="}
 LOGICAL = {"||", "&&"}
 SHIFTS = {"<<", ">>", "<<<", ">>>"}

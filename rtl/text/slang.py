@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from eskin.base.errors import InputError
+from eskin.base.units import counted
 
 INCLUDE = re.compile(r'^[ \t]*`include\s+"([^"]+)".*$', re.MULTILINE)
 NO_CODE = re.compile(r'"(?:\\.|[^"\\\n])*"|//[^\n]*|/\*.*?\*/', re.DOTALL)
@@ -23,7 +24,7 @@ class Port(NamedTuple):
     width: int
 
     def __str__(self) -> str:
-        return f"{self.direction}, {self.width} bit{'s' * (self.width != 1)}"
+        return f"{self.direction}, {counted(self.width, 'bit')}"
 
 
 def compilation(texts: Mapping[str, str], top: str) -> tuple[Any, Any]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from eskin.base.figures.labels import Box, Taken, on_page, place_label
 from eskin.base.figures.style import GREY, dress, legend_below, new_figure, save_figure
+from eskin.base.units import counted
 from eskin.skin.figures.readouts import look
 from eskin.snn.figures.fig9 import NAMES, RECEIVED, Data
 
@@ -41,8 +42,7 @@ def words_of(point: Data) -> str:
     if kind.startswith("frame"):
         levels = f", levels of {numbers[2]} b" if len(numbers) > 2 else ""
         words = f"{RECEIVED.get(kind.removeprefix('frame-'), '')}{numbers[0]} Hz {numbers[1]} b{levels}"
-    count = len(point["taxels"])
-    return f"{words}, {count} taxel{'s' * (count > 1)}"
+    return f"{words}, {counted(len(point['taxels']), 'taxel')}"
 
 
 def plot_frontier(data: Data, path: Path) -> None:

@@ -14,6 +14,7 @@ from eskin.app.cli import printable
 from eskin.app.commands.board.board import Udp, sending, served
 from eskin.app.commands.signals.recordings import DEFAULTS, PREPARATION, named_place, scale_text
 from eskin.app.options import RECORDINGS, with_fields
+from eskin.base.units import counted
 from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.options import Preparation
 
@@ -83,7 +84,7 @@ def demo(
             print(file=sys.stderr)
     known = [one for one in found if one.truth is not None and one.found is not None]
     right = f", {sum(one.truth == one.found for one in known)} of {len(known)} classes right" if known else ""
-    print(f"played {len(found)} recording{'s' * (len(found) != 1)}{right}")
+    print(f"played {counted(len(found), 'recording')}{right}")
 
 
 def _line(one: DemoResult) -> str:

@@ -9,8 +9,9 @@ from typing import Annotated, Any
 import typer
 
 from eskin.app.cli import printable
-from eskin.app.commands.learn.options import BinSeconds, DatasetName, Preset, Tau
+from eskin.app.commands.learn.options import BinSeconds, Preset, Tau
 from eskin.app.commands.learn.sweep import command_line
+from eskin.app.commands.signals.options import TexturesOption
 from eskin.app.options import LEAKY, WRITES_FILE
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
@@ -26,7 +27,7 @@ def counts(
     ] = "nlcs:6,nlcs:8,nlcs:10",
     preset: Preset = "paper",
     tau: Tau = None,
-    dataset: DatasetName = None,
+    dataset: TexturesOption = None,
     bin_s: BinSeconds = None,
     out: Annotated[
         Path | None, typer.Option("-o", "--out", metavar="FILE", help="JSON file for the results"), WRITES_FILE

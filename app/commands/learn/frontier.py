@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from eskin.app.cli import asked_for, printable
-from eskin.app.commands.learn.options import DatasetName, Seeds, check_device
+from eskin.app.commands.learn.options import Seeds, check_device
+from eskin.app.commands.signals.options import TexturesOption
 from eskin.app.options import WRITES_FOLDER
 from eskin.app.tables import filled
 from eskin.base.errors import InputError
@@ -32,7 +33,7 @@ def frontier(
         ),
     ] = None,
     draw: Annotated[Path | None, typer.Option(metavar="FILE", help="plot this frontier.json without training")] = None,
-    dataset: DatasetName = None,
+    dataset: TexturesOption = None,
     out: Annotated[
         Path,
         typer.Option("-o", "--out", metavar="DIR", help="folder for results, frontier.json and .png"),

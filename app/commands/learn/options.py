@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from eskin.app.commands.signals.options import TexturesOption
 from eskin.app.commands.signals.recordings import PREPARATION, OwnData, events_of, option_named
 from eskin.app.options import (
     CONFIG_FILE,
@@ -38,9 +39,6 @@ if TYPE_CHECKING:
 Preset = Annotated[str | None, typer.Option(metavar="paper|physical", help="constants of the texture scan [physical]")]
 Tau = Annotated[
     float | None, typer.Option(metavar="SECONDS", help=f"{', '.join(LEAKY)}: time constant [0.2]", show_default=False)
-]
-DatasetName = Annotated[
-    str | None, typer.Option(metavar="DIR|embedded", help="textures [$ESKIN_DATA, data/kylberg, else embedded]")
 ]
 EventFolder = Annotated[
     Path | None, typer.Option(metavar="DIR", help="event files, for example of a replay, instead of textures")
@@ -119,7 +117,7 @@ READOUT = [*field_options(ReadoutConfig, ENCODER, _IN_HELP), CONFIG_FILE]
 
 def _options(
     data: OwnData = None,
-    dataset: DatasetName = None,
+    dataset: TexturesOption = None,
     events: EventFolder = None,
     preset: Preset = None,
     recipe: Recipe = None,

@@ -16,6 +16,7 @@ from eskin.app.options import TRAINED, WRITES_FILE
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
 from eskin.base.progress import bar
+from eskin.base.units import counted
 
 if TYPE_CHECKING:
     import numpy as np
@@ -91,8 +92,8 @@ def predict(
     counts = work.bin_recordings(recordings, trained)
     logits = work.logits_of(trained.weights.network, counts)
     scores = work.scores(recordings, counts, logits, trained)
-    noun = "recording" if len(counts) == 1 else "recordings"
-    print(f"{len(counts)} {noun}; {counts.steps} steps of {counts.channels} channels, {counts.step_s:g} s each")
+    found = counted(len(counts), "recording")
+    print(f"{found}; {counts.steps} steps of {counts.channels} channels, {counts.step_s:g} s each")
     if other := trained.other_fields(recordings[0].config):
         print(f"warning: the readout differs from that of the training: {'; '.join(other)}", file=sys.stderr)
     _print_recordings(recordings, logits, trained)

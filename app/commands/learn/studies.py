@@ -9,9 +9,10 @@ from typing import Annotated, Any
 import typer
 
 from eskin.app.cli import printable
-from eskin.app.commands.learn.options import DatasetName, check_device
+from eskin.app.commands.learn.options import check_device
 from eskin.app.commands.learn.robustness import Trainings, subjects_of
 from eskin.app.commands.learn.sweep import command_line
+from eskin.app.commands.signals.options import TexturesOption
 from eskin.app.options import WRITES_FOLDER
 from eskin.app.tables import filled, print_table
 from eskin.base.errors import InputError
@@ -109,7 +110,7 @@ def merits(
     noise: Annotated[
         Path | None, typer.Option(metavar="FILE", help="noise_power.json to include in the figure")
     ] = None,
-    dataset: DatasetName = None,
+    dataset: TexturesOption = None,
     limit: Annotated[int, typer.Option(min=1, help="number of textures for rest and timing, evenly spread")] = 24,
     out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="merits.json and .png"), WRITES_FOLDER] = Path(
         "out/merits"

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from eskin.app.commands.signals.options import LimitOption
 from eskin.app.options import WRITES_FILE, with_config
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.progress import bar
@@ -26,7 +27,7 @@ def event_rates(
     preset_name: Annotated[
         str, typer.Option("--preset", metavar="paper|physical|both", help="constants of the texture scan")
     ] = "both",
-    limit: Annotated[int | None, typer.Option(metavar="K", help="number of images, evenly spread [all]")] = None,
+    limit: LimitOption = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
 ) -> None:

@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from eskin.app.options import LEAKY, with_config, with_fields
+from eskin.app.commands.signals.options import JsonOption, LimitOption, ScanOption, TauOption, TexturesOption
+from eskin.app.options import with_config, with_fields
 from eskin.app.tables import CELLS, filled, print_table
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.progress import bar
@@ -30,20 +31,13 @@ def frames(
     frame_rate: Annotated[
         float | None, typer.Option(metavar="HZ", help=f"frames per second [{ReadoutConfig().sample_rate_hz:g}]")
     ] = None,
-    tau: Annotated[
-        float | None, typer.Option(metavar="SECONDS", help=f"{', '.join(LEAKY)}: time constant [{PAPER_TAU_S}]")
-    ] = None,
-    dataset: Annotated[
-        str | None,
-        typer.Option(metavar="DIR|embedded", help="textures [$ESKIN_DATA, data/kylberg, else embedded]"),
-    ] = None,
-    preset_name: Annotated[
-        str, typer.Option("--preset", metavar="paper|physical", help="constants of the texture scan")
-    ] = "paper",
-    limit: Annotated[int | None, typer.Option(metavar="K", help="number of images, evenly spread [all]")] = None,
+    tau: TauOption = None,
+    dataset: TexturesOption = None,
+    preset_name: ScanOption = "paper",
+    limit: LimitOption = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Compare data rate and activity of events and frames on the same scans."""
     scan = preset(preset_name)

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from eskin.app.options import WRITES_FOLDER
+from eskin.app.options import LEAKY, WRITES_FOLDER
+from eskin.skin.textures.rates import PAPER_TAU_S
 
 OutOption = Annotated[
     Path, typer.Option("-o", "--out", metavar="DIR", help="folder for data and picture"), WRITES_FOLDER
@@ -26,6 +27,14 @@ SynthesisOption = Annotated[
 ]
 DatasetOption = Annotated[
     str | None, typer.Option(metavar="DIR|embedded", help="measure event rates on these textures [stored rates]")
+]
+TexturesOption = Annotated[
+    str | None, typer.Option(metavar="DIR|embedded", help="textures [$ESKIN_DATA, data/kylberg, else embedded]")
+]
+ScanOption = Annotated[str, typer.Option("--preset", metavar="paper|physical", help="constants of the texture scan")]
+LimitOption = Annotated[int | None, typer.Option(metavar="K", help="number of images, evenly spread [all]")]
+TauOption = Annotated[
+    float | None, typer.Option(metavar="SECONDS", help=f"{', '.join(LEAKY)}: time constant [{PAPER_TAU_S}]")
 ]
 PresetOption = Annotated[
     str, typer.Option("--preset", metavar="paper|physical", help="texture scan of the event rates")

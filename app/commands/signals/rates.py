@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from eskin.app.options import LEAKY, check_leaks, with_config
+from eskin.app.commands.signals.options import JsonOption, LimitOption, ScanOption, TauOption, TexturesOption
+from eskin.app.options import check_leaks, with_config
 from eskin.app.tables import show_facts
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.progress import bar
@@ -21,24 +22,16 @@ from eskin.skin.textures.rates import PAPER_TAU_S, measure_rates, published_rate
 def rates(
     config: ReadoutConfig,
     given: frozenset[str],
-    preset_name: Annotated[
-        str, typer.Option("--preset", metavar="paper|physical", help="constants of the texture scan")
-    ] = "paper",
-    tau: Annotated[
-        float | None,
-        typer.Option(metavar="SECONDS", help=f"{', '.join(LEAKY)}: time constant [{PAPER_TAU_S}]"),
-    ] = None,
-    dataset: Annotated[
-        str | None,
-        typer.Option(metavar="DIR|embedded", help="textures [$ESKIN_DATA, data/kylberg, else embedded]"),
-    ] = None,
-    limit: Annotated[int | None, typer.Option(metavar="K", help="number of images, evenly spread [all]")] = None,
+    preset_name: ScanOption = "paper",
+    tau: TauOption = None,
+    dataset: TexturesOption = None,
+    limit: LimitOption = None,
     start_row: Annotated[
         list[float] | None, typer.Option(metavar="PIXELS", help="physical: start row, repeatable [0]")
     ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Measure the mean event rate of the whole array over a dataset."""
     scan = preset(preset_name)

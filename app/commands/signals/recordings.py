@@ -14,6 +14,7 @@ from eskin.app.cli import printable
 from eskin.app.options import RECORDINGS, with_fields
 from eskin.base.errors import InputError
 from eskin.base.progress import bar
+from eskin.base.units import counted
 from eskin.model.config import ReadoutConfig, option_of
 from eskin.skin.recordings.options import FINGER, Preparation
 
@@ -130,11 +131,7 @@ def print_set(recordings: RecordingSet, again: bool = False) -> None:
         f" of {len(classes)} classes ({', '.join(classes[:8])}{', ...' if len(classes) > 8 else ''})" if classes else ""
     )
     if not again:
-        print(
-            printable(
-                f"{recordings.name}: {len(recordings.sources)} recording{'s' * (len(recordings.sources) != 1)}{of}"
-            )
-        )
+        print(printable(f"{recordings.name}: {counted(len(recordings.sources), 'recording')}{of}"))
     print(
         f"{config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels at "
         f"{config.sample_rate_hz:g} samples/s, {config.clocks_per_sample} clocks per sample, "

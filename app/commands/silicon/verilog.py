@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from eskin.app.commands.signals.options import JsonOption
 from eskin.app.options import LOGIC, WRITES_FOLDER, check_frame, option_name, with_config, with_fields
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
+from eskin.base.units import counted
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.frame_config import OWN_FIELDS, FrameConfig
@@ -111,7 +113,7 @@ def _deliver(config: Config, out: Path, prove: bool, report: Path | None = None,
         clocks = CLOCKS_PER_EVENT[config.link]
         print(
             f"the link {config.link} sends at most {config.clock_hz / clocks:,.0f} events/s "
-            f"({clocks} clock{'s' * (clocks > 1)} per event, clock {config.clock_hz:g} Hz)"
+            f"({counted(clocks, 'clock')} per event, clock {config.clock_hz:g} Hz)"
         )
 
 
@@ -125,7 +127,7 @@ def gates(
         Path | None,
         typer.Option(metavar="INTEGER.npz", help="count the classifier of this file, without memories"),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Count the gates and flops of both readouts for the same array, or of a classifier."""
     import json
