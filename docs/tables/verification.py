@@ -178,7 +178,7 @@ def fresh_mutants() -> None:
         )
     table(
         "mutants of | drawn | not tested | proved equivalent | argued | others | killed at first | by quick check | "
-        "killed with new tests | surviving",
+        "killed in the end | surviving",
         rows,
         "{name} | {planned} | {left} | {equivalent} | {argued} | {rest} | {first} ({share:.1%}) | {quick:.1%} | "
         "{killed} | {alive}",
