@@ -24,7 +24,8 @@ MOST_JUDGED = 150
 
 INNER_FOLDS = 3
 
-FREE = {"resolution", "rows", "columns", "sample_bits", "sample_rate_hz", "clocks_per_sample", "link", "frontend"}
+SIZE = {"rows", "columns", "sample_bits", "sample_rate_hz", "clocks_per_sample"}
+FREE = {"resolution", "link", "frontend", "reset", "fields", *SIZE}
 """Fields that a user can give while the encoder is chosen: the others belong to one encoder, or follow from it."""
 
 
@@ -50,7 +51,8 @@ class ByClasses:
         every = np.arange(len(sources))
         if self.test is not None:
             return np.setdiff1d(every, matching(names, self.test))
-        return np.setdiff1d(every, stratified_folds(labels, self.folds)[self.fold])
+        classes = sorted({str(source.class_name) for source in sources})
+        return np.setdiff1d(every, stratified_folds(labels, self.folds, class_names=classes)[self.fold])
 
     def __call__(
         self,

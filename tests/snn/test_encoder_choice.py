@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from eskin.app.commands.signals.recordings import events_of
+from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.fitting import RESOLUTIONS
 from eskin.skin.recordings.folder import RecordingSet, read_set, sources_of
@@ -64,6 +65,12 @@ def test_given_fields_stay(folder: Path) -> None:
     both = chosen(fit, encoding="lcs", resolution=4)
     assert (both.config.encoding, both.config.resolution) == ("lcs", 4)
     assert not any("inner validation" in note for note in both.notes)
+
+
+def test_a_class_with_fewer_recordings_than_folds_is_named(folder: Path) -> None:
+    write_skin(folder / "skin", taxels=4, each=3)
+    with pytest.raises(InputError, match="class press has 3; add --folds 3"):
+        chosen(ByClasses(folds=6))
 
 
 def test_too_few_recordings_leave_the_encoder(folder: Path) -> None:

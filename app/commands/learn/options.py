@@ -175,7 +175,7 @@ def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experim
     options : dict
         Values by name, of all parameters of ``_options``, and texts of the fields of Preparation.
     fit : Fit, optional
-        Chooses encoder, resolution and scale for recordings, as in ``kept_events``; not used for frames.
+        Chooses encoder, resolution and scale for recordings, as in ``kept_events``; for frames only the scale.
 
     Raises
     ------
@@ -201,8 +201,8 @@ def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experim
     prepared = parse_fields(Preparation, {name: options[name] for name in PREPARATION})
     follows: dict[str, Any] = {}
     if options["data"] is not None:
-        fit = fit if options["frames"] is None else None
-        folder = events_of(options["data"], {"strict": True} | prepared, readout, given, fit=fit)
+        fixed = given if options["frames"] is None else given | {"encoding", "resolution"}
+        folder = events_of(options["data"], {"strict": True} | prepared, readout, fixed, fit=fit)
         options = options | {"events": folder, "bin_s": options["bin_s"] or _bin_of(folder)}
         bin_s = options["bin_s"] or BinConfig().bin_s
         if options["frames"] is not None:
