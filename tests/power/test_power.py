@@ -120,6 +120,15 @@ def test_parts_of_the_lcs_converter_by_hand():
         assert parts["dac"] == pytest.approx(32 * p.dac_unit_f * p.supply_v**2 * 0.5 * rate)
 
 
+@pytest.mark.parametrize("readout", SPIKING)
+def test_switching_power_grows_with_the_square_of_the_supply(readout):
+    low, high = (
+        PowerModel(parameters=PowerParameters(supply_v=volts)).breakdown(readout, 6, 1e-3).converter_parts
+        for volts in (1.0, 2.0)
+    )
+    assert high["comparator_dynamic"] == pytest.approx(4 * low["comparator_dynamic"])
+
+
 def test_numbers_beyond_what_a_float_can_hold_are_refused_at_both_ends():
     for noise in (SMALLEST / 2, LARGEST * 2):
         with pytest.raises(InputError, match=r"noise.* must be in .*, not "):

@@ -56,6 +56,13 @@ def test_it_takes_the_cheapest_of_the_accurate_encoders(folder: Path) -> None:
     assert found.config.resolution == min(RESOLUTIONS), "every setting finds the classes, and this has fewest events"
 
 
+def test_of_encoders_that_find_all_classes_the_one_with_fewest_bits_is_taken() -> None:
+    found = read_set(FINGER, Preparation(), ReadoutConfig(), fit=ByClasses())
+    assert any(
+        "encoder cw-lcs with 3 b, 271 bit/s" in note and " of 100% with the best" in note for note in found.notes
+    )
+
+
 def test_given_fields_stay(folder: Path) -> None:
     write_skin(folder / "skin", taxels=4, each=4)
     fit = ByClasses(folds=2)
