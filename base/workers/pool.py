@@ -68,7 +68,7 @@ class WorkerPool(Protocol):
         """Number of tasks to keep submitted."""
 
     def submit(self, work: Callable[..., Any], *arguments: Any, shared: Shared | None = None) -> Any:
-        """Submit ``work(value, *arguments)``, the value only if one is shared; return its future."""
+        """Submit ``work`` and return its future; a shared value is the first argument, if there is one."""
 
     def forget(self, name: str) -> None:
         """Delete a shared value that no further task needs."""

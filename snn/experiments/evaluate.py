@@ -230,7 +230,7 @@ class _Sources:
     sets: dict[str, RecordingSet] = field(default_factory=dict)
 
     def expected(self, rtl: Recording) -> tuple[Recording, str | None]:
-        """Return the model's recording for the input of an RTL recording, and its class."""
+        """Return the recording that the model makes from the input of an RTL recording, and the class of this input."""
         own = OwnReadout.of(rtl)
         if own is None:
             texture = _texture(rtl, self.textures, self.places.dataset)
