@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -171,35 +170,40 @@ def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
 # -- figures -----------------------------------------------------------------------------------------
 
 
-def _figure(name: str, text: str) -> Callable[..., None]:
-    """Return the command that plots a figure of the paper in both modes."""
+def fig6(
+    out: OutOption = DEFAULT_OUT,
+    data_out: DataOutOption = None,
+    settings: SettingsOption = None,
+    synthesis: SynthesisOption = None,
+    dataset: DatasetOption = None,
+    preset_name: PresetOption = "paper",
+    rates: RatesOption = None,
+) -> None:
+    """Plot figure 6 in both modes: power at three noise targets."""
+    from eskin.power.figures.plots import plot_fig6
+    from eskin.power.study import FIG_RESOLUTION, FIG_TAU_S, fig6_data
 
-    def command(
-        out: OutOption = DEFAULT_OUT,
-        data_out: DataOutOption = None,
-        settings: SettingsOption = None,
-        synthesis: SynthesisOption = None,
-        dataset: DatasetOption = None,
-        preset_name: PresetOption = "paper",
-        rates: RatesOption = None,
-    ) -> None:
-        from eskin.power.figures.plots import plot_fig6, plot_fig7
-        from eskin.power.study import FIG_RESOLUTION, FIG_TAU_S, RESOLUTIONS, TAUS_S, fig6_data, fig7_data
-
-        compute, plot, resolutions, taus_s = {
-            "fig6": (fig6_data, plot_fig6, [FIG_RESOLUTION], [FIG_TAU_S]),
-            "fig7": (fig7_data, plot_fig7, list(RESOLUTIONS), list(TAUS_S)),
-        }[name]
-        source = partial(rate_table, dataset, preset_name, rates, resolutions, taus_s, watch=bar)
-        data = compute(both_modes(settings, synthesis, source))
-        print(printable(write_results(out, name, data, plot, data_out, command=asked_for())))
-
-    command.__name__, command.__doc__ = name, text
-    return command
+    source = partial(rate_table, dataset, preset_name, rates, [FIG_RESOLUTION], [FIG_TAU_S], watch=bar)
+    data = fig6_data(both_modes(settings, synthesis, source))
+    print(printable(write_results(out, "fig6", data, plot_fig6, data_out, command=asked_for())))
 
 
-fig6 = _figure("fig6", "Plot figure 6 in both modes: power at three noise targets.")
-fig7 = _figure("fig7", "Plot figure 7 in both modes: crossover noise by resolution.")
+def fig7(
+    out: OutOption = DEFAULT_OUT,
+    data_out: DataOutOption = None,
+    settings: SettingsOption = None,
+    synthesis: SynthesisOption = None,
+    dataset: DatasetOption = None,
+    preset_name: PresetOption = "paper",
+    rates: RatesOption = None,
+) -> None:
+    """Plot figure 7 in both modes: crossover noise by resolution."""
+    from eskin.power.figures.plots import plot_fig7
+    from eskin.power.study import RESOLUTIONS, TAUS_S, fig7_data
+
+    source = partial(rate_table, dataset, preset_name, rates, list(RESOLUTIONS), list(TAUS_S), watch=bar)
+    data = fig7_data(both_modes(settings, synthesis, source))
+    print(printable(write_results(out, "fig7", data, plot_fig7, data_out, command=asked_for())))
 
 
 def sensitivity(
