@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.taxel import encode_timed
-from eskin.skin.recordings.fitting import RESOLUTIONS, ByReconstruction, with_seconds
-from eskin.skin.recordings.folder import Source, negative_part_lost
+from eskin.skin.recordings.fitting import RESOLUTIONS, Fit, with_seconds
+from eskin.skin.recordings.folder import negative_part_lost
 from eskin.skin.recordings.quality import MOST_CLOCKS
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.folds import matching, stratified_folds
@@ -30,8 +30,8 @@ FREE = {"resolution", "link", "frontend", "reset", "fields", *SIZE}
 
 
 @dataclass(frozen=True)
-class ByClasses:
-    """Choose encoder, resolution and full scale from the training recordings of one fold.
+class ByClasses(Fit):
+    """Choice of encoder, resolution and full scale from the training recordings of one fold.
 
     Attributes
     ----------
@@ -45,36 +45,33 @@ class ByClasses:
     folds: int = 6
     test: str | None = None
 
-    def learned(self, sources: Sequence[Source]) -> NDArray[np.int64]:
+    def learned(self, names: Sequence[str], classes: Sequence[str]) -> NDArray[np.int64]:
         """Return the numbers of the training recordings."""
-        names, labels = [source.name for source in sources], _labels(sources)
-        every = np.arange(len(sources))
         if self.test is not None:
-            return np.setdiff1d(every, matching(names, self.test))
-        classes = sorted({str(source.class_name) for source in sources})
-        return np.setdiff1d(every, stratified_folds(labels, self.folds, class_names=classes)[self.fold])
+            tested = matching(names, self.test)
+        else:
+            kinds, labels = np.unique(classes, return_inverse=True)
+            tested = stratified_folds(labels, self.folds, class_names=kinds.tolist())[self.fold]
+        return np.setdiff1d(np.arange(len(names)), tested)
 
-    def __call__(
+    def choose(
         self,
         config: ReadoutConfig,
         given: Collection[str],
-        sources: Sequence[Source],
+        classes: Sequence[str],
         recordings: Sequence[NDArray[np.int32]],
         progress: Callable[[], object],
     ) -> tuple[ReadoutConfig, str]:
         """Return the configuration with the lowest data rate among those that are as accurate as the best one.
 
         That is at most one standard error below the best accuracy, by inner cross-validation of a logistic regression
-        on event statistics. Fields in ``given`` stay. With fewer than two training recordings of a class, encoder and
-        resolution follow ``ByReconstruction``.
+        on event statistics. With fewer than two recordings of a class, ``Fit`` chooses.
         """
-        numbers = self.learned(sources)
-        numbers = numbers[:: -(-len(numbers) // MOST_JUDGED)]
-        labels = _labels([sources[number] for number in numbers])
-        judged = [recordings[number] for number in numbers]
+        some = slice(None, None, -(-len(recordings) // MOST_JUDGED))
+        judged, labels = recordings[some], np.unique(classes[some], return_inverse=True)[1]
         inner = min(INNER_FOLDS, int(np.bincount(labels).min()))
         if inner < 2 or len(set(labels.tolist())) < 2:
-            return ByReconstruction()(config, given, sources, judged, progress)
+            return super().choose(config, given, classes, judged, progress)
         seconds = sum(map(len, judged)) / config.sample_rate_hz
         found = []
         for tried in _candidates(config, given):
@@ -124,8 +121,3 @@ def _accuracy(columns: NDArray[np.float64], labels: NDArray[np.int64], inner: in
     for part in stratified_folds(labels, inner):
         right += int((logistic_classes(columns, labels, np.setdiff1d(every, part), part) == labels[part]).sum())
     return right / len(labels)
-
-
-def _labels(sources: Sequence[Source]) -> NDArray[np.int64]:
-    names = sorted({str(source.class_name) for source in sources})
-    return np.array([names.index(str(source.class_name)) for source in sources], np.int64)

@@ -17,8 +17,8 @@ from eskin.base.errors import InputError
 from eskin.base.workers.pool import WorkerPool
 from eskin.model import __version__
 from eskin.model.config import ReadoutConfig
-from eskin.skin.recordings.fitting import ByReconstruction
-from eskin.skin.recordings.folder import Fit, quality_warnings, read_set, sources_of, write_folder
+from eskin.skin.recordings.fitting import Fit
+from eskin.skin.recordings.folder import quality_warnings, read_set, sources_of, write_folder
 from eskin.skin.recordings.options import Preparation
 from eskin.skin.recordings.statistics import write_signals
 
@@ -40,13 +40,13 @@ def kept_events(
 ) -> tuple[Path, tuple[str, ...], tuple[str, ...]]:
     """Return the folder of event files for class folders, with notes and warnings; encode the recordings if needed.
 
-    With ``flat``, recordings may be beside the class folders, or a single file; they have no class. ``fit``, by default
-    ``ByReconstruction``, chooses what is not given.
+    With ``flat``, recordings may be beside the class folders, or a single file; they have no class. ``fit`` chooses
+    what is not given.
 
     The folder's name contains a digest of recordings, options, configuration and the model's source files, so files
     made by anything else are never used.
     """
-    fit = fit or ByReconstruction()
+    fit = fit or Fit()
     settings = [__version__, asdict(options), config.to_dict(), sorted(given), repr(fit)]
     digest = hashlib.sha256(json.dumps(settings).encode())
     for file in sorted([*_MODEL.rglob("*.py"), *_HERE.glob("*.py"), Path(inspect.getfile(type(fit)))]):

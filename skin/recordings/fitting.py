@@ -45,46 +45,56 @@ def with_seconds(config: ReadoutConfig, given: Collection[str]) -> ReadoutConfig
     return config
 
 
-def with_resolution(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -> ReadoutConfig:
-    """Return a configuration with the coarsest resolution that represents half of the taxels well.
-
-    That is at least ``ENOUGH_DB`` on some recordings, evenly spread. Where no resolution does, as with a leak, the
-    configuration stays as it is.
-    """
-    some = recordings[:: -(-len(recordings) // MOST_TRIED)]
-    for resolution in RESOLUTIONS:
-        tried = config.replace(resolution=resolution, clocks_per_sample=MOST_CLOCKS)
-        signal = noise = np.zeros(config.taxels)
-        for codes in some:
-            counts, late = encode_timed(tried, codes)
-            codes = signals(tried, codes)
-            signal = signal + ((codes - codes.mean(0)) ** 2).sum(0)
-            noise = noise + ((codes - decode(tried, counts, late)) ** 2).sum(0)
-        if np.median(signal / np.maximum(noise, 1e-9)) >= 10 ** (ENOUGH_DB / 10):
-            return config.replace(resolution=resolution)
-    return config
-
-
 @dataclass(frozen=True)
-class ByReconstruction:
-    """Choose the resolution by the reconstruction SNR of the recordings, and the full scale from all of them."""
+class Fit:
+    """Choice of a configuration: the resolution by the reconstruction SNR, the full scale from all recordings.
 
-    def learned(self, sources: Sequence[object]) -> NDArray[np.int64]:
-        """Return the numbers of all recordings."""
-        return np.arange(len(sources))
+    A subclass may choose otherwise; its ``repr`` names all of its parameters.
+    """
 
-    def __call__(
+    def learned(self, names: Sequence[str], classes: Sequence[str]) -> NDArray[np.int64]:
+        """Return the numbers of the recordings from which to choose, by the names and classes of all."""
+        return np.arange(len(names))
+
+    def choose(
         self,
         config: ReadoutConfig,
         given: Collection[str],
-        sources: Sequence[object],
+        classes: Sequence[str],
         recordings: Sequence[NDArray[np.int32]],
         progress: Callable[[], object],
     ) -> tuple[ReadoutConfig, str]:
-        """Return a configuration with the chosen resolution, unless it is given, and a note for the user."""
+        """Return a configuration in which the given fields are unchanged, and a note for the user or an empty text.
+
+        The resolution is the coarsest one that represents half of the taxels with at least ``ENOUGH_DB`` on some
+        recordings, evenly spread. Where none does, as with a leak, it stays as it is.
+
+        Parameters
+        ----------
+        config : ReadoutConfig
+        given : collection of str
+            Fields that the user set.
+        classes : sequence of str
+            Class of each recording.
+        recordings : sequence of int32 arrays, shape (ticks, taxels)
+            Codes of the ``learned`` recordings.
+        progress : callable
+            Called after each setting that is tried.
+        """
         if "resolution" in given:
             return config, ""
-        config = with_resolution(config, recordings)
+        some = recordings[:: -(-len(recordings) // MOST_TRIED)]
+        for resolution in RESOLUTIONS:
+            tried = config.replace(resolution=resolution, clocks_per_sample=MOST_CLOCKS)
+            signal = noise = np.zeros(config.taxels)
+            for codes in some:
+                counts, late = encode_timed(tried, codes)
+                codes = signals(tried, codes)
+                signal = signal + ((codes - codes.mean(0)) ** 2).sum(0)
+                noise = noise + ((codes - decode(tried, counts, late)) ** 2).sum(0)
+            if np.median(signal / np.maximum(noise, 1e-9)) >= 10 ** (ENOUGH_DB / 10):
+                config = config.replace(resolution=resolution)
+                break
         return config, f"resolution {config.resolution} b; --resolution chooses another"
 
 

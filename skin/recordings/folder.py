@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.model.readout import Stimulus, simulate
 from eskin.skin.recordings.columns import match_columns
-from eskin.skin.recordings.fitting import array_of, steepest_step, with_clock, with_seconds
+from eskin.skin.recordings.fitting import Fit, array_of, steepest_step, with_clock, with_seconds
 from eskin.skin.recordings.options import Preparation
 from eskin.skin.recordings.prepare import prepare
 from eskin.skin.recordings.quality import MUCH_LATE, Quality, measure_quality, pooled
@@ -47,23 +47,6 @@ class Source:
     path: Path
     name: str
     class_name: str | None
-
-
-class Fit(Protocol):
-    """Choose a configuration for recordings; its ``repr`` names all of its parameters."""
-
-    def learned(self, sources: Sequence[Source]) -> NDArray[np.int64]:
-        """Return the numbers of the recordings from which it chooses."""
-
-    def __call__(
-        self,
-        config: ReadoutConfig,
-        given: Collection[str],
-        sources: Sequence[Source],
-        recordings: Sequence[NDArray[np.int32]],
-        progress: Callable[[], object],
-    ) -> tuple[ReadoutConfig, str]:
-        """Return a configuration in which the given fields are unchanged, and a note for the user or an empty text."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,18 +202,17 @@ def read_set(
         if no_taxels:  # others are taken as these
             names = tables[0].names
             options = dataclasses.replace(options, taxel_columns=",".join(names), names=names if options.names else ())
-    prepared = prepare(
-        tables,
-        options,
-        config.sample_bits,
-        config.sample_rate_hz if "sample_rate_hz" in given else None,
-        fit.learned(sources) if fit else None,
-    )
+    classes = [str(source.class_name) for source in sources]
+    learned = fit.learned([source.name for source in sources], classes) if fit else range(len(sources))
+    rate_hz = config.sample_rate_hz if "sample_rate_hz" in given else None
+    prepared = prepare(tables, options, config.sample_bits, rate_hz, learned)
     taxels = tables[0].values.shape[1]
     config = _with_array(config, taxels, given, tables[0].path).replace(sample_rate_hz=prepared.rate_hz)
     config = with_seconds(config, given)
     if fit and not {"encoding", "resolution"} <= set(given):
-        config, note = fit(config, given, sources, prepared.codes, progress or (lambda: None))
+        codes = [prepared.codes[number] for number in learned]
+        tick = progress or (lambda: None)
+        config, note = fit.choose(config, given, [classes[number] for number in learned], codes, tick)
         notes += (note,) if note else ()
     if "clocks_per_sample" not in given:
         config = with_clock(config, prepared.codes)

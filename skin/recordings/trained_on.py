@@ -22,10 +22,10 @@ RUNS = Path("out")
 """Folder of the folders that ``eskin train`` writes by default; ``eskin quantise`` writes ``whole.npz`` there."""
 
 
-def networks_of_recordings(runs: Path = RUNS) -> dict[Path, str]:
+def networks_of_recordings() -> dict[Path, str]:
     """Return the integer networks trained on a user's recordings, newest first, with the name of their folder."""
     found = {}
-    for path in sorted(runs.glob("train*/whole.npz"), key=lambda path: path.stat().st_mtime, reverse=True):
+    for path in sorted(RUNS.glob("train*/whole.npz"), key=lambda path: path.stat().st_mtime, reverse=True):
         try:
             said = IntegerWeights.load(path).notes.get("training") or {}
         except InputError:
@@ -35,10 +35,10 @@ def networks_of_recordings(runs: Path = RUNS) -> dict[Path, str]:
     return found
 
 
-def network_of(place: Path, runs: Path = RUNS) -> Path | None:
+def network_of(place: Path) -> Path | None:
     """Return the newest integer network trained on a folder of recordings of this name, or None."""
     name = place.resolve().name
-    return next((path for path, dataset in networks_of_recordings(runs).items() if dataset == name), None)
+    return next((path for path, dataset in networks_of_recordings().items() if dataset == name), None)
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from eskin.snn.data.frame_steps import FRAMES, FrameSteps
 from eskin.snn.experiments.recipes import RECIPES
 
 if TYPE_CHECKING:
-    from eskin.skin.recordings.folder import Fit
+    from eskin.skin.recordings.fitting import Fit
     from eskin.snn.experiments.experiment import Experiment
 
 Preset = Annotated[str | None, typer.Option(metavar="paper|physical", help="constants of the texture scan [physical]")]
@@ -140,18 +140,15 @@ NOT_OF_A_SWEEP = ("encoding", "resolution", "events", "frames")
 
 
 def with_experiment(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Replace the parameter ``made`` of a command, an Experiment, by the options that define it.
+    """Replace the parameter ``make`` of a command, which makes an Experiment, by the options that define it.
 
-    A parameter ``make`` receives a function instead, which makes the Experiment and takes a ``Fit`` for recordings. A
-    parameter ``options`` instead receives their values by name, without those that the points of a sweep say.
+    ``make`` takes a ``Fit`` for recordings. A parameter ``options`` instead receives the values of the options by name,
+    without those that the points of a sweep say.
     """
     others = inspect.signature(_options, eval_str=True).parameters.values()
     options = [*READOUT, *(p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in others), *OWN]
-    wanted = inspect.signature(command).parameters
-    if "make" in wanted:
+    if "make" in inspect.signature(command).parameters:
         return replace_parameters(command, ["make"], options, lambda values: {"make": partial(_made, values)})
-    if "made" in wanted:
-        return replace_parameters(command, ["made"], options, lambda values: {"made": _made(values)})
     kept = [option for option in options if option.name not in NOT_OF_A_SWEEP]
     return replace_parameters(command, ["options"], kept, lambda values: {"options": values})
 

@@ -160,7 +160,7 @@ def _epochs(made: Experiment, data: ScanData) -> Iterator[Callable[[Epoch], None
 
 @with_experiment
 def crossval(
-    made: Any,
+    make: Any,
     folds: Folds = 6,
     seeds: Seeds = 3,
     workers: Workers = None,
@@ -174,6 +174,7 @@ def crossval(
 
     A stopped run continues with the missing folds and seeds.
     """
+    made: Experiment = make()
     check_device("cpu", 1)
     output_folder(out, "result.json")
     with bar("recording scans") as step:

@@ -19,7 +19,8 @@ from eskin.model.config import ReadoutConfig, option_of
 from eskin.skin.recordings.options import FINGER, Preparation
 
 if TYPE_CHECKING:
-    from eskin.skin.recordings.folder import Fit, RecordingSet
+    from eskin.skin.recordings.fitting import Fit
+    from eskin.skin.recordings.folder import RecordingSet
     from eskin.skin.recordings.quality import Quality
 
 PREPARATION = tuple(field.name for field in dataclasses.fields(Preparation) if field.metadata)
