@@ -107,9 +107,9 @@ def _statistics(config: ReadoutConfig, recordings: Iterable[NDArray[np.int32]]) 
     columns, events = [], 0
     for codes in recordings:
         counts, _ = encode_timed(config, codes)
-        net = np.add.reduceat(counts, np.arange(0, len(counts), ticks), axis=0).astype(np.float64)
-        parts = [np.maximum(net, 0), np.maximum(-net, 0)] if config.has_polarity else [net]
-        columns.append(event_columns(np.hstack(parts), config.taxels))
+        channels = np.hstack([np.maximum(counts, 0), np.maximum(-counts, 0)]) if config.has_polarity else counts
+        bins = np.add.reduceat(channels, np.arange(0, len(counts), ticks), axis=0, dtype=np.float64)
+        columns.append(event_columns(bins, config.taxels))
         events += int(np.abs(counts).sum())
     return np.array(columns), events
 

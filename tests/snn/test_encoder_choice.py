@@ -16,8 +16,9 @@ from eskin.skin.recordings.folder import RecordingSet, read_set, sources_of
 from eskin.skin.recordings.options import FINGER, Preparation
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.scans import load_recordings
-from eskin.snn.encoder_choice import ByClasses
+from eskin.snn.encoder_choice import ByClasses, _statistics
 from eskin.snn.experiments.single import Fold
+from eskin.snn.reference import event_statistics
 from tests.skins import counts, write_csv, write_skin
 
 FIRST = Preparation(baseline="first")
@@ -63,6 +64,19 @@ def test_of_encoders_that_find_all_classes_the_one_with_fewest_bits_is_taken() -
     assert any(
         "encoder cw-lcs with 3 b, 271 bit/s" in note and " of 100% with the best" in note for note in found.notes
     )
+
+
+def test_encoders_are_compared_by_the_statistics_that_train_prints(folder: Path) -> None:
+    time_s = np.arange(600) / 1000
+    for kind, hz in (("slow", 40), ("fast", 230)):  # several samples a bin, in which the fast signal goes up and down
+        for number in range(2):
+            values = 1000 * np.sin(2 * np.pi * hz * time_s + number)[:, None] + np.array([0, 10])
+            write_csv(folder / f"skin/{kind}/{number}.csv", values, rate_hz=1000)
+    config, given = ReadoutConfig(resolution=5, clocks_per_sample=4096), ("encoding", "resolution", "clocks_per_sample")
+    found = read_set(Path("skin"), FIRST, config, given)
+    events = load_recordings(events_of(Path("skin"), {}, config, given), BinConfig())
+    columns, _ = _statistics(found.config, found.codes)
+    assert np.allclose(columns, event_statistics(events))
 
 
 def test_given_fields_stay(folder: Path) -> None:
