@@ -27,6 +27,7 @@ ARRAY_SUFFIXES = (".npy", ".npz", ".csv")
 
 _ARRAY = "samples"
 _RATE = "sample_rate_hz"
+_COMMA, _THOUSANDS = re.compile(r"[-+]?\d+,\d+"), re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
 _NOT_A_CODE = re.compile(rb"[.eEnN]")  # what only a floating-point number has: point, exponent, nan, inf
 
 
@@ -134,14 +135,26 @@ def cells_of(path: Path, lines: Sequence[str], delimiter: str | None) -> list[li
     lines : sequence of str
     delimiter : str or None
         None: white space.
+
+    Raises
+    ------
+    InputError
+        If the csv module cannot read the lines.
     """
     if delimiter is None:
-        return [line.split() for line in lines]
+        return [[cell.strip('"') for cell in line.split()] for line in lines]
     try:
         rows = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
     except csv.Error as error:
         raise InputError(f"{path} is not a table of cells: {error}") from None
     return [[cell.strip() for cell in row] for row in rows]
+
+
+def check_commas(path: Path, rows: Sequence[Sequence[str]], remedy: str) -> None:
+    """Raise InputError if commas within the numbers of a comma-separated table may all separate thousands."""
+    found = [cell for row in rows for cell in row if _COMMA.fullmatch(cell)]
+    if found and all(_THOUSANDS.fullmatch(cell) for cell in found):
+        raise InputError(f"{path}: the comma in {found[0]!r} may be a decimal comma or separate thousands; {remedy}")
 
 
 def _is_number(cell: bytes) -> bool:

@@ -15,7 +15,7 @@ from eskin.base.errors import InputError
 from eskin.base.files import atomic_write, check_unpacked, read_bytes
 from eskin.model.events.recording import Recording
 from eskin.skin.foreign.events import CLOCKS, UNITS_S, ForeignEvents, in_unit, lost_clocks
-from eskin.skin.samples import cells_of
+from eskin.skin.samples import cells_of, check_commas
 
 TEXT_SUFFIXES = (".csv", ".txt", ".tsv")
 
@@ -95,6 +95,8 @@ def _text_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
         raise InputError(f"{path} is empty; give a table with a line for each event")
     delimiter = next((d for d in ("\t", ";", ",") if d in lines[-1]), None)
     rows = cells_of(path, lines, delimiter)
+    if delimiter == ",":
+        check_commas(path, rows, "write a decimal point, and no separators of thousands")
     header = None if all(_number(cell) is not None for cell in rows[0]) else rows.pop(0)
     width = len(header or rows[0])
     if (wrong := next((n for n, row in enumerate(rows) if len(row) != width), None)) is not None:

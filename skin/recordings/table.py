@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 from eskin.base.files import read_bytes
 from eskin.skin.recordings.options import Preparation
-from eskin.skin.samples import ARRAY_SUFFIXES, cells_of, read_samples
+from eskin.skin.samples import ARRAY_SUFFIXES, cells_of, check_commas, read_samples
 
 Values = NDArray[np.float64]
 
@@ -135,7 +135,10 @@ def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...]
         raise InputError(f"{path} holds no samples; give at least one line of numbers")
     delimiter = {"tab": "\t", "space": None, "": _delimiter(lines)}.get(options.delimiter, options.delimiter)
     if '"' in text:
-        lines = ["\t".join(cells) for cells in cells_of(path, lines, delimiter)]
+        rows = cells_of(path, lines, delimiter)
+        if delimiter == "," and options.decimal == "auto":
+            check_commas(path, rows, "add --decimal comma, or remove the separators of thousands")
+        lines = ["\t".join(cells) for cells in rows]
         delimiter = "\t"
     comma = options.decimal == "comma" or (options.decimal == "auto" and delimiter != "," and "," in lines[-1])
     if comma and delimiter == ",":

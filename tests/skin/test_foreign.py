@@ -143,6 +143,7 @@ def test_columns_are_found_by_name_in_any_order_and_unit(folder: Path, call: Cal
         ("t,x,y,p\n5,1.5,0,1\n", "", "column x must hold whole numbers, not float64"),
         ("t,x,y,p\n5,one,0,1\n", "", "event 0 has x 'one', which is no number"),
         ("t,x,y,p\nnan,0,0,1\n", "", "event 0 has no finite time; remove it"),
+        ('t,x,y,p\n"1,500",0,0,1\n"2,000",0,0,1\n', "", "'1,500' may be a decimal comma or separate thousands; write"),
         (f"t,x,y,p\n{2**63},0,0,1\n", "", "column t has numbers beyond 63 bits"),
         ("t,x,y,p\n5,0,0\n", "", "event 0 has 3 cells, the first line 4; a decimal comma needs another"),
         ("t,x,p\n5,0,1\n", "", "no columns x and y, and no address"),

@@ -51,6 +51,15 @@ def test_quoted_cells_may_hold_the_delimiter(tmp_path):
     assert np.allclose(table.time_s, [0, 0.1, 0.2])
 
 
+def test_a_comma_that_may_separate_thousands_is_refused_unless_it_is_said(tmp_path):
+    text = '"a","b"\n"1,500","2,250"\n"1,750","2,000"\n'
+    with pytest.raises(InputError, match=r"the comma in '1,500' may be .*; add --decimal comma, or remove"):
+        table_of(tmp_path, text)
+    assert table_of(tmp_path, text, Preparation(decimal="comma")).values.tolist() == [[1.5, 2.25], [1.75, 2.0]]
+    assert table_of(tmp_path, text.replace('"1,7', '"0,7')).values.tolist() == [[1.5, 2.25], [0.75, 2.0]]
+    assert table_of(tmp_path, '"a" "b"\n1 "2"\n3 4\n').names == ("a", "b")
+
+
 @pytest.mark.parametrize("mark", ["\t", " ", ",", ";", "|"])
 def test_any_delimiter_is_read(tmp_path, mark):
     options = Preparation(delimiter=mark if mark == "|" else "")
