@@ -54,7 +54,7 @@ def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(
     assert "network: out/train/whole.npz, trained on finger" in out
     line = LAST.fullmatch(out.splitlines()[-1])
     assert line is not None
-    assert int(line[2]) > 500
+    assert int(line[2]) > 1000
     answers = json.loads(Path("out/touch/finger/summary.json").read_text())["answers"]
     data = load_recordings(Path(result["experiment"]["events"]), BinConfig(**result["experiment"]["bins"]))
     assert sorted({data.steps_of(scan) for scan in range(24)}) == [141, 142, 176, 177], (

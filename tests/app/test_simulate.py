@@ -267,6 +267,7 @@ def test_a_link_too_slow_for_the_signal_is_said_before_and_is_no_failure(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(progress, "SILENCE_S", 0.01)
+    monkeypatch.setattr(simulator, "BUILD", tmp_path / "build")  # a kept program would not be built
     array = ["--rows", 4, "--columns", 4, "--resolution", 8, "--link", "four_phase", "--clocks-per-sample", 4]
     leak = ["--encoding", "nlcs", "--leak-period", 1, "--leak-shift", 1]
     done = call(

@@ -125,7 +125,7 @@ def frame_draw(rng: np.random.Generator) -> tuple[FrameConfig, FrameStimulus]:
     return config, FrameStimulus(
         samples=rng.integers(-readout.full_scale, readout.full_scale, (len(at), readout.taxels)),
         sample_clock=at,
-        frame_clock=np.unique(rng.integers(0, clocks, int(rng.integers(1, 40)))),
+        frame_clock=np.unique([rng.integers(0, 50), *rng.integers(0, clocks, int(rng.integers(0, 40)))]),
         clocks=clocks,
         conversion=rng.integers(1, 6, 16),
         ready=(rng.random(64) < rng.choice([0.2, 0.7, 1.0])).astype(np.uint8),
