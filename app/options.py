@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_type_hints
 
-import typer
+from typer.models import ArgumentInfo, OptionInfo
 
 from eskin.base import outputs
 from eskin.base.errors import InputError
@@ -33,12 +33,35 @@ MAIN = ("rows", "columns", "encoding", "resolution", "sample_rate_hz")
 """Fields of ReadoutConfig that stand under ``READOUT``; the others follow under ``DETAIL``."""
 
 
-# -- paths that a command writes ---------------------------------------------------------------------
+# -- options and arguments of a command, and paths that it writes ------------------------------------
 
 
-@dataclasses.dataclass(frozen=True)
-class Writes:
-    """Marker for an option that is an output path: ``Annotated[Path, typer.Option(...), WRITES_FILE]``.
+def opt(*words: str, **limits: Any) -> OptionInfo:
+    """Return an option as its help shows it: flags, name of the value, text.
+
+    Parameters
+    ----------
+    *words : str
+        Flags such as ``--time-unit``, unless that of the parameter's name; the metavar, if there is one; the text.
+    **limits
+        Other arguments of ``typer.Option``.
+    """
+    return _filled(OptionInfo, words, limits)
+
+
+def arg(*words: str, **limits: Any) -> ArgumentInfo:
+    """Return an argument: metavar and text."""
+    return _filled(ArgumentInfo, words, limits)
+
+
+def _filled(kind: type[Any], words: Sequence[str], limits: Mapping[str, Any]) -> Any:
+    flags = [word for word in words[:-1] if word.startswith("-")]
+    metavar = next((word for word in words[:-1] if not word.startswith("-")), None)
+    return kind(default=..., param_decls=flags, metavar=metavar, help=words[-1], **limits)
+
+
+class Output(OptionInfo):
+    """An option that is an output path, ``-o`` unless it has other flags.
 
     Attributes
     ----------
@@ -46,7 +69,7 @@ class Writes:
         Whether the output is a folder; a callable receives the arguments of the command by name.
     """
 
-    folder: bool | Callable[[Mapping[str, Any]], bool] = False
+    folder: bool | Callable[[Mapping[str, Any]], bool]
 
     def path(self, path: Path, given: Mapping[str, Any], inputs: Iterable[Path]) -> Path:
         """Return the path to write: a folder as given, a file with its links resolved.
@@ -70,14 +93,22 @@ class Writes:
         return path
 
 
-WRITES_FILE, WRITES_FOLDER = Writes(), Writes(folder=True)
+def out_file(*words: str, when: bool | Callable[[Mapping[str, Any]], bool] = False, **limits: Any) -> Output:
+    """Return an option that is an output file; a folder where ``when`` holds for the arguments of the command."""
+    made: Output = _filled(Output, words if words[0].startswith("-") else ("-o", "--out", *words), limits)
+    made.folder = when
+    return made
+
+
+out_folder = functools.partial(out_file, when=True)
+"""Function that returns an option that is an output folder."""
 
 
 def checking_outputs(command: Command) -> Command:
     """Return a command that checks its output paths before any work, and leaves no empty folder after an error."""
     signature = inspect.signature(command, eval_str=True)
     parameters = signature.parameters
-    marks = {n: mark for n, p in parameters.items() for mark in get_args(p.annotation) if isinstance(mark, Writes)}
+    marks = {n: mark for n, p in parameters.items() for mark in get_args(p.annotation) if isinstance(mark, Output)}
 
     @functools.wraps(command)
     def wrapper(**arguments: Any) -> Any:
@@ -108,7 +139,7 @@ def option(
     name: str, hint: Any, text: str, metavar: str | None, flag: str, heading: str | None = None
 ) -> inspect.Parameter:
     """Return an optional keyword parameter with a command-line option; its default None means "not given"."""
-    info = typer.Option(flag, help=text, metavar=metavar, show_default=False, rich_help_panel=heading)
+    info = opt(flag, *filter(None, [metavar]), text, show_default=False, rich_help_panel=heading)
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[hint, info])
 
 

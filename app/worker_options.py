@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
+from eskin.app.options import opt
 from eskin.base.errors import InputError
 
 if TYPE_CHECKING:
     from eskin.base.workers.cluster import Needs
     from eskin.base.workers.pool import WorkerPool
 
-Workers = Annotated[
-    int | None, typer.Option(metavar="N", help="parallel processes on this machine [one per usable core]")
-]
-Scheduler = Annotated[
-    str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, tcp://HOST:8786, instead of this machine")
-]
+Workers = Annotated[int | None, opt("N", "parallel processes on this machine [one per usable core]")]
+Scheduler = Annotated[str | None, opt("ADDRESS", "Dask scheduler, tcp://HOST:8786, instead of this machine")]
 
 
 def open_pool(

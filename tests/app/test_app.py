@@ -184,7 +184,7 @@ def test_one_table_of_fields_says_all(cls: type) -> None:
 def test_other_classes_become_options_too() -> None:
     names = ("signal_bandwidth_hz", "supply_v", "pads_toggle")
     shown = [option.annotation.__metadata__[0] for option in field_options(PowerParameters, names, {"supply_v": "?"})]
-    assert [(o.default, o.metavar) for o in shown] == [
+    assert [(*o.param_decls, o.metavar) for o in shown] == [
         ("--bandwidth", "HZ"), ("--supply", "V"), ("--pads-toggle", "NUMBER"),
     ]  # fmt: skip
     assert str(shown[1].help).endswith(" [?]")

@@ -10,7 +10,7 @@ import pytest
 
 from eskin.app.catalogue import MODULES, words_of
 from eskin.app.cli import Commands
-from eskin.app.options import Writes
+from eskin.app.options import Output
 from eskin.model.events.recording import Recording
 
 OUTPUTS = {"-o", "--out", "--keep", "--plot", "--data-out"}
@@ -30,12 +30,12 @@ def line_of(name: str, given: dict[str, str]) -> str:
     return " ".join(words)
 
 
-def marks(name: str) -> dict[str, Writes]:
+def marks(name: str) -> dict[str, Output]:
     """Return the output markers of a command's options by parameter name."""
     function = Commands(MODULES)[name].callback
     assert function is not None
     parameters = inspect.signature(function).parameters.items()
-    return {n: mark for n, p in parameters for mark in get_args(p.annotation) if isinstance(mark, Writes)}
+    return {n: mark for n, p in parameters for mark in get_args(p.annotation) if isinstance(mark, Output)}
 
 
 @pytest.mark.parametrize("name", sorted(MODULES))

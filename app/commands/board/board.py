@@ -12,7 +12,7 @@ import typer
 
 from eskin.app.cli import printable
 from eskin.app.commands.signals.recordings import OwnData
-from eskin.app.options import WRITES_FILE, with_config
+from eskin.app.options import arg, opt, out_file, with_config
 from eskin.base.errors import InputError
 from eskin.base.progress import watched
 from eskin.model.config import ReadoutConfig
@@ -28,39 +28,35 @@ if TYPE_CHECKING:
     from eskin.board.udp import UdpSender
 
 BAUD = 2_000_000
-Port = Annotated[str, typer.Option(help="serial port of the board, such as /dev/ttyUSB0")]
-Baud = Annotated[int, typer.Option(min=1, help="bits per second of the board")]
-Page = Annotated[int | None, typer.Option(metavar="PORT", help="also serve a live page at this port of this machine")]
-Udp = Annotated[
-    str | None, typer.Option(metavar="HOST:PORT", help="also send every event to this address, in jAER's UDP format")
-]
-Patience = Annotated[
-    float, typer.Option(metavar="SECONDS", min=0.1, help="seconds of silence after which the board counts as lost")
-]
-NETWORK = typer.Argument(metavar="INTEGER.npz", help="integer network, from eskin quantise")
+Port = Annotated[str, opt("serial port of the board, such as /dev/ttyUSB0")]
+Baud = Annotated[int, opt("bits per second of the board", min=1)]
+Page = Annotated[int | None, opt("PORT", "also serve a live page at this port of this machine")]
+Udp = Annotated[str | None, opt("HOST:PORT", "also send every event to this address, in jAER's UDP format")]
+Patience = Annotated[float, opt("SECONDS", "seconds of silence after which the board counts as lost", min=0.1)]
+Network = Annotated[Path, arg("INTEGER.npz", "integer network, from eskin quantise")]
 RASTER_LINES = 16
 WINDOW_S = 3.0
 """Time that the raster of a foreign chip shows."""
 
 
 def play(
-    weights: Annotated[Path, NETWORK],
+    weights: Network,
     port: Port,
-    samples: Annotated[Path | None, typer.Option(metavar="FILE", help="codes of all taxels (.npy, .npz, .csv)")] = None,
+    samples: Annotated[Path | None, opt("FILE", "codes of all taxels (.npy, .npz, .csv)")] = None,
     data: OwnData = None,
-    dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded' [embedded]")] = None,
-    only: Annotated[str | None, typer.Option(help="texture or recording, by name")] = None,
-    sensor: Annotated[bool, typer.Option("--sensor", help="read the skin at the board; see fpga --adc")] = False,
-    limit: Annotated[int | None, typer.Option(min=1, help="number of sample ticks [all; a skin: until Ctrl-C]")] = None,
-    check: Annotated[bool, typer.Option(help="compare events and classes with the model")] = True,
+    dataset: Annotated[str | None, opt("texture folder, or 'embedded' [embedded]")] = None,
+    only: Annotated[str | None, opt("texture or recording, by name")] = None,
+    sensor: Annotated[bool, opt("--sensor", "read the skin at the board; see fpga --adc")] = False,
+    limit: Annotated[int | None, opt("number of sample ticks [all; a skin: until Ctrl-C]", min=1)] = None,
+    check: Annotated[bool, opt("compare events and classes with the model")] = True,
     page: Page = None,
     udp: Udp = None,
     raw: Annotated[
-        bool, typer.Option("--raw", help="send all samples in 16 bits and take events in 32, as an earlier board needs")
+        bool, opt("--raw", "send all samples in 16 bits and take events in 32, as an earlier board needs")
     ] = False,
     baud: Baud = BAUD,
     patience: Patience = 3.0,
-    out: Annotated[Path, typer.Option("-o", "--out", help="file for the events"), WRITES_FILE] = Path("out/played.npz"),
+    out: Annotated[Path, out_file("file for the events")] = Path("out/played.npz"),
 ) -> None:
     """Play a texture, a recording or a file of codes through the readout and classifier of a board.
 
@@ -121,15 +117,14 @@ def listen(
     given: frozenset[str],
     port: Port,
     map_: Annotated[
-        Path | None,
-        typer.Option("--map", metavar="FILE", help="taxel of each of the chip's addresses, without polarity"),
+        Path | None, opt("--map", "FILE", "taxel of each of the chip's addresses, without polarity")
     ] = None,
-    seconds: Annotated[float | None, typer.Option(min=0.0, help="duration of the recording [until Ctrl-C]")] = None,
+    seconds: Annotated[float | None, opt("duration of the recording [until Ctrl-C]", min=0.0)] = None,
     page: Page = None,
     udp: Udp = None,
     baud: Baud = BAUD,
     patience: Patience = 3.0,
-    out: Annotated[Path, typer.Option("-o", "--out", help="file for the events"), WRITES_FILE] = Path("out/heard.npz"),
+    out: Annotated[Path, out_file("file for the events")] = Path("out/heard.npz"),
 ) -> None:
     """Record events that another chip sends over four-phase AER to a board.
 
@@ -163,12 +158,7 @@ def listen(
         raise typer.Exit(1)
 
 
-def load(
-    weights: Annotated[Path, NETWORK],
-    port: Port,
-    baud: Baud = BAUD,
-    patience: Patience = 3.0,
-) -> None:
+def load(weights: Network, port: Port, baud: Baud = BAUD, patience: Patience = 3.0) -> None:
     """Load the weights of a network into a board, and verify them."""
     from eskin.board import session
     from eskin.model.classifier.file import IntegerWeights
@@ -181,7 +171,7 @@ def load(
 
 
 def rescue(
-    journal: Annotated[Path, typer.Argument(metavar="FILE.npz.part", help="partial file of a killed recording")],
+    journal: Annotated[Path, arg("FILE.npz.part", "partial file of a killed recording")],
 ) -> None:
     """Convert the partial file of a killed recording into an event file."""
     from eskin.board.journal import convert

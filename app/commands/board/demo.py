@@ -8,12 +8,10 @@ import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from eskin.app.cli import printable
 from eskin.app.commands.board.board import Udp, sending, served
 from eskin.app.commands.signals.recordings import DEFAULTS, PREPARATION, named_place, scale_text
-from eskin.app.options import RECORDINGS, with_fields
+from eskin.app.options import RECORDINGS, arg, opt, with_fields
 from eskin.base.units import counted
 from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.options import Preparation
@@ -30,27 +28,23 @@ HOLD_S = 1.5
 def demo(
     source: Annotated[
         Path | None,
-        typer.Argument(
-            metavar="[INPUT|finger]",
-            help="image, recording, folder of class folders, or finger, the project's own recordings [textures]",
+        arg(
+            "[INPUT|finger]",
+            "image, recording, folder of class folders, or finger, the project's own recordings [textures]",
             callback=named_place,
         ),
     ] = None,
     weights: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="INTEGER.npz", help="integer network [from eskin quantise for these recordings; embedded]"
-        ),
+        Path | None, opt("INTEGER.npz", "integer network [from eskin quantise for these recordings; embedded]")
     ] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="port of the live page; 0 for any free port")] = 8000,
-    browser: Annotated[bool, typer.Option(help="open the page in a browser")] = True,
+    port: Annotated[int, opt("port of the live page; 0 for any free port", min=0, max=65535)] = 8000,
+    browser: Annotated[bool, opt("open the page in a browser")] = True,
     udp: Udp = None,
     speed: Annotated[
-        float | None,
-        typer.Option(min=1e-4, help="playback speed, recorded seconds per second [1, slower for short inputs]"),
+        float | None, opt("playback speed, recorded seconds per second [1, slower for short inputs]", min=1e-4)
     ] = None,
-    only: Annotated[str | None, typer.Option(help="image or recording, by name")] = None,
-    limit: Annotated[int | None, typer.Option(min=1, help="number of images or recordings [until Ctrl-C]")] = None,
+    only: Annotated[str | None, opt("image or recording, by name")] = None,
+    limit: Annotated[int | None, opt("number of images or recordings [until Ctrl-C]", min=1)] = None,
     readout: dict[str, Any] | None = None,
     prepared: dict[str, Any] | None = None,
 ) -> None:

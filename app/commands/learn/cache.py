@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
+from eskin.app.options import opt
 
 
-def cache(clear: Annotated[bool, typer.Option("--clear", help="remove all recorded scans")] = False) -> None:
+def cache(clear: Annotated[bool, opt("--clear", "remove all recorded scans")] = False) -> None:
     """Print the number of cached scans and their folder, or remove them with --clear."""
     from eskin.base import cache as place
     from eskin.snn.data import cache as scans

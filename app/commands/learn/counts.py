@@ -12,7 +12,7 @@ from eskin.app.cli import printable
 from eskin.app.commands.learn.options import BinSeconds, Preset, Tau
 from eskin.app.commands.learn.sweep import command_line
 from eskin.app.commands.signals.options import TexturesOption
-from eskin.app.options import LEAKY, WRITES_FILE
+from eskin.app.options import LEAKY, opt, out_file
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
 from eskin.base.progress import bar
@@ -22,16 +22,12 @@ from eskin.model.encoders import registry
 
 def counts(
     context: typer.Context,
-    points: Annotated[
-        str, typer.Option(metavar="ENCODER:N,...", help="encoders with resolution")
-    ] = "nlcs:6,nlcs:8,nlcs:10",
+    points: Annotated[str, opt("ENCODER:N,...", "encoders with resolution")] = "nlcs:6,nlcs:8,nlcs:10",
     preset: Preset = "paper",
     tau: Tau = None,
     dataset: TexturesOption = None,
     bin_s: BinSeconds = None,
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE", help="JSON file for the results"), WRITES_FILE
-    ] = None,
+    out: Annotated[Path | None, out_file("FILE", "JSON file for the results")] = None,
 ) -> None:
     """Compare the event counts of several resolutions of an encoder on the same scans.
 

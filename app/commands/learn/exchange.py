@@ -6,10 +6,8 @@ import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from eskin.app.cli import printable
-from eskin.app.options import TRAINED, WRITES_FILE
+from eskin.app.options import TRAINED, arg, opt, out_file
 from eskin.base.errors import InputError
 from eskin.base.progress import bar
 
@@ -18,9 +16,9 @@ if TYPE_CHECKING:
 
 
 def export(
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="graph .nir, or archive .npz"), WRITES_FILE],
-    weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")] = TRAINED,
-    eight_bits: Annotated[bool, typer.Option("--eight-bits", help=".npz: matrices in 8 bits")] = False,
+    out: Annotated[Path, out_file("FILE", "graph .nir, or archive .npz")],
+    weights: Annotated[Path, arg("WEIGHTS.npz", "trained network")] = TRAINED,
+    eight_bits: Annotated[bool, opt("--eight-bits", ".npz: matrices in 8 bits")] = False,
 ) -> None:
     """Export a trained network as a NIR graph or a NumPy archive."""
     if out.suffix not in (".nir", ".npz"):
@@ -72,15 +70,11 @@ def _tell_lacks(path: Path, weights: Weights) -> None:
 
 
 def import_(
-    graph: Annotated[Path, typer.Argument(metavar="GRAPH.nir", help="NIR graph of a network")],
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="WEIGHTS.npz", help="archive to write"), WRITES_FILE],
-    step: Annotated[float | None, typer.Option(metavar="SECONDS", help="time step, if the file has none")] = None,
-    classes: Annotated[
-        str | None, typer.Option(metavar="A,B,...", help="names of the outputs [those in the file, or numbers]")
-    ] = None,
-    reset: Annotated[
-        str | None, typer.Option(metavar="zero|subtract", help="effect of a spike, if the file has none [zero]")
-    ] = None,
+    graph: Annotated[Path, arg("GRAPH.nir", "NIR graph of a network")],
+    out: Annotated[Path, out_file("WEIGHTS.npz", "archive to write")],
+    step: Annotated[float | None, opt("SECONDS", "time step, if the file has none")] = None,
+    classes: Annotated[str | None, opt("A,B,...", "names of the outputs [those in the file, or numbers]")] = None,
+    reset: Annotated[str | None, opt("zero|subtract", "effect of a spike, if the file has none [zero]")] = None,
 ) -> None:
     """Import a network from a NIR graph."""
     if out.suffix != ".npz":
@@ -96,39 +90,27 @@ def import_(
 
 
 def quantise(
-    weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")] = TRAINED,
-    bits: Annotated[int, typer.Option(min=2, max=8, help="bits of all weights")] = 8,
-    in_bits: Annotated[int | None, typer.Option(metavar="2..8", help="bits of the input weights")] = None,
-    rec_bits: Annotated[int | None, typer.Option(metavar="2..8", help="bits of the recurrent weights")] = None,
-    out_bits: Annotated[int | None, typer.Option(metavar="2..8", help="bits of the output weights")] = None,
-    bias_bits: Annotated[int, typer.Option(help="bits of a bias, 2..16")] = 9,
-    decay_bits: Annotated[
-        int | None, typer.Option(help="bits of a decay, 2..16 [a shift; 8 with synaptic currents]")
-    ] = None,
-    threshold_bits: Annotated[int, typer.Option(help="smallest number of bits of the threshold, 2..16")] = 8,
+    weights: Annotated[Path, arg("WEIGHTS.npz", "trained network")] = TRAINED,
+    bits: Annotated[int, opt("bits of all weights", min=2, max=8)] = 8,
+    in_bits: Annotated[int | None, opt("2..8", "bits of the input weights")] = None,
+    rec_bits: Annotated[int | None, opt("2..8", "bits of the recurrent weights")] = None,
+    out_bits: Annotated[int | None, opt("2..8", "bits of the output weights")] = None,
+    bias_bits: Annotated[int, opt("bits of a bias, 2..16")] = 9,
+    decay_bits: Annotated[int | None, opt("bits of a decay, 2..16 [a shift; 8 with synaptic currents]")] = None,
+    threshold_bits: Annotated[int, opt("smallest number of bits of the threshold, 2..16")] = 8,
     membrane_bits: Annotated[
-        int | None,
-        typer.Option(help="bits of a hidden potential [32 thresholds; no floor, or synaptic currents: all values]"),
+        int | None, opt("bits of a hidden potential [32 thresholds; no floor, or synaptic currents: all values]")
     ] = None,
-    lanes: Annotated[int, typer.Option(help="weights added per clock")] = 16,
+    lanes: Annotated[int, opt("weights added per clock")] = 16,
     clock: Annotated[
-        float | None,
-        typer.Option(
-            metavar="HZ", help="clock frequency of the hardware [50e6; own recordings: the lowest that suffices]"
-        ),
+        float | None, opt("HZ", "clock frequency of the hardware [50e6; own recordings: the lowest that suffices]")
     ] = None,
     accuracy: Annotated[
-        bool, typer.Option("--accuracy", help="print the accuracy of float and integer network on the test images")
+        bool, opt("--accuracy", "print the accuracy of float and integer network on the test images")
     ] = False,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--out",
-            metavar="INTEGER.npz",
-            help="file to write; memory images are written beside it [whole.npz beside the weights]",
-        ),
-        WRITES_FILE,
+        out_file("INTEGER.npz", "file to write; memory images are written beside it [whole.npz beside the weights]"),
     ] = None,
 ) -> None:
     """Quantise a trained network to integers for the hardware classifier, and write its memory images."""

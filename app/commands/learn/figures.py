@@ -5,24 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.signals.options import DataOutOption, OutOption
-from eskin.app.options import TRAINED
+from eskin.app.options import TRAINED, opt
 from eskin.base.errors import InputError
 from eskin.base.figures.files import DEFAULT_OUT, write_results
 
 
 def fig9(
     sweep: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="FILE|DIR", help="sweep, repeatable [those of the project and out/sweep/sweep.json]"),
+        list[Path] | None, opt("FILE|DIR", "sweep, repeatable [those of the project and out/sweep/sweep.json]")
     ] = None,
-    reading: Annotated[str, typer.Option(metavar="last|selected", help="epoch to evaluate")] = "last",
+    reading: Annotated[str, opt("last|selected", "epoch to evaluate")] = "last",
     confusion: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="sweep points for confusion matrices [best spiking point of each preset]"),
+        str | None, opt("NAME", "sweep points for confusion matrices [best spiking point of each preset]")
     ] = None,
     out: OutOption = DEFAULT_OUT,
     data_out: DataOutOption = None,
@@ -46,19 +42,12 @@ def fig9(
 
 
 def fig8(
-    weights: Annotated[Path, typer.Option(metavar="FILE", help="weights from eskin train")] = TRAINED,
-    result: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="result of the same training [result.json beside the weights]")
-    ] = None,
-    dataset: Annotated[
-        str | None, typer.Option(metavar="DIR|embedded", help="textures [folder used in training]")
-    ] = None,
-    data: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="your own recordings, if the network was trained on them")
-    ] = None,
+    weights: Annotated[Path, opt("FILE", "weights from eskin train")] = TRAINED,
+    result: Annotated[Path | None, opt("FILE", "result of the same training [result.json beside the weights]")] = None,
+    dataset: Annotated[str | None, opt("DIR|embedded", "textures [folder used in training]")] = None,
+    data: Annotated[Path | None, opt("DIR", "your own recordings, if the network was trained on them")] = None,
     image: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="texture or recording, such as brick/brick-00 [first correct test image]"),
+        str | None, opt("NAME", "texture or recording, such as brick/brick-00 [first correct test image]")
     ] = None,
     out: OutOption = DEFAULT_OUT,
     data_out: DataOutOption = None,

@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.learn.options import Seeds, check_device
 from eskin.app.commands.signals.options import TexturesOption
-from eskin.app.options import WRITES_FOLDER
+from eskin.app.options import arg, opt, out_folder
 from eskin.app.tables import filled
 from eskin.base.errors import InputError
 from eskin.base.figures.files import write_results
@@ -20,25 +18,15 @@ from eskin.base.progress import bar
 def frontier(
     points: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="POINT...",
-            help="PRESET/NETWORK/READOUT/TAXELS, such as physical/leaky/lcs:3/across:4 [all documented points]",
-        ),
+        arg("POINT...", "PRESET/NETWORK/READOUT/TAXELS, such as physical/leaky/lcs:3/across:4 [all documented points]"),
     ] = None,
     seeds: Seeds = 1,
     inner: Annotated[
-        int | None,
-        typer.Option(
-            min=1, max=6, metavar="FOLDS", help="only inner validation, in this number of folds, without test images"
-        ),
+        int | None, opt("FOLDS", "only inner validation, in this number of folds, without test images", min=1, max=6)
     ] = None,
-    draw: Annotated[Path | None, typer.Option(metavar="FILE", help="plot this frontier.json without training")] = None,
+    draw: Annotated[Path | None, opt("FILE", "plot this frontier.json without training")] = None,
     dataset: TexturesOption = None,
-    out: Annotated[
-        Path,
-        typer.Option("-o", "--out", metavar="DIR", help="folder for results, frontier.json and .png"),
-        WRITES_FOLDER,
-    ] = Path("out/frontier"),
+    out: Annotated[Path, out_folder("DIR", "folder for results, frontier.json and .png")] = Path("out/frontier"),
 ) -> None:
     """Train networks on chosen taxels, and compare accuracy with events/s, bits/s and power.
 

@@ -10,8 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from eskin.app.commands.signals.options import TexturesOption
 from eskin.app.commands.signals.recordings import PREPARATION, OwnData, events_of, option_named
 from eskin.app.options import (
@@ -21,6 +19,7 @@ from eskin.app.options import (
     build_config,
     check_leaks,
     field_options,
+    opt,
     parse_fields,
     replace_parameters,
 )
@@ -36,46 +35,26 @@ if TYPE_CHECKING:
     from eskin.skin.recordings.fitting import Fit
     from eskin.snn.experiments.experiment import Experiment
 
-Preset = Annotated[str | None, typer.Option(metavar="paper|physical", help="constants of the texture scan [physical]")]
-Tau = Annotated[
-    float | None, typer.Option(metavar="SECONDS", help=f"{', '.join(LEAKY)}: time constant [0.2]", show_default=False)
-]
-EventFolder = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="event files, for example of a replay, instead of textures")
-]
-Frames = Annotated[
-    str | None, typer.Option(metavar=FRAMES, help="frames instead of events, such as frame-diff:250:8 (250 Hz, 8 bits)")
-]
-StartRows = Annotated[int | None, typer.Option(min=1, help="scans per image (physical) [1]")]
-Disturbed = Annotated[
-    int | None, typer.Option(min=1, help="additional training scans per image, randomly disturbed (physical)")
-]
-Taxels = Annotated[str | None, typer.Option(metavar=CHOICES, help="taxels of the array to use [all]")]
-BinSeconds = Annotated[
-    float | None, typer.Option("--bin", metavar="SECONDS", help="time bin, or step of frames [0.004]")
-]
+Preset = Annotated[str | None, opt("paper|physical", "constants of the texture scan [physical]")]
+Tau = Annotated[float | None, opt("SECONDS", f"{', '.join(LEAKY)}: time constant [0.2]", show_default=False)]
+EventFolder = Annotated[Path | None, opt("DIR", "event files, for example of a replay, instead of textures")]
+Frames = Annotated[str | None, opt(FRAMES, "frames instead of events, such as frame-diff:250:8 (250 Hz, 8 bits)")]
+StartRows = Annotated[int | None, opt("scans per image (physical) [1]", min=1)]
+Disturbed = Annotated[int | None, opt("additional training scans per image, randomly disturbed (physical)", min=1)]
+Taxels = Annotated[str | None, opt(CHOICES, "taxels of the array to use [all]")]
+BinSeconds = Annotated[float | None, opt("--bin", "SECONDS", "time bin, or step of frames [0.004]")]
 Start = Annotated[
-    float | None,
-    typer.Option(
-        metavar="SECONDS", help="time from which events are counted [0; paper 0.01, nlcs 0.1]", show_default=False
-    ),
+    float | None, opt("SECONDS", "time from which events are counted [0; paper 0.01, nlcs 0.1]", show_default=False)
 ]
-Epochs = Annotated[int, typer.Option(min=1, help="passes over the training scans")]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="field of NetworkConfig or TrainConfig, repeatable"),
-]
+Epochs = Annotated[int, opt("passes over the training scans", min=1)]
+Settings = Annotated[list[str] | None, opt("--set", "NAME=VALUE", "field of NetworkConfig or TrainConfig, repeatable")]
 Grid = Annotated[
-    list[str] | None,
-    typer.Option("--grid", metavar="NAME=VALUE,...", help="values to try, chosen by inner validation; repeatable"),
+    list[str] | None, opt("--grid", "NAME=VALUE,...", "values to try, chosen by inner validation; repeatable")
 ]
-Recipe = Annotated[
-    str | None,
-    typer.Option(metavar="|".join(RECIPES), help="named settings: docs/guide/classifier.md [tuned; --data: skin]"),
-]
-Folds = Annotated[int, typer.Option(min=2, help="stratified folds")]
-Seeds = Annotated[int, typer.Option(min=1, help="seeds per fold")]
-Workers = Annotated[int | None, typer.Option(min=1, help="number of worker processes [one per usable core]")]
+Recipe = Annotated[str | None, opt("|".join(RECIPES), "named settings: docs/guide/classifier.md [tuned; --data: skin]")]
+Folds = Annotated[int, opt("stratified folds", min=2)]
+Seeds = Annotated[int, opt("seeds per fold", min=1)]
+Workers = Annotated[int | None, opt("number of worker processes [one per usable core]", min=1)]
 
 DEFAULT_RESOLUTION = 4
 

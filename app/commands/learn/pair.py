@@ -6,10 +6,8 @@ import dataclasses
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from eskin.app.cli import printable
-from eskin.app.options import WRITES_FILE
+from eskin.app.options import arg, opt, out_file
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
 
@@ -17,12 +15,10 @@ POINT = "SWEEP:POINT, such as rates-cnn:lcs-4; SWEEP is a file or a sweep of the
 
 
 def pair(
-    first: Annotated[str, typer.Argument(metavar="A", help=POINT)],
-    second: Annotated[str, typer.Argument(metavar="B", help="SWEEP:POINT to compare with")],
-    reading: Annotated[str, typer.Option(metavar="last|selected", help="epoch to evaluate")] = "last",
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE", help="JSON file for the results"), WRITES_FILE
-    ] = None,
+    first: Annotated[str, arg("A", POINT)],
+    second: Annotated[str, arg("B", "SWEEP:POINT to compare with")],
+    reading: Annotated[str, opt("last|selected", "epoch to evaluate")] = "last",
+    out: Annotated[Path | None, out_file("FILE", "JSON file for the results")] = None,
 ) -> None:
     """Compare the predictions of two sweep points image by image with McNemar's exact test."""
     from eskin.snn.experiments.pairs import find_point

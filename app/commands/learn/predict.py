@@ -12,7 +12,7 @@ import typer
 
 from eskin.app.cli import printable
 from eskin.app.commands.signals.recordings import events_of, named_place
-from eskin.app.options import TRAINED, WRITES_FILE
+from eskin.app.options import TRAINED, arg, opt, out_file
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
 from eskin.base.progress import bar
@@ -34,35 +34,24 @@ MOST_CLASSES = 12
 
 
 def predict(
-    weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")] = TRAINED,
+    weights: Annotated[Path, arg("WEIGHTS.npz", "trained network")] = TRAINED,
     events: Annotated[
         list[Path] | None,
-        typer.Option(
-            "--events",
-            metavar="DIR|FILE",
-            help="event files, also of other programs; repeatable [out/replay, or those of --data]",
-        ),
+        opt("--events", "DIR|FILE", "event files, also of other programs; repeatable [out/replay, or those of --data]"),
     ] = None,
     address_map: Annotated[
-        Path | None,
-        typer.Option("--map", metavar="FILE", help="events of other programs: .csv with the taxel of each address"),
+        Path | None, opt("--map", "FILE", "events of other programs: .csv with the taxel of each address")
     ] = None,
     data: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR|FILE", help="your own recordings, prepared as in the training", callback=named_place),
+        Path | None, opt("DIR|FILE", "your own recordings, prepared as in the training", callback=named_place)
     ] = None,
     check_model: Annotated[
-        bool, typer.Option("--check-model", help="compare RTL recordings with the model; exit code 1 if they differ")
+        bool, opt("--check-model", "compare RTL recordings with the model; exit code 1 if they differ")
     ] = False,
     dataset: Annotated[
-        str | None,
-        typer.Option(
-            metavar="DIR|embedded", help="textures of the recordings [$ESKIN_DATA, data/kylberg; else embedded]"
-        ),
+        str | None, opt("DIR|embedded", "textures of the recordings [$ESKIN_DATA, data/kylberg; else embedded]")
     ] = None,
-    out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="FILE", help="file for the predictions"), WRITES_FILE
-    ] = Path("out/predictions.json"),
+    out: Annotated[Path, out_file("FILE", "file for the predictions")] = Path("out/predictions.json"),
 ) -> None:
     """Classify recordings with a trained network."""
     import torch

@@ -13,7 +13,7 @@ from eskin.app.cli import printable
 from eskin.app.commands.learn.options import check_device
 from eskin.app.commands.learn.sweep import command_line
 from eskin.app.leave import EXIT_INTERRUPTED
-from eskin.app.options import WRITES_FOLDER
+from eskin.app.options import arg, opt, out_folder
 from eskin.app.tables import filled, print_table
 from eskin.base.errors import InputError
 from eskin.base.figures.files import write_results
@@ -27,24 +27,15 @@ OUT_TRAIN = Path("out/train")
 
 Trainings = Annotated[
     list[Path] | None,
-    typer.Argument(
-        metavar="DIR...",
-        help="folders NETWORK/TRAINING/ of eskin train, one for each fold and seed [suitable ones in out/train]",
-    ),
+    arg("DIR...", "folders NETWORK/TRAINING/ of eskin train, one for each fold and seed [suitable ones in out/train]"),
 ]
 
 
 def robustness(
     context: typer.Context,
     weights: Trainings = None,
-    only: Annotated[
-        str | None, typer.Option(metavar="NAME[=STRENGTH],...", help="disturbances [all, at all strengths]")
-    ] = None,
-    out: Annotated[
-        Path,
-        typer.Option("-o", "--out", metavar="DIR", help="folder for results, robustness.json and .png"),
-        WRITES_FOLDER,
-    ] = Path("out/robustness"),
+    only: Annotated[str | None, opt("NAME[=STRENGTH],...", "disturbances [all, at all strengths]")] = None,
+    out: Annotated[Path, out_folder("DIR", "folder for results, robustness.json and .png")] = Path("out/robustness"),
 ) -> None:
     """Test trained networks with noise, mismatch, faults and other movements.
 

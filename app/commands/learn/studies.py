@@ -13,7 +13,7 @@ from eskin.app.commands.learn.options import check_device
 from eskin.app.commands.learn.robustness import Trainings, subjects_of
 from eskin.app.commands.learn.sweep import command_line
 from eskin.app.commands.signals.options import TexturesOption
-from eskin.app.options import WRITES_FOLDER
+from eskin.app.options import arg, opt, out_folder
 from eskin.app.tables import filled, print_table
 from eskin.base.errors import InputError
 from eskin.base.figures.files import write_results
@@ -34,19 +34,15 @@ MERITS = {
 }
 """Line that is printed for each result of merits, by part."""
 
-Pair = Annotated[str | None, typer.Option(metavar="A,B", help="two networks to compare image by image")]
+Pair = Annotated[str | None, opt("A,B", "two networks to compare image by image")]
 
 
 def noise_power(
     context: typer.Context,
     weights: Trainings = None,
-    noises: Annotated[str, typer.Option(metavar="MV,...", help="AFE output noise v_n, mV rms of 1 V")] = NOISES_MV,
+    noises: Annotated[str, opt("MV,...", "AFE output noise v_n, mV rms of 1 V")] = NOISES_MV,
     pair: Pair = None,
-    out: Annotated[
-        Path,
-        typer.Option("-o", "--out", metavar="DIR", help="folder for results, noise_power.json and .png"),
-        WRITES_FOLDER,
-    ] = Path("out/noise-power"),
+    out: Annotated[Path, out_folder("DIR", "folder for results, noise_power.json and .png")] = Path("out/noise-power"),
 ) -> None:
     """Measure accuracy, event rate and power of trained networks at several AFE noises, in both power modes."""
     from eskin.snn.figures.noise_power import plot_noise_power
@@ -103,18 +99,13 @@ NOISE = {"points": [{"mode": str, "network": str, "noise_v": float, "accuracy": 
 def merits(
     context: typer.Context,
     weights: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="DIR...", help="folders NETWORK/TRAINING/ of eskin train, for the latency [none]"),
+        list[Path] | None, arg("DIR...", "folders NETWORK/TRAINING/ of eskin train, for the latency [none]")
     ] = None,
     pair: Pair = None,
-    noise: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="noise_power.json to include in the figure")
-    ] = None,
+    noise: Annotated[Path | None, opt("FILE", "noise_power.json to include in the figure")] = None,
     dataset: TexturesOption = None,
-    limit: Annotated[int, typer.Option(min=1, help="number of textures for rest and timing, evenly spread")] = 24,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="merits.json and .png"), WRITES_FOLDER] = Path(
-        "out/merits"
-    ),
+    limit: Annotated[int, opt("number of textures for rest and timing, evenly spread", min=1)] = 24,
+    out: Annotated[Path, out_folder("DIR", "merits.json and .png")] = Path("out/merits"),
 ) -> None:
     """Compare events and frames by latency, data rate at rest, noise and timing error."""
     from eskin.skin.textures.dataset import open_dataset
@@ -154,14 +145,9 @@ def precision(
     context: typer.Context,
     weights: Trainings = None,
     variants: Annotated[
-        str,
-        typer.Option(metavar="BITS[:tN][:mN],...", help="bits of weights, of the threshold, of a hidden potential"),
+        str, opt("BITS[:tN][:mN],...", "bits of weights, of the threshold, of a hidden potential")
     ] = VARIANTS,
-    out: Annotated[
-        Path,
-        typer.Option("-o", "--out", metavar="DIR", help="folder for results, precision.json and .png"),
-        WRITES_FOLDER,
-    ] = Path("out/precision"),
+    out: Annotated[Path, out_folder("DIR", "folder for results, precision.json and .png")] = Path("out/precision"),
 ) -> None:
     """Measure the accuracy of trained networks after quantisation to few bits."""
     from eskin.snn.figures.precision import plot_precision

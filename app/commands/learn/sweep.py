@@ -20,7 +20,7 @@ from eskin.app.commands.learn.options import (
     with_experiment,
 )
 from eskin.app.leave import EXIT_INTERRUPTED
-from eskin.app.options import LEAKY, WRITES_FOLDER
+from eskin.app.options import LEAKY, opt, out_folder
 from eskin.app.tables import print_table
 from eskin.app.worker_options import Scheduler, open_pool
 from eskin.base.errors import InputError
@@ -45,31 +45,23 @@ def sweep(
     context: typer.Context,
     *,
     points: Annotated[
-        str,
-        typer.Option(metavar="ENCODER:N,...", help=f"N bits; {FRAMES}; rnn|gru|cnn:K, K frames of 5 kHz x 10 b a step"),
+        str, opt("ENCODER:N,...", f"N bits; {FRAMES}; rnn|gru|cnn:K, K frames of 5 kHz x 10 b a step")
     ] = DEFAULT_POINTS,
     events: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--events", metavar="DIR", help="folder of event files as a point, instead of --points; repeatable"
-        ),
+        list[Path] | None, opt("--events", "DIR", "folder of event files as a point, instead of --points; repeatable")
     ] = None,
     options: dict[str, Any],
     folds: Folds = 6,
     tests: Annotated[
         list[str] | None,
-        typer.Option(
-            "--test", metavar="PATTERN", help="a fold that tests the recordings with such names, as '*_1'; repeatable"
-        ),
+        opt("--test", "PATTERN", "a fold that tests the recordings with such names, as '*_1'; repeatable"),
     ] = None,
     seeds: Seeds = 3,
     workers: Workers = None,
     scheduler: Scheduler = None,
-    out: Annotated[
-        Path,
-        typer.Option("-o", "--out", metavar="DIR", help="parent folder of a folder per point and of sweep.json"),
-        WRITES_FOLDER,
-    ] = Path("out/sweep"),
+    out: Annotated[Path, out_folder("DIR", "parent folder of a folder per point and of sweep.json")] = Path(
+        "out/sweep"
+    ),
 ) -> None:
     """Cross-validate networks for many readouts and resolutions.
 

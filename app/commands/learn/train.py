@@ -11,12 +11,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from eskin.app.cli import printable
 from eskin.app.commands.learn.bars import epoch_bar
 from eskin.app.commands.learn.options import Folds, Seeds, Workers, check_device, output_folder, with_experiment
-from eskin.app.options import WRITES_FOLDER
+from eskin.app.options import opt, out_folder
 from eskin.base.errors import InputError
 from eskin.base.progress import bar
 
@@ -35,27 +33,19 @@ FILES = ("checkpoint.pt", "result.json", "weights.npz")
 def train(
     make: Any,
     folds: Folds = 6,
-    fold: Annotated[int, typer.Option(min=0, help="test fold, from 0")] = 0,
+    fold: Annotated[int, opt("test fold, from 0", min=0)] = 0,
     test: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PATTERN", help="test the recordings whose names match a pattern such as '*_1', instead of a fold"
-        ),
+        str | None, opt("PATTERN", "test the recordings whose names match a pattern such as '*_1', instead of a fold")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="seed of weights, order and augmentation")] = 0,
-    checkpoint_every: Annotated[int, typer.Option(min=1, help="epochs between checkpoints")] = 5,
-    threads: Annotated[int, typer.Option(min=1, help="threads of torch")] = 1,
-    device: Annotated[str, typer.Option(help="device name of torch")] = "cpu",
+    seed: Annotated[int, opt("seed of weights, order and augmentation", min=0, max=2**32 - 1)] = 0,
+    checkpoint_every: Annotated[int, opt("epochs between checkpoints", min=1)] = 5,
+    threads: Annotated[int, opt("threads of torch", min=1)] = 1,
+    device: Annotated[str, opt("device name of torch")] = "cpu",
     watch_test: Annotated[
-        bool,
-        typer.Option("--watch-test", help="also store the test accuracy of every epoch (not used to select an epoch)"),
+        bool, opt("--watch-test", "also store the test accuracy of every epoch (not used to select an epoch)")
     ] = False,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--out", metavar="DIR", help="checkpoint and result [out/train; another training: named for the run]"
-        ),
-        WRITES_FOLDER,
+        Path | None, out_folder("DIR", "checkpoint and result [out/train; another training: named for the run]")
     ] = None,
 ) -> None:
     """Train a network on all folds but one, and test it on this fold.
@@ -164,11 +154,9 @@ def crossval(
     folds: Folds = 6,
     seeds: Seeds = 3,
     workers: Workers = None,
-    out: Annotated[
-        Path,
-        typer.Option("-o", "--out", metavar="DIR", help="folder for a file per fold and seed, and the report"),
-        WRITES_FOLDER,
-    ] = Path("out/crossval"),
+    out: Annotated[Path, out_folder("DIR", "folder for a file per fold and seed, and the report")] = Path(
+        "out/crossval"
+    ),
 ) -> None:
     """Cross-validate a network over all folds and several seeds.
 

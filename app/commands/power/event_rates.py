@@ -5,10 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from eskin.app.commands.signals.options import LimitOption
-from eskin.app.options import WRITES_FILE, with_config
+from eskin.app.options import opt, out_file, with_config
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig
@@ -19,14 +17,11 @@ from eskin.skin.textures.presets import preset
 @with_config(fields=("rows", "columns"), file=False)
 def event_rates(
     config: ReadoutConfig,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="JSON file to write"), WRITES_FILE],
+    out: Annotated[Path, out_file("FILE", "JSON file to write")],
     dataset: Annotated[
-        list[str] | None,
-        typer.Option(metavar="DIR|embedded", help="textures, repeatable [$ESKIN_DATA, data/kylberg, else embedded]"),
+        list[str] | None, opt("DIR|embedded", "textures, repeatable [$ESKIN_DATA, data/kylberg, else embedded]")
     ] = None,
-    preset_name: Annotated[
-        str, typer.Option("--preset", metavar="paper|physical|both", help="constants of the texture scan")
-    ] = "both",
+    preset_name: Annotated[str, opt("--preset", "paper|physical|both", "constants of the texture scan")] = "both",
     limit: LimitOption = None,
     workers: Workers = None,
     scheduler: Scheduler = None,

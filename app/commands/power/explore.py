@@ -6,8 +6,6 @@ import json
 import sys
 from typing import Annotated, Any
 
-import typer
-
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.signals.options import (
     DatasetOption,
@@ -18,7 +16,7 @@ from eskin.app.commands.signals.options import (
     SettingsOption,
     SynthesisOption,
 )
-from eskin.app.options import with_fields
+from eskin.app.options import opt, with_fields
 from eskin.app.tables import new_table, show
 from eskin.base.errors import InputError
 from eskin.base.figures.files import DEFAULT_OUT, write_results
@@ -42,18 +40,12 @@ STORED_RATES = (
 @with_fields(PowerParameters, SENSOR, "sensor", {"signal_bandwidth_hz": "that of the textures"})
 def explore(
     sensor: dict[str, Any],
-    noise: Annotated[float, typer.Option(metavar="V", help="AFE output noise, rms, for 1 V full scale")] = 1e-3,
-    tau: Annotated[float, typer.Option(metavar="SECONDS", help="time constant of N-LCS")] = 0.2,
-    event_rate: Annotated[
-        float | None, typer.Option(metavar="HZ", help="events/s of the whole array, instead of textures")
-    ] = None,
-    nlcs_event_rate: Annotated[
-        float | None, typer.Option(metavar="HZ", help="events/s of N-LCS [value of --event-rate]")
-    ] = None,
-    rate_resolution: Annotated[int, typer.Option(metavar="N", help="resolution of these rates")] = 6,
-    min_resolution: Annotated[
-        int | None, typer.Option(metavar="N", help="resolution needed [the finest that the noise allows]")
-    ] = None,
+    noise: Annotated[float, opt("V", "AFE output noise, rms, for 1 V full scale")] = 1e-3,
+    tau: Annotated[float, opt("SECONDS", "time constant of N-LCS")] = 0.2,
+    event_rate: Annotated[float | None, opt("HZ", "events/s of the whole array, instead of textures")] = None,
+    nlcs_event_rate: Annotated[float | None, opt("HZ", "events/s of N-LCS [value of --event-rate]")] = None,
+    rate_resolution: Annotated[int, opt("N", "resolution of these rates")] = 6,
+    min_resolution: Annotated[int | None, opt("N", "resolution needed [the finest that the noise allows]")] = None,
     dataset: DatasetOption = None,
     preset_name: PresetOption = "physical",
     rates: RatesOption = None,

@@ -7,8 +7,6 @@ import json
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.signals.options import (
     DataOutOption,
@@ -20,6 +18,7 @@ from eskin.app.commands.signals.options import (
     SettingsOption,
     SynthesisOption,
 )
+from eskin.app.options import opt
 from eskin.app.tables import new_table, show
 from eskin.base.errors import InputError
 from eskin.base.figures.files import DEFAULT_OUT, write_results
@@ -36,23 +35,21 @@ if TYPE_CHECKING:
 
 
 def power(
-    mode: Annotated[
-        str | None, typer.Option(metavar="paper|consistent", help="published model, or with all corrections [paper]")
-    ] = None,
-    resolution: Annotated[int, typer.Option(metavar="N", help="LSB = 2**-N of full scale, 1..10")] = 6,
-    noise: Annotated[float, typer.Option(metavar="V", help="AFE output noise, rms, for 1 V full scale")] = 1e-3,
-    tau: Annotated[float, typer.Option(metavar="SECONDS", help="time constant of N-LCS")] = 0.2,
-    correct: Annotated[str | None, typer.Option(metavar="NAME,...", help="apply only these corrections")] = None,
-    without: Annotated[str | None, typer.Option(metavar="NAME,...", help="apply all corrections except these")] = None,
+    mode: Annotated[str | None, opt("paper|consistent", "published model, or with all corrections [paper]")] = None,
+    resolution: Annotated[int, opt("N", "LSB = 2**-N of full scale, 1..10")] = 6,
+    noise: Annotated[float, opt("V", "AFE output noise, rms, for 1 V full scale")] = 1e-3,
+    tau: Annotated[float, opt("SECONDS", "time constant of N-LCS")] = 0.2,
+    correct: Annotated[str | None, opt("NAME,...", "apply only these corrections")] = None,
+    without: Annotated[str | None, opt("NAME,...", "apply all corrections except these")] = None,
     crossover: Annotated[
-        bool, typer.Option("--crossover", help="AFE noise at which spikes need less power than frames, N = 1..10")
+        bool, opt("--crossover", "AFE noise at which spikes need less power than frames, N = 1..10")
     ] = False,
-    parameters: Annotated[bool, typer.Option("--parameters", help="list all parameters and corrections")] = False,
+    parameters: Annotated[bool, opt("--parameters", "list all parameters and corrections")] = False,
     settings: SettingsOption = None,
     synthesis: SynthesisOption = None,
     dataset: DatasetOption = None,
     preset_name: Annotated[
-        str | None, typer.Option("--preset", metavar="paper|physical", help="texture scan of the event rates [paper]")
+        str | None, opt("--preset", "paper|physical", "texture scan of the event rates [paper]")
     ] = None,
     rates: RatesOption = None,
     as_json: JsonOption = False,

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from eskin.app.options import WRITES_FILE
+from eskin.app.options import arg, out_file
 from eskin.app.tables import new_table, show
 from eskin.model.events.compare import count_per_taxel, covering_config, first_difference
 from eskin.model.events.recording import Recording
@@ -17,11 +17,9 @@ _MOST_LINES = 32  # differing taxels listed
 
 
 def compare(
-    a: Annotated[Path, typer.Argument(metavar="A", help="event file")],
-    b: Annotated[Path, typer.Argument(metavar="B", help="event file")],
-    plot: Annotated[
-        Path | None, typer.Option(help="file for a raster plot of both recordings", metavar="FILE"), WRITES_FILE
-    ] = None,
+    a: Annotated[Path, arg("A", "event file")],
+    b: Annotated[Path, arg("B", "event file")],
+    plot: Annotated[Path | None, out_file("--plot", "FILE", "file for a raster plot of both recordings")] = None,
 ) -> None:
     """Compare two event files; exit code 0 if all events are equal, 1 if not."""
     if plot is not None:

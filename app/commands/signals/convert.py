@@ -6,10 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from eskin.app.cli import printable
-from eskin.app.options import WRITES_FILE, Writes, option_name, with_config
+from eskin.app.options import arg, opt, option_name, out_file, with_config
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
@@ -22,48 +20,30 @@ def convert(
     config: ReadoutConfig,
     given: frozenset[str],
     source: Annotated[
-        Path,
-        typer.Argument(
-            metavar="EVENTS", help="event file .npz, AEDAT 4, NIRData, table or array of events, or a folder of such"
-        ),
+        Path, arg("EVENTS", "event file .npz, AEDAT 4, NIRData, table or array of events, or a folder of such")
     ],
     out: Annotated[
         Path,
-        typer.Option(
-            "-o", "--out", metavar="FILE", help="event file .npz, .aedat4, .nir, .npy, .csv; folder: a folder"
+        out_file(
+            "FILE",
+            "event file .npz, .aedat4, .nir, .npy, .csv; folder: a folder",
+            when=lambda given: given["source"].is_dir(),
         ),
-        Writes(folder=lambda given: given["source"].is_dir()),
     ],
-    address_map: Annotated[
-        Path | None, typer.Option("--map", metavar="FILE", help="foreign events: taxel of each address, a .csv")
-    ] = None,
+    address_map: Annotated[Path | None, opt("--map", "FILE", "foreign events: taxel of each address, a .csv")] = None,
     fields: Annotated[
-        str | None,
-        typer.Option(metavar="A,B,...", help="table: names of its columns: t, x, y, p, address, or - to skip"),
+        str | None, opt("A,B,...", "table: names of its columns: t, x, y, p, address, or - to skip")
     ] = None,
-    time_unit: Annotated[
-        str | None, typer.Option("--time-unit", metavar="s|ms|us|ns|clocks", help="table: unit of its times")
-    ] = None,
+    time_unit: Annotated[str | None, opt("--time-unit", "s|ms|us|ns|clocks", "table: unit of its times")] = None,
     start: Annotated[
-        float | None,
-        typer.Option(help="foreign events: time that becomes clock 0 [0; folder: the first event]", metavar="TIME"),
+        float | None, opt("TIME", "foreign events: time that becomes clock 0 [0; folder: the first event]")
     ] = None,
-    wrap: Annotated[
-        int | None, typer.Option(metavar="BITS", help="foreign events: bits of a time counter that wraps")
-    ] = None,
-    sort: Annotated[bool, typer.Option("--sort", help="foreign events: sort them by time")] = False,
-    drop_unmapped: Annotated[
-        bool, typer.Option("--drop-unmapped", help="foreign events: drop addresses that --map lacks")
-    ] = False,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="file for a raster plot of the events"), WRITES_FILE
-    ] = None,
-    bin_s: Annotated[
-        float | None, typer.Option("--bin", metavar="SECONDS", help="to .nir: counts per time bin instead of events")
-    ] = None,
-    unit: Annotated[
-        str | None, typer.Option(metavar="us|clocks", help="to .npy or .csv: unit of the times [us]")
-    ] = None,
+    wrap: Annotated[int | None, opt("BITS", "foreign events: bits of a time counter that wraps")] = None,
+    sort: Annotated[bool, opt("--sort", "foreign events: sort them by time")] = False,
+    drop_unmapped: Annotated[bool, opt("--drop-unmapped", "foreign events: drop addresses that --map lacks")] = False,
+    plot: Annotated[Path | None, out_file("--plot", "FILE", "file for a raster plot of the events")] = None,
+    bin_s: Annotated[float | None, opt("--bin", "SECONDS", "to .nir: counts per time bin instead of events")] = None,
+    unit: Annotated[str | None, opt("us|clocks", "to .npy or .csv: unit of the times [us]")] = None,
 ) -> None:
     """Convert events from and to formats of other programs: AEDAT 4, NIRData, tables and arrays.
 

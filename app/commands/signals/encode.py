@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import numpy as np
-import typer
 from numpy.typing import NDArray
 
 from eskin.app.cli import printable
@@ -20,7 +19,7 @@ from eskin.app.commands.signals.recordings import (
     scale_text,
     warn,
 )
-from eskin.app.options import RECORDINGS, WRITES_FILE, Writes, with_config, with_fields
+from eskin.app.options import RECORDINGS, arg, opt, out_file, with_config, with_fields
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.errors import InputError
 from eskin.base.progress import bar
@@ -49,28 +48,22 @@ def encode(
     config: ReadoutConfig,
     given: frozenset[str],
     prepared: dict[str, Any],
-    source: Annotated[
-        Path,
-        typer.Argument(metavar="INPUT", help="image, samples as .npy, .npz, .csv, or folder of class folders"),
-    ],
+    source: Annotated[Path, arg("INPUT", "image, samples as .npy, .npz, .csv, or folder of class folders")],
     out: Annotated[
         Path,
-        typer.Option("-o", "--out", help="event file to write (.npz); for an input folder, a folder", metavar="OUT"),
-        Writes(folder=lambda given: given["source"].is_dir()),
+        out_file(
+            "OUT",
+            "event file to write (.npz); for an input folder, a folder",
+            when=lambda given: given["source"].is_dir(),
+        ),
     ],
-    preset: Annotated[str | None, typer.Option(help="scan of an image [physical]", metavar="physical|paper")] = None,
-    start_row: Annotated[
-        float | None, typer.Option(help="image row of the array's top edge [0]", metavar="PIXELS")
-    ] = None,
+    preset: Annotated[str | None, opt("physical|paper", "scan of an image [physical]")] = None,
+    start_row: Annotated[float | None, opt("PIXELS", "image row of the array's top edge [0]")] = None,
     model: Annotated[
-        str, typer.Option(help="cycle: with arbiter and link; functional: without", metavar="|".join(get_args(Model)))
+        str, opt("|".join(get_args(Model)), "cycle: with arbiter and link; functional: without")
     ] = "cycle",
-    name: Annotated[
-        str | None, typer.Option(help="name stored in the file [name of the input]", metavar="TEXT")
-    ] = None,
-    label: Annotated[
-        str | None, typer.Option("--class", "--label", help="class stored in the file", metavar="TEXT")
-    ] = None,
+    name: Annotated[str | None, opt("TEXT", "name stored in the file [name of the input]")] = None,
+    label: Annotated[str | None, opt("--class", "--label", "TEXT", "class stored in the file")] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
 ) -> None:
@@ -161,11 +154,9 @@ def _at(counts: NDArray[np.int64], index: int) -> str:
 
 
 def decode(
-    source: Annotated[Path, typer.Argument(metavar="EVENTS", help="event file")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="signals: .npz, .npy or .csv", metavar="FILE"), WRITES_FILE],
-    plot: Annotated[
-        Path | None, typer.Option(help="file for a plot of signals and events", metavar="FILE"), WRITES_FILE
-    ] = None,
+    source: Annotated[Path, arg("EVENTS", "event file")],
+    out: Annotated[Path, out_file("FILE", "signals: .npz, .npy or .csv")],
+    plot: Annotated[Path | None, out_file("--plot", "FILE", "file for a plot of signals and events")] = None,
 ) -> None:
     """Reconstruct the signals of all taxels from an event file."""
     from eskin.skin.recordings.quality import decode_recording, names_and_start

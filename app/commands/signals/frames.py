@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 from typing import Annotated, Any
 
-import typer
-
 from eskin.app.commands.signals.options import JsonOption, LimitOption, ScanOption, TauOption, TexturesOption
-from eskin.app.options import with_config, with_fields
+from eskin.app.options import opt, with_config, with_fields
 from eskin.app.tables import CELLS, filled, print_table
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.progress import bar
@@ -28,9 +26,7 @@ def frames(
     given: frozenset[str],
     own: dict[str, Any],
     stored: dict[str, Any],
-    frame_rate: Annotated[
-        float | None, typer.Option(metavar="HZ", help=f"frames per second [{ReadoutConfig().sample_rate_hz:g}]")
-    ] = None,
+    frame_rate: Annotated[float | None, opt("HZ", f"frames per second [{ReadoutConfig().sample_rate_hz:g}]")] = None,
     tau: TauOption = None,
     dataset: TexturesOption = None,
     preset_name: ScanOption = "paper",

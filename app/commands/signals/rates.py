@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 from typing import Annotated, Any
 
-import typer
-
 from eskin.app.commands.signals.options import JsonOption, LimitOption, ScanOption, TauOption, TexturesOption
-from eskin.app.options import check_leaks, with_config
+from eskin.app.options import check_leaks, opt, with_config
 from eskin.app.tables import show_facts
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.progress import bar
@@ -26,9 +24,7 @@ def rates(
     tau: TauOption = None,
     dataset: TexturesOption = None,
     limit: LimitOption = None,
-    start_row: Annotated[
-        list[float] | None, typer.Option(metavar="PIXELS", help="physical: start row, repeatable [0]")
-    ] = None,
+    start_row: Annotated[list[float] | None, opt("PIXELS", "physical: start row, repeatable [0]")] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     as_json: JsonOption = False,

@@ -8,10 +8,8 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from eskin.app.cli import printable
-from eskin.app.options import RECORDINGS, with_fields
+from eskin.app.options import RECORDINGS, opt, with_fields
 from eskin.base.errors import InputError
 from eskin.base.progress import bar
 from eskin.base.units import counted
@@ -37,10 +35,10 @@ def named_place(given: Path | None) -> Path | None:
 
 OwnData = Annotated[
     Path | None,
-    typer.Option(
+    opt(
         "--data",
-        metavar="DIR|finger",
-        help="class folders of your own recordings, instead of textures; or finger, the project's own",
+        "DIR|finger",
+        "class folders of your own recordings, instead of textures; or finger, the project's own",
         callback=named_place,
     ),
 ]

@@ -5,11 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from eskin.app.cli import printable
 from eskin.app.commands.signals.options import SynthesisOption
-from eskin.app.options import Writes
+from eskin.app.options import opt, out_file
 from eskin.base.errors import InputError
 
 
@@ -20,20 +18,16 @@ def _is_page(path: Path) -> bool:
 def report(
     out: Annotated[
         Path,
-        typer.Option("-o", "--out", metavar="FILE", help="page to write, .html, or the folder of runs and page"),
-        Writes(folder=lambda given: given["out"].is_dir() and not _is_page(given["out"])),
+        out_file(
+            "FILE",
+            "page to write, .html, or the folder of runs and page",
+            when=lambda given: given["out"].is_dir() and not _is_page(given["out"]),
+        ),
     ] = Path("out/report.html"),
-    sim: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="runs of make sim: event files of RTL and model [out/sim]"),
-    ] = None,
-    replay: Annotated[Path | None, typer.Option(metavar="DIR", help="results of make replay [out/replay]")] = None,
-    benchmarks: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="benchmark results [benchmarks/results]")
-    ] = None,
-    accuracy: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="accuracy and data rates of Fig. 9 [app/report/fig9.json]")
-    ] = None,
+    sim: Annotated[Path | None, opt("DIR", "runs of make sim: event files of RTL and model [out/sim]")] = None,
+    replay: Annotated[Path | None, opt("DIR", "results of make replay [out/replay]")] = None,
+    benchmarks: Annotated[Path | None, opt("DIR", "benchmark results [benchmarks/results]")] = None,
+    accuracy: Annotated[Path | None, opt("FILE", "accuracy and data rates of Fig. 9 [app/report/fig9.json]")] = None,
     synthesis: SynthesisOption = None,
 ) -> None:
     """Write all figures of the project into one self-contained HTML file."""

@@ -6,10 +6,9 @@ import json
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.signals.options import JsonOption, OutOption
+from eskin.app.options import opt
 from eskin.app.tables import filled, print_table
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.errors import InputError
@@ -21,9 +20,7 @@ _WIDTH = 92  # of the table
 
 
 def study(
-    data: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="class folders of your own recordings [generated slow signals]")
-    ] = None,
+    data: Annotated[Path | None, opt("DIR", "class folders of your own recordings [generated slow signals]")] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     out: OutOption = DEFAULT_OUT,

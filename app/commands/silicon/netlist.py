@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from eskin.app.commands.outcome import bit_exact, check_name, conclude
-from eskin.app.options import WRITES_FILE, WRITES_FOLDER, check_frame, with_config, with_fields
+from eskin.app.options import check_frame, opt, out_file, out_folder, with_config, with_fields
 from eskin.base.errors import InputError
 from eskin.flow.wire import FARAD_PER_UM, OHM_PER_UM, PITCH_UM, Wire, check_pitch
 from eskin.model.config import ReadoutConfig
@@ -20,17 +20,15 @@ SIZES = "4x4,8x8,12x16,16x16,32x32,64x64"
 @with_config
 def gatesim(
     config: ReadoutConfig,
-    lib: Annotated[Path, typer.Option(help="cell library (.lib) of the netlist")],
-    simulator: Annotated[str, typer.Option("--sim", help="icarus or verilator")] = "icarus",
-    waves: Annotated[bool, typer.Option(help="write a waveform")] = False,
-    seed: Annotated[int, typer.Option(help="seed of the scenarios")] = 0,
-    textures: Annotated[int, typer.Option(help="scans, from alternating classes")] = 1,
-    only: Annotated[str | None, typer.Option(help="one texture, by name, without scenarios")] = None,
-    ticks: Annotated[int | None, typer.Option(help="largest number of sample ticks per scan [all]")] = None,
-    dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded'")] = None,
-    out: Annotated[
-        Path, typer.Option("-o", "--out", help="folder for netlist, pictures, events"), WRITES_FOLDER
-    ] = Path("out/gates"),
+    lib: Annotated[Path, opt("cell library (.lib) of the netlist")],
+    simulator: Annotated[str, opt("--sim", "icarus or verilator")] = "icarus",
+    waves: Annotated[bool, opt("write a waveform")] = False,
+    seed: Annotated[int, opt("seed of the scenarios")] = 0,
+    textures: Annotated[int, opt("scans, from alternating classes")] = 1,
+    only: Annotated[str | None, opt("one texture, by name, without scenarios")] = None,
+    ticks: Annotated[int | None, opt("largest number of sample ticks per scan [all]")] = None,
+    dataset: Annotated[str | None, opt("texture folder, or 'embedded'")] = None,
+    out: Annotated[Path, out_folder("folder for netlist, pictures, events")] = Path("out/gates"),
 ) -> None:
     """Compare a clock-gated netlist with the model; exit code 1 on a difference or an X after reset."""
     from eskin.cocotb_tests.runner import sim as session
@@ -61,18 +59,16 @@ def asic(
     given: frozenset[str],
     own: dict[str, Any],
     stored: dict[str, Any],
-    lib: Annotated[Path, typer.Option(help="cell library (.lib) at the typical corner")],
-    slow: Annotated[Path | None, typer.Option(help="the same cells at the slow corner")] = None,
-    fast: Annotated[Path | None, typer.Option(help="the same cells at the fast corner")] = None,
-    readout: Annotated[str, typer.Option(metavar="spiking|frame", help="which readout")] = "spiking",
-    name: Annotated[str, typer.Option(help="name of the run and its folder [from the configuration]")] = "",
-    power: Annotated[bool, typer.Option(help="also measure idle power and energies, by simulation")] = True,
+    lib: Annotated[Path, opt("cell library (.lib) at the typical corner")],
+    slow: Annotated[Path | None, opt("the same cells at the slow corner")] = None,
+    fast: Annotated[Path | None, opt("the same cells at the fast corner")] = None,
+    readout: Annotated[str, opt("spiking|frame", "which readout")] = "spiking",
+    name: Annotated[str, opt("name of the run and its folder [from the configuration]")] = "",
+    power: Annotated[bool, opt("also measure idle power and energies, by simulation")] = True,
     from_verilog: Annotated[
-        bool, typer.Option("--from-verilog", help="start from the text of verilog --clock-gates, as a user's flow does")
+        bool, opt("--from-verilog", "start from the text of verilog --clock-gates, as a user's flow does")
     ] = False,
-    out: Annotated[Path, typer.Option("-o", "--out", help="parent folder of the run"), WRITES_FOLDER] = Path(
-        "out/asic"
-    ),
+    out: Annotated[Path, out_folder("parent folder of the run")] = Path("out/asic"),
 ) -> None:
     """Synthesise a clock-gated netlist, verify it, and measure area, timing and power; exit code 1 if a check fails.
 
@@ -107,18 +103,14 @@ def asic(
 @with_config(fields=("encoding", "resolution", "frontend", "sample_bits"), file=False)
 def asic_scale(
     config: ReadoutConfig,
-    lib: Annotated[Path, typer.Option(help="cell library (.lib)")],
-    sizes: Annotated[str, typer.Option(metavar="RxC,...", help="rows and columns of the arrays")] = SIZES,
-    tiles: Annotated[str, typer.Option(metavar="RxC,...", help="tiles of each array, joined by a merge")] = "",
-    relays: Annotated[str, typer.Option(metavar="N,...", help="relay stations between each tile and the merge")] = "",
-    pitch_um: Annotated[
-        float, typer.Option("--pitch", metavar="UM", help="distance of neighbouring taxels")
-    ] = PITCH_UM,
-    ohm: Annotated[float, typer.Option(metavar="PER_UM", help="resistance of a wire")] = OHM_PER_UM,
-    farad: Annotated[float, typer.Option(metavar="PER_UM", help="capacitance of a wire")] = FARAD_PER_UM,
-    out: Annotated[Path, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = Path(
-        "out/asic/scale.json"
-    ),
+    lib: Annotated[Path, opt("cell library (.lib)")],
+    sizes: Annotated[str, opt("RxC,...", "rows and columns of the arrays")] = SIZES,
+    tiles: Annotated[str, opt("RxC,...", "tiles of each array, joined by a merge")] = "",
+    relays: Annotated[str, opt("N,...", "relay stations between each tile and the merge")] = "",
+    pitch_um: Annotated[float, opt("--pitch", "UM", "distance of neighbouring taxels")] = PITCH_UM,
+    ohm: Annotated[float, opt("PER_UM", "resistance of a wire")] = OHM_PER_UM,
+    farad: Annotated[float, opt("PER_UM", "capacitance of a wire")] = FARAD_PER_UM,
+    out: Annotated[Path, out_file("file for the results, JSON")] = Path("out/asic/scale.json"),
 ) -> None:
     """Estimate area and highest clock frequency of growing arrays, including wires and repeaters."""
     from eskin.app.tables import print_table
@@ -148,19 +140,15 @@ def _tiles(row: dict[str, Any]) -> str:
 @with_config
 def gatepower(
     config: ReadoutConfig,
-    lib: Annotated[list[Path], typer.Option(help="cell library (.lib), repeatable")],
-    three: Annotated[
-        bool, typer.Option("--three", help="measure analog LCS, analog N-LCS and frames of this array")
-    ] = False,
+    lib: Annotated[list[Path], opt("cell library (.lib), repeatable")],
+    three: Annotated[bool, opt("--three", "measure analog LCS, analog N-LCS and frames of this array")] = False,
     glitching: Annotated[
-        bool, typer.Option("--glitches", help="measure the energy of an event with and without cell delays")
+        bool, opt("--glitches", "measure the energy of an event with and without cell delays")
     ] = False,
     weights: Annotated[
-        Path | None, typer.Option(help="measure the classifier of this network behind the readout, without wires")
+        Path | None, opt("measure the classifier of this network behind the readout, without wires")
     ] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results, JSON"), WRITES_FOLDER] = Path(
-        "out/gatepower"
-    ),
+    out: Annotated[Path, out_folder("folder for the results, JSON")] = Path("out/gatepower"),
 ) -> None:
     """Measure the power of clock-gated netlists by simulation, with and without wires."""
     from eskin.app.tables import print_table

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from eskin.app.commands.outcome import check_name, conclude
-from eskin.app.options import LOGIC, WRITES_FOLDER, with_config
+from eskin.app.options import LOGIC, opt, out_folder, with_config
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 
@@ -19,13 +19,9 @@ if TYPE_CHECKING:
 @with_config(fields=LOGIC)
 def layout(
     config: ReadoutConfig,
-    name: Annotated[str, typer.Option(help="name of the run and its folder [from the configuration]")] = "",
-    compare: Annotated[
-        bool, typer.Option(help="also compare the netlist of the layout with the synthesised one")
-    ] = True,
-    out: Annotated[Path, typer.Option("-o", "--out", help="parent folder of the run"), WRITES_FOLDER] = Path(
-        "out/layout"
-    ),
+    name: Annotated[str, opt("name of the run and its folder [from the configuration]")] = "",
+    compare: Annotated[bool, opt("also compare the netlist of the layout with the synthesised one")] = True,
+    out: Annotated[Path, out_folder("parent folder of the run")] = Path("out/layout"),
 ) -> None:
     """Place and route a readout for SkyWater 130 nm and check the layout; exit code 1 if a check fails.
 
@@ -46,25 +42,18 @@ def layout(
 
 
 def fpga(
-    board: Annotated[str, typer.Option(help="ulx3s (85 k LUTs), ulx3s-45f, ulx3s-25f, ulx3s-12f")] = "ulx3s",
+    board: Annotated[str, opt("ulx3s (85 k LUTs), ulx3s-45f, ulx3s-25f, ulx3s-12f")] = "ulx3s",
     weights: Annotated[
-        Path | None, typer.Option(help="integer network of the chip [network of the embedded textures, fold 0]")
+        Path | None, opt("integer network of the chip [network of the embedded textures, fold 0]")
     ] = None,
-    receiver: Annotated[bool, typer.Option("--receiver", help="build the receiver of another chip's AER")] = False,
+    receiver: Annotated[bool, opt("--receiver", "build the receiver of another chip's AER")] = False,
     alone: Annotated[
-        int | None,
-        typer.Option(
-            metavar="BITS", min=2, max=8, help="build only the classifier 128-256-6 with weights of BITS, on an ECP5-25"
-        ),
+        int | None, opt("BITS", "build only the classifier 128-256-6 with weights of BITS, on an ECP5-25", min=2, max=8)
     ] = None,
-    adc: Annotated[
-        str | None, typer.Option(metavar="PART", help="read a skin at the board: mcp3008, mcp3208 or ads7953")
-    ] = None,
-    settle: Annotated[float, typer.Option(metavar="SECONDS", help="from a row's drive to its first column")] = 5e-6,
-    baud: Annotated[int, typer.Option(help="bits per second of the serial line")] = 2_000_000,
-    out: Annotated[
-        Path, typer.Option("-o", "--out", help="parent folder for the files of the board"), WRITES_FOLDER
-    ] = Path("out/fpga"),
+    adc: Annotated[str | None, opt("PART", "read a skin at the board: mcp3008, mcp3208 or ads7953")] = None,
+    settle: Annotated[float, opt("SECONDS", "from a row's drive to its first column")] = 5e-6,
+    baud: Annotated[int, opt("bits per second of the serial line")] = 2_000_000,
+    out: Annotated[Path, out_folder("parent folder for the files of the board")] = Path("out/fpga"),
 ) -> None:
     """Build the bitstream for a board, and report resources and clock; exit code 1 below 50 MHz.
 

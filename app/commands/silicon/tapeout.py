@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from eskin.app.options import WRITES_FOLDER, with_config
+from eskin.app.options import opt, out_folder, with_config
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 
@@ -16,19 +14,13 @@ from eskin.model.config import ReadoutConfig
 def tapeout(
     config: ReadoutConfig,
     given: frozenset[str],
-    shuttle: Annotated[str, typer.Option(help="tt-ihp, tt-sky (Tiny Tapeout) or wafer-gf180 (wafer.space)")],
-    author: Annotated[str, typer.Option(metavar="NAME", help="name for the shuttle's files")],
-    lib: Annotated[
-        Path | None, typer.Option(metavar="TYP.lib", help="cell library of the shuttle's process, to find the size")
-    ] = None,
-    size: Annotated[
-        str | None, typer.Option(metavar="WxH", help="tiles or slot [smallest that the cells of --lib fit into]")
-    ] = None,
-    top: Annotated[str, typer.Option(metavar="tt_um_NAME", help="name of the top module")] = "tt_um_eskin_readout",
-    title: Annotated[str, typer.Option(metavar="TEXT", help="title of the project")] = "Spiking e-skin readout",
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder of the project"), WRITES_FOLDER] = Path(
-        "out/tapeout"
-    ),
+    shuttle: Annotated[str, opt("tt-ihp, tt-sky (Tiny Tapeout) or wafer-gf180 (wafer.space)")],
+    author: Annotated[str, opt("NAME", "name for the shuttle's files")],
+    lib: Annotated[Path | None, opt("TYP.lib", "cell library of the shuttle's process, to find the size")] = None,
+    size: Annotated[str | None, opt("WxH", "tiles or slot [smallest that the cells of --lib fit into]")] = None,
+    top: Annotated[str, opt("tt_um_NAME", "name of the top module")] = "tt_um_eskin_readout",
+    title: Annotated[str, opt("TEXT", "title of the project")] = "Spiking e-skin readout",
+    out: Annotated[Path, out_folder("folder of the project")] = Path("out/tapeout"),
 ) -> None:
     """Write the project folder of a readout for a shuttle: sources, pins, test, documentation, flow settings.
 

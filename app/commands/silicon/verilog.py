@@ -5,10 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from eskin.app.commands.signals.options import JsonOption
-from eskin.app.options import LOGIC, WRITES_FOLDER, check_frame, option_name, with_config, with_fields
+from eskin.app.options import LOGIC, check_frame, opt, option_name, out_folder, with_config, with_fields
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
 from eskin.base.units import counted
@@ -30,33 +28,24 @@ def verilog(
     given: frozenset[str],
     own: dict[str, Any],
     stored: dict[str, Any],
-    out: Annotated[Path, typer.Option("-o", "--out", help="output folder, created if missing"), WRITES_FOLDER],
-    readout: Annotated[str, typer.Option(metavar="|".join(READOUTS), help="which readout")] = "spiking",
+    out: Annotated[Path, out_folder("output folder, created if missing")],
+    readout: Annotated[str, opt("|".join(READOUTS), "which readout")] = "spiking",
     classifier: Annotated[
-        Path | None, typer.Option(metavar="INTEGER.npz", help="write the classifier of this file, eskin_classifier")
+        Path | None, opt("INTEGER.npz", "write the classifier of this file, eskin_classifier")
     ] = None,
-    chip: Annotated[bool, typer.Option("--chip", help="write the readout with this classifier, eskin_chip")] = False,
-    tiles: Annotated[
-        str | None, typer.Option(metavar="RxC", help="write a skin of RxC tiles and their merge, eskin_tiles")
-    ] = None,
+    chip: Annotated[bool, opt("--chip", "write the readout with this classifier, eskin_chip")] = False,
+    tiles: Annotated[str | None, opt("RxC", "write a skin of RxC tiles and their merge, eskin_tiles")] = None,
     merge: Annotated[
-        bool, typer.Option("--merge", help="write only the merge, eskin_merge, for tiles that are separate chips")
+        bool, opt("--merge", "write only the merge, eskin_merge, for tiles that are separate chips")
     ] = False,
-    relays: Annotated[
-        int, typer.Option(metavar="N", help="relay stations on the line from each tile to the merge, for a large skin")
-    ] = 0,
-    report: Annotated[
-        Path | None, typer.Option(metavar="report.json", help="report of make asic, for the datasheet")
-    ] = None,
+    relays: Annotated[int, opt("N", "relay stations on the line from each tile to the merge, for a large skin")] = 0,
+    report: Annotated[Path | None, opt("report.json", "report of make asic, for the datasheet")] = None,
     prove: Annotated[
-        bool, typer.Option("--prove", help="before writing, prove the Verilog equal to the RTLIL of make formal")
+        bool, opt("--prove", "before writing, prove the Verilog equal to the RTLIL of make formal")
     ] = False,
     clock_gates: Annotated[
         bool,
-        typer.Option(
-            "--clock-gates",
-            help="put instances of eskin_clock_gate into the Verilog of a readout, a classifier or both",
-        ),
+        opt("--clock-gates", "put instances of eskin_clock_gate into the Verilog of a readout, a classifier or both"),
     ] = False,
 ) -> None:
     """Write the Verilog of a readout with timing constraints, port list (JSON) and FuseSoC core file.
@@ -122,10 +111,9 @@ def gates(
     config: ReadoutConfig,
     given: frozenset[str],
     stored: dict[str, Any],
-    liberty: Annotated[Path | None, typer.Option(help="cell library (.lib) for mapping and area")] = None,
+    liberty: Annotated[Path | None, opt("cell library (.lib) for mapping and area")] = None,
     classifier: Annotated[
-        Path | None,
-        typer.Option(metavar="INTEGER.npz", help="count the classifier of this file, without memories"),
+        Path | None, opt("INTEGER.npz", "count the classifier of this file, without memories")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

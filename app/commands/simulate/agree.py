@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.learn.options import output_folder
 from eskin.app.commands.outcome import conclude
-from eskin.app.options import WRITES_FOLDER
+from eskin.app.options import arg, opt, out_folder
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
@@ -23,19 +21,15 @@ if TYPE_CHECKING:
 
 
 def agree(
-    weights: Annotated[list[Path], typer.Argument(metavar="WEIGHTS.npz...", help="trained or imported networks")],
-    bits: Annotated[str, typer.Option(metavar="BITS,...", help="bits of the weights, 2..8")] = "8,7,6,5,4,3,2",
-    scans: Annotated[int, typer.Option(min=1, max=10_000, help="scans of random events")] = 512,
-    bins: Annotated[int, typer.Option(min=1, max=10_000, help="time bins of a scan")] = 256,
-    rate: Annotated[float, typer.Option(help="largest mean number of events per bin and channel, 0..1")] = 0.3,
-    rtl: Annotated[
-        int, typer.Option(min=0, help="number of scans also computed by the RTL, with the first value of --bits")
-    ] = 1,
-    simulator: Annotated[str, typer.Option("--sim", help="verilator or icarus")] = "verilator",
-    seed: Annotated[int, typer.Option(min=0, help="seed of the events")] = 0,
-    out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="DIR", help="agreement.json and simulations"), WRITES_FOLDER
-    ] = Path("out/agree"),
+    weights: Annotated[list[Path], arg("WEIGHTS.npz...", "trained or imported networks")],
+    bits: Annotated[str, opt("BITS,...", "bits of the weights, 2..8")] = "8,7,6,5,4,3,2",
+    scans: Annotated[int, opt("scans of random events", min=1, max=10_000)] = 512,
+    bins: Annotated[int, opt("time bins of a scan", min=1, max=10_000)] = 256,
+    rate: Annotated[float, opt("largest mean number of events per bin and channel, 0..1")] = 0.3,
+    rtl: Annotated[int, opt("number of scans also computed by the RTL, with the first value of --bits", min=0)] = 1,
+    simulator: Annotated[str, opt("--sim", "verilator or icarus")] = "verilator",
+    seed: Annotated[int, opt("seed of the events", min=0)] = 0,
+    out: Annotated[Path, out_folder("DIR", "agreement.json and simulations")] = Path("out/agree"),
 ) -> None:
     """Compare networks in float, in integers and in RTL on random events; exit code 1 if RTL and model differ."""
     from eskin.snn.exchange.weights import load_weights

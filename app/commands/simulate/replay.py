@@ -11,7 +11,7 @@ import typer
 
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, with_preparation
-from eskin.app.options import WRITES_FILE, WRITES_FOLDER, with_config
+from eskin.app.options import opt, out_file, out_folder, with_config
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.files import origin, write_json
 from eskin.base.outputs import has_earlier
@@ -33,24 +33,19 @@ def replay(
     config: ReadoutConfig,
     given: frozenset[str],
     prepared: dict[str, Any],
-    dataset: Annotated[
-        str | None, typer.Option(help="texture folder, or 'embedded' [$ESKIN_DATA, data/kylberg, ...]")
-    ] = None,
+    dataset: Annotated[str | None, opt("texture folder, or 'embedded' [$ESKIN_DATA, data/kylberg, ...]")] = None,
     data: OwnData = None,
-    preset: Annotated[str | None, typer.Option(help="physical or paper [physical]")] = None,
-    start_row: Annotated[float | None, typer.Option(help="image row where the array starts (physical) [0]")] = None,
-    limit: Annotated[int | None, typer.Option(help="number of textures or recordings, evenly spread [all]")] = None,
-    only: Annotated[str | None, typer.Option(help="only one texture or recording, by name")] = None,
+    preset: Annotated[str | None, opt("physical or paper [physical]")] = None,
+    start_row: Annotated[float | None, opt("image row where the array starts (physical) [0]")] = None,
+    limit: Annotated[int | None, opt("number of textures or recordings, evenly spread [all]")] = None,
+    only: Annotated[str | None, opt("only one texture or recording, by name")] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     keep: Annotated[
         Path | None,
-        typer.Option(help="JSON file for the totals of this encoder; totals of other encoders in the file stay"),
-        WRITES_FILE,
+        out_file("--keep", "JSON file for the totals of this encoder; totals of other encoders in the file stay"),
     ] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder for the event files"), WRITES_FOLDER] = Path(
-        "out/replay"
-    ),
+    out: Annotated[Path, out_folder("folder for the event files")] = Path("out/replay"),
 ) -> None:
     """Run a whole dataset or your recordings through RTL and model, compare every event, and store the events.
 

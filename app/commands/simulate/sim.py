@@ -10,7 +10,7 @@ import typer
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.outcome import bit_exact
 from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, warn, with_preparation
-from eskin.app.options import WRITES_FILE, WRITES_FOLDER, with_config
+from eskin.app.options import opt, out_file, out_folder, with_config
 from eskin.base.files import origin, write_json
 from eskin.base.progress import bar, bars
 from eskin.model.config import ReadoutConfig
@@ -27,21 +27,19 @@ def sim(
     given: frozenset[str],
     prepared: dict[str, Any],
     data: OwnData = None,
-    dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded'")] = None,
-    simulator: Annotated[str, typer.Option("--sim", help="verilator or icarus")] = "verilator",
-    waves: Annotated[bool, typer.Option(help="write a waveform")] = False,
-    textures: Annotated[int, typer.Option(help="scans or recordings per encoding, from alternating classes")] = 3,
-    only: Annotated[str | None, typer.Option(help="one texture or recording, by name, without scenarios")] = None,
-    ticks: Annotated[int | None, typer.Option(help="largest number of sample ticks per scan [all]")] = None,
-    seed: Annotated[int, typer.Option(help="seed of the scenarios")] = 0,
+    dataset: Annotated[str | None, opt("texture folder, or 'embedded'")] = None,
+    simulator: Annotated[str, opt("--sim", "verilator or icarus")] = "verilator",
+    waves: Annotated[bool, opt("write a waveform")] = False,
+    textures: Annotated[int, opt("scans or recordings per encoding, from alternating classes")] = 3,
+    only: Annotated[str | None, opt("one texture or recording, by name, without scenarios")] = None,
+    ticks: Annotated[int | None, opt("largest number of sample ticks per scan [all]")] = None,
+    seed: Annotated[int, opt("seed of the scenarios")] = 0,
     dut: Annotated[
-        list[Path] | None, typer.Option(help="Verilog to compare with the model instead of the RTL; may be repeated")
+        list[Path] | None, opt("Verilog to compare with the model instead of the RTL; may be repeated")
     ] = None,
-    top: Annotated[str, typer.Option(help="module of --dut that has the readout's ports")] = "eskin_readout",
-    keep: Annotated[Path | None, typer.Option(help="JSON file for the totals"), WRITES_FILE] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder for pictures and event files"), WRITES_FOLDER] = Path(
-        "out/sim"
-    ),
+    top: Annotated[str, opt("module of --dut that has the readout's ports")] = "eskin_readout",
+    keep: Annotated[Path | None, out_file("--keep", "JSON file for the totals")] = None,
+    out: Annotated[Path, out_folder("folder for pictures and event files")] = Path("out/sim"),
 ) -> None:
     """Compare RTL and model on test scenarios and texture scans, or on your recordings; exit code 1 if they differ.
 

@@ -12,7 +12,7 @@ import typer
 
 from eskin.app.cli import printable
 from eskin.app.commands.signals.recordings import OwnData, check_alone, warn
-from eskin.app.options import WRITES_FOLDER
+from eskin.app.options import opt, out_folder
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.files import atomic_write, origin
 from eskin.base.progress import bars, reported
@@ -29,21 +29,15 @@ MOST_LINES = 20
 def touch(
     weights: Annotated[
         Path | None,
-        typer.Option(
-            help="integer network, or a folder with one for each fold [the project's own; --data: from eskin quantise]"
-        ),
+        opt("integer network, or a folder with one for each fold [the project's own; --data: from eskin quantise]"),
     ] = None,
-    dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded' [embedded]")] = None,
+    dataset: Annotated[str | None, opt("texture folder, or 'embedded' [embedded]")] = None,
     data: OwnData = None,
-    limit: Annotated[
-        int | None, typer.Option(min=1, help="number of textures or recordings, evenly spread [all]")
-    ] = None,
-    only: Annotated[str | None, typer.Option(help="only one texture or recording, by name")] = None,
+    limit: Annotated[int | None, opt("number of textures or recordings, evenly spread [all]", min=1)] = None,
+    only: Annotated[str | None, opt("only one texture or recording, by name")] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder for results and picture"), WRITES_FOLDER] = Path(
-        "out/touch"
-    ),
+    out: Annotated[Path, out_folder("folder for results and picture")] = Path("out/touch"),
 ) -> None:
     """Run textures or your recordings through the RTL of readout and classifier, and compare with the models.
 

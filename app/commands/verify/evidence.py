@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eskin.app.options import LOGIC, WRITES_FILE, WRITES_FOLDER, with_config
+from eskin.app.options import LOGIC, opt, out_file, out_folder, with_config
 from eskin.base.errors import InputError
 from eskin.base.files import Pieces, atomic_write, pieces_of
 from eskin.model.config import ReadoutConfig
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 def formal(
     block: Annotated[
         str,
-        typer.Option(
-            help="only this block: arbiter, link, merge, relay, fields, window, taxel, frame_readout, readout, spi, "
+        opt(
+            "only this block: arbiter, link, merge, relay, fields, window, taxel, frame_readout, readout, spi, "
             "registers, pattern, classifier"
         ),
     ] = "",
-    small: Annotated[bool, typer.Option(help="only one small configuration of each block")] = False,
-    mutants: Annotated[bool, typer.Option(help="also check that every property fails for generated mutants")] = False,
-    limit: Annotated[int, typer.Option(min=1, metavar="SECONDS", help="time limit of one proof")] = 300,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
+    small: Annotated[bool, opt("only one small configuration of each block")] = False,
+    mutants: Annotated[bool, opt("also check that every property fails for generated mutants")] = False,
+    limit: Annotated[int, opt("SECONDS", "time limit of one proof", min=1)] = 300,
+    out: Annotated[Path | None, out_file("file for the results, JSON")] = None,
 ) -> None:
     """Prove the properties of every block by property-directed reachability.
 
@@ -68,8 +68,8 @@ def formal(
 
 
 def faults(
-    small: Annotated[bool, typer.Option(help="only a few readouts, with few bit flips per flop")] = False,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
+    small: Annotated[bool, opt("only a few readouts, with few bit flips per flop")] = False,
+    out: Annotated[Path | None, out_file("file for the results, JSON")] = None,
 ) -> None:
     """Inject bit flips into every flop, and test hostile inputs.
 
@@ -88,11 +88,9 @@ def faults(
 
 
 def coverage(
-    small: Annotated[bool, typer.Option(help="run only a few simulations")] = False,
-    only: Annotated[str, typer.Option(help="run only simulations whose names begin with this text")] = "",
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results"), WRITES_FOLDER] = Path(
-        "out/coverage"
-    ),
+    small: Annotated[bool, opt("run only a few simulations")] = False,
+    only: Annotated[str, opt("run only simulations whose names begin with this text")] = "",
+    out: Annotated[Path, out_folder("folder for the results")] = Path("out/coverage"),
 ) -> None:
     """Measure the coverage of Verilog and specification by simulations that are compared with the model.
 
@@ -123,7 +121,7 @@ def coverage(
 @with_config(fields=LOGIC)
 def properties(
     config: ReadoutConfig,
-    out: Annotated[Path, typer.Option("-o", "--out", help="output folder, created if missing"), WRITES_FOLDER],
+    out: Annotated[Path, out_folder("output folder, created if missing")],
 ) -> None:
     """Write eskin_readout_properties.sv, SystemVerilog assertions bound to the modules of eskin_readout.v."""
     from eskin.verify.proofs.bind import properties as text
@@ -138,9 +136,9 @@ def properties(
 @with_config
 def crosscheck(
     config: ReadoutConfig,
-    texture: Annotated[int, typer.Option(min=0, help="number of the embedded texture")] = 0,
-    ticks: Annotated[int | None, typer.Option(min=1, help="largest number of sample ticks of the scan [all]")] = None,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
+    texture: Annotated[int, opt("number of the embedded texture", min=0)] = 0,
+    ticks: Annotated[int | None, opt("largest number of sample ticks of the scan [all]", min=1)] = None,
+    out: Annotated[Path | None, out_file("file for the results, JSON")] = None,
 ) -> None:
     """Simulate the delivered Verilog in CXXRTL, a third simulator, and lint all files with slang."""
     from dataclasses import asdict
@@ -168,10 +166,10 @@ def crosscheck(
 
 
 def crossproof(
-    block: Annotated[str, typer.Option(help="only this block, as in make formal")] = "",
-    small: Annotated[bool, typer.Option(help="only one small configuration of each block")] = False,
-    mutants: Annotated[bool, typer.Option(help="compare generated mutants too")] = False,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
+    block: Annotated[str, opt("only this block, as in make formal")] = "",
+    small: Annotated[bool, opt("only one small configuration of each block")] = False,
+    mutants: Annotated[bool, opt("compare generated mutants too")] = False,
+    out: Annotated[Path | None, out_file("file for the results, JSON")] = None,
 ) -> None:
     """Repeat the bounded search of make formal with z3; both solvers must find the same first clocks.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eskin.app.options import WRITES_FOLDER
+from eskin.app.options import opt, out_folder
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.errors import InputError
 
@@ -16,26 +16,19 @@ if TYPE_CHECKING:
 
 
 def mutants(
-    model: Annotated[bool, typer.Option(help="mutate the model and the network instead of the RTL")] = False,
-    block: Annotated[str, typer.Option(help="only this block or room: arbiter, link, taxel, classifier, ...")] = "",
+    model: Annotated[bool, opt("mutate the model and the network instead of the RTL")] = False,
+    block: Annotated[str, opt("only this block or room: arbiter, link, taxel, classifier, ...")] = "",
     share: Annotated[
-        float | None,
-        typer.Option(min=0.0, max=1.0, help="fraction of the source places to mutate [0.3, with --model 0.07]"),
+        float | None, opt("fraction of the source places to mutate [0.3, with --model 0.07]", min=0.0, max=1.0)
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="seed of the random edits")] = 1,
-    apart_from: Annotated[
-        int | None, typer.Option(min=0, help="leave out mutants that this seed draws at the same share")
-    ] = None,
-    again: Annotated[bool, typer.Option(help="test survivors again, after new tests were added")] = False,
-    limit: Annotated[int | None, typer.Option(min=1, help="largest number of mutants [all]")] = None,
-    judging: Annotated[
-        bool, typer.Option("--judge/--no-judge", help="test mutants, or only report earlier results")
-    ] = True,
+    seed: Annotated[int, opt("seed of the random edits", min=0)] = 1,
+    apart_from: Annotated[int | None, opt("leave out mutants that this seed draws at the same share", min=0)] = None,
+    again: Annotated[bool, opt("test survivors again, after new tests were added")] = False,
+    limit: Annotated[int | None, opt("largest number of mutants [all]", min=1)] = None,
+    judging: Annotated[bool, opt("--judge/--no-judge", "test mutants, or only report earlier results")] = True,
     workers: Workers = None,
     scheduler: Scheduler = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results"), WRITES_FOLDER] = Path(
-        "out/mutants"
-    ),
+    out: Annotated[Path, out_folder("folder for the results")] = Path("out/mutants"),
 ) -> None:
     """Mutate the source code, and report which mutants the tests and proofs kill.
 

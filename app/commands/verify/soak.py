@@ -7,37 +7,23 @@ from typing import Annotated, Any
 
 import typer
 
-from eskin.app.options import WRITES_FILE, WRITES_FOLDER, parse_fields, parse_number
+from eskin.app.options import opt, out_file, out_folder, parse_fields, parse_number
 from eskin.base.errors import InputError
 
 
 def soak(
-    hours: Annotated[
-        float, typer.Option(help="hours after which no further run starts, of 2 million clocks at most")
-    ] = 0.1,
-    seed: Annotated[int, typer.Option(help="seed of the first configuration; each further one adds 1")] = 0,
-    clocks: Annotated[
-        int, typer.Option(help="clocks of each configuration, or of the run given by --only")
-    ] = 20_000_000,
-    simulator: Annotated[str, typer.Option("--sim", help="verilator or icarus")] = "verilator",
-    only: Annotated[
-        int | None, typer.Option(metavar="SEED", help="play one run of this seed, as printed by a failure")
-    ] = None,
-    run: Annotated[int, typer.Option(help="number of the run of --only")] = 0,
+    hours: Annotated[float, opt("hours after which no further run starts, of 2 million clocks at most")] = 0.1,
+    seed: Annotated[int, opt("seed of the first configuration; each further one adds 1")] = 0,
+    clocks: Annotated[int, opt("clocks of each configuration, or of the run given by --only")] = 20_000_000,
+    simulator: Annotated[str, opt("--sim", "verilator or icarus")] = "verilator",
+    only: Annotated[int | None, opt("SEED", "play one run of this seed, as printed by a failure")] = None,
+    run: Annotated[int, opt("number of the run of --only")] = 0,
     set_: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="NAME=VALUE",
-            help="fix a parameter of the run of --only, instead of drawing it; repeatable",
-        ),
+        opt("--set", "NAME=VALUE", "fix a parameter of the run of --only, instead of drawing it; repeatable"),
     ] = None,
-    keep: Annotated[
-        Path | None, typer.Option(help="JSON file for the totals of all runs in --out"), WRITES_FILE
-    ] = None,
-    out: Annotated[
-        Path, typer.Option("-o", "--out", help="folder of the results; a restarted soak continues there"), WRITES_FOLDER
-    ] = Path("out/soak"),
+    keep: Annotated[Path | None, out_file("--keep", "JSON file for the totals of all runs in --out")] = None,
+    out: Annotated[Path, out_folder("folder of the results; a restarted soak continues there")] = Path("out/soak"),
 ) -> None:
     """Compare RTL and model on random configurations for a given time; exit code 1 on a difference.
 
