@@ -36,13 +36,7 @@ def usable(*parts: str) -> Path | None:
 
 
 def private_folder(path: Path) -> Path:
-    """Return a folder for executable code to which no other user can write.
-
-    Raises
-    ------
-    InputError
-        If it belongs to another user, is a link, or cannot be written.
-    """
+    """Return a folder for executable code to which no other user can write, or raise InputError."""
     if not _made_private(path):
         raise InputError(
             f"{path} cannot be trusted with programs: it cannot be written, is a link, or other users own it or can "

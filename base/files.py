@@ -55,7 +55,8 @@ def atomic_write(path: Path) -> Iterator[IO[bytes]]:
     try:
         with os.fdopen(handle, "wb") as file:
             yield file
-        os.chmod(name, 0o666 & ~_umask())
+        os.umask(mask := os.umask(0))  # reads the mask, and sets it again
+        os.chmod(name, 0o666 & ~mask)
         os.replace(name, path)
     except OSError as error:
         os.unlink(name)
@@ -79,21 +80,10 @@ def _into_stream(path: Path) -> Iterator[IO[bytes]]:
 
 
 def make_folder(root: Path, inside: str | Path, empty: bool = False) -> Path:
-    """Create an output folder inside the user's folder, and return its path.
+    """Create an output folder ``inside`` the user's folder, optionally without its old content, and return its path.
 
-    Parameters
-    ----------
-    root : Path
-        The user's folder, made if need be; it may be a link.
-    inside : str or Path
-        The way from there. A link on it is not followed, since whoever planted it would choose what is overwritten.
-    empty : bool
-        Remove the content of the folder.
-
-    Raises
-    ------
-    InputError
-        If there is a link on the way.
+    The user's folder may be a link. A link further inside raises InputError, since whoever planted it would choose
+    which files are overwritten.
     """
     root.mkdir(parents=True, exist_ok=True)
     folder = root
@@ -146,14 +136,9 @@ def kept_lines(path: Path) -> Iterator[Any]:
 
 
 class Pieces:
-    """Store of partial results that lets a stopped run continue.
+    """Store of partial results beside the file of the whole result, with which a stopped run continues.
 
-    Parameters
-    ----------
-    out : Path or None
-        File of the whole result, beside which pieces are stored; None stores nothing.
-    code : str
-        Digest of the computation: pieces with another digest are computed again.
+    Results under another ``code``, a digest of the computation, are computed again. Without a file nothing is stored.
     """
 
     def __init__(self, out: Path | None, code: str) -> None:
@@ -219,20 +204,10 @@ def read_bytes(path: Path, what: str, most: int = MOST_TEXT_BYTES) -> bytes:
 
 
 def read_json(path: Path, what: str, kind: type | None = None) -> Any:
-    """Return the content of a JSON file.
+    """Return the content of a JSON file, of type ``kind``: ``dict``, ``list`` or any.
 
-    Parameters
-    ----------
-    path : Path
-    what : str
-        Name of the file for the user, such as "the sweep".
-    kind : type, optional
-        Required type, ``dict`` or ``list``.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, is not JSON, is nested too deeply, or is of another kind; the sentence names the file.
+    ``what`` names the file in error messages, such as "the sweep". Raises InputError if the file cannot be read, is not
+    JSON, is nested too deeply, or is of another type.
     """
     try:
         content = json.loads(read_bytes(path, what), parse_int=_whole)
@@ -284,18 +259,8 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compressed: boo
 def read_arrays(path: Path, kind: str, remedy: str) -> dict[str, NDArray[Any]]:
     """Return the arrays of an ``.npz`` archive.
 
-    Parameters
-    ----------
-    path : Path
-    kind : str
-        Expected kind of file, such as "a weight file".
-    remedy : str
-        Remedy for a damaged file, such as "train again".
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is damaged, or claims too much.
+    Error messages contain the expected ``kind`` of file, such as "a weight file", and a ``remedy`` such as "train
+    again". Raises InputError if the file cannot be read, is damaged, or claims too much.
     """
     import numpy as np
 
@@ -323,24 +288,10 @@ def plain(content: Any) -> Any:
     return str(content) if isinstance(content, float) and not math.isfinite(content) else content
 
 
-def _umask() -> int:
-    """Return the umask of the process."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
 def forget_stale_kernels(module: Path, steps: Iterable[Path]) -> None:
     """Remove cached Numba kernels of a module that are older than a source they depend on.
 
-    Numba looks at the module's own file only: a step that was edited in another file would not be seen.
-
-    Parameters
-    ----------
-    module : Path
-        Source of the module with ``njit(cache=True)``.
-    steps : iterable of Path
-        Sources of the functions that it calls.
+    Numba looks only at the module with ``njit(cache=True)``, not at the sources of the functions that it calls.
     """
     newest = max(path.stat().st_mtime for path in steps)
     for kernel in (module.parent / "__pycache__").glob(f"{module.stem}.*.nb?"):

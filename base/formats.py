@@ -8,33 +8,21 @@ from eskin.base.errors import InputError
 
 
 class Format(NamedTuple):
-    """A file format with name and version.
-
-    Attributes
-    ----------
-    name : str
-        Value of ``format`` in the file.
-    noun : str
-        Name of the format for a user.
-    made : str
-        How a user gets one.
-    version : int
-    """
+    """A file format with name and version."""
 
     name: str
+    """Value of ``format`` in the file."""
     noun: str
+    """Name of the format for a user."""
     made: str
+    """How a user gets a file of this format."""
     version: int = 1
 
     def check(self, header: Any) -> None:
         """Check that the header of a file names this format and a known version.
 
-        Raises
-        ------
-        InputError
-            With a sentence that continues the name of the file and a colon.
-        KeyError
-            If the header is of no kind of this project.
+        The message of the InputError continues the name of the file and a colon. A header that is not of this project
+        raises KeyError.
         """
         if not isinstance(header, dict) or (found := KINDS.get(str(header.get("format")))) is None:
             raise KeyError("format")

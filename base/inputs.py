@@ -16,18 +16,8 @@ _KINDS = {stat.S_ISDIR: "a folder", stat.S_ISFIFO: "a FIFO", stat.S_ISSOCK: "a s
 def find_files(folder: Path, suffixes: Collection[str]) -> tuple[list[Path], list[str]]:
     """Return the files with given suffixes below a folder, and the paths with such names that are not files.
 
-    Links to folders are followed. Names that begin with a dot are left out.
-
-    Parameters
-    ----------
-    folder : Path
-    suffixes : collection of str
-        In lower case.
-
-    Returns
-    -------
-    (list of Path, list of str)
-        Files in the order of their paths, and the beginning of a sentence for each other thing: ``a/x.csv is a FIFO``.
+    Suffixes are in lower case. Links to folders are followed. Names that begin with a dot are left out. Files are in
+    the order of their paths; each other path begins a sentence: ``a/x.csv is a FIFO``.
     """
     files, others, seen = list[Path](), list[str](), set[tuple[int, int]]()
 

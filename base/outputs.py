@@ -32,12 +32,8 @@ _PARTS = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
 def file_of(path: Path) -> Path:
     """Return the output file to which a path leads through links, after checking that it is writable.
 
-    Nothing is left behind. The file need not exist.
-
-    Raises
-    ------
-    InputError
-        If it is a folder or socket, its folder does not exist, its name is too long, or the user may not write it.
+    The file need not exist, and is not created. Raises InputError if it is a folder or socket, its folder does not
+    exist, its name is too long, or the user may not write it.
     """
     _check_length(path)
     target = _behind_links(path)
@@ -65,13 +61,7 @@ def check_file(path: Path) -> None:
 
 
 def check_folder(path: Path) -> None:
-    """Check that an output folder exists or can be created, and is writable.
-
-    Raises
-    ------
-    InputError
-        If the path or one above it is a file, its name is too long, or the user may not write there.
-    """
+    """Check that an output folder exists or can be created, and is writable; else raise InputError."""
     _check_length(path)
     if _mode(path) and not path.is_dir():
         raise InputError(f"cannot write to {path}: it is a file; give the name of a folder")

@@ -24,16 +24,7 @@ def templates(folder: Path) -> Environment:
 
 
 def embedded(plot: Callable[[Path], object], words: str, kind: str = "png") -> Markup:
-    """Return the picture that a function writes to a file, as HTML with embedded data.
-
-    Parameters
-    ----------
-    plot : callable
-    words : str
-        Description of the picture.
-    kind : str
-        Format, ``png`` or ``svg``.
-    """
+    """Return the picture that a function writes to a file (``png`` or ``svg``), as embedded HTML with description."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"picture.{kind}"
         plot(path)

@@ -28,18 +28,9 @@ def note(text: str) -> None:
 
 
 def progress_of(*words: str, spinner: bool = False, time_left: bool = False, transient: bool = True) -> Progress:
-    """Return a progress display in the common style: text, bar, count, time.
+    """Return a progress display in the common style: first text, bar, count, time (passed or left), other texts.
 
-    Parameters
-    ----------
-    *words : str
-        The first stands before the bar, the others behind it.
-    spinner : bool
-        Begin with a turning mark.
-    time_left : bool
-        Show the time that is left and not the time that has passed.
-    transient : bool
-        Bars go when all is done.
+    A spinner is a turning mark at the beginning. Transient bars disappear at the end.
     """
     from rich.console import Console
     from rich.progress import (

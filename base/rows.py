@@ -21,10 +21,6 @@ class Template(string.Formatter):
     ``{a[b]:1e9*.1f}`` multiplies first; ``#3`` gives three significant digits; ``~`` three digits or a whole number;
     ``@W`` a prefix and the unit W. A value that the data may lack is written ``{?name}``. A value that is missing or
     null becomes ``absent``.
-
-    Parameters
-    ----------
-    absent : str
     """
 
     def __init__(self, absent: str = "-") -> None:

@@ -57,13 +57,7 @@ def _shown(value: Any) -> str:
 
 
 def read_shaped(path: Path, what: str, shape: Shape, remedy: str = "remove it") -> Any:
-    """Return the content of a JSON file after checking its structure.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, is not JSON, or has another shape.
-    """
+    """Return the content of a JSON file after checking its structure; raise InputError for another shape."""
     content = read_json(path, what)
     if wrong := misfit(content, shape):
         raise InputError(f"{what} {path} is damaged: {wrong}; {remedy}")

@@ -20,19 +20,9 @@ def write_results(
     data_out: Path | None = None,
     command: str = "",
 ) -> str:
-    """Write the data to ``name``.json, and the picture of the data to ``name``.png.
+    """Write the data to ``name``.json and their picture to ``name``.png; return a sentence on the written files.
 
-    Parameters
-    ----------
-    out, data_out : Path
-        Folders of the picture and of the data; made if they are not there.
-    command : str
-        The typed command, stored in the data with commit and date.
-
-    Returns
-    -------
-    str
-        Sentence on the written files, for the user.
+    Missing folders are made. The typed command is stored in the data, with commit and date.
     """
     data_out = data_out or out
     for folder in (out, data_out):

@@ -93,16 +93,9 @@ def side_by_side(boxes: Sequence[Box], taken: Iterable[Box], step: float = STEP_
 def place_label(panel: Axes, label: Annotation, own: Box, taken: Taken, sides: str) -> None:
     """Move a label to the first free place beside its mark, inside the plot area.
 
-    A place on thin lines alone is taken if there is no better one. The label then counts as taken.
-
-    Parameters
-    ----------
-    label : Annotation
-        Label with its text in points from its mark (``textcoords="offset points"``).
-    own : Box
-        The mark with its bar.
-    sides : str
-        Some of "above", "below", "right" and "left", in the order of trial, separated by blanks.
+    A place on thin lines alone is taken if there is no better one. The label then counts as taken. The label has its
+    text in points from its mark (``textcoords="offset points"``); ``own`` is the mark with its bar. ``sides`` are some
+    of "above", "below", "right" and "left", in the order of trial, separated by blanks.
     """
     scale = 72 / panel.figure.dpi
     size = label.get_window_extent()

@@ -58,14 +58,9 @@ def new_figure(width_in: float, height_in: float, title: str) -> Figure:
 
 
 def dress(panel: Axes, title: str = "", across: str = "", up: str = "") -> Text:
-    """Apply the common style to a panel: title on the left, thin grid lines, two spines; return the title.
+    """Apply the common style to a panel with labels of both axes: title on the left, thin grid lines, two spines.
 
-    Parameters
-    ----------
-    panel : Axes
-    title : str
-    across, up : str
-        Labels of the x axis and of the y axis.
+    Returns the title.
     """
     for label, write in ((across, panel.set_xlabel), (up, panel.set_ylabel)):
         if label:

@@ -14,7 +14,6 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from eskin.base.errors import InputError
@@ -26,15 +25,7 @@ CONNECT_S, WORKERS_S = 5.0, 10.0
 
 @dataclass(frozen=True)
 class Needs:
-    """Versions of sources and libraries that a worker must share with this process.
-
-    Attributes
-    ----------
-    packages : tuple of str
-        Packages of this project, compared by their source files.
-    libraries : tuple of str
-        Libraries, compared by version.
-    """
+    """Packages of this project and libraries whose versions a worker must share with this process."""
 
     packages: tuple[str, ...] = ("base", "model", "skin", "power")
     libraries: tuple[str, ...] = ("numpy", "scipy", "numba")
@@ -55,18 +46,8 @@ def version(needs: Needs) -> str:
 class Cluster:
     """The workers of a Dask scheduler, each with one thread.
 
-    What is shared is the result of a task of its own, so that Dask can make it again where a worker died.
-
-    Parameters
-    ----------
-    address : str
-        Address for ``distributed.Client``: tcp://HOST:PORT.
-    needs : Needs
-
-    Raises
-    ------
-    InputError
-        If the scheduler does not answer, has no worker, or a worker cannot compute what this machine would.
+    A shared value is the result of its own task, so that Dask can make it again after a worker died. The address is
+    tcp://HOST:PORT. Raises InputError if the scheduler does not answer, has no worker, or a worker has other versions.
     """
 
     def __init__(self, address: str, needs: Needs) -> None:
@@ -161,9 +142,7 @@ class Cluster:
     def __enter__(self) -> Cluster:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: Any) -> None:
         with contextlib.suppress(OSError):
             self._client.cancel(list(self._pieces.values()))
         self._client.close()

@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
-from types import TracebackType
 from typing import Any, Protocol
 
 from eskin.base.errors import InputError
@@ -33,14 +32,7 @@ MOST_DEATHS = 3
 
 @dataclass(frozen=True)
 class Shared:
-    """A pickled value that many tasks share.
-
-    Attributes
-    ----------
-    name : str
-        Name under which a pool stores the value.
-    packed : bytes
-    """
+    """A pickled value that many tasks share; a pool stores it under its name."""
 
     name: str
     packed: bytes
@@ -78,9 +70,7 @@ class WorkerPool(Protocol):
 
     def __enter__(self) -> WorkerPool: ...
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
+    def __exit__(self, kind: type[BaseException] | None, *where: Any) -> None: ...
 
 
 def cores() -> int:
@@ -98,15 +88,9 @@ class _Piece:
 
 
 class Local:
-    """Worker pool of processes or threads on this machine.
+    """Worker pool on this machine, by default with one worker for each core that this process may use.
 
-    Parameters
-    ----------
-    workers : int or None
-        One per core that this process may use by default.
-    threads : bool
-        Threads, for work that lets go of the interpreter: compiled loops, simulators. Else processes, one piece in
-        each at a time.
+    Threads are for work that releases the interpreter lock: compiled loops, simulators. Other work needs processes.
     """
 
     def __init__(self, workers: int | None = None, threads: bool = False) -> None:
@@ -179,9 +163,7 @@ class Local:
     def __enter__(self) -> Local:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *where: Any) -> None:
         self._left = True
         if self._pool is None:
             return
@@ -231,19 +213,8 @@ def each(
 ) -> Iterator[Any]:
     """Yield the results of a function for all jobs, in order.
 
-    Parameters
-    ----------
-    pool : WorkerPool
-    work : callable
-        Function, as for ``WorkerPool.submit``.
-    jobs : iterable of tuple
-        The arguments of each call, made when it is due.
-    shared : Shared, optional
-
-    Raises
-    ------
-    InputError
-        If work refuses its input, or nobody is left to do it.
+    The arguments of a call are taken from ``jobs`` when the call is due. Raises InputError if work refuses its input,
+    or no worker is left.
     """
     landed: queue.SimpleQueue[tuple[int, Any]] = queue.SimpleQueue()
     made: dict[int, Any] = {}
