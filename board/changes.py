@@ -31,29 +31,15 @@ def unread_bits(readout: ReadoutConfig) -> int:
 
 
 class Part(NamedTuple):
-    """A frame with samples.
+    """A frame with samples."""
 
-    Attributes
-    ----------
-    kind : Kind
-        ``CHANGES`` or ``SAMPLES``.
-    payload : bytes
-    ticks : int
-        Number of ticks that end in this frame.
-    """
-
-    kind: Kind
+    kind: Kind  # ``CHANGES`` or ``SAMPLES``
     payload: bytes
-    ticks: int
+    ticks: int  # that end in this frame
 
 
 class ChangeCoder:
-    """Convert samples to frames, from ``RESTART`` on.
-
-    Parameters
-    ----------
-    readout : ReadoutConfig
-    """
+    """Convert samples to frames, from ``RESTART`` on."""
 
     def __init__(self, readout: ReadoutConfig) -> None:
         self.low = unread_bits(readout)

@@ -35,28 +35,13 @@ MOST_WORDS = 1 << 16
 
 @dataclass(frozen=True, kw_only=True)
 class SerialConfig:
-    """Parameters of the serial line: 8 bits, no parity, one stop bit.
+    """Parameters of the serial line: 8 bits, no parity, one stop bit."""
 
-    Parameters
-    ----------
-    clock_hz : int
-        Clock of the board.
-    baud : int
-        Bits per second, at most a quarter of the clock. A bit may last a fraction of a clock longer than the next.
-    buffer_bytes : int
-        What the board can keep of frames that it has not carried out yet, a power of two; the host never has more
-        under way.
-    idle_bits : int
-        A frame that stops for so many bit times is a lost one.
-    records : int
-        Words that wait for the line at most, a power of two.
-    """
-
-    clock_hz: int = 50_000_000
-    baud: int = 2_000_000
-    buffer_bytes: int = 4096
-    idle_bits: int = 1 << 18
-    records: int = 1024
+    clock_hz: int = 50_000_000  # of the board
+    baud: int = 2_000_000  # at most a quarter of the clock; a bit may last a fraction of a clock longer than the next
+    buffer_bytes: int = 4096  # of frames that the board has not executed yet, a power of two; the host sends no more
+    idle_bits: int = 1 << 18  # bit times without a byte after which a frame counts as lost
+    records: int = 1024  # largest number of words that wait for the line, a power of two
 
     def __post_init__(self) -> None:
         least = {"clock_hz": 1, "baud": 1, "buffer_bytes": 512, "idle_bits": 32, "records": 128}
@@ -83,23 +68,12 @@ class SerialConfig:
 class BoardConfig:
     """All parameters of the design in the FPGA of a board.
 
-    Parameters
-    ----------
-    chip : ChipConfig, optional
-        Readout (digital front end) and classifier of a player; none for the receiver of a foreign chip.
-    serial : SerialConfig
-    sensor : SensorConfig, optional
-        A skin at the pins of a player: its samples need no host.
-
-    Raises
-    ------
-    InputError
-        If the chip has no samples to take, or more classes or addresses than a record holds.
+    Raises InputError if the chip takes no samples, or has more classes or addresses than a record holds.
     """
 
-    chip: ChipConfig | None
+    chip: ChipConfig | None  # readout (digital front end) and classifier of a player; none for an AER receiver
     serial: SerialConfig = field(default_factory=SerialConfig)
-    sensor: SensorConfig | None = None
+    sensor: SensorConfig | None = None  # a skin at the pins of a player: its samples need no host
 
     def __post_init__(self) -> None:
         if self.chip is None:
@@ -114,16 +88,15 @@ class BoardConfig:
                 f"a board takes samples: frontend digital, no registers, reset sync, not {readout.frontend}, "
                 f"{readout.registers}, {readout.reset}"
             )
-        if self.chip.classifier.channel_bits > ADDRESS_BITS:
-            raise InputError(f"a board has at most {1 << ADDRESS_BITS} channels, not {self.chip.classifier.inputs}")
+        classifier = self.chip.classifier
+        if classifier.channel_bits > ADDRESS_BITS:
+            raise InputError(f"a board has at most {1 << ADDRESS_BITS} channels, not {classifier.inputs}")
         if readout.sample_bits > 16:
             raise InputError(f"a board takes samples of at most 16 bits, not {readout.sample_bits}")
-        if max(self.chip.classifier.weight_words, self.chip.classifier.neuron_words) > MOST_WORDS:
-            raise InputError(
-                f"a board loads at most {MOST_WORDS} words of weights, not {self.chip.classifier.weight_words}"
-            )
-        if self.chip.classifier.classes > MOST_CLASSES:
-            raise InputError(f"a board has at most {MOST_CLASSES} classes, not {self.chip.classifier.classes}")
+        if max(classifier.weight_words, classifier.neuron_words) > MOST_WORDS:
+            raise InputError(f"a board loads at most {MOST_WORDS} words of weights, not {classifier.weight_words}")
+        if classifier.classes > MOST_CLASSES:
+            raise InputError(f"a board has at most {MOST_CLASSES} classes, not {classifier.classes}")
 
     @property
     def design(self) -> Design:

@@ -56,29 +56,14 @@ POINTS, LINES = 400, 64
 
 @dataclass(frozen=True)
 class Show:
-    """Inputs of a demo, and the simulated chip.
-
-    Attributes
-    ----------
-    config : ReadoutConfig
-    network : IntegerWeights or None
-        Without one events are shown and no class.
-    names : list of str
-        In the order in which they are played.
-    load : callable
-        Gives the codes of a name, shape (ticks, taxels), and what the page shows of it.
-    scale : float or None
-        Factor from the values of recordings to full scale.
-    weights : Path or None
-        File of the network, unless it is the project's own.
-    """
+    """Inputs of a demo, and the simulated chip."""
 
     config: ReadoutConfig
-    network: IntegerWeights | None
-    names: list[str]
-    load: Callable[[str], tuple[NDArray[Any], Piece]]
-    scale: float | None = None
-    weights: Path | None = None
+    network: IntegerWeights | None  # without a network, events are shown and no class
+    names: list[str]  # in the order in which they are played
+    load: Callable[[str], tuple[NDArray[Any], Piece]]  # codes of a name, shape (ticks, taxels), and their display
+    scale: float | None = None  # factor from the values of recordings to full scale
+    weights: Path | None = None  # file of the network, unless it is the project's own
 
     @property
     def chip(self) -> ChipConfig | None:
@@ -108,19 +93,10 @@ def show_of(
 ) -> Show:
     """Return the inputs of a demo.
 
-    Parameters
-    ----------
-    source : Path, optional
-        An image, a recording, or a folder of either in class folders; by default the embedded textures.
-    weights : Path, optional
-        Integer network. The default for recordings is the newest one trained on a folder of this name, and for images
-        and ``FINGER`` the project's own. Other recordings are played without a class.
-    only : str, optional
-        One name of a folder.
-    readout : mapping of str to object, optional
-        Fields of the readout of recordings without a network.
-    prepared : mapping of str to object, optional
-        Fields of ``Preparation`` for recordings without a network; the defaults are those of ``eskin encode``.
+    The source is an image, a recording, or a folder of either in class folders; by default the embedded textures.
+    ``only`` is one name of a folder. The default weights for recordings are the newest network trained on a folder of
+    this name, and for images and ``FINGER`` the project's own. Other recordings are played without a class, with fields
+    of ``ReadoutConfig`` and of ``Preparation``; the defaults are those of ``eskin encode``.
     """
     if source is not None and not source.exists():
         raise InputError(f"{source} does not exist; give an image, a recording, or a folder of them")
@@ -266,18 +242,9 @@ def new_view(show: Show) -> View:
 def play(
     show: Show, view: View, speed: float | None = None, sender: UdpSender | None = None, hold_s: float = 0.0
 ) -> Iterator[DemoResult]:
-    """Play all inputs in a loop, and yield the result of each.
+    """Play all inputs in a loop with a pause of ``hold_s`` after each, and yield the result of each.
 
-    Parameters
-    ----------
-    show : Show
-    view : View
-    speed : float, optional
-        Seconds of the skin in a second; by default real time, or slower for a short recording.
-    sender : UdpSender, optional
-        Where events go, too.
-    hold_s : float
-        Pause behind each.
+    The speed is seconds of the skin per second; by default real time, or slower for a short recording.
     """
     view.sender = sender
     play_one = _with_network if show.network else _without_network

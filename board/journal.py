@@ -19,15 +19,7 @@ SUFFIX = ".part"
 
 
 class Journal:
-    """Partial event file: a JSON header, then events in binary.
-
-    Parameters
-    ----------
-    path : Path
-        Of the recording.
-    config : ReadoutConfig
-    metadata : dict
-    """
+    """Partial event file of a recording: a JSON header, then events in binary."""
 
     def __init__(self, path: Path, config: ReadoutConfig, metadata: dict[str, Any]) -> None:
         check_event_path(path)
@@ -56,14 +48,9 @@ class Journal:
         self.part.unlink()
 
     def finish(self, duration_clocks: int | None = None, **metadata: Any) -> Recording:
-        """Write the recording as an event file and remove the journal.
+        """Write the recording as an event file with more metadata, and remove the journal.
 
-        Parameters
-        ----------
-        duration_clocks : int, optional
-            Clocks that were observed; up to the last event by default.
-        metadata
-            What the recording says besides.
+        The duration is that of the observation, by default up to the last event.
         """
         self._file.close()
         return convert(self.part, self.path, duration_clocks, metadata)
@@ -74,13 +61,8 @@ def convert(
 ) -> Recording:
     """Convert a journal to an event file and remove the journal.
 
-    Where the clock runs backwards, as that of a board that was reset, the rest becomes recordings of their own, with
-    ``-2``, ``-3`` ... behind the name.
-
-    Raises
-    ------
-    InputError
-        If the file is no journal, or holds events that its array cannot have.
+    Where the clock runs backwards, because the board was reset, a new recording begins, with ``-2``, ``-3`` ... behind
+    the name. Raises InputError if the file is no journal, or contains events that its array cannot have.
     """
     if what := not_a_file(part):
         raise InputError(f"{part} is {what}; give a file that ends in .npz{SUFFIX}")

@@ -7,7 +7,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any
 
 from eskin.base.errors import InputError
@@ -29,26 +28,10 @@ WHY = {
 
 
 class Link:
-    """Connection to a board.
+    """Connection to a board at a serial device.
 
-    A thread of its own reads, so that no byte is lost while the program is busy.
-
-    Parameters
-    ----------
-    port : str
-        Name of the serial device.
-    sink : callable
-        Takes the records of every frame as it comes, in order.
-    baud : int
-    patience_s : float
-        How long a board may say nothing before it is missed.
-
-    Attributes
-    ----------
-    features : Feature
-        What the board takes in addition to the first protocol.
-    arrived : float
-        When the bytes came that are handed on now, by ``time.monotonic``.
+    A separate thread reads, so that no byte is lost while the program is busy. ``sink`` takes the records of each
+    frame, in order. A board that sends nothing for ``patience_s`` is lost.
     """
 
     def __init__(
@@ -58,11 +41,11 @@ class Link:
 
         self.port, self.sink, self.patience_s = port, sink, patience_s
         self.said: dict[str, int] = {}
-        self.features = Feature(0)
+        self.features = Feature(0)  # of the board, beside the first protocol
         self._frames, self._records = FrameReader(), RecordReader()
         self._sequence, self._due, self._begun = 0, 0, False
         self._waiting: deque[Frame] = deque()
-        self.arrived = 0.0
+        self.arrived = 0.0  # ``time.monotonic`` at the arrival of the bytes that are forwarded now
         self._came: queue.Queue[tuple[float, bytes | Exception]] = queue.Queue()
         self._closing = False
         try:
@@ -79,7 +62,7 @@ class Link:
     def __enter__(self) -> Link:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *error: Any) -> None:
         self._closing = True
         self._thread.join(timeout=1)
         self._line.close()
@@ -89,11 +72,7 @@ class Link:
     def hello(self, design: Design, config: BoardConfig | None = None) -> dict[str, int]:
         """Start a session, and return the description that the board sends.
 
-        Raises
-        ------
-        InputError
-            If nothing answers, or the board holds another design than ``design``, or another chip than that of
-            ``config``.
+        Raises InputError if nothing answers, or the board has another design or another chip.
         """
         self._frames, self._records = FrameReader(), RecordReader()
         self._waiting.clear()
@@ -128,10 +107,7 @@ class Link:
     def receive(self) -> None:
         """Wait for bytes and forward their records to the sink.
 
-        Raises
-        ------
-        InputError
-            If the board says nothing though it should, is gone, refuses a frame, or what comes is damaged.
+        Raises InputError if the board sends nothing, is gone or rejects a frame, or if a frame arrives damaged.
         """
         data = self._take()
         ends = time.monotonic() + self.patience_s
@@ -149,13 +125,7 @@ class Link:
         return len(self._waiting)
 
     def wait(self, seconds: float = MOST_S) -> None:
-        """Wait until the board has executed all frames.
-
-        Raises
-        ------
-        InputError
-            If a frame is not acknowledged within some seconds.
-        """
+        """Wait until the board has executed all frames; raise InputError if one takes longer than ``seconds``."""
         self._until(lambda: not self._waiting, seconds)
 
     def waited_s(self) -> float:

@@ -37,46 +37,20 @@ RECENT = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Piece:
-    """The current input, for the live page.
-
-    Attributes
-    ----------
-    name : str
-    truth : str or None
-        Its class, where it is known.
-    seconds : float
-        How long it lasts.
-    speed : float
-        Seconds of the skin in a second of the page.
-    signals : list of lists of float
-        Of each taxel in full scales, evenly spread over these seconds.
-    picture : dict or None
-        PNG of what the skin touches as a data URL, and the array on it in pixels: left edge at the begin and pixels
-        per second, top, width, height.
-    """
+    """The current input, for the live page."""
 
     name: str
-    truth: str | None = None
+    truth: str | None = None  # its class, if known
     seconds: float = 0.0
-    speed: float = 1.0
-    signals: list[list[float]] | None = None
-    picture: dict[str, Any] | None = None
+    speed: float = 1.0  # seconds of the skin per second of the page
+    signals: list[list[float]] | None = None  # of each taxel in full scales, evenly spread over these seconds
+    picture: dict[str, Any] | None = None  # of the touched surface and the array on it, from ``demo.picture_of``
 
 
 class View:
     """Event counts per taxel, polarity and time step, shared by the receiver thread and the page thread.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-        Rows, columns, polarity.
-    clock_hz : float
-        Clock of the events' times.
-    window_s : float
-        Time that is shown.
-    class_names : sequence of str
-    clocks_per_bin : int
-        Of the classifier; 0 where there is none.
+    The view shows ``window_s`` seconds. ``clocks_per_bin`` is 0 without a classifier.
     """
 
     def __init__(
@@ -248,13 +222,7 @@ class _Server(ThreadingHTTPServer):
 
 
 def serve(view: View, port: int, option: str = "--page") -> ThreadingHTTPServer:
-    """Serve the live page to this machine only; return the server.
-
-    Raises
-    ------
-    InputError
-        If the port is taken; ``option`` chooses another.
-    """
+    """Serve the live page to this machine only; return the server. ``option`` chooses another port."""
     try:
         server = _Server(("127.0.0.1", port), partial(_Handler, view))
     except (OSError, OverflowError) as error:

@@ -123,17 +123,11 @@ class Refused:
 
 @dataclass(frozen=True)
 class Words:
-    """Description (``HELLO_WORDS``) or counters (``STATUS_WORDS``) of a board, by name.
-
-    Attributes
-    ----------
-    above : int
-        Of a description: ``Feature`` in the low 8 bits, and above the usual clocks between short events.
-    """
+    """Description (``HELLO_WORDS``) or counters (``STATUS_WORDS``) of a board, by name."""
 
     tag: Tag
     values: dict[str, int]
-    above: int = 0
+    above: int = 0  # of a description: ``Feature`` in the low 8 bits, then the usual clocks between short events
 
     @property
     def features(self) -> Feature:
@@ -152,14 +146,7 @@ Record = Event | Class | Lost | Ack | Refused | Words
 class RecordReader:
     """Parser that converts words to records.
 
-    Parameters
-    ----------
-    classes : int
-        Words of evidence behind a class.
-    addresses : int
-        Addresses that an event may have.
-    interval : int
-        Usual clocks between short events.
+    A class has ``classes`` words of evidence, and short events have usually ``interval`` clocks between them.
     """
 
     def __init__(self, classes: int = 0, addresses: int = 1 << ADDRESS_BITS, interval: int = 1) -> None:
@@ -170,27 +157,21 @@ class RecordReader:
         self._bits = self._count = 0
 
     def feed(self, payload: bytes) -> Iterator[Record]:
-        """Return the records completed by the payload of a frame.
+        """Yield the records completed by the payload of a frame.
 
-        Raises
-        ------
-        InputError
-            If a word has an unknown tag, or a record holds what no board sends: then program and board do not speak
-            the same language.
+        Raises InputError for records that no board of this version sends.
         """
         if len(payload) % 4:
-            raise InputError(
-                f"the board sent {len(payload)} bytes of records, no whole words; load its bitstream again"
-            )
+            raise InputError(f"the board sent {len(payload)} bytes of records, no whole words; {AGAIN}")
         for (word,) in struct.iter_unpack("<I", payload):
             if not self._begun:
                 if word >> VALUE_BITS == Tag.SHORT:
                     yield from self._short(word & EVENTS_END - 1)
                     continue
                 self._bits = self._count = 0  # any other record ends the bits of short events
-                if word < EVENTS_END and (address := word >> TIME_BITS) < self.addresses:
-                    self._last = Event(self._high << TIME_BITS | word & LOW_TIME, address)
-                    yield self._last  # nearly all records: a short way
+                if word < EVENTS_END:  # nearly all records: a short way
+                    self._last = self._event(self._high << TIME_BITS | word & LOW_TIME, word >> TIME_BITS)
+                    yield self._last
                     continue
             self._begun.append(word)
             if len(self._begun) > self._follow(self._begun[0]):
@@ -212,13 +193,14 @@ class RecordReader:
                 break
             time += interval
             address = bits >> used - size & (1 << size) - 1 if far else address + 1
-            if address >= self.addresses:
-                raise InputError(
-                    f"the board sent an event with the address {address}, and has {self.addresses}; {AGAIN}"
-                )
             bits, count = bits >> used, count - used
-            yield Event(time, address)
+            yield self._event(time, address)
         self._bits, self._count, self._last = bits, count, Event(time, address)
+
+    def _event(self, time: int, address: int) -> Event:
+        if address >= self.addresses:
+            raise InputError(f"the board sent an event with the address {address}, and has {self.addresses}; {AGAIN}")
+        return Event(time, address)
 
     def _follow(self, first: int) -> int:
         """Return the number of words that follow the first word of a record."""
@@ -231,10 +213,6 @@ class RecordReader:
         tag, value = words[0] >> VALUE_BITS, words[0] & (1 << VALUE_BITS) - 1
         time = self._high << TIME_BITS | value & (1 << TIME_BITS) - 1
         above = value >> TIME_BITS
-        if tag == Tag.EVENT:
-            if above >= self.addresses:
-                raise InputError(f"the board sent an event with the address {above}, and has {self.addresses}; {AGAIN}")
-            return Event(time, above)
         if tag == Tag.TIME:
             self._high = value
             return None
@@ -257,10 +235,7 @@ class RecordReader:
 def said(tag: Tag, words: list[int]) -> dict[str, int]:
     """Return the description or the counters of a board by name.
 
-    Raises
-    ------
-    InputError
-        If words are missing, or a number is outside ``RANGES``; a board of another version may say what it likes.
+    Raises InputError if words are missing, a number is outside ``RANGES``, or the board has another version.
     """
     names = HELLO_WORDS if tag == Tag.HELLO else STATUS_WORDS
     values = dict(zip(names, words, strict=False))

@@ -21,35 +21,17 @@ class Part(NamedTuple):
     """An SPI converter at 2.7 to 3.6 V. Its code stands in the last bits of a frame, highest bit first.
 
     All parts take bits at the rising edge of SCLK, and change their output after the falling edge.
-
-    Attributes
-    ----------
-    channels, bits : int
-    frame_bits : int
-        Clocks of SCLK in a frame.
-    most_hz : float
-        Of SCLK.
-    pause_s : float
-        CS is high for so long between frames.
-    cycle_s : float
-        From frame to frame at least.
-    latency : int
-        Frames from the one with a channel's number to the one with the channel's code.
-    first : int
-        The frame of channel 0, as a number.
-    channel_bit : int
-        Place of the channel's number in the frame.
     """
 
     channels: int
     bits: int
-    frame_bits: int
-    most_hz: float
-    pause_s: float
-    cycle_s: float
-    latency: int
-    first: int
-    channel_bit: int
+    frame_bits: int  # clocks of SCLK in a frame
+    most_hz: float  # largest frequency of SCLK
+    pause_s: float  # shortest time between frames, with CS high
+    cycle_s: float  # shortest time from frame to frame
+    latency: int  # frames from that with a channel's number to that with the channel's code
+    first: int  # the frame of channel 0, as a number
+    channel_bit: int  # place of the channel's number in the frame
 
 
 PARTS: dict[str, Part] = {
@@ -63,18 +45,10 @@ PARTS: dict[str, Part] = {
 
 @dataclass(frozen=True, kw_only=True)
 class SensorConfig:
-    """A skin at the pins of a board: one output for each row, one channel of the converter for each column.
-
-    Parameters
-    ----------
-    part : str
-        Name of ``PARTS``.
-    settle_s : float
-        From the drive of a row to its first frame.
-    """
+    """A skin at the pins of a board: one output for each row, one channel of the converter for each column."""
 
     part: PartName
-    settle_s: float = 5e-6
+    settle_s: float = 5e-6  # from the drive of a row to its first frame
 
     def __post_init__(self) -> None:
         if self.part not in PARTS:
@@ -83,13 +57,7 @@ class SensorConfig:
             raise InputError(f"settle_s must be in 0..{MOST_SETTLE_S:g}, not {self.settle_s:g}")
 
     def check(self, readout: ReadoutConfig, clock_hz: int) -> None:
-        """Refuse a readout or a rate that the converter does not have.
-
-        Raises
-        ------
-        InputError
-            With the highest rate, if the rate is too high.
-        """
+        """Raise InputError for a readout or a rate that the converter does not have, with the highest rate."""
         if readout.columns > PARTS[self.part].channels:
             raise InputError(
                 f"{self.part} has {PARTS[self.part].channels} channels, one for each column; take another converter "

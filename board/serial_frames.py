@@ -30,18 +30,10 @@ class Kind(IntEnum):
 
 
 class Frame(NamedTuple):
-    """A frame with a correct CRC.
-
-    Attributes
-    ----------
-    kind : int
-    sequence : int
-        0..255, one more than that of the frame before.
-    payload : bytes
-    """
+    """A frame with a correct CRC."""
 
     kind: int
-    sequence: int
+    sequence: int  # 0..255, one more than that of the frame before
     payload: bytes
 
     @property
@@ -61,14 +53,7 @@ class Frame(NamedTuple):
 
 
 class Damaged(NamedTuple):
-    """Bytes between two flags that are not a valid frame.
-
-    Attributes
-    ----------
-    content : bytes
-        Without escapes.
-    reason : str
-    """
+    """Bytes between two flags, without escapes, that are not a valid frame."""
 
     content: bytes
     reason: str

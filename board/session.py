@@ -20,7 +20,7 @@ from eskin.board.link import Link
 from eskin.board.records import Class, Event, Feature, Lost, Record, Tag, Words
 from eskin.board.serial_frames import MOST_PAYLOAD, Kind
 from eskin.board.udp import AddressEvent
-from eskin.model.address_events import Events
+from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.classifier.chip import clocks_of, events_of, simulate_chip
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import IntegerWeights, neuron_image, weight_image
@@ -42,33 +42,18 @@ ASK_S = 0.5
 
 @dataclass
 class Received:
-    """Events, classes and counters received from a board so far.
+    """Events, classes and counters received from a board so far."""
 
-    Attributes
-    ----------
-    to_event : callable
-        Gives clock, column, row and polarity of an event.
-    journal : Journal, optional
-    forward : callable, optional
-        Sends events on, before anybody looks at them.
-    watch : callable, optional
-        Sees all records, and their events.
-    keep : bool
-        Keep the events in memory, too: of a recording without an end only the journal has them.
-    observed : int
-        Clocks that were observed; known at the end.
-    """
-
-    to_event: Callable[[Event], AddressEvent]
+    to_event: Callable[[Event], AddressEvent]  # clock, column, row and polarity of an event
     journal: Journal | None = None
-    forward: Callable[[list[AddressEvent]], object] | None = None
-    watch: Callable[[list[Record], list[AddressEvent]], object] | None = None
-    keep: bool = True
+    forward: Callable[[list[AddressEvent]], object] | None = None  # sends events on, before ``watch``
+    watch: Callable[[list[Record], list[AddressEvent]], object] | None = None  # gets all records, and their events
+    keep: bool = True  # events in memory too; without, only the journal has the events of an endless recording
     events: list[AddressEvent] = field(default_factory=list)
     classes: list[Class] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)
     lost: int = 0
-    observed: int = 0
+    observed: int = 0  # clocks, known at the end
     count: int = 0
 
     def __call__(self, records: list[Record]) -> None:
@@ -111,18 +96,9 @@ def player_events(config: ChipConfig) -> Callable[[Event], AddressEvent]:
 def foreign_events(config: ReadoutConfig, mapping: AddressMap | None = None) -> Callable[[Event], AddressEvent]:
     """Return a function that converts an address {polarity, row, column} of another chip to an event.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-        With the link ``four_phase_dual`` the request names the polarity, and the address is {row, column}.
-    mapping : AddressMap, optional
-        Taxel of each address, or of each column and row, without the polarity.
-
-    Raises
-    ------
-    InputError
-        If the map has an address that a record cannot hold. By the function that is returned, for an address that the
-        array does not have, and for two requests at once.
+    With the link ``four_phase_dual`` the request names the polarity, and the address is {row, column}. A map gives the
+    taxel of each address, or of each column and row, without the polarity. The function raises InputError for an
+    address that the array does not have, and for two requests at once.
     """
     dual = config.link == "four_phase_dual"
     if mapping is None:
@@ -215,10 +191,7 @@ def play(
 ) -> int:
     """Play samples, shape (ticks, taxels), on a board after a reset; return the clocks of the chip.
 
-    Parameters
-    ----------
-    whole : bool
-        Send all samples with 16 bits each, and take each event in 32 bits, as for a board of the first protocol.
+    With ``whole``, samples have 16 bits and events 32 bits, as for a board of the first protocol.
     """
     clocks = clocks_to_play(chip, len(samples))
     features = Feature(0) if whole else link.features
@@ -272,8 +245,6 @@ def clocks_to_play(chip: ChipConfig, ticks: int) -> int:
 
 def as_events(received: Iterable[AddressEvent]) -> Events:
     """Return events (clock, column, row, polarity) as an array."""
-    from eskin.model.address_events import EVENT_DTYPE
-
     return np.array(list(received), EVENT_DTYPE)
 
 

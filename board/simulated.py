@@ -9,7 +9,7 @@ import threading
 import time
 import tty
 from collections import deque
-from types import TracebackType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,21 +45,10 @@ WEIGHT_HEAD = 3
 
 
 class SimulatedBoard:
-    """Simulated board that answers a host from its own thread.
+    """Simulated board that answers a host from its own thread at the pseudo-terminal ``port``.
 
-    Parameters
-    ----------
-    config : BoardConfig
-        Its buffer is that of the serial line: a host sends so many bytes ahead.
-    clock_hz : float
-        Clock of the times in the records.
-    speed : float, optional
-        Seconds of the records in a second of the host; by default everything is sent at once.
-
-    Attributes
-    ----------
-    port : str
-        Name of the pseudo-terminal, for ``Link``.
+    ``clock_hz`` is the clock of the times in the records. The speed is seconds of the records per second of the host;
+    by default everything is sent at once.
     """
 
     def __init__(self, config: BoardConfig, clock_hz: float, speed: float | None = None) -> None:
@@ -81,7 +70,7 @@ class SimulatedBoard:
         self._thread.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *error: Any) -> None:
         self._ending = True
         self._thread.join()
         os.close(self._master)
@@ -181,11 +170,6 @@ class SimulatedPlayer(SimulatedBoard):
     """Simulated board with readout and classifier, computed by the golden models.
 
     Samples may come from ``RESTART`` on until the first ``RUN``.
-
-    Parameters
-    ----------
-    config : BoardConfig
-    speed : float, optional
     """
 
     def __init__(self, config: BoardConfig, speed: float | None = None) -> None:
@@ -262,15 +246,7 @@ class SimulatedPlayer(SimulatedBoard):
 
 
 class SimulatedReceiver(SimulatedBoard):
-    """Simulated board whose AER receiver gets given events after every ``RESTART``.
-
-    Parameters
-    ----------
-    config : BoardConfig
-    events : sequence of (clock, address)
-        Clocks are those of the board.
-    speed : float, optional
-    """
+    """Simulated board whose AER receiver gets given events (clock of the board, address) after every ``RESTART``."""
 
     def __init__(self, config: BoardConfig, events: list[tuple[int, int]], speed: float | None = None) -> None:
         self.events: list[tuple[int, Record]] = [(time, Event(time, address)) for time, address in events]

@@ -28,19 +28,10 @@ def codes_to_play(
     dataset: str | None = None,
     only: str | None = None,
 ) -> tuple[str, NDArray[Any]]:
-    """Return name and codes, shape (ticks, taxels), of the chosen input.
+    """Return name and codes, shape (ticks, taxels), of the chosen input: by default embedded textures.
 
-    Parameters
-    ----------
-    weights : IntegerWeights
-        The network; textures and recordings are prepared as those of its training were.
-    readout : ReadoutConfig
-    samples, recordings : Path, optional
-        File of codes; folder of a user's recordings.
-    dataset : str, optional
-        Textures, where neither is given; the embedded ones by default.
-    only : str, optional
-        Name of the texture or recording; by default one that the network has not learned.
+    Textures and recordings are prepared as in the training of the network. Without ``only``, the input is a texture or
+    recording that the network has not learned.
     """
     if samples is not None:
         return samples.name, codes_of(samples, readout)

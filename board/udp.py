@@ -26,13 +26,7 @@ AddressEvent = tuple[int, int, int, bool]
 
 
 def parse_destination(text: str) -> tuple[str, int]:
-    """Return host and port for a text ``HOST:PORT`` or ``HOST``.
-
-    Raises
-    ------
-    InputError
-        If the port is no number of 1 to 65535, or there is no host.
-    """
+    """Return host and port for a text ``HOST:PORT`` or ``HOST``; raise InputError for other texts."""
     host, port = text.rsplit(":", 1) if text.count(":") == 1 or "]:" in text else (text, str(PORT))
     host = host.strip("[]")
     if not host or not port.isascii() or not port.isdigit() or not 0 < int(port) < 1 << 16:
@@ -41,26 +35,9 @@ def parse_destination(text: str) -> tuple[str, int]:
 
 
 class UdpSender:
-    """UDP sender of events, without acknowledgement.
+    """UDP sender of events to ``HOST:PORT``, without acknowledgement; ``clock_hz`` is the clock of the events' times.
 
-    Parameters
-    ----------
-    destination : str
-        ``HOST:PORT``.
-    clock_hz : float
-        Clock of the events' times.
-
-    Attributes
-    ----------
-    events : int
-        Events that were sent.
-    begins_us : int
-        Microseconds that are added to all times: for a recording that follows another.
-
-    Raises
-    ------
-    InputError
-        If the destination is none, or has no address.
+    ``begins_us`` is added to all times, for a recording that follows another.
     """
 
     def __init__(self, destination: str, clock_hz: float) -> None:
@@ -98,11 +75,7 @@ class UdpSender:
 def datagram(number: int, events: NDArray[np.int64]) -> bytes:
     """Return a UDP datagram: its number, then address and time of each event, as big-endian 32-bit words.
 
-    Parameters
-    ----------
-    number : int
-    events : shape (events, 4)
-        Microseconds, column, row and polarity. The 32 low bits of the time are sent.
+    Events, shape (events, 4), are microseconds, column, row and polarity. The 32 low bits of the time are sent.
     """
     words = np.empty((len(events), 2), ">u4")
     words[:, 0] = events[:, 2] << 8 | LAST_COLUMN - events[:, 1] << 1 | 1 - events[:, 3]

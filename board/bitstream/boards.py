@@ -53,13 +53,7 @@ VCO_HZ = 600_000_000
 
 
 def platform_of(board: str) -> Any:
-    """Return the Amaranth platform of a board.
-
-    Raises
-    ------
-    InputError
-        If there is no such board, or the packages are not installed.
-    """
+    """Return the Amaranth platform of a board."""
     if board not in BOARDS:
         raise InputError(f"--board must be one of {', '.join(BOARDS)}, not {board!r}")
     from amaranth_boards import ulx3s

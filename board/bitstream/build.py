@@ -46,24 +46,13 @@ class BuildFailed(RuntimeError):
 
 @dataclass(frozen=True)
 class Built:
-    """Results of place and route.
+    """Results of place and route."""
 
-    Attributes
-    ----------
-    used, available : dict of str to int
-        By the kind of cell, in nextpnr's words.
-    clock_hz : float
-        What the slowest path of the system clock allows.
-    aim_hz : float
-    files : dict of str to bytes
-        What is kept, by file name.
-    """
-
-    used: dict[str, int]
+    used: dict[str, int]  # by the kind of cell, in nextpnr's words
     available: dict[str, int]
-    clock_hz: float
+    clock_hz: float  # that the slowest path of the system clock allows
     aim_hz: float
-    files: dict[str, bytes]
+    files: dict[str, bytes]  # content by file name
 
     @property
     def luts(self) -> int:
@@ -94,10 +83,7 @@ def design_of(
 def build(config: BoardConfig, board: str) -> Built:
     """Build the bitstream of a design for a board; return bitstream and resources.
 
-    Raises
-    ------
-    InputError
-        If there is no such board, or the design does not fit.
+    Raises InputError if the board is unknown, or the design does not fit.
     """
     platform = platform_of(board)
     plan = platform.prepare(OnBoard(config), NAME, synth_opts=SYNTHESIS)
@@ -135,26 +121,17 @@ def place_and_route(folder: Path, options: Sequence[str]) -> None:
 def read_report(folder: Path, files: dict[str, bytes]) -> Built:
     """Return the results that nextpnr reported in a folder."""
     said: dict[str, Any] = json.loads((folder / "report.json").read_text())
-    clocks = {name: clock for name, clock in said["fmax"].items() if clock["constraint"] >= 50 - 1e-3}
-    slowest = min(clocks.values(), key=lambda clock: clock["achieved"])
-    return Built(
-        {name: one["used"] for name, one in said["utilization"].items() if one["used"]},
-        {name: one["available"] for name, one in said["utilization"].items() if one["used"]},
-        1e6 * slowest["achieved"],
-        1e6 * slowest["constraint"],
-        files,
-    )
+    clocks = [clock for clock in said["fmax"].values() if clock["constraint"] >= 50 - 1e-3]
+    slowest = min(clocks, key=lambda clock: clock["achieved"])
+    cells = {name: one for name, one in said["utilization"].items() if one["used"]}
+    used, available = ({name: one[key] for name, one in cells.items()} for key in ("used", "available"))
+    return Built(used, available, 1e6 * slowest["achieved"], 1e6 * slowest["constraint"], files)
 
 
 def _run(program: str, words: Sequence[str], folder: Path) -> None:
     """Run a program of a Python package in a folder.
 
-    Raises
-    ------
-    InputError
-        If its package is not installed, or the design does not fit the FPGA.
-    BuildFailed
-        If it fails otherwise.
+    Raises InputError if its package is not installed or the design does not fit the FPGA, and else BuildFailed.
     """
     module, _, function = PROGRAMS[program].partition(".")
     command = [sys.executable, "-c", f"import {module}; {module}.{function}()", *words]

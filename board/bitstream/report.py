@@ -20,14 +20,7 @@ MOST_BLOCKS = {8: 49, 4: 25}
 
 @dataclass(frozen=True)
 class Aim:
-    """A measured number and its target.
-
-    Attributes
-    ----------
-    what : str
-    found, wanted : float
-    met : bool
-    """
+    """A measured number and its target."""
 
     what: str
     found: float

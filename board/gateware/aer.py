@@ -21,21 +21,8 @@ class AerReceiver(Component):
     answers at once.
 
     A chip with two requests has that of ON at ``aer_req`` and that of OFF at ``aer_req_off``. OFF sets ``OFF_FLAG`` in
-    the address, both at once also ``BOTH_FLAG``.
-
-    Attributes
-    ----------
-    aer_req, aer_req_off, aer_ack, aer_addr : In(1), In(1), Out(1), In(ADDRESS_BITS)
-        Active high; requests and address asynchronous, ACK a flop.
-    now : In(CLOCK_BITS)
-    full : In(1)
-        There is no place for an event.
-    valid, ready, address, time : Out, In, Out, Out
-        An event, and the clock in which its REQ was seen: two to three after it rose.
-    lost, lost_told : Out(VALUE_BITS), In(1)
-        Events that were lost since they were told last; stops at its end.
-    lost_now : Out(1)
-        One is lost in this clock.
+    the address, both at once also ``BOTH_FLAG``. Pins are active high; requests and address are asynchronous, ACK is a
+    flop.
     """
 
     def __init__(self) -> None:
@@ -46,14 +33,14 @@ class AerReceiver(Component):
                 "aer_ack": Out(1),
                 "aer_addr": In(ADDRESS_BITS),
                 "now": In(CLOCK_BITS),
-                "full": In(1),
+                "full": In(1),  # the memory has no place for an event
                 "valid": Out(1),
                 "ready": In(1),
                 "address": Out(ADDRESS_BITS),
-                "time": Out(CLOCK_BITS),
-                "lost": Out(VALUE_BITS),
+                "time": Out(CLOCK_BITS),  # clock in which REQ was seen: two to three after it rose
+                "lost": Out(VALUE_BITS),  # events lost since the last report; stops at its end
                 "lost_told": In(1),
-                "lost_now": Out(1),
+                "lost_now": Out(1),  # an event is lost in this clock
             }
         )
 

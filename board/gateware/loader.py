@@ -28,48 +28,28 @@ class Loader(Component):
 
     A frame of changes is read bit by bit. The code of the next taxel leaves the shift register at its end, and comes in
     again, changed or not, at its beginning.
-
-    Attributes
-    ----------
-    valid, ready, data : In, Out, In
-        From ``FrameReceiver``.
-    run : In(1)
-        The chip is clocked.
-    active : Out(1)
-        It has clocks left.
-    restart : Out(1)
-        It is reset.
-    sample, sample_valid : Out
-        Of the chip (player).
-    short : Out(1)
-        The host takes short events (player).
-    sensing, taxel_valid, taxel : Out(1), In(1), In
-        A scan of the skin may begin; a sample of its next taxel (player with a sensor).
-    load_valid, load_neurons, load_address, load_data : Out
-        Of the classifier, while it is reset (player).
-    ack_valid, ack_sequence, ack_ready, unknown_valid, unknown_ready, status_valid, status_ready : Out, Out, In
-        To ``Recorder``; ``unknown`` is a frame that is none of these, or of a wrong length.
     """
 
     def __init__(self, config: BoardConfig) -> None:
         self.config = config
         ports: dict[str, Any] = {
-            "valid": In(1),
+            "valid": In(1),  # a byte of ``FrameReceiver``
             "ready": Out(1),
             "data": In(8),
-            "run": In(1),
-            "active": Out(1),
-            "restart": Out(1),
+            "run": In(1),  # the chip is clocked
+            "active": Out(1),  # the chip has clocks left
+            "restart": Out(1),  # the chip is reset
             "ack_sequence": Out(8),
         }
-        for name in ("ack", "unknown", "status"):
+        for name in ("ack", "unknown", "status"):  # to ``Recorder``; the kind or the length of ``unknown`` is wrong
             ports |= {f"{name}_valid": Out(1), f"{name}_ready": In(1)}
         if config.chip:
             readout, own = config.chip.readout, Classifier(config.chip.classifier).signature.members
-            ports |= {"sample": Out(readout.taxels * readout.sample_bits), "sample_valid": Out(1), "short": Out(1)}
-            if config.sensor:
+            ports |= {"sample": Out(readout.taxels * readout.sample_bits), "sample_valid": Out(1)}
+            ports |= {"short": Out(1)}  # the host takes short events
+            if config.sensor:  # a scan of the skin may begin; a sample of its next taxel
                 ports |= {"sensing": Out(1), "taxel_valid": In(1), "taxel": In(readout.sample_bits)}
-            ports |= {name: Out(own[name].shape) for name in own if name.startswith("load_")}
+            ports |= {name: Out(own[name].shape) for name in own if name.startswith("load_")}  # while it is reset
         super().__init__(ports)
 
     def elaborate(self, platform: Any) -> Module:

@@ -34,29 +34,7 @@ class Recorder(Component):
     """Recorder that writes one word per clock into the FIFO before the serial line.
 
     Short events are shifted, bit by bit, into a word of their own. Before any other record the rest of this word is
-    filled with ones, which begin the code of an interval that is none.
-
-    Attributes
-    ----------
-    now : In(CLOCK_BITS)
-        The time.
-    idle : Out(1)
-        An event and a class may come in this clock.
-    event_valid, event_address : In
-        An event of this clock.
-    class_valid, class_index, class_overrun, evidence : In
-        A class of this clock; the evidence is held until all of it is written (player).
-    event_time : In(CLOCK_BITS)
-        When it was.
-    short, restart, rests : In(1)
-        Events that follow another one closely may be short; the time begins anew; no event comes for now (player).
-    lost, lost_told : In, Out
-        Events that were lost since the last ones were told; they are told now.
-    ack_valid, ack_sequence, ack_ready, refused_valid, refused_word, refused_ready : In, In, Out
-    hello_valid, hello_ready, status_valid, status_words, status_ready : In, Out
-        What else is to be said; an event goes first.
-    level, word, take : Out, Out, In
-        To ``FrameSender``.
+    filled with ones, which begin the code of an interval that is none. An event goes before other records.
     """
 
     def __init__(self, config: BoardConfig) -> None:
@@ -65,29 +43,30 @@ class Recorder(Component):
         self.classes = classifier.classes if classifier else 0
         self.evidence_bits = classifier.evidence_bits if classifier else 0
         ports: dict[str, Any] = {
-            "idle": Out(1),
+            "idle": Out(1),  # an event and a class may come in this clock
             "event_valid": In(1),
             "event_address": In(ADDRESS_BITS),
-            "event_time": In(CLOCK_BITS),
-            "lost": In(VALUE_BITS),
-            "lost_told": Out(1),
+            "event_time": In(CLOCK_BITS),  # of the event and of the class
+            "lost": In(VALUE_BITS),  # events lost since the last report
+            "lost_told": Out(1),  # they are reported now
             "refused_word": In(VALUE_BITS),
             "ack_sequence": In(8),
             "status_words": In(WORD_BITS * len(STATUS_WORDS)),
-            "level": Out(range(config.serial.records + 1)),
+            "level": Out(range(config.serial.records + 1)),  # to ``FrameSender``
             "word": Out(WORD_BITS),
             "take": In(1),
         }
         for name in ("ack", "refused", "hello", "status"):
             ports |= {f"{name}_valid": In(1), f"{name}_ready": Out(1)}
         if config.chip:
+            # Events that follow another event closely may be short; the time begins anew; no event comes for now.
             ports |= {"short": In(1), "restart": In(1), "rests": In(1)}
         if self.classes:
             ports |= {
                 "class_valid": In(1),
                 "class_index": In(6),
                 "class_overrun": In(1),
-                "evidence": In(self.classes * self.evidence_bits),
+                "evidence": In(self.classes * self.evidence_bits),  # stays until all of it is written
             }
         super().__init__(ports)
 

@@ -21,21 +21,6 @@ class Scanner(Component):
 
     In each frame, MOSI and CS change while SCLK is low. A bit of MISO is read one clock after the rising edge of SCLK,
     and arrives two clocks later. A scan that is due waits until it is allowed.
-
-    Attributes
-    ----------
-    rows : Out
-        One is high during the scan of a row; all are low between scans.
-    sclk, cs_n, mosi, miso : Out, Out, Out, In
-        Of the converter.
-    allowed : In(1)
-        A scan may begin.
-    restart : In(1)
-        The next scan begins as soon as it is allowed.
-    valid, sample : Out(1), Out
-        A sample, signed, for one clock.
-    late : Out(1)
-        A scan begins more than a period after it was due: ticks between are lost.
     """
 
     _MustUse__silence = True  # its ports are asked for, too
@@ -44,16 +29,16 @@ class Scanner(Component):
         self.config, self.readout, self.clock_hz = config, readout, clock_hz
         super().__init__(
             {
-                "rows": Out(readout.rows),
+                "rows": Out(readout.rows),  # one is high during the scan of a row; all are low between scans
                 "sclk": Out(1),
                 "cs_n": Out(1, init=1),
                 "mosi": Out(1),
                 "miso": In(1),
-                "allowed": In(1),
-                "restart": In(1),
+                "allowed": In(1),  # a scan may begin
+                "restart": In(1),  # the next scan begins as soon as it is allowed
                 "valid": Out(1),
-                "sample": Out(readout.sample_bits),
-                "late": Out(1),
+                "sample": Out(readout.sample_bits),  # signed, for one clock
+                "late": Out(1),  # a scan begins more than a period after it was due: ticks between are lost
             }
         )
 

@@ -21,21 +21,7 @@ class FrameReceiver(Component):
     """Receiver that buffers a frame, and forwards it if CRC, length and sequence number are correct.
 
     The bytes of a frame are written behind those that wait; only its end moves the mark up to which they may be read.
-    What a frame refused has written is written over.
-
-    Attributes
-    ----------
-    byte_valid, byte : In
-        From the line.
-    valid, ready, data : Out, In, Out
-        Kind, sequence number, length and payload of good frames, one behind the other.
-    session : Out(1)
-        High for one clock after a good ``HELLO``, which empties the buffer: everything begins anew.
-    refused : Out(1)
-        High for one clock with each frame that is not taken.
-    refused_sequence, refused_expected, refused_reason : Out
-    taken : Out(1)
-        High for one clock with each that is.
+    The bytes of a rejected frame are overwritten.
     """
 
     _MustUse__silence = True  # its ports are asked for, too
@@ -48,13 +34,13 @@ class FrameReceiver(Component):
                 "byte": In(8),
                 "valid": Out(1),
                 "ready": In(1),
-                "data": Out(8),
-                "session": Out(1),
-                "refused": Out(1),
+                "data": Out(8),  # kind, sequence number, length and payload of good frames, one behind the other
+                "session": Out(1),  # for one clock after a good ``HELLO``, which empties the buffer
+                "refused": Out(1),  # for one clock with each frame that is not taken
                 "refused_sequence": Out(8),
                 "refused_expected": Out(8),
                 "refused_reason": Out(4),
-                "taken": Out(1),
+                "taken": Out(1),  # for one clock with each frame that is taken
             }
         )
 
@@ -143,21 +129,13 @@ class FrameReceiver(Component):
 
 
 class FrameSender(Component):
-    """Sender that packs waiting words into frames of records.
-
-    Attributes
-    ----------
-    level, word, take : In, In(32), Out(1)
-        Words that wait; the first of them; it is taken.
-    valid, ready, byte : Out, In, Out
-        To the line.
-    """
+    """Sender that packs waiting words into frames of records."""
 
     def __init__(self, config: SerialConfig) -> None:
         super().__init__(
             {
-                "level": In(range(config.records + 1)),
-                "word": In(32),
+                "level": In(range(config.records + 1)),  # number of waiting words
+                "word": In(32),  # the first of them
                 "take": Out(1),
                 "valid": Out(1),
                 "ready": In(1),

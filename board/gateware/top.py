@@ -36,19 +36,7 @@ def _pins(config: BoardConfig) -> dict[str, Any]:
 
 
 class Core(Component):
-    """All logic that a new session resets: frames from the host, recorder, and records to the host.
-
-    Attributes
-    ----------
-    valid, ready, data : In, Out, In
-        Bytes of good frames.
-    taken, refused, refused_sequence, refused_expected, refused_reason : In
-        From ``FrameReceiver``.
-    byte_valid, byte_ready, byte : Out, In, Out
-        To the line.
-    aer_req, aer_req_off, aer_ack, aer_addr
-        Of a receiver.
-    """
+    """All logic that a new session resets: frames from the host, recorder, and records to the host."""
 
     def __init__(self, config: BoardConfig) -> None:
         self.config = config
@@ -58,9 +46,9 @@ class Core(Component):
             {
                 "valid": In(1),
                 "ready": Out(1),
-                "data": In(8),
+                "data": In(8),  # of good frames
                 **{name: In(received[name].shape) for name in names},
-                "byte_valid": Out(1),
+                "byte_valid": Out(1),  # to the line
                 "byte_ready": In(1),
                 "byte": Out(8),
                 **_pins(config),

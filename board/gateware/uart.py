@@ -15,15 +15,7 @@ from eskin.board.config import SerialConfig
 
 
 class UartReceiver(Component):
-    """UART receiver that samples each bit in its middle.
-
-    Attributes
-    ----------
-    line : In(1)
-        Asynchronous; high at rest.
-    valid, data : Out(1), Out(8)
-        High for one clock with each byte.
-    """
+    """UART receiver that samples each bit of the asynchronous line in its middle; ``valid`` is high for one clock."""
 
     def __init__(self, config: SerialConfig) -> None:
         self.config = config
@@ -57,14 +49,7 @@ class UartReceiver(Component):
 
 
 class UartSender(Component):
-    """UART sender without gaps between bytes.
-
-    Attributes
-    ----------
-    line : Out(1)
-    valid, ready, data : In(1), Out(1), In(8)
-        Stream of bytes.
-    """
+    """UART sender without gaps between bytes."""
 
     def __init__(self, config: SerialConfig) -> None:
         self.config = config
