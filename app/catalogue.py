@@ -97,15 +97,7 @@ def overview() -> str:
 
 
 def sections(listed: Mapping[str, Mapping[str, str]], width: int | None = None) -> Iterable[str]:
-    """Yield the lines of help sections, each a heading with names and texts.
-
-    Parameters
-    ----------
-    listed : mapping of str to (mapping of str to str)
-        Texts by name, by heading.
-    width : int, optional
-        Width of the page in characters; by default that of the terminal.
-    """
+    """Yield the lines of help sections, each a heading with names and texts; by default as wide as the terminal."""
     width = width or max(shutil.get_terminal_size().columns, 60)
     indent = max(len(name) for texts in listed.values() for name in texts) + 4
     for heading, texts in listed.items():

@@ -159,16 +159,8 @@ def run(app: typer.Typer, prog_name: str, args: Sequence[str] | None = None) -> 
 
     An InputError, or a wrong option, prints ``error: <sentence>`` on standard error and exits with code 2.
     Ctrl-C and a reader that closes the pipe are quiet: codes 130 and 141. Commands choose other codes by
-    ``raise typer.Exit(code)``. Anything else is a defect of the program and keeps its traceback.
-
-    Parameters
-    ----------
-    app : typer.Typer
-        App from :func:`make_app`.
-    prog_name : str
-        Program name as typed: ``eskin``.
-    args : sequence of str, optional
-        Arguments; by default those of the process.
+    ``raise typer.Exit(code)``. Anything else is a defect of the program and keeps its traceback. The arguments are
+    those of the process by default.
     """
     if args is None:
         collect_seldom()
@@ -223,18 +215,13 @@ def asked_for() -> str:
     return shlex.join(["eskin", *sys.argv[1:]])
 
 
-def printable(text: object) -> str:
-    """Return a text with control characters escaped, such as \\x1b.
-
-    Controls that turn the direction of writing are among them, by which one name can look like another.
-    """
-    return "".join(
-        character.encode("unicode_escape").decode() if unicodedata.category(character) in _OBEYED else character
-        for character in str(text)
-    )
-
-
 _OBEYED = ("Cc", "Cf", "Cs", "Zl", "Zp")
+"""Categories of control characters, also of those by which one name can look like another."""
+
+
+def printable(text: object) -> str:
+    """Return a text with control characters escaped, such as \\x1b."""
+    return "".join(c.encode("unicode_escape").decode() if unicodedata.category(c) in _OBEYED else c for c in str(text))
 
 
 app = make_app(ABOUT, AllCommands)

@@ -149,18 +149,10 @@ def field_options(
     defaults: Mapping[str, object] | None = None,
     heading: str | None = None,
 ) -> list[inspect.Parameter]:
-    """Return one option for each field.
+    """Return one option for each field of a dataclass, or for the fields of some names.
 
-    Parameters
-    ----------
-    cls : dataclass
-        Its fields are made by ``eskin.model.config.parameter``.
-    names : iterable of str, optional
-        Fields that become options; all by default.
-    defaults : mapping of str to object, optional
-        Default in the help by field, if the command's default differs from the class.
-    heading : str, optional
-        Heading of the options in the help.
+    Fields are made by ``eskin.model.config.parameter``. ``defaults`` are defaults in the help that differ from the
+    class. ``heading`` is that of the options in the help.
     """
     hints, fields = get_type_hints(cls), {field.name: field for field in dataclasses.fields(cls)}
     options = []
@@ -217,19 +209,10 @@ def replace_parameters(
     build: Callable[[dict[str, Any]], dict[str, Any]],
     last: bool = False,
 ) -> Command:
-    """Return a command in which options replace given parameters.
+    """Return a command in which options replace the parameters ``names``, as far as the command has them.
 
-    Parameters
-    ----------
-    command : callable
-    names : sequence of str
-        The parameters that go; names that the command does not have are ignored.
-    options : sequence of inspect.Parameter
-        The options that the user sees instead.
-    build : callable
-        Returns the arguments of the command for ``names`` from the values of the options by name.
-    last : bool
-        The options stand behind all others in the help, else where the first of ``names`` stood.
+    ``build`` returns the arguments for ``names`` from the values of the options by name. The options are the last in
+    the help, or stand where the first of ``names`` stood.
     """
     signature = inspect.signature(command, eval_str=True)
     own = list(signature.parameters.values())
@@ -313,16 +296,9 @@ def with_config(
     fields that the user set, as a frozenset of str; a parameter ``stored`` the fields of a frame readout in the file,
     which other commands refuse.
 
-    Parameters
-    ----------
-    command : callable, optional
-        Omitted if the decorator is called with the others.
-    fields : sequence of str, optional
-        The fields that become options, all by default; none for which the command has a parameter of its own.
-    file : bool
-        False leaves ``--config`` out.
-    every : bool
-        The command runs all encoders unless the user names one, so that the options of each have an effect.
+    ``fields`` become options, by default all for which the command has no parameter. Without ``file`` the command has
+    no ``--config``. ``every`` means that the command runs all encoders unless the user names one, so that the options
+    of each have an effect.
     """
     if command is None:
         return lambda function: with_config(function, fields=fields, file=file, every=every)
@@ -352,21 +328,8 @@ def build_config(
 ) -> tuple[ReadoutConfig, frozenset[str]]:
     """Return the configuration from a file; explicit fields override it, and a time constant sets the leak.
 
-    Parameters
-    ----------
-    explicit : dict
-        Fields of ReadoutConfig that the user set.
-    tau_s : float, optional
-        Time constant of the N-LCS leak in seconds.
-    file : Path, optional
-        JSON configuration; its absent fields take their defaults.
-    stored : dict, optional
-        Takes the fields of a frame readout in the file; without it they are refused.
-
-    Returns
-    -------
-    (ReadoutConfig, frozenset of str)
-        The configuration, and the fields that the user, the file or the time constant set.
+    Also returns the names of the fields that the user, the file or the time constant set. ``stored`` receives the
+    fields of a frame readout in the file; without ``stored`` they are refused.
     """
     given = set(explicit)
     fields = dict(explicit)

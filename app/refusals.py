@@ -76,15 +76,8 @@ The other numbers are fields of a class, or are checked before the work with wha
 def check_options(command: str, options: Mapping[str, str], values: Mapping[str, Any], typed: frozenset[str]) -> None:
     """Check for options without effect and numbers out of range.
 
-    Parameters
-    ----------
-    command : str
-    options : mapping of str to str
-        Parameter of each option, such as ``--start-row``.
-    values : mapping of str to object
-        Values by parameter, typed or default.
-    typed : frozenset of str
-        Parameters that the user typed, even if with the default.
+    ``options`` names the parameter of each option, such as ``--start-row``. ``values`` of all parameters are typed or
+    default. ``typed`` are the parameters that the user typed, even if with the default.
     """
     for option, parameter in options.items():
         found = values.get(parameter)

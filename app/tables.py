@@ -19,16 +19,8 @@ filled = CELLS.filled
 def new_table(headings: Iterable[str], title: str = "", left: Iterable[int] = (0,), **columns: Any) -> Table:
     """Return an empty table.
 
-    Parameters
-    ----------
-    headings : iterable of str
-        Titles, used literally: brackets are not markup.
-    title : str
-        Line above the table.
-    left : iterable of int
-        Indices of left-aligned columns; the others contain numbers and are right-aligned.
-    **columns
-        Arguments of rich's ``add_column`` for all columns.
+    Headings are literal text: brackets are not markup. ``left`` has the indices of left-aligned columns. ``columns``
+    are arguments of rich's ``add_column``.
     """
     from rich import box
     from rich.table import Table
@@ -53,16 +45,8 @@ def print_table(
 ) -> None:
     """Print a table.
 
-    Parameters
-    ----------
-    heads : str or iterable of str
-        Titles of the columns; in a text, `` | `` separates them.
-    rows : iterable
-        Mappings, which ``cells`` formats, or the cells themselves.
-    cells : str
-        Templates of the columns between `` | `` (``eskin.base.rows``).
-    title, left, least_width
-        Same as for ``new_table`` and ``show``.
+    Rows are mappings, which the templates ``cells`` format (``eskin.base.rows``), or the cells themselves. In a text
+    `` | `` separates headings or templates. Other parameters are those of ``new_table`` and ``show``.
     """
     from rich.text import Text
 

@@ -20,15 +20,8 @@ def open_pool(
 ) -> WorkerPool:
     """Return the worker pool for the user's options.
 
-    Parameters
-    ----------
-    workers : int or None
-    scheduler : str or None
-        Address of a Dask scheduler.
-    needs : Needs, optional
-        Versions that its workers must share; those of the model by default.
-    threads : bool
-        On this machine: threads and not processes, for work that lets go of the interpreter.
+    Workers of a Dask scheduler must share the versions of ``needs``, by default those of the model. On this machine,
+    threads instead of processes are for work that releases the interpreter lock.
     """
     if scheduler is None:
         from eskin.base.workers.pool import Local

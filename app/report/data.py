@@ -31,28 +31,14 @@ SHOWN_ALONE = ("lcs", "nlcs")
 
 @dataclass(frozen=True)
 class Run:
-    """Recordings of one readout from RTL and model, or from the model with its samples.
+    """Recordings of one readout from RTL and model, or from the model with its samples."""
 
-    Parameters
-    ----------
-    name : str
-        Folder of the run.
-    verdict : str
-        Result of the comparison, one sentence.
-    equal : bool or None
-        Whether RTL and model are equal; None without comparison.
-    model : Recording
-    rtl : Recording, optional
-    samples : float array, shape (ticks, taxels), optional
-        In full scale.
-    """
-
-    name: str
-    verdict: str
-    equal: bool | None
+    name: str  # folder of the run
+    verdict: str  # result of the comparison, one sentence
+    equal: bool | None  # whether RTL and model are equal; None without comparison
     model: Recording
     rtl: Recording | None = None
-    samples: NDArray[np.float64] | None = None
+    samples: NDArray[np.float64] | None = None  # in full scale, shape (ticks, taxels)
 
     def to_dict(self) -> Data:
         """Return name, readout, length, event counts and verdict as a dictionary."""
@@ -72,12 +58,8 @@ class Run:
 def load_runs(folder: Path) -> tuple[list[Run], list[str]]:
     """Return all runs of ``make sim`` in a folder, and sentences about missing files.
 
-    Without runs, the model encodes the beginning of an embedded texture.
-
-    Raises
-    ------
-    InputError
-        If an event file is damaged, or the two of a run are of different readouts.
+    Without runs, the model encodes the beginning of an embedded texture. Raises InputError if an event file is damaged,
+    or the two of a run are of different readouts.
     """
     runs, missing = [], []
     for place in sorted(path for path in folder.iterdir() if path.is_dir()) if folder.is_dir() else []:
@@ -149,11 +131,8 @@ def load_replays(folder: Path) -> list[Data]:
     for file in sorted(folder.glob("*/summary.json")):
         summary = read_shaped(file, "the summary of make replay", SUMMARY, "delete it")
         config = summary["configuration"]
-        found.append(
-            {key: summary[key] for key in ("dataset", "preset")}
-            | {key: summary[key] for key in ("images", "clocks", "events", "mismatches")}
-            | {key: config[key] for key in ("rows", "columns", "encoding", "resolution")}
-        )
+        counts = {key: summary[key] for key in ("dataset", "preset", "images", "clocks", "events", "mismatches")}
+        found.append(counts | {key: config[key] for key in ("rows", "columns", "encoding", "resolution")})
     return found
 
 
@@ -161,13 +140,7 @@ def load_replays(folder: Path) -> list[Data]:
 
 
 def load_accuracy(path: Path) -> Data:
-    """Return points of accuracy against data rate from a file (format: docs/guide/report.md).
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or a point has no usable accuracy and data rate.
-    """
+    """Return points of accuracy against data rate from a file (format: docs/guide/report.md)."""
     what = "the accuracy results"
     values = read_json(path, what, dict)
     points = values.get("points")
@@ -244,16 +217,8 @@ def report_data(
 ) -> tuple[Data, list[Run]]:
     """Return all data of the report, and the recordings for its pictures.
 
-    ``missing`` lists, by section, missing files and the commands that make them.
-
-    Parameters
-    ----------
-    sim, replay, benchmarks : Path
-        Folders; missing files are omitted.
-    accuracy : Path
-        File of Fig. 9; omitted if missing.
-    synthesis : sequence of Path
-        Synthesis reports, which ``consistent`` mode then uses.
+    ``missing`` lists, by section, missing files and the commands that make them. ``accuracy`` is the file of Fig. 9.
+    The consistent mode uses the synthesis reports.
     """
     from eskin.model import __version__
     from eskin.power.build import both_modes, rate_table

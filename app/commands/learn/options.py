@@ -146,17 +146,8 @@ def _made(values: dict[str, Any], fit: Fit | None = None) -> Experiment:
 def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experiment:
     """Return the experiment for the options of a command.
 
-    Parameters
-    ----------
-    options : dict
-        Values by name, of all parameters of ``_options``, and texts of the fields of Preparation.
-    fit : Fit, optional
-        Chooses encoder, resolution and scale for recordings, as in ``kept_events``; for frames only the scale.
-
-    Raises
-    ------
-    InputError
-        If an option has no meaning, or fits no other.
+    Options are the values by name of all parameters of ``_options``, and texts of the fields of Preparation. For
+    recordings, ``fit`` chooses encoder, resolution and scale as in ``kept_events``; for frames only the scale.
     """
     from eskin.snn.data.bins import BinConfig
     from eskin.snn.experiments.settings import experiment_of, parse_grid, parse_settings

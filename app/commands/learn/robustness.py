@@ -66,19 +66,10 @@ def robustness(
 
 
 def subjects_of(places: list[Path] | None, scenes: bool = True) -> list[Subject]:
-    """Return the trained networks in folders, by default the suitable ones below ``OUT_TRAIN``.
+    """Return the trained networks in the user's folders, by default the suitable networks below ``OUT_TRAIN``.
 
-    Parameters
-    ----------
-    places : list of Path or None
-        Folders as typed by the user.
-    scenes : bool
-        Only networks on events of physical scans suit.
-
-    Raises
-    ------
-    InputError
-        If a network in a folder of the user does not suit, or none in the others does.
+    With ``scenes``, only networks on events of physical scans suit. Raises InputError if a network in a folder of the
+    user, or every network below ``OUT_TRAIN``, does not suit.
     """
     from eskin.snn.experiments.robustness import Subject
 
