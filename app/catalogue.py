@@ -30,29 +30,28 @@ COMMANDS: dict[str, dict[str, str]] = {
         train="train crossval",
         predict="predict",
         sweep="sweep",
-        pair="pair",
+        figures="pair",
         exchange="quantise export import",
-        cache="cache",
+        scans="cache",
     ),
     "Hardware": _in(
         "silicon",
         verilog="verilog gates",
         netlist="asic asic-scale gatesim gatepower",
-        places="layout fpga",
-        tapeout="tapeout",
+        places="layout fpga tapeout",
     ),
     "Board": _in("board", board="play listen load rescue"),
     "Power and data rate": _in("power", power="power", explore="explore")
-    | _in("signals", study="study", rates="rates", frames="frames")
-    | _in("power", power="sensitivity", event_rates="event-rates"),
+    | _in("signals", study="study", rates="rates frames")
+    | _in("power", power="sensitivity")
+    | _in("signals", rates="event-rates"),
     "Figures and studies of the paper": _in("power", power="fig6 fig7")
     | _in(
         "learn",
-        figures="fig8 fig9",
-        frontier="frontier",
+        figures="fig8 fig9 frontier",
         robustness="robustness",
         studies="noise-power merits precision",
-        counts="counts",
+        scans="counts",
     ),
 }
 """Module of every command of a user, grouped by what users want to do, in the order of ``eskin --help``."""
@@ -61,8 +60,7 @@ DEV = "dev"
 CHECKS = _in(
     "verify",
     evidence="formal properties coverage faults crosscheck crossproof",
-    mutants="mutants",
-    soak="soak",
+    campaigns="mutants soak",
 )
 """Module of every check that the project makes of itself: ``eskin dev NAME``."""
 

@@ -205,11 +205,6 @@ def missing_group(error: ModuleNotFoundError) -> str:
     raise error
 
 
-def leave_without(error: ModuleNotFoundError) -> NoReturn:
-    """Print the hint to install a missing package, and exit."""
-    sys.exit(_report(missing_group(error)))
-
-
 def asked_for() -> str:
     """Return the command line as typed, stored with results."""
     return shlex.join(["eskin", *sys.argv[1:]])

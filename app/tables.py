@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from eskin.app.cli import printable
@@ -63,6 +64,14 @@ def show(table: Table, least_width: int = 0) -> None:
 
     console = Console()
     Console(width=max(console.width, least_width)).print(table)
+
+
+def print_report(data: Any, as_json: bool, show: Callable[[Any], None]) -> None:
+    """Print data as one JSON object, or with the function that prints them for people."""
+    if as_json:
+        print(json.dumps(data))
+    else:
+        show(data)
 
 
 def show_facts(facts: Mapping[str, str]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +19,16 @@ def check_name(name: str) -> None:
     """Check that the name of a run does not lead out of its folder."""
     if name != Path(name).name or name.startswith("."):
         raise InputError(f"--name must be the plain name of a folder, not {name!r}")
+
+
+@contextmanager
+def failing_on(*errors: type[Exception], line: str = "") -> Iterator[None]:
+    """Print an error of these types with a further line, and exit with 1."""
+    try:
+        yield
+    except errors as error:
+        print(f"{error}\n{line}".rstrip("\n"))
+        raise typer.Exit(1) from None
 
 
 def conclude(problems: list[str], line: str) -> None:

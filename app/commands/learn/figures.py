@@ -1,15 +1,20 @@
-"""The commands fig8 and fig9 (docs/guide/classifier.md)."""
+"""The commands fig8, fig9, pair and frontier: results of trained networks (docs/guide/classifier.md)."""
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Annotated
 
 from eskin.app.cli import asked_for, printable
-from eskin.app.commands.signals.options import DataOutOption, OutOption
-from eskin.app.options import TRAINED, opt
+from eskin.app.commands.learn.options import Seeds, check_device
+from eskin.app.commands.signals.options import DataOutOption, OutOption, TexturesOption
+from eskin.app.options import TRAINED, arg, opt, out_file, out_folder
+from eskin.app.tables import filled
 from eskin.base.errors import InputError
 from eskin.base.figures.files import DEFAULT_OUT, write_results
+from eskin.base.files import write_json
+from eskin.base.progress import bar
 
 
 def fig9(
@@ -75,3 +80,101 @@ def fig8(
     if played.tests:
         noun = "recordings" if played.pixels is None else "images"
         print(f"the network is right for {played.right} of {played.tests} test {noun}")
+
+
+POINT = "SWEEP:POINT, such as rates-cnn:lcs-4; SWEEP is a file or a sweep of the project"
+
+
+def pair(
+    first: Annotated[str, arg("A", POINT)],
+    second: Annotated[str, arg("B", "SWEEP:POINT to compare with")],
+    reading: Annotated[str, opt("last|selected", "epoch to evaluate")] = "last",
+    out: Annotated[Path | None, out_file("FILE", "JSON file for the results")] = None,
+) -> None:
+    """Compare the predictions of two sweep points image by image with McNemar's exact test."""
+    from eskin.snn.experiments.pairs import find_point
+    from eskin.snn.experiments.pairs import pair as compare
+    from eskin.snn.experiments.points import READINGS
+    from eskin.snn.figures.fig9 import KEPT
+
+    if reading not in READINGS:
+        raise InputError(f"reading must be one of {', '.join(READINGS)}, not {reading!r}")
+    found = compare(find_point(first, KEPT), find_point(second, KEPT), reading)
+    print(printable(f"A: {first}, B: {second}, {READINGS[reading]}, {found.images} images"))
+    rows = zip(found.accuracy_first, found.accuracy_second, found.only_first, found.only_second, found.p, strict=True)
+    for seed, (a, b, only_a, only_b, p) in enumerate(rows):
+        print(f"seed {seed}: A {a:.1%}, B {b:.1%}; only A right {only_a}, only B right {only_b}, McNemar p {p:.2g}")
+    low, high = found.interval
+    print(
+        f"B - A: {100 * found.difference:+.1f} points, 95 % interval over images and seeds {100 * low:+.1f} to "
+        f"{100 * high:+.1f}"
+    )
+    if out is not None:
+        write_json(out, {"first": first, "second": second, "reading": reading} | dataclasses.asdict(found))
+        print(printable(f"result: {out}"))
+
+
+def frontier(
+    points: Annotated[
+        list[str] | None,
+        arg("POINT...", "PRESET/NETWORK/READOUT/TAXELS, such as physical/leaky/lcs:3/across:4 [all documented points]"),
+    ] = None,
+    seeds: Seeds = 1,
+    inner: Annotated[
+        int | None, opt("FOLDS", "only inner validation, in this number of folds, without test images", min=1, max=6)
+    ] = None,
+    draw: Annotated[Path | None, opt("FILE", "plot this frontier.json without training")] = None,
+    dataset: TexturesOption = None,
+    out: Annotated[Path, out_folder("DIR", "folder for results, frontier.json and .png")] = Path("out/frontier"),
+) -> None:
+    """Train networks on chosen taxels, and compare accuracy with events/s, bits/s and power.
+
+    A stopped run continues with the missing trainings.
+    """
+    from eskin.base.shapes import read_shaped
+    from eskin.snn.experiments.points import load_sweep
+    from eskin.snn.figures.fig9 import KEPT
+    from eskin.snn.figures.frontier import plot_frontier
+    from eskin.snn.studies.frontier import (
+        CANDIDATES,
+        FOLDS,
+        PLAN,
+        SHAPE,
+        SWEEPS,
+        Frontier,
+        Point,
+        frontier_data,
+        points_of,
+    )
+
+    out.mkdir(parents=True, exist_ok=True)
+    if draw is not None:
+        if points or inner is not None:
+            raise InputError("--draw draws a finished file; leave points and --inner out")
+        plot_frontier(read_shaped(draw, "the frontier", SHAPE), out / "frontier.png")
+        print(printable(f"wrote {out / 'frontier.png'}"))
+        return
+    if inner is not None and not points:
+        raise InputError("--inner needs points, such as physical/leaky/lcs:3/across:4")
+    named = {Point.parse(text): seeds for text in points or ()}
+    trained = named or {Point.parse(text): number for text, number in PLAN.items()}
+    judged = {Point.parse(text): number for text, number in ({} if points else CANDIDATES).items()}
+    if inner is not None:
+        trained, judged = {}, dict.fromkeys(named, inner)
+    check_device("cpu", 1)
+    run = Frontier(out / "frontier.json", dataset)
+    with bar("cells", sum(judged.values()) + FOLDS * sum(trained.values())) as step:
+        validated = [run.inner(point, number, step) for point, number in judged.items()]
+        made = [run.point(point, number, step) for point, number in trained.items()]
+    for one in validated:
+        print(printable(f"{one['name']}: {100 * one['accuracy']:.1f} % in inner validation of {one['folds']} folds"))
+    if inner is not None:
+        return
+    for name, network in ({} if points else SWEEPS).items():
+        made += points_of(load_sweep(KEPT / f"{name}.json"), network)
+    data = frontier_data(made, validated)
+    line = "{name}: {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f}), seeds: {seeds}; "
+    line += "{rate_hz:,.0f} events or values/s, {bits_per_s:,.0f} bits/s"
+    for point in data["points"]:
+        print(printable(filled(line, point)))
+    print(printable(write_results(out, "frontier", data, plot_frontier, command=asked_for())))

@@ -37,21 +37,7 @@ if TYPE_CHECKING:
 
 Preset = Annotated[str | None, opt("paper|physical", "constants of the texture scan [physical]")]
 Tau = Annotated[float | None, opt("SECONDS", f"{', '.join(LEAKY)}: time constant [0.2]", show_default=False)]
-EventFolder = Annotated[Path | None, opt("DIR", "event files, for example of a replay, instead of textures")]
-Frames = Annotated[str | None, opt(FRAMES, "frames instead of events, such as frame-diff:250:8 (250 Hz, 8 bits)")]
-StartRows = Annotated[int | None, opt("scans per image (physical) [1]", min=1)]
-Disturbed = Annotated[int | None, opt("additional training scans per image, randomly disturbed (physical)", min=1)]
-Taxels = Annotated[str | None, opt(CHOICES, "taxels of the array to use [all]")]
 BinSeconds = Annotated[float | None, opt("--bin", "SECONDS", "time bin, or step of frames [0.004]")]
-Start = Annotated[
-    float | None, opt("SECONDS", "time from which events are counted [0; paper 0.01, nlcs 0.1]", show_default=False)
-]
-Epochs = Annotated[int, opt("passes over the training scans", min=1)]
-Settings = Annotated[list[str] | None, opt("--set", "NAME=VALUE", "field of NetworkConfig or TrainConfig, repeatable")]
-Grid = Annotated[
-    list[str] | None, opt("--grid", "NAME=VALUE,...", "values to try, chosen by inner validation; repeatable")
-]
-Recipe = Annotated[str | None, opt("|".join(RECIPES), "named settings: docs/guide/classifier.md [tuned; --data: skin]")]
 Folds = Annotated[int, opt("stratified folds", min=2)]
 Seeds = Annotated[int, opt("seeds per fold", min=1)]
 Workers = Annotated[int | None, opt("number of worker processes [one per usable core]", min=1)]
@@ -59,21 +45,9 @@ Workers = Annotated[int | None, opt("number of worker processes [one per usable 
 DEFAULT_RESOLUTION = 4
 
 WITHOUT_EFFECT = {
-    "frames": ("encoding", "resolution", "tau", "start", "fields"),
-    "events": (
-        "preset",
-        "encoding",
-        "resolution",
-        "tau",
-        "fields",
-        "config_file",
-        "dataset",
-        "start_rows",
-        "disturbed",
-        "taxels",
-        "data",
-    ),
-    "data": ("preset", "tau", "dataset", "start_rows", "disturbed", "taxels"),
+    "frames": "encoding resolution tau start fields",
+    "events": "preset encoding resolution tau fields config_file dataset start_rows disturbed taxels data",
+    "data": "preset tau dataset start_rows disturbed taxels",
 }
 """Parameters that mean nothing beside another: frames have no encoder, and recordings were scanned before."""
 
@@ -97,19 +71,31 @@ READOUT = [*field_options(ReadoutConfig, ENCODER, _IN_HELP), CONFIG_FILE]
 def _options(
     data: OwnData = None,
     dataset: TexturesOption = None,
-    events: EventFolder = None,
+    events: Annotated[Path | None, opt("DIR", "event files, for example of a replay, instead of textures")] = None,
     preset: Preset = None,
-    recipe: Recipe = None,
-    epochs: Epochs = 60,
+    recipe: Annotated[
+        str | None, opt("|".join(RECIPES), "named settings: docs/guide/classifier.md [tuned; --data: skin]")
+    ] = None,
+    epochs: Annotated[int, opt("passes over the training scans", min=1)] = 60,
     bin_s: BinSeconds = None,
-    frames: Frames = None,
-    taxels: Taxels = None,
+    frames: Annotated[
+        str | None, opt(FRAMES, "frames instead of events, such as frame-diff:250:8 (250 Hz, 8 bits)")
+    ] = None,
+    taxels: Annotated[str | None, opt(CHOICES, "taxels of the array to use [all]")] = None,
     tau: Tau = None,
-    start: Start = None,
-    start_rows: StartRows = None,
-    disturbed: Disturbed = None,
-    settings: Settings = None,
-    grid: Grid = None,
+    start: Annotated[
+        float | None, opt("SECONDS", "time from which events are counted [0; paper 0.01, nlcs 0.1]", show_default=False)
+    ] = None,
+    start_rows: Annotated[int | None, opt("scans per image (physical) [1]", min=1)] = None,
+    disturbed: Annotated[
+        int | None, opt("additional training scans per image, randomly disturbed (physical)", min=1)
+    ] = None,
+    settings: Annotated[
+        list[str] | None, opt("--set", "NAME=VALUE", "field of NetworkConfig or TrainConfig, repeatable")
+    ] = None,
+    grid: Annotated[
+        list[str] | None, opt("--grid", "NAME=VALUE,...", "values to try, chosen by inner validation; repeatable")
+    ] = None,
 ) -> None:
     """Declare the options that define an experiment; this function is never called."""
 
@@ -156,7 +142,7 @@ def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experim
     if recipe not in RECIPES:
         raise InputError(f"recipe must be one of {', '.join(RECIPES)}, not {recipe!r}")
     for other, names in WITHOUT_EFFECT.items():
-        if idle := [_NAMES.get(name, name) for name in names if options[other] and options[name] is not None]:
+        if idle := [_NAMES.get(name, name) for name in names.split() if options[other] and options[name] is not None]:
             raise InputError(f"--{idle[0]} has no effect with --{other}; leave one of the two out")
     texts = {name: options[name] for name in ENCODER}
     readout, given = build_config(parse_fields(ReadoutConfig, texts), None, options["config_file"])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from typing import Annotated, Any
 
@@ -17,7 +16,7 @@ from eskin.app.commands.signals.options import (
     SynthesisOption,
 )
 from eskin.app.options import opt, with_fields
-from eskin.app.tables import new_table, show
+from eskin.app.tables import new_table, print_report, show
 from eskin.base.errors import InputError
 from eskin.base.figures.files import DEFAULT_OUT, write_results
 from eskin.base.progress import bar
@@ -79,11 +78,9 @@ def explore(
     written = write_results(out, "explore", data, plot_explore, command=asked_for())
     if event_rate is dataset is rates is None:
         print(STORED_RATES.format(preset_name), file=sys.stderr if as_json else sys.stdout)
-    if as_json:
-        print(json.dumps(data))
-    else:
+    if not as_json:
         print(printable(written))
-        _print(data)
+    print_report(data, as_json, _print)
 
 
 def _print(data: dict[str, Any]) -> None:

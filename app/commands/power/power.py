@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Iterable
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,7 +20,7 @@ from eskin.app.commands.signals.options import (
     SynthesisOption,
 )
 from eskin.app.options import opt
-from eskin.app.tables import new_table, show
+from eskin.app.tables import new_table, print_report, print_table, show
 from eskin.base.errors import InputError
 from eskin.base.figures.files import DEFAULT_OUT, write_results
 from eskin.base.progress import bar
@@ -73,18 +74,12 @@ def power(
     model = build_model(
         corrections, settings, synthesis, lambda: rate_table(dataset, preset_name or "paper", rates, *wanted, watch=bar)
     )
-    if not crossover:
-        data = breakdowns(model, resolution, noise, tau)
-        if as_json:
-            print(json.dumps(data))
-        else:
-            _print_breakdown(data, model, f"N = {resolution}, noise {noise * 1e3:g} mV rms, tau {tau:g} s")
+    if crossover:
+        print_report(crossovers(model), as_json, lambda data: _print_crossovers(data, winning_sides(model), model))
         return
-    data = crossovers(model)
-    if as_json:
-        print(json.dumps(data))
-    else:
-        _print_crossovers(data, winning_sides(model), model)
+    title = f"N = {resolution}, noise {noise * 1e3:g} mV rms, tau {tau:g} s"
+    found = breakdowns(model, resolution, noise, tau)
+    print_report(found, as_json, lambda data: _print_breakdown(data, model, title))
 
 
 def _mode_text(model: PowerModel) -> str:
@@ -103,17 +98,17 @@ def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> Non
     from eskin.power.readouts import READOUT_NAMES, READOUTS
 
     table = new_table(("power", *(READOUT_NAMES[readout] for readout in READOUTS)), f"{title}, {_mode_text(model)}")
-    parts = list(dict.fromkeys(part for readout in READOUTS for part in data[readout]["converter_parts"]))
-    table.add_row("AFE", *(with_unit(data[r]["afe"], "W") for r in READOUTS))
-    table.add_row("converter", *(with_unit(data[r]["converter"], "W") for r in READOUTS))
-    for part in parts:
-        values = [data[r]["converter_parts"].get(part) for r in READOUTS]
-        table.add_row(
-            f"  {part.replace('_', ' ')}", *("" if v is None else with_unit(v, "W") for v in values), style="dim"
-        )
-    table.add_row("I/O", *(with_unit(data[r]["io"], "W") for r in READOUTS))
+
+    def add(name: str, values: Iterable[float | None], style: str = "") -> None:
+        table.add_row(name, *("" if value is None else with_unit(value, "W") for value in values), style=style)
+
+    add("AFE", [data[r]["afe"] for r in READOUTS])
+    add("converter", [data[r]["converter"] for r in READOUTS])
+    for part in dict.fromkeys(part for r in READOUTS for part in data[r]["converter_parts"]):
+        add(f"  {part.replace('_', ' ')}", [data[r]["converter_parts"].get(part) for r in READOUTS], "dim")
+    add("I/O", [data[r]["io"] for r in READOUTS])
     table.add_section()
-    table.add_row("total", *(with_unit(data[r]["total"], "W") for r in READOUTS), style="bold")
+    add("total", [data[r]["total"] for r in READOUTS], "bold")
     frame = data["frame"]["total"]
     table.add_row("total / frame", *(f"{data[r]['total'] / frame:.3g}" for r in READOUTS))
     show(table)
@@ -153,15 +148,10 @@ def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
         }
         print(json.dumps({"parameters": listed, "corrections": CORRECTIONS}))
         return
-    table = new_table(("parameter", "value", "unit", "meaning", "source"), left=(0, 2, 3, 4), overflow="fold")
-    for f in fields:
-        value = f"{getattr(parameters, f.name):g}"
-        table.add_row(f.name, value, f.metadata["unit"], f.metadata["meaning"], f.metadata["source"])
-    show(table)
-    corrections = new_table(("correction", "meaning"), left=(0, 1))
-    for name, meaning in CORRECTIONS.items():
-        corrections.add_row(name, meaning)
-    show(corrections)
+    rows = [f.metadata | {"name": f.name, "value": getattr(parameters, f.name)} for f in fields]
+    heads = "parameter | value | unit | meaning | source"
+    print_table(heads, rows, "{name} | {value:g} | {unit} | {meaning} | {source}", left=(0, 2, 3, 4))
+    print_table(("correction", "meaning"), CORRECTIONS.items(), left=(0, 1))
 
 
 # -- figures -----------------------------------------------------------------------------------------
@@ -221,11 +211,9 @@ def sensitivity(
     others = {f"{t.dataset} {t.preset} scan": t for t in load_tables() if (t.dataset, t.preset) != used}
     data = sensitivity_data(sensitivity_models(model, others))
     written = write_results(out, "sensitivity", data, plot_sensitivity, data_out, command=asked_for())
-    if as_json:
-        print(json.dumps(data))
-    else:
+    if not as_json:
         print(printable(written))
-        _print_sensitivity(data)
+    print_report(data, as_json, _print_sensitivity)
 
 
 def _print_sensitivity(data: dict[str, Any]) -> None:
@@ -253,7 +241,4 @@ def _print_sensitivity(data: dict[str, Any]) -> None:
             cells += [f"{ratio:.3g}" for ratio in row["ratio"][readout]]
             cells.append(crossover_text(row["crossover"][readout]))
         table.add_row(row["case"], *cells)
-    show(table, _TABLE_WIDTH)
-
-
-_TABLE_WIDTH = 132  # of the sensitivity table
+    show(table, least_width=132)

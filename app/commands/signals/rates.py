@@ -1,19 +1,23 @@
-"""The command rates."""
+"""The commands rates, frames and event-rates: events and data rates of texture scans (docs/guide/power.md)."""
 
 from __future__ import annotations
 
-import json
+from pathlib import Path
 from typing import Annotated, Any
 
 from eskin.app.commands.signals.options import JsonOption, LimitOption, ScanOption, TauOption, TexturesOption
-from eskin.app.options import check_leaks, opt, with_config
-from eskin.app.tables import show_facts
+from eskin.app.options import check_leaks, opt, out_file, with_config, with_fields
+from eskin.app.tables import CELLS, filled, print_report, print_table, show_facts
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig
-from eskin.skin.textures.dataset import open_dataset
+from eskin.model.encoders import registry
+from eskin.model.frame_config import FrameConfig
+from eskin.power.rates import measure_table, tables_text
+from eskin.skin.textures.dataset import EMBEDDED, Dataset, open_dataset
 from eskin.skin.textures.presets import preset
 from eskin.skin.textures.rates import PAPER_TAU_S, measure_rates, published_rate_hz
+from eskin.skin.textures.traffic import compare_traffic
 
 
 @with_config(fields=("encoding", "resolution", "rows", "columns"))
@@ -36,33 +40,22 @@ def rates(
     if tau is None and not given & {"leak_shift", "leak_period"}:
         tau = PAPER_TAU_S
     config = scan.configure(config, tau)
-    textures = open_dataset(dataset)
-    if limit is not None:
-        textures = textures.limit(limit)
-    with (
-        open_pool(workers, scheduler, threads=True) as pool,
-        bar("scanning textures", len(textures)) as progress,
-    ):
+    textures = _textures(dataset, limit)
+    with open_pool(workers, scheduler, threads=True) as pool, bar("scanning textures", len(textures)) as progress:
         result = measure_rates(textures, scan, config, start_row or [0.0], pool, progress)
-    report = {
-        "preset": scan.name,
-        "encoding": config.encoding,
-        "resolution": config.resolution,
-        "rows": config.rows,
-        "columns": config.columns,
-        "sample_bits": config.sample_bits,
-        "sample_rate_hz": config.sample_rate_hz,
-        "dataset": textures.name,
-        **vars(result),
-        "published_rate_hz": published_rate_hz(textures, scan, config),
-    }
-    if as_json:
-        print(json.dumps(report))
-    else:
-        _print_table(report)
+    fields = ("encoding", "resolution", "rows", "columns", "sample_bits", "sample_rate_hz")
+    report = {"preset": scan.name, **{name: getattr(config, name) for name in fields}, "dataset": textures.name}
+    report |= vars(result) | {"published_rate_hz": published_rate_hz(textures, scan, config)}
+    print_report(report, as_json, _print_rates)
 
 
-def _print_table(report: dict[str, Any]) -> None:
+def _textures(place: str | None, limit: int | None) -> Dataset:
+    """Return a texture dataset, or a number of its images."""
+    found = open_dataset(place)
+    return found if limit is None else found.limit(limit)
+
+
+def _print_rates(report: dict[str, Any]) -> None:
     """Print event rates as a table."""
     rate, published, tau_s = (report[k] for k in ("population_rate_hz", "published_rate_hz", "tau_s"))
     rows = {
@@ -79,3 +72,89 @@ def _print_table(report: dict[str, Any]) -> None:
     if published is not None:
         rows["published"] = f"{published:,.1f} events/s (here {rate / published - 1:+.2%})"
     show_facts(rows)
+
+
+@with_config(fields=("resolution", "rows", "columns"), every=True)
+@with_fields(FrameConfig, ("word_bits",), "own")
+def frames(
+    config: ReadoutConfig,
+    given: frozenset[str],
+    own: dict[str, Any],
+    stored: dict[str, Any],
+    frame_rate: Annotated[float | None, opt("HZ", f"frames per second [{ReadoutConfig().sample_rate_hz:g}]")] = None,
+    tau: TauOption = None,
+    dataset: TexturesOption = None,
+    preset_name: ScanOption = "paper",
+    limit: LimitOption = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Compare data rate and activity of events and frames on the same scans."""
+    scan = preset(preset_name)
+    readout = config if frame_rate is None else config.replace(sample_rate_hz=frame_rate)
+    frame = FrameConfig(readout=readout, **(stored | own))
+    if tau is None and not given & {"leak_shift", "leak_period"}:
+        tau = PAPER_TAU_S
+    textures = _textures(dataset, limit)
+    scans = len(registry.NAMES) * len(textures)
+    with open_pool(workers, scheduler, threads=True) as pool, bar("scanning textures", scans) as progress:
+        report = compare_traffic(textures, scan, config, frame, tau, pool, progress)
+    print_report(report, as_json, _print_traffic)
+
+
+def _print_traffic(report: dict[str, Any]) -> None:
+    """Print data rates as a table, one row per readout."""
+    cells = "{title} | {events_per_s:,.0f} | {bits_per_event} | {bits_per_s:,.0f} | {ratio_to_frame:.3g}"
+    cells += " | {events_per_taxel_per_s:,.0f} | {equal_frame_rate_hz:,.1f}"
+    frame = "frame | {words_per_s:,.0f} | {bits_per_word} | {bits_per_s:,.0f} | 1"
+    frame += " | {conversions_per_taxel_per_s:,.0f} | {frame_rate_hz:,.1f}"
+    rows = [CELLS.cells(cells, report[encoder.name] | {"title": encoder.title}) for encoder in registry.ENCODERS]
+    print_table(
+        "readout | sent/s | bits each | bits/s | to frame | taxel/s | frames/s",
+        [*rows, CELLS.cells(frame, report["frame"])],
+        title=filled(
+            "{rows} x {columns} taxels, {resolution} b, tau {tau_s:.3g} s, {dataset} ({preset}), {images} images",
+            report,
+        ),
+    )
+    print(
+        "sent: events or words; taxel: events or samples of one taxel; "
+        "frames: the frame rate at which frames need as many bits"
+    )
+
+
+@with_config(fields=("rows", "columns"), file=False)
+def event_rates(
+    config: ReadoutConfig,
+    out: Annotated[Path, out_file("FILE", "JSON file to write")],
+    dataset: Annotated[
+        list[str] | None, opt("DIR|embedded", "textures, repeatable [$ESKIN_DATA, data/kylberg, else embedded]")
+    ] = None,
+    preset_name: Annotated[str, opt("--preset", "paper|physical|both", "constants of the texture scan")] = "both",
+    limit: LimitOption = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Measure the event rate of every taxel at N = 1..10, for the power model."""
+    from eskin.base.files import atomic_write
+
+    scans = [preset(name) for name in (("paper", "physical") if preset_name == "both" else (preset_name,))]
+    tables = []
+    places: list[str | None] = list(dataset or []) or [None]
+    with open_pool(workers, scheduler, threads=True) as pool:
+        for place in places:
+            textures = _textures(place, limit)
+            for scan in scans:
+                tables.append(measure_table(textures, scan, config, pool=pool, watch=bar))
+                last = tables[-1]
+                rate = last.population_hz("lcs", 6)
+                print(
+                    f"{last.dataset} {last.preset}: {last.images} images, {last.bandwidth_hz:g} Hz, "
+                    f"LCS 6 b {rate:,.0f} events/s"
+                )
+    command = "eskin event-rates --out power/event_rates.json"
+    for name in dict.fromkeys(table.dataset for table in tables):
+        command += f" --dataset {name if name == EMBEDDED else f'data/{name}'}"
+    with atomic_write(out) as file:
+        file.write(tables_text(tables, command).encode())

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.signals.options import JsonOption, OutOption
 from eskin.app.options import opt
-from eskin.app.tables import filled, print_table
+from eskin.app.tables import filled, print_report, print_table
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.errors import InputError
 from eskin.base.figures.files import DEFAULT_OUT, write_results
 from eskin.base.progress import bar
 from eskin.model.encoders import registry
-
-_WIDTH = 92  # of the table
 
 
 def study(
@@ -36,11 +33,9 @@ def study(
     with open_pool(workers, scheduler, threads=True) as pool, bar("encoding", points) as progress:
         found = study_data(data, pool, progress)
     written = write_results(out, "study", found, plot_study, command=asked_for())
-    if as_json:
-        print(json.dumps(found))
-        return
-    print(printable(written))
-    _print(found)
+    if not as_json:
+        print(printable(written))
+    print_report(found, as_json, _print)
 
 
 def _print(found: dict[str, Any]) -> None:
@@ -51,5 +46,5 @@ def _print(found: dict[str, Any]) -> None:
         "{title} | {resolution} | {events_per_s:,.0f} | {data_rate_bps:1e-3*.3g} | {snr_db:.1f}"
         " | {?uniform[snr_db]:.1f} | {?uniform[bits]} | {?uniform[frame_rate_hz]:.3g} | {clock_hz:1e-3*.3g}",
         filled("{source}: {recordings} recordings, {rows} x {columns} taxels, {rate_hz:g} samples/s", found),
-        least_width=_WIDTH,
+        least_width=92,
     )

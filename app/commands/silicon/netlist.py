@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from eskin.app.commands.outcome import bit_exact, check_name, conclude
+from eskin.app.commands.outcome import bit_exact, check_name, conclude, failing_on
 from eskin.app.options import check_frame, opt, out_file, out_folder, with_config, with_fields
 from eskin.base.errors import InputError
 from eskin.flow.wire import FARAD_PER_UM, OHM_PER_UM, PITCH_UM, Wire, check_pitch
@@ -44,11 +44,8 @@ def gatesim(
         print(f"UNKNOWN after a reset with unknown inputs: {len(left)} of {unknown.flops} flops, {left[:3]}")
         raise typer.Exit(1)
     print(f"known after a reset with unknown inputs: all {unknown.flops} flops")
-    try:
+    with failing_on(MismatchFound, line=f"MISMATCH; log: {plan.running(config)}"):
         tally = play(plan, gates, config, f"--lib {lib}", lambda stage: print(f"{config.encoding}: {stage}"))
-    except MismatchFound as mismatch:
-        print(f"{mismatch}\nMISMATCH; log: {plan.running(config)}")
-        raise typer.Exit(1) from None
     print(bit_exact(tally))
 
 
@@ -161,8 +158,7 @@ def gatepower(
     if three + glitching + (weights is not None) > 1:
         raise InputError("--glitches measures one readout, --three three, --weights a classifier; give one of them")
     chosen: dict[str, ReadoutConfig | FrameConfig] = {str(config.encoding): config}
-    if three:
-        chosen = designs(config)
+    chosen = designs(config) if three else chosen
     words = [
         *(f"LIB={path.name}" for path in lib),
         *variables(config),
@@ -171,7 +167,7 @@ def gatepower(
         *([f"WEIGHTS={weights}"] if weights else []),
     ]
     said = origin(" ".join(["make gatepower", *words]))
-    try:
+    with failing_on(Disagreement, Mismatch):
         if weights is not None:
             for path in lib:
                 result = write_classifier(config, weights, path, out, said)
@@ -184,9 +180,6 @@ def gatepower(
         if glitching:
             return
         found = [_with_names(result) for path in lib for result in write(chosen, path, out, said)]
-    except (Disagreement, Mismatch) as wrong:
-        print(wrong)
-        raise typer.Exit(1) from None
     print_table(
         "readout | library | wires | idle nW | leakage nW | pJ an event | lone | texture | OpenSTA/tables",
         found,

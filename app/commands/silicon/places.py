@@ -1,4 +1,4 @@
-"""The commands layout and fpga (docs/results/layout.md, docs/guide/board.md)."""
+"""The commands layout, fpga and tapeout (docs/results/layout.md, docs/guide/board.md, docs/guide/tapeout.md)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from eskin.app.commands.outcome import check_name, conclude
+from eskin.app.commands.outcome import check_name, conclude, failing_on
 from eskin.app.options import LOGIC, opt, out_folder, with_config
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
@@ -32,11 +32,8 @@ def layout(
     from eskin.flow.layout.environment import Crashed
 
     check_name(name)
-    try:
+    with failing_on(WrongCell, Crashed):
         found = run.run(config, name, out, compare, lambda stage: print(stage, flush=True))
-    except (WrongCell, Crashed) as wrong:
-        print(wrong)
-        raise typer.Exit(1) from None
     print(report.write(found, out, report.command_of(config, compare)))
     conclude(found.problems, found.closing_line())
 
@@ -85,3 +82,41 @@ def fpga(
     print(report.closing_line(name, built))
     if not aims[0].met:
         raise typer.Exit(1)
+
+
+@with_config
+def tapeout(
+    config: ReadoutConfig,
+    given: frozenset[str],
+    shuttle: Annotated[str, opt("tt-ihp, tt-sky (Tiny Tapeout) or wafer-gf180 (wafer.space)")],
+    author: Annotated[str, opt("NAME", "name for the shuttle's files")],
+    lib: Annotated[Path | None, opt("TYP.lib", "cell library of the shuttle's process, to find the size")] = None,
+    size: Annotated[str | None, opt("WxH", "tiles or slot [smallest that the cells of --lib fit into]")] = None,
+    top: Annotated[str, opt("tt_um_NAME", "name of the top module")] = "tt_um_eskin_readout",
+    title: Annotated[str, opt("TEXT", "title of the project")] = "Spiking e-skin readout",
+    out: Annotated[Path, out_folder("folder of the project")] = Path("out/tapeout"),
+) -> None:
+    """Write the project folder of a readout for a shuttle: sources, pins, test, documentation, flow settings.
+
+    The readout gets SPI registers, a loader of samples and a four-phase link. With --lib its netlist lies beside the
+    test, for make GATES=yes.
+    """
+    from eskin.flow.liberty.library import read
+    from eskin.flow.tapeout.folder import plan
+    from eskin.flow.tapeout.pins import readout_for
+    from eskin.flow.tapeout.shuttles import DENSITY, SHUTTLES
+
+    if shuttle not in SHUTTLES:
+        raise InputError(f"--shuttle must be one of {', '.join(SHUTTLES)}, not {shuttle!r}")
+    kind = SHUTTLES[shuttle]
+    readout = readout_for(config, given, kind)
+    library = None if lib is None else read(lib)
+    chip, cells = plan(readout, kind, library, size, top, author, title)
+    for path in chip.write(out, cells):
+        print(path)
+    width, height = kind.sizes[chip.size]
+    filled = "" if cells is None else f", {cells.area_um2:,.0f} um2 of cells fill {cells.area_um2 / width / height:.0%}"
+    print(
+        f"{shuttle}: {readout.rows} x {readout.columns} taxels in {chip.size} ({width:g} x {height:g} um){filled} "
+        f"(at most {DENSITY:.0%}), clock {readout.clock_hz / 1e6:g} MHz; test: make -C {out}/test"
+    )

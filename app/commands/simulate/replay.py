@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eskin.app.cli import asked_for, printable
+from eskin.app.commands.outcome import failing_on
 from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, with_preparation
 from eskin.app.options import opt, out_file, out_folder, with_config
 from eskin.app.worker_options import Scheduler, Workers, open_pool
@@ -65,11 +66,8 @@ def replay(
             missing = plan.missing()
         started = time.monotonic()
         step, _ = show(f"{plan.material.name}, {plan.config.encoding} {plan.config.resolution} b", len(missing))
-        try:
+        with failing_on(MismatchFound, line="MISMATCH"):
             total = session.play(plan, missing, pool, step)
-        except MismatchFound as mismatch:
-            print(f"{mismatch}\nMISMATCH")
-            raise typer.Exit(1) from None
     now = {"clocks": total.clocks, "seconds": round(time.monotonic() - started, 1), "workers": pool.workers}
     _conclude(plan, len(missing), now, keep)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from pathlib import Path
@@ -11,10 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eskin.app.cli import printable
+from eskin.app.commands.outcome import failing_on
 from eskin.app.commands.signals.recordings import OwnData, check_alone, warn
 from eskin.app.options import opt, out_folder
 from eskin.app.worker_options import Scheduler, Workers, open_pool
-from eskin.base.files import atomic_write, origin
+from eskin.base.files import origin, write_json
 from eskin.base.progress import bars, reported
 from eskin.skin.textures.dataset import EMBEDDED
 
@@ -65,11 +65,8 @@ def touch(
             missing = [name for name in plan.names if plan.finished(name) is None]
         started = time.monotonic()
         step, _ = show(f"{plan.material.name}: samples to class", len(missing))
-        try:
+        with failing_on(MismatchFound, line="MISMATCH"):
             session.play(plan, pool, step)
-        except MismatchFound as mismatch:
-            print(f"{mismatch}\nMISMATCH")
-            raise typer.Exit(1) from None
     now = {"images": len(missing), "seconds": round(time.monotonic() - started, 1), "workers": pool.workers}
     _conclude(plan, now, "images" if data is None else "recordings")
 
@@ -89,8 +86,7 @@ def _conclude(plan: Plan, now: dict[str, Any], noun: str) -> None:
         print(printable(f"{name}: {answer['class']}{judged}"))
     if (more := len(summary["answers"]) - MOST_LINES) > 0:
         print(f"... and {more} more, in summary.json")
-    with atomic_write(plan.folder / "summary.json") as file:
-        file.write((json.dumps(summary, indent=1) + "\n").encode())
+    write_json(plan.folder / "summary.json", summary)
     picture = draw(plan, summary, plan.folder / "touch.png")
     if summary["float_known"]:
         print(f"float network: {summary['right_float']} of {summary['float_known']} right")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from eskin.app.commands.outcome import failing_on
 from eskin.app.options import LOGIC, opt, out_file, out_folder, with_config
 from eskin.base.errors import InputError
 from eskin.base.files import Pieces, atomic_write, pieces_of
@@ -146,11 +147,8 @@ def crosscheck(
     from eskin.base.files import origin, write_json
     from eskin.verify.crosscheck.check import Mismatch, play, texts
 
-    try:
+    with failing_on(Mismatch):
         played = play(config, texture, ticks)
-    except Mismatch as wrong:
-        print(wrong)
-        raise typer.Exit(1) from None
     said = [problem for problems in texts(config).values() for problem in problems]
     for problem in said:
         print(problem)

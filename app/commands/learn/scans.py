@@ -1,4 +1,4 @@
-"""The command counts (docs/results/classifier.md)."""
+"""The commands cache and counts: recorded scans (docs/guide/classifier.md)."""
 
 from __future__ import annotations
 
@@ -18,6 +18,22 @@ from eskin.base.files import origin, write_json
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
+
+
+def cache(clear: Annotated[bool, opt("--clear", "remove all recorded scans")] = False) -> None:
+    """Print the number of cached scans and their folder, or remove them with --clear."""
+    from eskin.base import cache as place
+    from eskin.snn.data import cache as scans
+
+    if clear:
+        print(f"removed {scans.clear()} recorded scans from {place.folder()}")
+        return
+    entries, size = scans.size()
+    print(
+        f"{place.folder()}: {entries} recorded scans, {size / 1e6:.1f} MB of at most {scans.LIMIT_BYTES / 1e6:.0f} MB"
+    )
+    if place.usable("scans") is None:
+        print("the folder is not used: it cannot be written, or other users own it or can write to it")
 
 
 def counts(
