@@ -51,6 +51,10 @@ CRYSTAL_HZ, SYSTEM_HZ = 25_000_000, 50_000_000
 VCO_HZ = 600_000_000
 """Of the PLL: 400 to 800 MHz (Lattice, FPGA-DS-02012, sysCLOCK)."""
 
+UNUSED_INPUTS = (
+    "RST", "STDBY", "PHASESEL0", "PHASESEL1", "PHASEDIR", "PHASESTEP", "PHASELOADREG", "PLLWAKESYNC", "ENCLKOP",
+)  # fmt: skip
+
 
 def platform_of(board: str) -> Any:
     """Return the Amaranth platform of a board."""
@@ -80,15 +84,7 @@ class Clock(Elaboratable):
             p_FEEDBK_PATH="CLKOP",
             i_CLKI=slow,
             i_CLKFB=clock,
-            i_RST=0,
-            i_STDBY=0,
-            i_PHASESEL0=0,
-            i_PHASESEL1=0,
-            i_PHASEDIR=0,
-            i_PHASESTEP=0,
-            i_PHASELOADREG=0,
-            i_PLLWAKESYNC=0,
-            i_ENCLKOP=0,
+            **{f"i_{name}": 0 for name in UNUSED_INPUTS},
             o_CLKOP=clock,
             o_LOCK=locked,
         )
