@@ -30,10 +30,7 @@ HUGE = "1" + "0" * 400
         ("power --noise 1e-300", "noise must be in 1e-15..1e+15 volts, not 1e-300\n"),
         ("asic-scale --lib x.lib --pitch 0 -o s.json", "--pitch must be from 1 to 1000000 um, not 0\n"),
         ("asic-scale --lib x.lib --ohm 1001 -o s.json", "--ohm must be from 0 to 1000 for each um, not 1001\n"),
-        (
-            "asic-scale --lib x.lib --farad 2e-12 -o s.json",
-            "--farad must be from 0 to 1e-12 for each um, not 2e-12\n",
-        ),
+        ("asic-scale --lib x.lib --farad 2e-12 -o s.json", "--farad must be from 0 to 1e-12 for each um, not 2e-12\n"),
         ("power --rates r.json", "--rates has no effect on the published rates; add --mode consistent or "),
         ("power --dataset embedded", "--dataset has no effect on the published rates; add --mode consistent or "),
         ("power --preset physical --mode paper", "--preset has no effect on the published rates; add --mode "),

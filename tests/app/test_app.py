@@ -35,11 +35,7 @@ app = make_app("Test program.")
 
 @app.command()
 @with_config
-def show(
-    config: ReadoutConfig,
-    given: frozenset[str],
-    word: Annotated[str, typer.Argument()] = "none",
-) -> None:
+def show(config: ReadoutConfig, given: frozenset[str], word: Annotated[str, typer.Argument()] = "none") -> None:
     """Print the configuration and the given fields."""
     print(json.dumps({"config": config.to_dict(), "given": sorted(given), "word": word}))
 
@@ -97,11 +93,7 @@ def shown(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[ReadoutConfig
         (["show", "--rows", "2.5"], 2, "error: --rows takes a whole number, not '2.5'\n"),
         (["show", "--rows", ""], 2, "error: --rows takes a whole number, not ''\n"),
         (["show", "--sample-rate", "fast"], 2, "error: --sample-rate takes a number, not 'fast'\n"),
-        (
-            ["show", "--sample-rate", "-1"],
-            2,
-            "error: sample_rate_hz must be a positive number of hertz, not -1.0\n",
-        ),
+        (["show", "--sample-rate", "-1"], 2, "error: sample_rate_hz must be a positive number of hertz, not -1.0\n"),
         (["show", "--encoding", "pcm"], 2, f"error: encoding must be one of {ENCODERS}, not 'pcm'\n"),
         (["show", "--link", "usb"], 2, "error: link must be one of stream, four_phase, four_phase_dual, not 'usb'\n"),
         (["show", "--resolution", "11"], 2, "error: resolution must be in 1..sample_bits - 2 = 10, not 11\n"),
@@ -111,11 +103,7 @@ def shown(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[ReadoutConfig
             "error: cannot read the configuration none.json: No such file or directory\n",
         ),
         (["show", "--encoding", "nlcs", "--tau", "soon"], 2, "error: --tau takes a number, not 'soon'\n"),
-        (
-            ["show", "--encoding", "nlcs", "--tau", "0"],
-            2,
-            "error: tau must be a positive number of seconds, not 0.0\n",
-        ),
+        (["show", "--encoding", "nlcs", "--tau", "0"], 2, "error: tau must be a positive number of seconds, not 0.0\n"),
         (
             ["show", "--encoding", "nlcs", "--tau", "1e-9"],
             2,

@@ -192,12 +192,7 @@ IMAGES = ", ".join(IMAGE_SUFFIXES)
 ENCODE_ERRORS: list[tuple[str, bytes | None, str, str]] = [
     ("x.npy", None, RATE, "cannot read x.npy: No such file or directory"),
     ("x.png", None, "", "cannot read x.png: No such file or directory"),
-    (
-        "x.wav",
-        b"",
-        "",
-        f"x.wav is of unknown kind; give an image ({IMAGES}) or samples (.npy, .npz, .csv)",
-    ),
+    ("x.wav", b"", "", f"x.wav is of unknown kind; give an image ({IMAGES}) or samples (.npy, .npz, .csv)"),
     ("x.npy", save_npy(GOOD), "", "x.npy contains no sampling rate; add --sample-rate HZ"),
     (
         "x.npy",
@@ -224,12 +219,7 @@ ENCODE_ERRORS: list[tuple[str, bytes | None, str, str]] = [
         RATE,
         "x.npy has nan at [2, 2]; replace what is not a finite number",
     ),
-    (
-        "x.csv",
-        b"0.1,-inf\n",
-        RATE,
-        "x.csv has -inf at [0, 1]; replace what is not a finite number",
-    ),
+    ("x.csv", b"0.1,-inf\n", RATE, "x.csv has -inf at [0, 1]; replace what is not a finite number"),
     (
         "x.npy",
         save_npy(GOOD.astype(complex)),
@@ -248,19 +238,9 @@ ENCODE_ERRORS: list[tuple[str, bytes | None, str, str]] = [
         RATE,
         "x.npy is damaged or not a numerical .npy file; save it with numpy.save",
     ),
-    (
-        "x.npy",
-        save_npy(GOOD)[:-8],
-        RATE,
-        "x.npy is damaged or not a numerical .npy file; save it with numpy.save",
-    ),
+    ("x.npy", save_npy(GOOD)[:-8], RATE, "x.npy is damaged or not a numerical .npy file; save it with numpy.save"),
     ("x.npz", b"PK", RATE, "x.npz is damaged or not a numerical .npz file; save it with numpy.savez"),
-    (
-        "x.npz",
-        save_npz(a=GOOD, b=GOOD),
-        RATE,
-        "x.npz contains a, b; name the array of samples 'samples'",
-    ),
+    ("x.npz", save_npz(a=GOOD, b=GOOD), RATE, "x.npz contains a, b; name the array of samples 'samples'"),
     ("x.npz", save_npz(), RATE, "x.npz contains nothing; name the array of samples 'samples'"),
     (
         "x.npz",
@@ -343,42 +323,17 @@ ENCODE_ERRORS: list[tuple[str, bytes | None, str, str]] = [
         "add --sample-bits, or --scale FACTOR to read them as numbers",
     ),
     ("x.npy", save_npy(GOOD), RATE + " --scale 0", "--scale needs a number other than 0, or max, not '0'"),
-    (
-        "x.npy",
-        save_npy(GOOD),
-        RATE + " --scale nan",
-        "--scale needs a number other than 0, or max, not 'nan'",
-    ),
-    (
-        "x.npy",
-        save_npy(GOOD),
-        RATE + " --scale min",
-        "--scale needs a number other than 0, or max, not 'min'",
-    ),
-    (
-        "x.npy",
-        save_npy(GOOD),
-        RATE + " --model ideal",
-        "--model must be one of cycle, functional, not 'ideal'",
-    ),
+    ("x.npy", save_npy(GOOD), RATE + " --scale nan", "--scale needs a number other than 0, or max, not 'nan'"),
+    ("x.npy", save_npy(GOOD), RATE + " --scale min", "--scale needs a number other than 0, or max, not 'min'"),
+    ("x.npy", save_npy(GOOD), RATE + " --model ideal", "--model must be one of cycle, functional, not 'ideal'"),
     (
         "x.npy",
         save_npy(GOOD),
         "--preset paper",
         "--preset and --start-row belong to images; samples are taken as they are",
     ),
-    (
-        "x.png",
-        b"\x89PNG",
-        "--scale 2",
-        "--scale belongs to samples; the scale of an image is part of its preset",
-    ),
-    (
-        "x.png",
-        b"\x89PNG",
-        "",
-        "x.png is damaged or not an image that can be read; save it as .png with 8 or 16 bits",
-    ),
+    ("x.png", b"\x89PNG", "--scale 2", "--scale belongs to samples; the scale of an image is part of its preset"),
+    ("x.png", b"\x89PNG", "", "x.png is damaged or not an image that can be read; save it as .png with 8 or 16 bits"),
     ("x.png", b"", "--preset best", "preset must be one of paper, physical, not 'best'"),
     ("x.npy", save_npy(GOOD), RATE + " --rows 0", "rows must be in 1..64, not 0"),
 ]

@@ -25,10 +25,7 @@ from eskin.skin.textures.rates import measure_rates
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 RATES = stored_table("paper")
-MODELS = {
-    "paper": PowerModel(),
-    "consistent": PowerModel(corrections=frozenset(CORRECTIONS), measured=RATES),
-}
+MODELS = {"paper": PowerModel(), "consistent": PowerModel(corrections=frozenset(CORRECTIONS), measured=RATES)}
 REPORT = {
     "readout": "lcs",
     "rows": 8,
@@ -140,14 +137,8 @@ def test_power_measures_a_dataset_that_is_given(call):
             "power --mode consistent --rates none.json",
             "cannot read the event rates none.json: No such file or directory; write one with eskin event-rates",
         ),
-        (
-            "explore --nlcs-event-rate 5",
-            "--nlcs-event-rate needs --event-rate, the rate of LCS; give both",
-        ),
-        (
-            "explore --event-rate 5 --dataset embedded",
-            "--event-rate replaces --dataset and --rates; give one of them",
-        ),
+        ("explore --nlcs-event-rate 5", "--nlcs-event-rate needs --event-rate, the rate of LCS; give both"),
+        ("explore --event-rate 5 --dataset embedded", "--event-rate replaces --dataset and --rates; give one of them"),
     ],
 )
 def test_bad_options_are_one_sentence(refuses, line, sentence):
@@ -163,10 +154,7 @@ def test_bad_options_are_one_sentence(refuses, line, sentence):
             "{}",
             "synthesis report gates.json: a synthesis report needs the field 'readout'; docs/guide/power.md lists all",
         ),
-        (
-            json.dumps(REPORT | {"leakage_w": -1}),
-            "synthesis report gates.json: leakage_w must be at least 0, not -1",
-        ),
+        (json.dumps(REPORT | {"leakage_w": -1}), "synthesis report gates.json: leakage_w must be at least 0, not -1"),
         (json.dumps(REPORT | {"clock_hz": 0}), "synthesis report gates.json: clock_hz must be positive, not 0"),
         (json.dumps(REPORT | {"area_um2": "big"}), "synthesis report gates.json: area_um2 must be a number, not 'big'"),
         (

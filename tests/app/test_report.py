@@ -281,12 +281,7 @@ def test_the_page_has_no_machine_paths_and_is_the_same_every_time(full, place):
 def test_numbers_are_rounded_for_people_and_kept_whole_in_the_data(full):
     seen = re.sub(r"<(script|style)\b.*?</\1>|base64,[^\"]*", "", full, flags=re.DOTALL)
     assert UNROUNDED.findall(seen) == []
-    for cell in (
-        "20 kbit/s",
-        "80.0\N{NO-BREAK SPACE}to\N{NO-BREAK SPACE}95.0",
-        "100,000 um^2",
-        "100 fJ",
-    ):
+    for cell in ("20 kbit/s", "80.0\N{NO-BREAK SPACE}to\N{NO-BREAK SPACE}95.0", "100,000 um^2", "100 fJ"):
         assert f"<td>{cell}</td>" in seen
     assert UNROUNDED.search(json.dumps(data_of(full)["fig6"]))
 
