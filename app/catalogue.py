@@ -35,10 +35,7 @@ COMMANDS: dict[str, dict[str, str]] = {
         scans="cache",
     ),
     "Hardware": _in(
-        "silicon",
-        verilog="verilog gates",
-        netlist="asic asic-scale gatesim gatepower",
-        places="layout fpga tapeout",
+        "silicon", verilog="verilog gates", netlist="asic asic-scale gatesim gatepower", places="layout fpga tapeout"
     ),
     "Board": _in("board", board="play listen load rescue"),
     "Power and data rate": _in("power", power="power", explore="explore")
@@ -57,11 +54,7 @@ COMMANDS: dict[str, dict[str, str]] = {
 """Module of every command of a user, grouped by what users want to do, in the order of ``eskin --help``."""
 
 DEV = "dev"
-CHECKS = _in(
-    "verify",
-    evidence="formal properties coverage faults crosscheck crossproof",
-    campaigns="mutants soak",
-)
+CHECKS = _in("verify", evidence="formal properties coverage faults crosscheck crossproof", campaigns="mutants soak")
 """Module of every check that the project makes of itself: ``eskin dev NAME``."""
 
 GROUPS = COMMANDS | {"Checks of the project": CHECKS}

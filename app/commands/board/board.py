@@ -170,9 +170,7 @@ def load(weights: Network, port: Port, baud: Baud = BAUD, patience: Patience = 3
     print(f"loaded {network.network.config.memory_bits / 8192:.1f} kB of weights")
 
 
-def rescue(
-    journal: Annotated[Path, arg("FILE.npz.part", "partial file of a killed recording")],
-) -> None:
+def rescue(journal: Annotated[Path, arg("FILE.npz.part", "partial file of a killed recording")]) -> None:
     """Convert the partial file of a killed recording into an event file."""
     from eskin.board.journal import convert
 

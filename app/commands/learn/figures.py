@@ -67,12 +67,7 @@ def fig8(
     print(
         printable(
             write_results(
-                out,
-                "fig8",
-                played.to_dict(),
-                lambda _, path: plot_scan(played, path),
-                data_out,
-                command=asked_for(),
+                out, "fig8", played.to_dict(), lambda _, path: plot_scan(played, path), data_out, command=asked_for()
             )
         )
     )

@@ -11,14 +11,7 @@ import typer
 
 from eskin.app.cli import printable
 from eskin.app.commands.learn.bars import cell_bar
-from eskin.app.commands.learn.options import (
-    NOT_OF_A_SWEEP,
-    Folds,
-    Seeds,
-    Workers,
-    build_experiment,
-    with_experiment,
-)
+from eskin.app.commands.learn.options import NOT_OF_A_SWEEP, Folds, Seeds, Workers, build_experiment, with_experiment
 from eskin.app.leave import EXIT_INTERRUPTED
 from eskin.app.options import LEAKY, opt, out_folder
 from eskin.app.tables import print_table

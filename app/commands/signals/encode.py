@@ -37,13 +37,7 @@ if TYPE_CHECKING:
 
 
 @with_config
-@with_fields(
-    Preparation,
-    PREPARATION,
-    "prepared",
-    DEFAULTS,
-    heading=RECORDINGS,
-)
+@with_fields(Preparation, PREPARATION, "prepared", DEFAULTS, heading=RECORDINGS)
 def encode(
     config: ReadoutConfig,
     given: frozenset[str],

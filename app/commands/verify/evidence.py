@@ -120,10 +120,7 @@ def coverage(
 
 
 @with_config(fields=LOGIC)
-def properties(
-    config: ReadoutConfig,
-    out: Annotated[Path, out_folder("output folder, created if missing")],
-) -> None:
+def properties(config: ReadoutConfig, out: Annotated[Path, out_folder("output folder, created if missing")]) -> None:
     """Write eskin_readout_properties.sv, SystemVerilog assertions bound to the modules of eskin_readout.v."""
     from eskin.verify.proofs.bind import properties as text
 
