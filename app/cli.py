@@ -219,6 +219,11 @@ def printable(text: object) -> str:
     return "".join(c.encode("unicode_escape").decode() if unicodedata.category(c) in _OBEYED else c for c in str(text))
 
 
+def echo(text: object, **where: Any) -> None:
+    """Print a text that may contain names of files or other words of a user."""
+    print(printable(text), **where)
+
+
 app = make_app(ABOUT, AllCommands)
 """The command ``eskin``."""
 

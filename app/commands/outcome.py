@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,13 +31,20 @@ def failing_on(*errors: type[Exception], line: str = "") -> Iterator[None]:
         raise typer.Exit(1) from None
 
 
-def conclude(problems: list[str], line: str) -> None:
-    """Print problems and the last line; exit with 1 if problems exist."""
+def conclude(problems: Iterable[str], line: str, mark: str = "PROBLEM: ", failed: bool = False) -> None:
+    """Print problems and the last line; exit with 1 if problems exist or the run failed otherwise."""
     for problem in problems:
-        print(f"PROBLEM: {problem}")
+        failed = True
+        print(f"{mark}{problem}")
     print(line)
-    if problems:
+    if failed:
         raise typer.Exit(1)
+
+
+def make_line(target: str, **variables: object) -> str:
+    """Return the make command that reproduces a result, without variables that are empty or False."""
+    given = {name: 1 if value is True else value for name, value in variables.items() if value}
+    return " ".join([f"make {target}", *(f"{name}={value}" for name, value in given.items())])
 
 
 def bit_exact(total: Tally) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eskin.app.cli import printable
+from eskin.app.cli import echo
 from eskin.app.commands.signals.recordings import OwnData
 from eskin.app.options import arg, opt, out_file, with_config
 from eskin.base.errors import InputError
@@ -99,7 +99,7 @@ def play(
         if received.classes
         else "no class, because no bin was complete"
     )
-    print(printable(f"{name}: {found}; {len(received.events)} events, {len(received.classes)} bins; {out}"))
+    echo(f"{name}: {found}; {len(received.events)} events, {len(received.classes)} bins; {out}")
     if codes is None:
         if late := received.counts.get("lost", 0):
             print(f"LATE {late} scans: the serial line did not take all events in time")
@@ -152,7 +152,7 @@ def listen(
         with session.recording(out, fits, {"board": port}, received), _shown(view, page, udp, received, link):
             session.listen(link, received, seconds)
             received.observed = session.observed_clocks(received)
-    print(printable(f"{received.count} events in {received.observed / clock_hz:.3f} s; {out}"))
+    echo(f"{received.count} events in {received.observed / clock_hz:.3f} s; {out}")
     if lost := received.counts.get("lost", 0):
         print(f"LOST {lost} events: the chip sent them faster than the serial line can carry")
         raise typer.Exit(1)
@@ -175,7 +175,7 @@ def rescue(journal: Annotated[Path, arg("FILE.npz.part", "partial file of a kill
     from eskin.board.journal import convert
 
     recording = convert(journal)
-    print(printable(f"{len(recording.events)} events; {journal.with_suffix('')}"))
+    echo(f"{len(recording.events)} events; {journal.with_suffix('')}")
 
 
 def _link(port: str, sink: Callable[[list[Record]], object], baud: int, patience: float) -> Any:

@@ -8,7 +8,7 @@ import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eskin.app.cli import printable
+from eskin.app.cli import echo
 from eskin.app.commands.board.board import Udp, sending, served
 from eskin.app.commands.signals.recordings import DEFAULTS, PREPARATION, named_place, scale_text
 from eskin.app.options import RECORDINGS, arg, opt, with_fields
@@ -64,14 +64,14 @@ def demo(
         if show.scale is not None:
             print(scale_text(show.scale), flush=True)
         if show.weights is not None and weights is None:
-            print(printable(f"network: {show.weights}"), flush=True)
+            echo(f"network: {show.weights}", flush=True)
         print("preparing the model: half a minute the first time", file=sys.stderr, flush=True)
         if browser and (sys.platform in ("darwin", "win32") or {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ)):
             webbrowser.open(address)
         try:
             for one in player.play(show, view, speed, sender, HOLD_S):
                 found.append(one)
-                print(printable(_line(one)), flush=True)
+                echo(_line(one), flush=True)
                 if len(found) == limit:
                     break
         except KeyboardInterrupt:

@@ -6,7 +6,7 @@ import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from eskin.app.cli import printable
+from eskin.app.cli import echo, printable
 from eskin.app.options import TRAINED, arg, opt, out_file
 from eskin.base.errors import InputError
 from eskin.base.progress import bar
@@ -33,9 +33,7 @@ def export(
         save_nir(out, loaded)
     else:
         save_weights(out, loaded, eight_bits)
-    print(
-        printable(f"{out}: {len(loaded.class_names)} classes, {loaded.step_s:g} s per step, {out.stat().st_size} bytes")
-    )
+    echo(f"{out}: {len(loaded.class_names)} classes, {loaded.step_s:g} s per step, {out.stat().st_size} bytes")
     if out.suffix == ".nir":
         _tell_lacks(weights, loaded)
 
@@ -63,7 +61,7 @@ def _tell_lacks(path: Path, weights: Weights) -> None:
         with bar("recording scans") as step:
             images, accuracies = accuracies_on_test(path, weights, networks, step)
     except InputError as error:
-        print(printable(f"the loss of accuracy was not measured: {error}"))
+        echo(f"the loss of accuracy was not measured: {error}")
         return
     parts = [f"{accuracy:.1%} {words}" for words, accuracy in accuracies.items()]
     print(f"accuracy of the {images} test images: {', then '.join(parts)}")
@@ -86,7 +84,7 @@ def import_(
     save_weights(out, loaded)
     network = config_of(loaded.network)
     names = printable(", ".join(loaded.class_names))
-    print(printable(f"{out}: {network.inputs} inputs, {network.hidden} hidden neurons, classes {names}"))
+    echo(f"{out}: {network.inputs} inputs, {network.hidden} hidden neurons, classes {names}")
 
 
 def quantise(
@@ -152,5 +150,5 @@ def quantise(
     made.save(out)
     images = write_images(made.network, out.parent, out.stem)
     for line in lines:
-        print(printable(line))
-    print(printable(f"written: {', '.join(str(path) for path in [out, *images])}"))
+        echo(line)
+    echo(f"written: {', '.join(str(path) for path in [out, *images])}")

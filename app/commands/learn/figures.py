@@ -6,7 +6,7 @@ import dataclasses
 from pathlib import Path
 from typing import Annotated
 
-from eskin.app.cli import asked_for, printable
+from eskin.app.cli import asked_for, echo
 from eskin.app.commands.learn.options import Seeds, check_device
 from eskin.app.commands.signals.options import DataOutOption, OutOption, TexturesOption
 from eskin.app.options import TRAINED, arg, opt, out_file, out_folder
@@ -39,11 +39,11 @@ def fig9(
     sweeps = load_sweeps(sweep or [])
     matrices = confusion_data(sweeps, reading, confusion)
     data = fig9_data(sweeps, reading)
-    print(printable(write_results(out, "fig9", data, plot_fig9, data_out, command=asked_for())))
+    echo(write_results(out, "fig9", data, plot_fig9, data_out, command=asked_for()))
     if matrices["points"]:
-        print(printable(write_results(out, "confusion", matrices, plot_confusion, data_out, command=asked_for())))
+        echo(write_results(out, "confusion", matrices, plot_confusion, data_out, command=asked_for()))
     for point in data["left_out"]:
-        print(printable(f"left out, because no seed is finished: {point}"))
+        echo(f"left out, because no seed is finished: {point}")
 
 
 def fig8(
@@ -64,14 +64,12 @@ def fig8(
     if dataset is not None and data is not None:
         raise InputError("--dataset is for textures, --data for your own recordings; give one of the two")
     played = play(weights, result or weights.parent / "result.json", Places(dataset, data), image)
-    print(
-        printable(
-            write_results(
-                out, "fig8", played.to_dict(), lambda _, path: plot_scan(played, path), data_out, command=asked_for()
-            )
+    echo(
+        write_results(
+            out, "fig8", played.to_dict(), lambda _, path: plot_scan(played, path), data_out, command=asked_for()
         )
     )
-    print(printable(f"{played.name}: true {played.true}, predicted {played.predicted}"))
+    echo(f"{played.name}: true {played.true}, predicted {played.predicted}")
     if played.tests:
         noun = "recordings" if played.pixels is None else "images"
         print(f"the network is right for {played.right} of {played.tests} test {noun}")
@@ -95,7 +93,7 @@ def pair(
     if reading not in READINGS:
         raise InputError(f"reading must be one of {', '.join(READINGS)}, not {reading!r}")
     found = compare(find_point(first, KEPT), find_point(second, KEPT), reading)
-    print(printable(f"A: {first}, B: {second}, {READINGS[reading]}, {found.images} images"))
+    echo(f"A: {first}, B: {second}, {READINGS[reading]}, {found.images} images")
     rows = zip(found.accuracy_first, found.accuracy_second, found.only_first, found.only_second, found.p, strict=True)
     for seed, (a, b, only_a, only_b, p) in enumerate(rows):
         print(f"seed {seed}: A {a:.1%}, B {b:.1%}; only A right {only_a}, only B right {only_b}, McNemar p {p:.2g}")
@@ -106,7 +104,7 @@ def pair(
     )
     if out is not None:
         write_json(out, {"first": first, "second": second, "reading": reading} | dataclasses.asdict(found))
-        print(printable(f"result: {out}"))
+        echo(f"result: {out}")
 
 
 def frontier(
@@ -147,7 +145,7 @@ def frontier(
         if points or inner is not None:
             raise InputError("--draw draws a finished file; leave points and --inner out")
         plot_frontier(read_shaped(draw, "the frontier", SHAPE), out / "frontier.png")
-        print(printable(f"wrote {out / 'frontier.png'}"))
+        echo(f"wrote {out / 'frontier.png'}")
         return
     if inner is not None and not points:
         raise InputError("--inner needs points, such as physical/leaky/lcs:3/across:4")
@@ -162,7 +160,7 @@ def frontier(
         validated = [run.inner(point, number, step) for point, number in judged.items()]
         made = [run.point(point, number, step) for point, number in trained.items()]
     for one in validated:
-        print(printable(f"{one['name']}: {100 * one['accuracy']:.1f} % in inner validation of {one['folds']} folds"))
+        echo(f"{one['name']}: {100 * one['accuracy']:.1f} % in inner validation of {one['folds']} folds")
     if inner is not None:
         return
     for name, network in ({} if points else SWEEPS).items():
@@ -171,5 +169,5 @@ def frontier(
     line = "{name}: {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f}), seeds: {seeds}; "
     line += "{rate_hz:,.0f} events or values/s, {bits_per_s:,.0f} bits/s"
     for point in data["points"]:
-        print(printable(filled(line, point)))
-    print(printable(write_results(out, "frontier", data, plot_frontier, command=asked_for())))
+        echo(filled(line, point))
+    echo(write_results(out, "frontier", data, plot_frontier, command=asked_for()))

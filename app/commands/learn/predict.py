@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eskin.app.cli import printable
+from eskin.app.cli import echo, printable
 from eskin.app.commands.signals.recordings import events_of, named_place
 from eskin.app.options import TRAINED, arg, opt, out_file
 from eskin.base.errors import InputError
@@ -92,7 +92,7 @@ def predict(
         with bar("model", len(files)) as step:
             check = work.check_model(recordings, counts, logits, trained, work.Places(dataset, data), step)
     write_json(out, work.predictions(recordings, logits, trained, scores, check))
-    print(printable(f"predictions: {out}"))
+    echo(f"predictions: {out}")
     if check is not None:
         again = ["eskin", "predict", str(weights), "--events", str(files[check.where].path)]
         again += ["--check-model", *([] if dataset is None else ["--dataset", dataset])]
@@ -146,7 +146,7 @@ def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float3
     for recording, row in zip(recordings, logits, strict=True):
         if len(recordings) <= MOST_LINES or class_of(recording) is None:
             predicted = trained.weights.class_names[row.argmax()]
-            print(printable(f"{recording.metadata['name']}: {predicted} (class: {class_of(recording) or 'not known'})"))
+            echo(f"{recording.metadata['name']}: {predicted} (class: {class_of(recording) or 'not known'})")
 
 
 def _print_scores(scores: dict[str, Score], trained: Trained) -> None:

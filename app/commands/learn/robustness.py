@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eskin.app.cli import printable
+from eskin.app.cli import echo
 from eskin.app.commands.learn.options import check_device
 from eskin.app.commands.learn.sweep import command_line
 from eskin.app.leave import EXIT_INTERRUPTED
@@ -62,7 +62,7 @@ def robustness(
     points = summarise(cells)
     written = write_results(out, "robustness", {"points": points}, plot_robustness, command=command_line(context))
     _print_table(points)
-    print(printable(written))
+    echo(written)
 
 
 def subjects_of(places: list[Path] | None, scenes: bool = True) -> list[Subject]:
@@ -88,7 +88,7 @@ def subjects_of(places: list[Path] | None, scenes: bool = True) -> list[Subject]
         why = f"no network in {OUT_TRAIN} suits ({left_out[0]})" if left_out else f"no trained network in {OUT_TRAIN}"
         raise InputError(f"{why}; make one with eskin train{' --preset physical' * scenes}, or name its folder")
     for text in left_out:
-        print(printable(f"left out: {text}"), file=sys.stderr)
+        echo(f"left out: {text}", file=sys.stderr)
     return found
 
 

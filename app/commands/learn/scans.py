@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from eskin.app.cli import printable
+from eskin.app.cli import echo
 from eskin.app.commands.learn.options import BinSeconds, Preset, Tau
 from eskin.app.commands.learn.sweep import command_line
 from eskin.app.commands.signals.options import TexturesOption
@@ -81,4 +81,4 @@ def counts(
         print(f"{one} and {other}: correlation of the counts {like.correlation:.4f}, ratio {like.ratio:.2f}")
     if out is not None:
         write_json(out, result)
-        print(printable(f"result: {out}"))
+        echo(f"result: {out}")

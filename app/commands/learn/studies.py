@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from eskin.app.cli import printable
+from eskin.app.cli import echo
 from eskin.app.commands.learn.options import check_device
 from eskin.app.commands.learn.robustness import Trainings, subjects_of
 from eskin.app.commands.learn.sweep import command_line
@@ -70,8 +70,8 @@ def noise_power(
         )
     for one in pairs:
         line = f"{{mode}}, {{noise_v:1e3*g}} mV: {ONLY_RIGHT} of {{images}}, McNemar p {{p:.2g}}"
-        print(printable(filled(line, one)))
-    print(printable(written))
+        echo(filled(line, one))
+    echo(written)
 
 
 def two_of(text: str | None, known: Collection[str]) -> list[str]:
@@ -121,8 +121,8 @@ def merits(
     written = write_results(out, "merits", result, plot_merits, command=command_line(context))
     for part, line in MERITS.items():
         for one in result[part]:
-            print(printable(filled(line, one)))
-    print(printable(written))
+            echo(filled(line, one))
+    echo(written)
 
 
 def _latency(weights: list[Path], pair: str | None) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -169,4 +169,4 @@ def precision(
         " | {?memory_bits:1.25e-4*.1f} | {within:100*.0f}",
         left=(0, 1),
     )
-    print(printable(written))
+    echo(written)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
-from eskin.app.cli import printable
+from eskin.app.cli import echo
 from eskin.app.commands.learn.bars import cell_bar
 from eskin.app.commands.learn.options import NOT_OF_A_SWEEP, Folds, Seeds, Workers, build_experiment, with_experiment
 from eskin.app.leave import EXIT_INTERRUPTED
@@ -86,7 +86,7 @@ def sweep(
         print(f"stopped; finished results stay in {out}, and the same command continues", file=sys.stderr)
         raise typer.Exit(EXIT_INTERRUPTED) from None
     _print_table(found)
-    print(printable(f"result: {out / 'sweep.json'}"))
+    echo(f"result: {out / 'sweep.json'}")
     print(f"draw it with {shlex.join(['eskin', 'fig9', '--sweep', str(out)])}")
 
 
@@ -101,7 +101,7 @@ def _tell_idle(points: list[SweepPoint], settings: list[str] | None) -> None:
     for setting, names in idle.items():
         if len(names) == len(points):
             raise InputError(f"{setting} has no effect on any network of these points; leave it out")
-        print(printable(f"note: {setting} has no effect on the network of {', '.join(names)}"), file=sys.stderr)
+        echo(f"note: {setting} has no effect on the network of {', '.join(names)}", file=sys.stderr)
 
 
 def _point(readout: str, numbers: str, options: dict[str, Any]) -> SweepPoint:

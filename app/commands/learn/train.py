@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eskin.app.cli import printable
+from eskin.app.cli import echo, printable
 from eskin.app.commands.learn.bars import epoch_bar
 from eskin.app.commands.learn.options import Folds, Seeds, Workers, check_device, output_folder, with_experiment
 from eskin.app.options import opt, out_folder
@@ -76,7 +76,7 @@ def train(
         f"{len(chosen.images)} {noun} to learn ({len(data.scans_of(chosen.images))} scans), {len(chosen.test)} to "
         f"test, {len(data.class_names)} classes; {data.steps} steps of {data.channels} channels"
     )
-    print(printable(f"classes: {', '.join(data.class_names[:8])}{', ...' if len(data.class_names) > 8 else ''}"))
+    echo(f"classes: {', '.join(data.class_names[:8])}{', ...' if len(data.class_names) > 8 else ''}")
     if not kernel.available():
         print("no C++ compiler was found: the dense torch path is used, about five times slower")
     options: dict[str, Any] = {"checkpoint_every": checkpoint_every, "device": device, "watch_test": watch_test}
@@ -87,7 +87,7 @@ def train(
             if chosen_out is not None:
                 raise
             out = OUT.with_name(_name_of(made, chosen, seed))
-            print(printable(f"{OUT} holds another training; this one goes to {out}"), file=sys.stderr)
+            echo(f"{OUT} holds another training; this one goes to {out}", file=sys.stderr)
             output_folder(out, *FILES)
             training, result = train_fold(made, chosen, seed, out, progress=progress, **options)
     _print_result(training, result, data, noun)
@@ -95,8 +95,8 @@ def train(
         best = max(training.history, key=lambda epoch: epoch.held_out or 0.0)
         print(f"best test epoch {best.number}: {best.held_out:.1%} (no valid result: the test chose the epoch)")
     pictures = draw_training(result, [data.names[number] for number in chosen.test], out)
-    print(printable(f"result: {out / 'result.json'}, weights: {out / 'weights.npz'}"))
-    print(printable(f"{'picture' if len(pictures) == 1 else 'picture and page'}: {', '.join(map(str, pictures))}"))
+    echo(f"result: {out / 'result.json'}, weights: {out / 'weights.npz'}")
+    echo(f"{'picture' if len(pictures) == 1 else 'picture and page'}: {', '.join(map(str, pictures))}")
     if made.frames is None:
         place = str(out / "weights.npz")
         words = ["export", place, "-o", str(out / "network.nir")]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import Annotated, Any
 
-from eskin.app.cli import asked_for, printable
+from eskin.app.cli import asked_for, echo
 from eskin.app.commands.signals.options import (
     DatasetOption,
     JsonOption,
@@ -79,7 +79,7 @@ def explore(
     if event_rate is dataset is rates is None:
         print(STORED_RATES.format(preset_name), file=sys.stderr if as_json else sys.stdout)
     if not as_json:
-        print(printable(written))
+        echo(written)
     print_report(data, as_json, _print)
 
 

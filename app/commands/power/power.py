@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eskin.app.cli import asked_for, printable
+from eskin.app.cli import asked_for, echo
 from eskin.app.commands.signals.options import (
     DataOutOption,
     DatasetOption,
@@ -172,7 +172,7 @@ def fig6(
 
     source = partial(rate_table, dataset, preset_name, rates, [FIG_RESOLUTION], [FIG_TAU_S], watch=bar)
     data = fig6_data(both_modes(settings, synthesis, source))
-    print(printable(write_results(out, "fig6", data, plot_fig6, data_out, command=asked_for())))
+    echo(write_results(out, "fig6", data, plot_fig6, data_out, command=asked_for()))
 
 
 def fig7(
@@ -190,7 +190,7 @@ def fig7(
 
     source = partial(rate_table, dataset, preset_name, rates, list(RESOLUTIONS), list(TAUS_S), watch=bar)
     data = fig7_data(both_modes(settings, synthesis, source))
-    print(printable(write_results(out, "fig7", data, plot_fig7, data_out, command=asked_for())))
+    echo(write_results(out, "fig7", data, plot_fig7, data_out, command=asked_for()))
 
 
 def sensitivity(
@@ -212,7 +212,7 @@ def sensitivity(
     data = sensitivity_data(sensitivity_models(model, others))
     written = write_results(out, "sensitivity", data, plot_sensitivity, data_out, command=asked_for())
     if not as_json:
-        print(printable(written))
+        echo(written)
     print_report(data, as_json, _print_sensitivity)
 
 

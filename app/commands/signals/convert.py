@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
-from eskin.app.cli import printable
+from eskin.app.cli import echo
 from eskin.app.options import arg, opt, option_name, out_file, with_config
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
@@ -78,7 +78,7 @@ def convert(
 
         recording = load_recording(source)
     note = _write(out, recording, bin_s, unit)
-    print(printable(f"{out}: {len(recording.events)} events in {recording.duration_s:.6g} s"))
+    echo(f"{out}: {len(recording.events)} events in {recording.duration_s:.6g} s")
     if note:
         print(note)
     if plot is not None:
@@ -86,7 +86,7 @@ def convert(
 
         end = recording.duration_clocks
         plot_signals(recording.events, None, recording.config, plot, source.name, duration_clocks=end)
-        print(printable(f"raster: {plot}"))
+        echo(f"raster: {plot}")
 
 
 def _check_output(out: Path, bin_s: float | None, unit: str | None) -> None:
@@ -122,7 +122,7 @@ def _convert_folder(
         recording.save(place)
     count, array = sum(len(one.events) for one in recordings), recordings[0].config
     size = f"{array.rows} x {array.columns} taxels"
-    print(printable(f"{out}: {len(files)} event files, {count} events, {size}; train on them with --events {out}"))
+    echo(f"{out}: {len(files)} event files, {count} events, {size}; train on them with --events {out}")
 
 
 def _taken(
@@ -166,7 +166,7 @@ def _taken(
             said[line] = said.get(line, 0) + 1
         recordings.append(taken.recording)
     for line, times in said.items():
-        print(printable(line if len(sources) == 1 else f"{times} of {len(sources)} files: {line}"))
+        echo(line if len(sources) == 1 else f"{times} of {len(sources)} files: {line}")
     units = ", ".join(sorted({events.unit for events in read}))
     print(
         f"array of {chosen.rows} rows x {chosen.columns} columns, clock {chosen.clock_hz:g} Hz, times in {units}; "

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.app.cli import printable
+from eskin.app.cli import echo
 from eskin.app.commands.signals.recordings import (
     DEFAULTS,
     PREPARATION,
@@ -115,9 +115,7 @@ def _encode_folder(
     with bar("encoding recordings", len(recordings.sources)) as progress:
         quality, warnings = write_folder(recordings, out, pool, progress)
     print_set(recordings)
-    print(
-        printable(f"{out}: {len(recordings.sources)} event files, {quality.events} events in {quality.seconds:.6g} s")
-    )
+    echo(f"{out}: {len(recordings.sources)} event files, {quality.events} events in {quality.seconds:.6g} s")
     print(quality_text(quality))
     warn((*recordings.warnings, *warnings))
 
@@ -126,7 +124,7 @@ def _print_summary(recording: Recording, data: Encoded, out: Path) -> None:
     config, full_scale = recording.config, recording.config.full_scale
     counts = count_per_taxel(recording.events, config)
     rate = f"{recording.rate_hz:.6g} events/s"
-    print(printable(f"{out}: {len(recording.events)} events in {recording.duration_s:.6g} s, {rate}"))
+    echo(f"{out}: {len(recording.events)} events in {recording.duration_s:.6g} s, {rate}")
     print(
         f"{config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels, "
         f"{len(data.codes)} samples at {config.sample_rate_hz:g} Hz, clock {config.clock_hz:g} Hz"
@@ -170,5 +168,5 @@ def decode(
         title = f"{recording.metadata.get('name', source.stem)}: {config.encoder.title} {config.resolution} b"
         plot_signals(recording.events, signals, config, plot, title, "reconstruction", recording.duration_clocks)
     low, high = (float(signals.min()), float(signals.max())) if signals.size else (0.0, 0.0)
-    print(printable(f"{out}: {signals.shape[0]} ticks of {signals.shape[1]} taxels at {config.sample_rate_hz:g} Hz"))
+    echo(f"{out}: {signals.shape[0]} ticks of {signals.shape[1]} taxels at {config.sample_rate_hz:g} Hz")
     print(f"from {len(recording.events)} events, {low:+.4f}..{high:+.4f} of full scale")

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eskin.app.cli import printable
+from eskin.app.cli import echo
 from eskin.app.options import RECORDINGS, opt, with_fields
 from eskin.base.errors import InputError
 from eskin.base.progress import bar
@@ -105,20 +105,20 @@ def events_of(
         )
     print_notes(notes)
     warn(warnings)
-    print(printable(f"event files of {place}: {folder}"))
+    echo(f"event files of {place}: {folder}")
     return folder
 
 
 def print_notes(notes: Iterable[str]) -> None:
     """Print notes on the interpretation of the files."""
     for note in notes:
-        print(printable(f"note: {note}"))
+        echo(f"note: {note}")
 
 
 def warn(warnings: Iterable[str]) -> None:
     """Print warnings on standard error."""
     for warning in warnings:
-        print(printable(f"warning: {warning}"), file=sys.stderr)
+        echo(f"warning: {warning}", file=sys.stderr)
 
 
 def print_set(recordings: RecordingSet, again: bool = False) -> None:
@@ -130,7 +130,7 @@ def print_set(recordings: RecordingSet, again: bool = False) -> None:
         f" of {len(classes)} classes ({', '.join(classes[:8])}{', ...' if len(classes) > 8 else ''})" if classes else ""
     )
     if not again:
-        print(printable(f"{recordings.name}: {counted(len(recordings.sources), 'recording')}{of}"))
+        echo(f"{recordings.name}: {counted(len(recordings.sources), 'recording')}{of}")
     print(
         f"{config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels at "
         f"{config.sample_rate_hz:g} samples/s, {config.clocks_per_sample} clocks per sample, "

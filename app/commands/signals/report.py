@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from eskin.app.cli import printable
+from eskin.app.cli import echo
 from eskin.app.commands.signals.options import SynthesisOption
 from eskin.app.options import opt, out_file
 from eskin.base.errors import InputError
@@ -51,7 +51,7 @@ def report(
     text = page(data, runs).encode()
     with atomic_write(out) as file:
         file.write(text)
-    print(printable(f"wrote {out} ({len(text) / 1e6:.1f} MB); open it in a browser"))
+    echo(f"wrote {out} ({len(text) / 1e6:.1f} MB); open it in a browser")
     for sentences in data["missing"].values():
         for sentence in sentences:
             print(f"note: {sentence}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from eskin.app.cli import asked_for, printable
+from eskin.app.cli import asked_for, echo
 from eskin.app.commands.signals.options import JsonOption, OutOption
 from eskin.app.options import opt
 from eskin.app.tables import filled, print_report, print_table
@@ -34,7 +34,7 @@ def study(
         found = study_data(data, pool, progress)
     written = write_results(out, "study", found, plot_study, command=asked_for())
     if not as_json:
-        print(printable(written))
+        echo(written)
     print_report(found, as_json, _print)
 
 

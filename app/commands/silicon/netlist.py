@@ -7,8 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from eskin.app.commands.outcome import bit_exact, check_name, conclude, failing_on
-from eskin.app.options import check_frame, opt, out_file, out_folder, with_config, with_fields
+from eskin.app.commands.outcome import bit_exact, check_name, conclude, failing_on, make_line
+from eskin.app.commands.silicon.verilog import READOUTS, spiking_or_frame
+from eskin.app.options import opt, out_file, out_folder, with_config, with_fields
 from eskin.base.errors import InputError
 from eskin.flow.wire import FARAD_PER_UM, OHM_PER_UM, PITCH_UM, Wire, check_pitch
 from eskin.model.config import ReadoutConfig
@@ -59,7 +60,7 @@ def asic(
     lib: Annotated[Path, opt("cell library (.lib) at the typical corner")],
     slow: Annotated[Path | None, opt("the same cells at the slow corner")] = None,
     fast: Annotated[Path | None, opt("the same cells at the fast corner")] = None,
-    readout: Annotated[str, opt("spiking|frame", "which readout")] = "spiking",
+    readout: Annotated[str, opt("|".join(READOUTS), "which readout")] = "spiking",
     name: Annotated[str, opt("name of the run and its folder [from the configuration]")] = "",
     power: Annotated[bool, opt("also measure idle power and energies, by simulation")] = True,
     from_verilog: Annotated[
@@ -74,17 +75,10 @@ def asic(
     from eskin.flow import report
     from eskin.flow.power.measure import APART
 
-    if readout not in ("spiking", "frame"):
-        raise InputError(f"--readout must be one of spiking, frame, not {readout!r}")
-    own = stored | own
-    if own and readout != "frame":
-        raise InputError(f"--{next(iter(own)).replace('_', '-')} is for the frame readout; add --readout frame")
-    if readout == "frame":
-        check_frame(config, given)
+    chosen = spiking_or_frame(readout, config, given, stored | own)
     if from_verilog and readout == "frame":
         raise InputError("--from-verilog is for the spiking readout: frames have no clock gates in their Verilog")
     check_name(name)
-    chosen = FrameConfig(readout=config, **own) if readout == "frame" else config
     corners = {"typical": lib} | {corner: at for corner, at in (("slow", slow), ("fast", fast)) if at}
     found = report.run(chosen, corners, name, lambda stage: print(stage, flush=True), power, from_verilog)
     print(found.write(out, report.command_of(chosen, corners, power, from_verilog)))
@@ -159,14 +153,8 @@ def gatepower(
         raise InputError("--glitches measures one readout, --three three, --weights a classifier; give one of them")
     chosen: dict[str, ReadoutConfig | FrameConfig] = {str(config.encoding): config}
     chosen = designs(config) if three else chosen
-    words = [
-        *(f"LIB={path.name}" for path in lib),
-        *variables(config),
-        *["THREE=1"] * three,
-        *["GLITCHES=1"] * glitching,
-        *([f"WEIGHTS={weights}"] if weights else []),
-    ]
-    said = origin(" ".join(["make gatepower", *words]))
+    words = ["gatepower", *(f"LIB={path.name}" for path in lib), *variables(config)]
+    said = origin(make_line(" ".join(words), THREE=three, GLITCHES=glitching, WEIGHTS=weights))
     with failing_on(Disagreement, Mismatch):
         if weights is not None:
             for path in lib:

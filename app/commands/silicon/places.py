@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from eskin.app.commands.outcome import check_name, conclude, failing_on
+from eskin.app.commands.outcome import check_name, conclude, failing_on, make_line
 from eskin.app.options import LOGIC, opt, out_folder, with_config
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
@@ -66,15 +66,16 @@ def fpga(
         raise InputError("--weights, --receiver and --alone each choose a design; give one of them")
     if alone is not None:
         name, built = f"classifier-{alone}b", build_classifier(report.plain_classifier(alone))
-        said = {"design": "classifier"} | origin(f"make fpga ALONE={alone}")
+        said = {"design": "classifier"} | origin(make_line("fpga", ALONE=alone))
         aims = report.classifier_aims(built, alone)
     else:
         sensor = SensorConfig(part=cast("PartName", adc), settle_s=settle) if adc else None
         config = design_of(weights, receiver, baud, sensor)
         name, built = board, build(config, board)
-        words = [f"BOARD={board}"] + ([f"WEIGHTS={weights.name}"] if weights else []) + ["RECEIVER=1"] * receiver
-        words += [f"BAUD={baud}"] * (baud != SerialConfig.baud) + [f"ADC={adc} SETTLE={settle:g}"] * bool(adc)
-        said = {"design": config.design, "identity": f"{config.identity:08x}"} | origin(" ".join(["make fpga", *words]))
+        chosen = {"BOARD": board, "WEIGHTS": weights and weights.name, "RECEIVER": receiver}
+        line = {"BAUD": baud != SerialConfig.baud and baud, "ADC": adc, "SETTLE": adc and f"{settle:g}"}
+        said = {"design": config.design, "identity": f"{config.identity:08x}"}
+        said |= origin(make_line("fpga", **chosen, **line))
         aims = [report.clock_aim(built)]
     print(report.write(out, name, built, said, aims))
     for aim in aims:

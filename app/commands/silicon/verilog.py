@@ -72,14 +72,21 @@ def verilog(
         design = ChipConfig(readout=config, classifier=found) if chip else found
         _deliver(design, out, prove, gated=clock_gates)
         return
+    _deliver(spiking_or_frame(readout, config, given, stored | own), out, prove, report, clock_gates)
+
+
+def spiking_or_frame(
+    readout: str, config: ReadoutConfig, given: frozenset[str], own: dict[str, Any]
+) -> ReadoutConfig | FrameConfig:
+    """Return the configuration of the readout that ``--readout`` names; ``own`` are the fields of a frame readout."""
     if readout not in READOUTS:
         raise InputError(f"--readout must be one of {', '.join(READOUTS)}, not {readout!r}")
-    own = stored | own
-    if own and readout != "frame":
-        raise InputError(f"--{next(iter(own)).replace('_', '-')} is for the frame readout; add --readout frame")
     if readout == "frame":
         check_frame(config, given)
-    _deliver(FrameConfig(readout=config, **own) if readout == "frame" else config, out, prove, report, clock_gates)
+        return FrameConfig(readout=config, **own)
+    if own:
+        raise InputError(f"--{next(iter(own)).replace('_', '-')} is for the frame readout; add --readout frame")
+    return config
 
 
 def _deliver(config: Config, out: Path, prove: bool, report: Path | None = None, gated: bool = False) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eskin.app.cli import asked_for, printable
+from eskin.app.cli import asked_for, echo, printable
 from eskin.app.commands.learn.options import output_folder
 from eskin.app.commands.outcome import conclude
 from eskin.app.options import arg, opt, out_folder
@@ -60,7 +60,7 @@ def agree(
         [one | point for one in networks for point in one["points"]],
         "{network} | {bits} | {same} of {scans} | {wilson_95[0]:100*.0f} to {wilson_95[1]:100*.0f} %",
     )
-    print(printable(f"result: {out / 'agreement.json'}"))
+    echo(f"result: {out / 'agreement.json'}")
     if rtl:
         sums = {name: sum(one["rtl"].get(name, 0) for one in networks) for name in ("clocks", "events", "bins")}
         exact = ", ".join(f"{count} {name}" for name, count in sums.items())

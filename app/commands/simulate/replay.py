@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eskin.app.cli import asked_for, printable
+from eskin.app.cli import asked_for, echo
 from eskin.app.commands.outcome import failing_on
 from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, with_preparation
 from eskin.app.options import opt, out_file, out_folder, with_config
@@ -107,5 +107,5 @@ def _conclude(plan: Plan, played: int, now: dict[str, Any], keep: Path | None) -
         kept = read_shaped(keep, "the kept sums", KEPT)["runs"] if has_earlier(keep) else []
         runs = {run["configuration"]["encoding"]: run for run in [*kept, origin(asked_for()) | summary]}
         write_json(keep, {"runs": list(runs.values())})
-    print(printable(f"events per {noun[:-1]}: {plan.events}; played now: {played} {noun} in {now['seconds']:.0f} s"))
+    echo(f"events per {noun[:-1]}: {plan.events}; played now: {played} {noun} in {now['seconds']:.0f} s")
     print(f"bit-exact: {count} runs, {summary['clocks']} clocks, {summary['events']} events, 0 mismatches")

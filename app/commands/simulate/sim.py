@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eskin.app.cli import asked_for, printable
+from eskin.app.cli import asked_for, echo
 from eskin.app.commands.outcome import bit_exact
 from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, warn, with_preparation
 from eskin.app.options import opt, out_file, out_folder, with_config
@@ -81,7 +81,7 @@ def _play_textures(
         plan = session.with_dut(plan, config, dut, top)
     runs = f"{plan.runs(config) - len(plan.textures)} scenarios and {len(plan.textures)} scans"
     what = f"{', '.join(map(str, dut)) or 'RTL'}, {config.rows} x {config.columns} taxels, link {config.link}"
-    print(printable(f"{what}: {runs} for each of {', '.join(encodings)}"))
+    echo(f"{what}: {runs} for each of {', '.join(encodings)}")
     with bars() as show:
         for encoding in encodings:
             chosen = config.replace(encoding=encoding)
@@ -101,9 +101,9 @@ def _play_textures(
                 _differ(mismatch, total, plan.running(chosen), wave, hint)
             if plan.waves:
                 wave = plan.waveform(chosen)
-                print(printable(f"waveform: {wave}; open it with: gtkwave {wave}"))
+                echo(f"waveform: {wave}; open it with: gtkwave {wave}")
             if picture := plan.picture(chosen):
-                print(printable(f"picture: {picture}; event files: {picture.parent / 'events'}"))
+                echo(f"picture: {picture}; event files: {picture.parent / 'events'}")
 
 
 def _play_own(
@@ -130,7 +130,7 @@ def _play_own(
             total += session.play(plan, lambda _: progress())
         except MismatchFound as mismatch:
             _differ(mismatch, total, plan.out / plan.folder / "run")
-    print(printable(f"picture: {plan.picture}; event files: {plan.picture.parent / 'events'}"))
+    echo(f"picture: {plan.picture}; event files: {plan.picture.parent / 'events'}")
 
 
 def _differ(mismatch: MismatchFound, total: Tally, folder: Path, wave: Path | None = None, hint: str = "") -> None:
@@ -138,7 +138,7 @@ def _differ(mismatch: MismatchFound, total: Tally, folder: Path, wave: Path | No
     total += mismatch.before
     print(f"{mismatch}\nMISMATCH; equal runs before it: {total.runs}; report: {folder / 'mismatch.txt'}")
     if wave is not None:
-        print(printable(f"waveform: {wave}; open it with: gtkwave {wave}"))
+        echo(f"waveform: {wave}; open it with: gtkwave {wave}")
     if hint:
         print(hint)
     raise typer.Exit(1) from None

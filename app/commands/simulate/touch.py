@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eskin.app.cli import printable
+from eskin.app.cli import echo
 from eskin.app.commands.outcome import failing_on
 from eskin.app.commands.signals.recordings import OwnData, check_alone, warn
 from eskin.app.options import opt, out_folder
@@ -54,7 +54,7 @@ def touch(
         print(f"{learned} left out, because every network was trained on them")
     used = plan.networks[plan.names[0]]
     if data is not None and weights is None:
-        print(printable(f"network: {used.path}, trained on {used.dataset}"))
+        echo(f"network: {used.path}, trained on {used.dataset}")
     known = used.weights.class_names
     folders = {name.split("/")[0] for name in plan.material.names if "/" in name}
     if data is not None and (others := sorted(folders - set(known))):
@@ -83,7 +83,7 @@ def _conclude(plan: Plan, now: dict[str, Any], noun: str) -> None:
     summary = origin(plan.again) | summary | {"played_now": now}
     for name, answer in list(summary["answers"].items())[:MOST_LINES]:
         judged = "" if answer["true"] is None else ", right" if answer["class"] == answer["true"] else ", wrong"
-        print(printable(f"{name}: {answer['class']}{judged}"))
+        echo(f"{name}: {answer['class']}{judged}")
     if (more := len(summary["answers"]) - MOST_LINES) > 0:
         print(f"... and {more} more, in summary.json")
     write_json(plan.folder / "summary.json", summary)
@@ -95,7 +95,7 @@ def _conclude(plan: Plan, now: dict[str, Any], noun: str) -> None:
         f"changed {summary['images'] - summary['as_ideal_bins']} classes; {summary['overruns']} scans with an overrun; "
         f"at most {summary['latency_clocks']} clocks from bin end to class"
     )
-    print(printable(f"answers: {plan.folder / 'summary.json'}" + (f"; picture: {picture}" if picture else "")))
+    echo(f"answers: {plan.folder / 'summary.json'}" + (f"; picture: {picture}" if picture else ""))
     judged = f"{summary['right']} right" if summary["labelled"] else "true classes not known"
     print(
         f"touch to class: {summary['images']} {noun}, {summary['events']} events, {summary['mismatches']} mismatches, "

@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from eskin.app.commands.outcome import failing_on
+from eskin.app.commands.outcome import conclude, failing_on, make_line
 from eskin.app.options import opt, out_file, out_folder, parse_fields, parse_number
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.errors import InputError
@@ -49,8 +47,7 @@ def soak(
         from eskin.base.files import origin, write_json
 
         spent = found["seconds"] / 3600  # in all, however often it was stopped
-        begun = f" SEED={seed}" if seed else ""
-        write_json(keep, origin(f"make soak HOURS={spent:.2f}{begun} CLOCKS={clocks}") | found)
+        write_json(keep, origin(make_line("soak", HOURS=f"{spent:.2f}", SEED=seed, CLOCKS=clocks)) | found)
     print(found["result"])
 
 
@@ -128,12 +125,8 @@ def mutants(
 
     with open_pool(workers, scheduler, NEEDS) as pool:
         done = run(Plan(packages, share, seed, block, limit, apart_from), out, pool if judging else None, again, tell)
-    options = {"MODEL": 1 if model else "", "BLOCK": block, "SHARE": f"{share:g}", "SEED": str(seed)}
-    options |= {"APART_FROM": "" if apart_from is None else str(apart_from), "LIMIT": limit or ""}
-    command = " ".join(["make mutants", *(f"{name}={value}" for name, value in options.items() if value)])
+    drawn = {"SHARE": f"{share:g}", "SEED": str(seed), "APART_FROM": apart_from is not None and str(apart_from)}
+    command = make_line("mutants", MODEL=model, BLOCK=block, **drawn, LIMIT=limit)
     write(out / "mutants.json", command, done, "model" if model else "rtl")
-    for test in sorted(done.skipped):
-        print(f"fails without a mutant: {test}")
-    print(closing_line(done))
-    if done.skipped or len(done.findings) < done.planned or any(one.verdict == "alive" for one in done.findings):
-        raise typer.Exit(1)
+    survived = len(done.findings) < done.planned or any(one.verdict == "alive" for one in done.findings)
+    conclude(sorted(done.skipped), closing_line(done), mark="fails without a mutant: ", failed=survived)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eskin.app.commands.outcome import failing_on
+from eskin.app.commands.outcome import conclude, failing_on, make_line
 from eskin.app.options import LOGIC, opt, out_file, out_folder, with_config
 from eskin.base.errors import InputError
 from eskin.base.files import Pieces, atomic_write, pieces_of
@@ -56,7 +56,7 @@ def formal(
         judge([outcome for outcome in results if outcome.block == name], of_block)
         found += of_block
     if out:
-        write(results, found, out, _command("make formal", block, small, mutants), block)
+        write(results, found, out, make_line("formal", BLOCK=block, SMALL=small, MUTANTS=mutants), block)
         pieces_of(out).unlink(missing_ok=True)
     for outcome in results:
         for problem in outcome.problems:
@@ -79,13 +79,10 @@ def faults(
     from eskin.verify.faults.run import campaign, closing_line, write
 
     done = campaign(small, out, lambda line: print(line, flush=True))
-    for problem in done.problems:
-        print(problem)
     if out:
-        write(out, f"make faults{' SMALL=1' if small else ''}", done)
-    print(closing_line(done))
-    if done.problems or any(line["as stated"] < line["runs"] for line in done.cases):
-        raise typer.Exit(1)
+        write(out, make_line("faults", SMALL=small), done)
+    unlike = any(line["as stated"] < line["runs"] for line in done.cases)
+    conclude(done.problems, closing_line(done), mark="", failed=unlike)
 
 
 def coverage(
@@ -110,13 +107,9 @@ def coverage(
 
     reached = play(chosen, out, tell)
     verdict = judge(reached, waivers(), whole=not (small or only))
-    for problem in verdict.problems:
-        print(problem)
-    command = " ".join(["make coverage", *["SMALL=1"] * small, *([f"ONLY={only!r}"] if only else [])])
+    command = make_line("coverage", SMALL=small, ONLY=only and repr(only))
     write(out / "coverage.json", command, reached, verdict)
-    print(closing_line(reached, verdict))
-    if verdict.problems:
-        raise typer.Exit(1)
+    conclude(verdict.problems, closing_line(reached, verdict), mark="")
 
 
 @with_config(fields=LOGIC)
@@ -147,17 +140,15 @@ def crosscheck(
     with failing_on(Mismatch):
         played = play(config, texture, ticks)
     said = [problem for problems in texts(config).values() for problem in problems]
-    for problem in said:
-        print(problem)
     if out:
-        command = f"make crosscheck ROWS={config.rows} COLUMNS={config.columns} ENCODING={config.encoding}"
+        command = make_line("crosscheck", ROWS=config.rows, COLUMNS=config.columns, ENCODING=config.encoding)
         write_json(out, {**origin(command), "config": config.to_dict(), **asdict(played), "slang": said})
-    print(
+    conclude(
+        said,
         f"crosscheck: {played.runs} runs, {played.clocks} clocks, {played.events} events in CXXRTL as in the model, "
-        f"{played.of_texture} of a texture; slang: {len(said)} problems"
+        f"{played.of_texture} of a texture; slang: {len(said)} problems",
+        mark="",
     )
-    if said:
-        raise typer.Exit(1)
 
 
 def crossproof(
@@ -181,7 +172,7 @@ def crossproof(
         for problem in one.problems:
             print(f"PROBLEM: {problem}")
     if out:
-        write(found, out, _command("make crossproof", block, small, mutants))
+        write(found, out, make_line("crossproof", BLOCK=block, SMALL=small, MUTANTS=mutants))
     print(closing_line(found))
     if any(one.problems for one in found):
         raise typer.Exit(1)
@@ -195,8 +186,3 @@ def _chosen(block: str, small: bool) -> list[Proof]:
     if block and block not in known:
         raise InputError(f"--block must be one of {', '.join(known)}, not {block!r}")
     return [p for p in proofs() if (not block or p.block == block) and (not small or p.small)]
-
-
-def _command(make: str, block: str, small: bool, mutants: bool) -> str:
-    """Return the command line that reproduces a result."""
-    return " ".join([make, *[f"BLOCK={block}"] * bool(block), *["SMALL=1"] * small, *["MUTANTS=1"] * mutants])
