@@ -193,14 +193,11 @@ MOST_TEXT_BYTES = 2**28
 
 def read_bytes(path: Path, what: str, most: int = MOST_TEXT_BYTES) -> bytes:
     """Return the content of a file; raise InputError if it is longer than ``most`` bytes."""
-    pieces, size = [], 0
     with path.open("rb") as file:
-        while piece := file.read(2**20):
-            pieces.append(piece)
-            size += len(piece)
-            if size > most:
-                raise InputError(f"{what} {path} has more than {most >> 20} MiB; give a smaller file")
-    return b"".join(pieces)
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise InputError(f"{what} {path} has more than {most >> 20} MiB; give a smaller file")
+    return content
 
 
 def read_json(path: Path, what: str, kind: type | None = None) -> Any:

@@ -174,21 +174,14 @@ def weight_frames(weights: IntegerWeights, word_bytes: int) -> Iterator[bytes]:
             yield bytes([neurons]) + at.to_bytes(2, "little") + words
 
 
-def load(link: Link, weights: IntegerWeights, on_frame: Callable[[], object] = lambda: None) -> None:
+def load(link: Link, weights: IntegerWeights) -> None:
     """Write weights into the memories of a board and reset its chip."""
     for payload in weight_frames(weights, link.said["word_bytes"]):
         link.send(Kind.WEIGHTS, payload)
-        on_frame()
     link.wait()
 
 
-def play(
-    link: Link,
-    chip: ChipConfig,
-    samples: NDArray[Any],
-    on_tick: Callable[[], object] = lambda: None,
-    whole: bool = False,
-) -> int:
+def play(link: Link, chip: ChipConfig, samples: NDArray[Any], whole: bool = False) -> int:
     """Play samples, shape (ticks, taxels), on a board after a reset; return the clocks of the chip.
 
     With ``whole``, samples have 16 bits and events 32 bits, as for a board of the first protocol.
@@ -200,10 +193,8 @@ def play(
         parts = ChangeCoder(chip.readout).feed(samples)
     else:
         parts = (part for codes in samples for part in whole_tick(codes))
-    for kind, payload, ticks in parts:
+    for kind, payload, _ in parts:
         link.send(kind, payload)
-        for _ in range(ticks):
-            on_tick()
     _finish(link, clocks - len(samples) * chip.readout.clocks_per_sample)
     return clocks
 

@@ -80,10 +80,10 @@ def frame_of(panel: Axes) -> Box:
     return Box(*(float(end * scale) for end in (box.x0, box.y0, box.x1, box.y1)))
 
 
-def side_by_side(boxes: Sequence[Box], taken: Iterable[Box], step: float = STEP_POINTS) -> float:
+def side_by_side(boxes: Sequence[Box], taken: Iterable[Box]) -> float:
     """Return the smallest shift to either side that separates boxes from all occupied areas, else 0."""
     taken = list(taken)
-    moves = [0.0] + [sign * step * k for k in range(1, 31) for sign in (-1, 1)]
+    moves = [0.0] + [sign * STEP_POINTS * k for k in range(1, 31) for sign in (-1, 1)]
     for move in moves:
         if not any(box.moved(move).meets(other) for box in boxes for other in taken):
             return move
