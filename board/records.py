@@ -68,6 +68,7 @@ VERSION = 1
 HELLO_WORDS = ("version", "design", "identity", "clock_hz", "buffer_bytes", "channels", "classes", "word_bytes")
 STATUS_WORDS = ("time_low", "time_high", "events", "bins", "taken", "refused", "lost", "stalls")
 """Words behind the first of these records."""
+NAMES = {Tag.HELLO: HELLO_WORDS, Tag.STATUS: STATUS_WORDS}
 
 RANGES = {
     "clock_hz": (1000, 10**9),
@@ -207,7 +208,7 @@ class RecordReader:
         tag = first >> VALUE_BITS
         if tag == Tag.CLASS:
             return self.classes
-        return first & 0xFF if tag in (Tag.HELLO, Tag.STATUS) else 0
+        return first & 0xFF if tag in NAMES else 0
 
     def _record(self, words: list[int]) -> Record | None:
         tag, value = words[0] >> VALUE_BITS, words[0] & (1 << VALUE_BITS) - 1
@@ -226,7 +227,7 @@ class RecordReader:
             return Ack(value & 0xFF)
         if tag == Tag.REFUSED:
             return Refused(value & 0xFF, value >> 8 & 0xFF, above)
-        if tag in (Tag.HELLO, Tag.STATUS):
+        if tag in NAMES:
             above = words[0] >> COUNT_BITS & (1 << VALUE_BITS - COUNT_BITS) - 1
             return Words(Tag(tag), said(Tag(tag), words[1:]), above)
         raise InputError(f"the board sent a record with the unknown tag {tag}; {AGAIN}")
@@ -237,7 +238,7 @@ def said(tag: Tag, words: list[int]) -> dict[str, int]:
 
     Raises InputError if words are missing, a number is outside ``RANGES``, or the board has another version.
     """
-    names = HELLO_WORDS if tag == Tag.HELLO else STATUS_WORDS
+    names = NAMES[tag]
     values = dict(zip(names, words, strict=False))
     if tag == Tag.HELLO and values.get("version", VERSION) != VERSION:
         raise InputError(f"the board uses protocol version {values['version']}, this program {VERSION}; {AGAIN}")
@@ -284,30 +285,26 @@ class RecordWriter:
         return [word for record in records for word in self._words(record)]
 
     def _words(self, record: Record) -> list[int]:
-        words: list[int] = []
-        if isinstance(record, Event | Class):
-            if record.time >> TIME_BITS != self._high:
-                self._high = record.time >> TIME_BITS
-                words.append(_word(Tag.TIME, self._high))
-            low = record.time & (1 << TIME_BITS) - 1
-            if isinstance(record, Event):
-                return [*words, _word(Tag.EVENT, record.address << TIME_BITS | low)]
-            above = record.overrun << ADDRESS_BITS - 1 | record.winner
-            words.append(_word(Tag.CLASS, above << TIME_BITS | low))
-            words += [value & (1 << WORD_BITS) - 1 for value in record.evidence]
-        elif isinstance(record, Lost):
-            words.append(_word(Tag.LOST, record.count))
-        elif isinstance(record, Ack):
-            words.append(_word(Tag.ACK, record.sequence))
-        elif isinstance(record, Refused):
-            words.append(_word(Tag.REFUSED, record.reason << TIME_BITS | record.expected << 8 | record.sequence))
-        else:
-            names = HELLO_WORDS if record.tag == Tag.HELLO else STATUS_WORDS
-            words += [
-                _word(record.tag, len(names) | record.above << COUNT_BITS),
-                *(record.values[name] for name in names),
-            ]
-        return words
+        match record:
+            case Event(time, address):
+                return self._timed(Tag.EVENT, time, address)
+            case Class(time, winner, overrun, evidence):
+                words = self._timed(Tag.CLASS, time, overrun << ADDRESS_BITS - 1 | winner)
+                return words + [value & (1 << WORD_BITS) - 1 for value in evidence]
+            case Lost(count):
+                return [_word(Tag.LOST, count)]
+            case Ack(sequence):
+                return [_word(Tag.ACK, sequence)]
+            case Refused(sequence, expected, reason):
+                return [_word(Tag.REFUSED, reason << TIME_BITS | expected << 8 | sequence)]
+            case Words(tag, values, above):
+                names = NAMES[tag]
+                return [_word(tag, len(names) | above << COUNT_BITS), *(values[name] for name in names)]
+
+    def _timed(self, tag: Tag, time: int, above: int) -> list[int]:
+        """Return the words of a record with a time, behind the high bits of the time if they have changed."""
+        changed, self._high = time >> TIME_BITS != self._high, time >> TIME_BITS
+        return [_word(Tag.TIME, self._high)] * changed + [_word(tag, above << TIME_BITS | time & LOW_TIME)]
 
 
 def _word(tag: Tag, value: int) -> int:
