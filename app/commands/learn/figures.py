@@ -8,7 +8,7 @@ from typing import Annotated
 
 from eskin.app.cli import asked_for, echo
 from eskin.app.commands.learn.options import Seeds, check_device
-from eskin.app.commands.signals.options import DataOutOption, OutOption, TexturesOption
+from eskin.app.commands.options import DataOutOption, OutOption, TexturesOption
 from eskin.app.options import TRAINED, arg, opt, out_file, out_folder
 from eskin.app.tables import filled
 from eskin.base.errors import InputError

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eskin.app.commands.signals.options import TexturesOption
+from eskin.app.commands.options import TexturesOption
 from eskin.app.commands.signals.recordings import PREPARATION, OwnData, events_of, option_named
 from eskin.app.options import (
     CONFIG_FILE,

@@ -11,7 +11,7 @@ import typer
 from eskin.app.cli import echo
 from eskin.app.commands.learn.options import BinSeconds, Preset, Tau
 from eskin.app.commands.learn.sweep import command_line
-from eskin.app.commands.signals.options import TexturesOption
+from eskin.app.commands.options import TexturesOption
 from eskin.app.options import LEAKY, opt, out_file
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json

@@ -12,7 +12,7 @@ from eskin.app.cli import echo
 from eskin.app.commands.learn.options import check_device
 from eskin.app.commands.learn.robustness import Trainings, subjects_of
 from eskin.app.commands.learn.sweep import command_line
-from eskin.app.commands.signals.options import TexturesOption
+from eskin.app.commands.options import TexturesOption
 from eskin.app.options import arg, opt, out_folder
 from eskin.app.tables import filled, print_table
 from eskin.base.errors import InputError

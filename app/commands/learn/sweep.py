@@ -12,10 +12,10 @@ import typer
 from eskin.app.cli import echo
 from eskin.app.commands.learn.bars import cell_bar
 from eskin.app.commands.learn.options import NOT_OF_A_SWEEP, Folds, Seeds, Workers, build_experiment, with_experiment
+from eskin.app.commands.options import Scheduler, open_pool
 from eskin.app.leave import EXIT_INTERRUPTED
 from eskin.app.options import LEAKY, opt, out_folder
 from eskin.app.tables import print_table
-from eskin.app.worker_options import Scheduler, open_pool
 from eskin.base.errors import InputError
 from eskin.snn.data.frame_steps import FRAMES, FrameKind, FrameSteps
 from eskin.snn.experiments.recipes import BASELINES

@@ -6,7 +6,7 @@ import sys
 from typing import Annotated, Any
 
 from eskin.app.cli import asked_for, echo
-from eskin.app.commands.signals.options import (
+from eskin.app.commands.options import (
     DatasetOption,
     JsonOption,
     OutOption,

@@ -9,7 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eskin.app.cli import asked_for, echo
-from eskin.app.commands.signals.options import (
+from eskin.app.commands.options import (
     DataOutOption,
     DatasetOption,
     JsonOption,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.app.cli import echo
+from eskin.app.commands.options import Scheduler, Workers, open_pool
 from eskin.app.commands.signals.recordings import (
     DEFAULTS,
     PREPARATION,
@@ -20,7 +21,6 @@ from eskin.app.commands.signals.recordings import (
     warn,
 )
 from eskin.app.options import RECORDINGS, arg, opt, out_file, with_config, with_fields
-from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.errors import InputError
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig

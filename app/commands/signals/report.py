@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 from eskin.app.cli import echo
-from eskin.app.commands.signals.options import SynthesisOption
+from eskin.app.commands.options import SynthesisOption
 from eskin.app.options import opt, out_file
 from eskin.base.errors import InputError
 

@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from eskin.app.cli import asked_for, echo
-from eskin.app.commands.signals.options import JsonOption, OutOption
+from eskin.app.commands.options import JsonOption, OutOption, Scheduler, Workers, open_pool
 from eskin.app.options import opt
 from eskin.app.tables import filled, print_report, print_table
-from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.errors import InputError
 from eskin.base.figures.files import DEFAULT_OUT, write_results
 from eskin.base.progress import bar

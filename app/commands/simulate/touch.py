@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eskin.app.cli import echo
+from eskin.app.commands.options import Scheduler, Workers, open_pool
 from eskin.app.commands.outcome import failing_on
 from eskin.app.commands.signals.recordings import OwnData, check_alone, warn
 from eskin.app.options import opt, out_folder
-from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.files import origin, write_json
 from eskin.base.progress import bars, reported
 from eskin.skin.textures.dataset import EMBEDDED

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from eskin.app.commands.options import Scheduler, Workers, open_pool
 from eskin.app.commands.outcome import conclude, failing_on, make_line
 from eskin.app.options import opt, out_file, out_folder, parse_fields, parse_number
-from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.errors import InputError
 
 if TYPE_CHECKING:

@@ -1,12 +1,18 @@
-"""Options shared by several commands."""
+"""Options that several commands share, and the worker pool that some of them choose."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from eskin.app.options import LEAKY, opt, out_folder
+from eskin.base.errors import InputError
 from eskin.skin.textures.rates import PAPER_TAU_S
+
+if TYPE_CHECKING:
+    from eskin.base.workers.cluster import Needs
+    from eskin.base.workers.pool import WorkerPool
+
 
 OutOption = Annotated[Path, out_folder("DIR", "folder for data and picture")]
 DataOutOption = Annotated[
@@ -24,3 +30,26 @@ TauOption = Annotated[float | None, opt("SECONDS", f"{', '.join(LEAKY)}: time co
 PresetOption = Annotated[str, opt("--preset", "paper|physical", "texture scan of the event rates")]
 RatesOption = Annotated[Path | None, opt("--rates", "FILE", "event rates, from eskin event-rates")]
 JsonOption = Annotated[bool, opt("--json", "print one JSON object")]
+
+
+Workers = Annotated[int | None, opt("N", "parallel processes on this machine [one per usable core]")]
+Scheduler = Annotated[str | None, opt("ADDRESS", "Dask scheduler, tcp://HOST:8786, instead of this machine")]
+
+
+def open_pool(
+    workers: int | None, scheduler: str | None, needs: Needs | None = None, *, threads: bool = False
+) -> WorkerPool:
+    """Return the worker pool for the user's options.
+
+    Workers of a Dask scheduler must share the versions of ``needs``, by default those of the model. On this machine,
+    threads instead of processes are for work that releases the interpreter lock.
+    """
+    if scheduler is None:
+        from eskin.base.workers.pool import Local
+
+        return Local(workers, threads)
+    if workers is not None:
+        raise InputError("--workers starts processes on this machine, --scheduler uses a cluster; give one")
+    from eskin.base.workers.cluster import Cluster, Needs
+
+    return Cluster(scheduler, needs or Needs())
