@@ -48,9 +48,7 @@ DEFAULTS = {
 }
 """Variables that a target sets where the user does not."""
 
-APART = ("layout",)
-"""Commands with an environment of their own, of the same name."""
-
+APART = ("layout",)  # commands with an environment of the same name
 LINT = ("-m ruff format --check .", "-m ruff check .", "-m mypy")
 MEASURED = "benchmarks/results"
 STEPS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -99,11 +97,9 @@ make sim GATES=1 runs gatesim, make asic SCALE=1 asic-scale.
 Example: make sim ROWS=12 COLUMNS=16 ENCODING=nlcs RESOLUTION=6 SIM=icarus WAVES=1"""
 
 TARGETS = [*OWN, *STEPS, *MODULES]
-ONE_LINE = 999
-"""Width of the list of targets: a line for each, so that it can be searched."""
+ONE_LINE = 999  # one line for each target in the list, which can then be searched
 BUILT = ("build", ".pytest_cache", ".mypy_cache", ".ruff_cache", ".hypothesis")
-INSIDE = "--inside"
-"""Argument of the launcher when it continues in the environment's interpreter."""
+INSIDE = "--inside"  # argument of the launcher in the environment's interpreter
 
 
 def typed_variables(flags: str) -> dict[str, str]:

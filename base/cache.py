@@ -12,9 +12,7 @@ from pathlib import Path
 
 from eskin.base.errors import InputError
 
-CACHE_VARIABLE = "ESKIN_CACHE"
-"""Environment variable that names another folder."""
-
+CACHE_VARIABLE = "ESKIN_CACHE"  # environment variable that names another folder
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 _NAME = "spiking-eskin-readout"
 

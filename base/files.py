@@ -23,8 +23,7 @@ from eskin.base.outputs import check_file, in_out, is_stream, new_part
 if TYPE_CHECKING:  # the launcher of make runs where NumPy is not installed yet
     from numpy.typing import NDArray
 
-PROBE_BYTES = 2**17
-"""What can be written to a disk that is not full."""
+PROBE_BYTES = 2**17  # a disk that is not full has room for these
 
 
 @contextlib.contextmanager
@@ -187,8 +186,7 @@ def origin(command: str) -> dict[str, str]:
     return {"command": command, "commit": commit, "date": datetime.date.today().isoformat()}
 
 
-MOST_TEXT_BYTES = 2**28
-"""Size of a text file beyond which it is refused: a device that never ends, for one."""
+MOST_TEXT_BYTES = 2**28  # largest text file; a device may never end
 
 
 def read_bytes(path: Path, what: str, most: int = MOST_TEXT_BYTES) -> bytes:
@@ -229,8 +227,7 @@ def _whole(text: str) -> int:
     return int(text)
 
 
-MOST_UNPACKED = 2**30
-"""Bytes that the content of a compressed file may have; a few kilobytes can claim any number."""
+MOST_UNPACKED = 2**30  # largest content of a compressed file; a few kilobytes can claim any number
 
 
 def check_unpacked(archive: zipfile.ZipFile) -> None:

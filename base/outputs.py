@@ -17,12 +17,8 @@ from eskin.base.errors import InputError
 OUT = Path("out")
 """Folder of what commands write unless told otherwise; it is made where it does not exist."""
 
-PART = ".part"
-"""Ending of a file that is being written."""
-
-MOST_NAME = 255
-"""Bytes of the name of a file or folder."""
-
+PART = ".part"  # ending of a file that is being written
+MOST_NAME = 255  # largest number of bytes in the name of a file or folder
 _MOST_LINKS = 40
 _PREFIX = 60  # characters of a name that the name of its part has: all fit into ``MOST_NAME`` bytes
 _OPEN_FILES = re.compile(r"/dev/fd|/proc/[^/]+/fd")

@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 
-SILENCE_S = 15.0
-"""Seconds after which a step that takes long is reported where no bar shows it, and between two such lines."""
+SILENCE_S = 15.0  # time between two lines about a long step without a bar
 
 
 def watched() -> bool:

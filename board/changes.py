@@ -15,11 +15,8 @@ JUMP_BITS = 3
 """Ones before a code that is sent whole; fewer ones and a zero stand for a step or for no change."""
 
 MOST_TICKS = 255
-MOST_BITS = 8 * (MOST_PAYLOAD - 1)
-"""Of the ticks of a frame, behind the byte with their number."""
-
-BLOCK_TICKS = 4096
-"""Ticks that are coded at once."""
+MOST_BITS = 8 * (MOST_PAYLOAD - 1)  # of all ticks of a frame; the first byte is their number
+BLOCK_TICKS = 4096  # ticks that are coded at once
 
 
 def unread_bits(readout: ReadoutConfig) -> int:

@@ -17,8 +17,7 @@ Design = Literal["player", "receiver"]
 DESIGNS: tuple[Design, ...] = ("player", "receiver")
 """What a board holds, by its number, from 1 on: a chip that is played to, or a receiver for a foreign one."""
 
-ADDRESS_BITS = 12
-"""Bits of the address in an event's record, polarity among them."""
+ADDRESS_BITS = 12  # of the address in the record of an event, with polarity
 
 OFF_FLAG = 1 << ADDRESS_BITS - 1
 """Bit of the address that a request of OFF sets; the chip's own address is below both flags."""
@@ -26,9 +25,7 @@ OFF_FLAG = 1 << ADDRESS_BITS - 1
 BOTH_FLAG = OFF_FLAG >> 1
 """Bit of the address that two requests at once set, which no chip should make."""
 
-LEAST_CLOCKS = 4
-"""Of a bit on the serial line."""
-
+LEAST_CLOCKS = 4  # clocks of a bit on the serial line
 MOST_CLASSES = 64
 MOST_WORDS = 1 << 16
 

@@ -40,15 +40,10 @@ NETWORKS = "classifier/networks"
 TEXTURES_NETWORK, FINGER_NETWORK = "embedded/fold-1.npz", "finger/fold-0.npz"
 """Networks of the package ``model``; the textures and recordings that they have not learned are played."""
 
-LEAST_S = 6.0
-"""A shorter recording is slowed down to take so long."""
-
+LEAST_S = 6.0  # a shorter recording is slowed down to this time
 MOST_WINDOW_S = 10.0
-PATIENCE_S = 120.0
-"""How long the model may compute before its board says something."""
-
-BUFFER_BYTES = 1 << 22
-"""Of the simulated board: a whole recording is sent ahead."""
+PATIENCE_S = 120.0  # longest computation of the model before its board must answer
+BUFFER_BYTES = 1 << 22  # of the simulated board: the host sends a whole recording ahead
 
 POINTS, LINES = 400, 64
 """Of the signals on the page, at most."""

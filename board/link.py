@@ -15,8 +15,7 @@ from eskin.board.records import VALUE_BITS, Ack, Feature, Reason, Record, Record
 from eskin.board.serial_frames import Damaged, Frame, FrameReader, Kind
 
 POLL_S = 0.05
-MOST_S = 600.0
-"""How long a board that sends all the time may take to carry out a frame: a RUN may give millions of events."""
+MOST_S = 600.0  # longest execution of a frame while records arrive: a RUN may give millions of events
 WORD_BYTES = 4
 
 WHY = {

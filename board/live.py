@@ -21,18 +21,11 @@ from eskin.board.records import Class, Lost, Record, Tag, Words
 from eskin.board.udp import AddressEvent, UdpSender
 from eskin.model.config import ReadoutConfig
 
-STEPS = 360
-"""Steps of time that are shown."""
-
-COLUMNS = 120
-"""Of the raster in a terminal."""
-
+STEPS = 360  # time steps on the page
+COLUMNS = 120  # of the raster in a terminal
 SHADES = " .:*#"
-LATENCIES = 4096
-"""The last ones, of which median and 99 % are shown."""
-
-RECENT = 0.05
-"""Part of the window over which the rate is taken."""
+LATENCIES = 4096  # number of latencies for median and 99 %
+RECENT = 0.05  # part of the window for the event rate
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,12 +20,9 @@ VALUE_BITS = WORD_BITS - TAG_BITS
 
 
 LOW_TIME = (1 << TIME_BITS) - 1
-EVENTS_END = 1 << VALUE_BITS
-"""Words below are events: their tag is 0."""
-
+EVENTS_END = 1 << VALUE_BITS  # words below are events: their tag is 0
 INTERVAL_BITS = 8
-PADDING = (1 << INTERVAL_BITS) - 1
-"""Interval of a short event that is none: the rest of the word is empty."""
+PADDING = (1 << INTERVAL_BITS) - 1  # interval that begins no event: the rest of the word is empty
 
 COUNT_BITS = 8
 """Low bits of the first word of ``HELLO``: the words that follow. ``Feature`` and the usual interval stand above."""
@@ -62,9 +59,7 @@ class Reason(IntEnum):
     UNKNOWN = 4
 
 
-VERSION = 1
-"""Of frames and records."""
-
+VERSION = 1  # of frames and records
 HELLO_WORDS = ("version", "design", "identity", "clock_hz", "buffer_bytes", "channels", "classes", "word_bytes")
 STATUS_WORDS = ("time_low", "time_high", "events", "bins", "taken", "refused", "lost", "stalls")
 """Words behind the first of these records."""

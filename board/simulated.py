@@ -33,13 +33,9 @@ from eskin.model.classifier.chip import channels_of, simulate_chip
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import network_of
 
-IDLE_S = 0.02
-"""The host has sent all that it wants to send when nothing comes for so long."""
-
+IDLE_S = 0.02  # silence after which the host has sent everything
 NAP_S = 0.001
-AT_ONCE = 4096
-"""Records that are sent before the board looks for frames again."""
-
+AT_ONCE = 4096  # records that are sent before the board looks for frames again
 WORDS_OF_A_FRAME = MOST_PAYLOAD // 4
 WEIGHT_HEAD = 3
 

@@ -19,8 +19,7 @@ from eskin.model.events.recording import Recording
 
 Data = dict[str, Any]
 
-MODEL_TICKS = 1000
-"""Sample ticks of the scan that stands in where there is no simulation: 50 ms."""
+MODEL_TICKS = 1000  # sample ticks of the scan that replaces a missing simulation: 50 ms
 
 SHOWN_ALONE = ("lcs", "nlcs")
 """Encoders of the paper, whose model is shown where nothing was simulated."""

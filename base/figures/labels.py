@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.text import Annotation
 
-STEP_POINTS = 1.0
-"""What lies side by side is moved by multiples of this."""
+STEP_POINTS = 1.0  # unit of the shifts of marks
 
 
 @dataclass(frozen=True)

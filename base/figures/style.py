@@ -27,8 +27,7 @@ PALETTE = {
 }
 """The colours of all pictures: those of M. Okabe and K. Ito but yellow, and a grey; told apart by colour-blind eyes."""
 
-GREY = "#555555"
-"""Remarks, and what is no data."""
+GREY = "#555555"  # of remarks
 
 PART_COLOURS = {"afe": PALETTE["sky"], "converter": PALETTE["orange"], "io": PALETTE["grey"]}
 """Parts of a power; no readout has one of these colours."""

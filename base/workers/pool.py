@@ -23,11 +23,8 @@ from typing import Any, Protocol
 from eskin.base.errors import InputError
 from eskin.base.workers.garbage import collect_seldom
 
-SPARE = 2
-"""So many pieces wait behind those that are worked on, and keep the workers busy meanwhile."""
-
-MOST_DEATHS = 3
-"""So often a piece may be begun again after a process died; Dask allows as many."""
+SPARE = 2  # tasks that wait in a queue and keep the workers busy
+MOST_DEATHS = 3  # repetitions of a task after a process died; Dask allows as many
 
 
 @dataclass(frozen=True)

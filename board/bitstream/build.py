@@ -22,8 +22,7 @@ from eskin.model.classifier.file import IntegerWeights
 from eskin.rtl.verilog import top_block, verilog
 
 NAME = "eskin_board"
-SEED = 1
-"""Of place and route; the same seed gives the same bytes."""
+SEED = 1  # of place and route; the same seed gives the same bytes
 
 SYNTHESIS = ["-abc9", "-nowidelut"]
 """Options of synthesis; a wide multiplexer of several LUT4 takes more of them than separate ones."""

@@ -10,9 +10,7 @@ from eskin.base.files import atomic_write, make_folder, write_json
 from eskin.board.bitstream.build import Built
 from eskin.model.classifier.config import ClassifierConfig, bits_of
 
-LEAST_HZ = 50e6
-"""Of the system clock, routed."""
-
+LEAST_HZ = 50e6  # target of the routed system clock
 MOST_LUTS = 1600
 MOST_BLOCKS = {8: 49, 4: 25}
 """Of the classifier alone, 128-256-6: LUT4 without multipliers, and block RAMs by the bits of a weight."""

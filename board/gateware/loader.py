@@ -13,11 +13,8 @@ from eskin.board.records import hello_values
 from eskin.board.serial_frames import Kind
 from eskin.rtl.classifier.core import Classifier
 
-RUN_BITS = 32
-"""Of the clocks that a RUN gives."""
-
-SCANS_BITS = 16
-"""Of the number of scans that a SENSE gives."""
+RUN_BITS = 32  # of the number of clocks in a RUN
+SCANS_BITS = 16  # of the number of scans in a SENSE
 
 
 class Loader(Component):

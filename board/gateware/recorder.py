@@ -23,11 +23,8 @@ from eskin.board.records import (
     hello_values,
 )
 
-CLOCK_BITS = VALUE_BITS + TIME_BITS
-"""Of the time: 4 days at 50 MHz."""
-
-RESERVE = 32
-"""Words that are kept free of events where these cannot wait: for what else is to be said."""
+CLOCK_BITS = VALUE_BITS + TIME_BITS  # of the time: 4 days at 50 MHz
+RESERVE = 32  # words for other records, which lossy events leave free
 
 
 class Recorder(Component):

@@ -12,8 +12,7 @@ from eskin.board.sensor import PARTS, SensorConfig
 from eskin.model.config import ReadoutConfig
 
 SYNCHRONISER_CLOCKS = 2
-LATER_CLOCKS = 1
-"""From the rise of SCLK to the level that is read: pins and wires delay the clock and the answer."""
+LATER_CLOCKS = 1  # from the rise of SCLK to the sampled level: delay of pins and wires
 
 
 class Scanner(Component):

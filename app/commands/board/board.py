@@ -35,8 +35,7 @@ Udp = Annotated[str | None, opt("HOST:PORT", "also send every event to this addr
 Patience = Annotated[float, opt("SECONDS", "seconds of silence after which the board counts as lost", min=0.1)]
 Network = Annotated[Path, arg("INTEGER.npz", "integer network, from eskin quantise")]
 RASTER_LINES = 16
-WINDOW_S = 3.0
-"""Time that the raster of a foreign chip shows."""
+WINDOW_S = 3.0  # seconds in the raster of a foreign chip
 
 
 def play(

@@ -19,8 +19,7 @@ from eskin.skin.recordings.options import Preparation
 if TYPE_CHECKING:
     from eskin.board.demo import DemoResult
 
-HOLD_S = 1.5
-"""How long a result stands before the next recording begins."""
+HOLD_S = 1.5  # pause between a result and the next recording
 
 
 @with_fields(ReadoutConfig, ("encoding", "resolution", "sample_rate_hz"), "readout")

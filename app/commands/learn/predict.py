@@ -26,11 +26,8 @@ if TYPE_CHECKING:
     from eskin.snn.experiments.evaluate import Check, Score
     from eskin.snn.experiments.trained import Trained
 
-MOST_LINES = 20
-"""Recordings that are listed one by one; of more, only those without a class."""
-
-MOST_CLASSES = 12
-"""Classes of which the confusion is printed."""
+MOST_LINES = 20  # recordings listed one by one; of more, only those without a class
+MOST_CLASSES = 12  # classes of a printed confusion matrix
 
 
 def predict(

@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 
 DEFAULT_POINTS = "lcs:2,lcs:4,lcs:6,lcs:8,nlcs:4,nlcs:6,nlcs:8,nlcs:10"
 
-UNSAID: dict[str, Any] = dict.fromkeys(NOT_OF_A_SWEEP)
-"""What a point does not say of its experiment."""
+UNSAID: dict[str, Any] = dict.fromkeys(NOT_OF_A_SWEEP)  # options that a point does not set
 
 OF_THIS_RUN = {"out", "workers", "scheduler"}
 """Options that do not change the result, and so have no place in the command that gives it."""

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from eskin.cocotb_tests.touch.plan import Plan
 
 
-MOST_LINES = 20
-"""Largest number of printed answers."""
+MOST_LINES = 20  # largest number of printed answers
 
 
 def touch(
