@@ -49,7 +49,7 @@ IDLE: dict[str, dict[str, str]] = {
     "soak": {"--only": "--seed --hours --keep --out", "no --only": "--set --run"},
     "mutants": {"--judge=False": "--workers --scheduler --again"},
 }
-"""Options without effect by command: the options behind each condition mean nothing while it holds.
+"""Options without effect by command, while a condition holds.
 
 A condition is ``--x`` (the user gave it), ``no --x`` (without it), ``--x=value``, which may be the default, or ``not``
 before that.
@@ -69,7 +69,7 @@ RANGES: dict[str, tuple[float, float]] = {
 }  # fmt: skip
 """Least and largest value of a number that an option takes, by parameter.
 
-The other numbers are fields of a class, or are checked before the work with what else they depend on.
+Other numbers are fields of a class, or are checked together with other values before the work.
 """
 
 

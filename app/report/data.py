@@ -22,7 +22,7 @@ Data = dict[str, Any]
 MODEL_TICKS = 1000  # sample ticks of the scan that replaces a missing simulation: 50 ms
 
 SHOWN_ALONE = ("lcs", "nlcs")
-"""Encoders of the paper, whose model is shown where nothing was simulated."""
+"""Encoders of the paper; without simulations, the report shows their models."""
 
 
 # -- events of RTL and model -------------------------------------------------------------------------
@@ -121,7 +121,7 @@ SUMMARY = {
     "mismatches": int,
     "configuration": {"rows": int, "columns": int, "encoding": str, "resolution": int},
 }
-"""What the report takes of a replay."""
+"""Shape of the summary of a replay, as far as the report reads it."""
 
 
 def load_replays(folder: Path) -> list[Data]:

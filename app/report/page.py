@@ -23,7 +23,7 @@ from eskin.skin.figures.readouts import LOOKS, Look
 Data = dict[str, Any]
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks" / "results"
-"""Of a checkout; an installed package has none, and the page says so."""
+"""Benchmark results of a checkout; an installed package has none, and the page reports this."""
 ACCURACY = Path(__file__).with_name("fig9.json")
 """The data of Fig. 9 that come with the project, from ``eskin fig9``."""
 SIM = Path("out/sim")

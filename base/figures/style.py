@@ -25,12 +25,12 @@ PALETTE = {
     "purple": "#cc79a7",
     "grey": "#999999",
 }
-"""The colours of all pictures: those of M. Okabe and K. Ito but yellow, and a grey; told apart by colour-blind eyes."""
+"""Colours of M. Okabe and K. Ito without yellow, and a grey; colour-blind people can distinguish them."""
 
 GREY = "#555555"  # of remarks
 
 PART_COLOURS = {"afe": PALETTE["sky"], "converter": PALETTE["orange"], "io": PALETTE["grey"]}
-"""Parts of a power; no readout has one of these colours."""
+"""Colours of the parts of a power; no readout has such a colour."""
 ON_COLOUR, OFF_COLOUR, UNMATCHED_COLOUR = PALETTE["blue"], PALETTE["orange"], PALETTE["black"]
 
 FORMATS = (".png", ".pdf", ".svg")

@@ -18,7 +18,7 @@ BOARDS = {
     "ulx3s-25f": "ULX3S_25F_Platform",
     "ulx3s-12f": "ULX3S_12F_Platform",
 }
-"""Names that a user gives, and the platforms of ``amaranth_boards.ulx3s``; plain ``ulx3s`` is the one most have."""
+"""Names that a user gives, and the platforms of ``amaranth_boards.ulx3s``; plain ``ulx3s`` is the most common board."""
 
 AER_PINS = Resource(
     "aer",
@@ -29,11 +29,11 @@ AER_PINS = Resource(
     Subsignal("addr", Pins("1+ 1- 2+ 2- 3+ 3- 4+ 4- 5+ 5- 6+ 6-", dir="i", conn=("gpio", 0))),
     Attrs(IO_TYPE="LVCMOS33", PULLMODE="DOWN"),
 )
-"""Where a foreign chip is connected, 3.3 V: an open pin is low."""
+"""Pins for a foreign chip, 3.3 V: an open pin is low."""
 
 
 def skin_pins(rows: int) -> Resource:
-    """Return where a skin is connected: its rows from 0+ on, and the SPI converter, 3.3 V."""
+    """Return the pins for a skin, 3.3 V: its rows from 0+ on, and the SPI converter."""
     pins = [f"{pair}{sign}" for pair in range(MOST_ROWS // 2) for sign in "+-"]
     return Resource(
         "skin",
@@ -49,7 +49,7 @@ def skin_pins(rows: int) -> Resource:
 
 CRYSTAL_HZ, SYSTEM_HZ = 25_000_000, 50_000_000
 VCO_HZ = 600_000_000
-"""Of the PLL: 400 to 800 MHz (Lattice, FPGA-DS-02012, sysCLOCK)."""
+"""The PLL allows 400 to 800 MHz (Lattice, FPGA-DS-02012, sysCLOCK)."""
 
 UNUSED_INPUTS = (
     "RST", "STDBY", "PHASESEL0", "PHASESEL1", "PHASEDIR", "PHASESTEP", "PHASELOADREG", "PLLWAKESYNC", "ENCLKOP",

@@ -49,7 +49,7 @@ WITHOUT_EFFECT = {
     "events": "preset encoding resolution tau fields config_file dataset start_rows disturbed taxels data",
     "data": "preset tau dataset start_rows disturbed taxels",
 }
-"""Parameters that mean nothing beside another: frames have no encoder, and recordings were scanned before."""
+"""Parameters without effect beside another parameter: frames have no encoder, and recordings are no scans."""
 
 _NAMES = {"bin_s": "bin", "config_file": "config", "start_rows": "start-rows"}
 
@@ -101,7 +101,7 @@ def _options(
 
 
 NOT_OF_A_SWEEP = ("encoding", "resolution", "events", "frames")
-"""Options of an experiment that the points of a sweep say instead."""
+"""Options of an experiment that the points of a sweep replace."""
 
 
 def with_experiment(command: Callable[..., Any]) -> Callable[..., Any]:

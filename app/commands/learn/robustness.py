@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from eskin.snn.experiments.robustness import Subject
 
 OUT_TRAIN = Path("out/train")
-"""Where trainings are searched where a user names none: here, and in folders whose name begins so."""
+"""Default place of trainings; folders whose names begin so are searched, too."""
 
 Trainings = Annotated[
     list[Path] | None,

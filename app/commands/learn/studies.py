@@ -32,7 +32,7 @@ MERITS = {
     "timing": "{known_from} {rate_hz:g} Hz: found {found:.1%}, median {median_s:1e6*.0f} us, "
     "95 % below {p95_s:1e6*.0f} us",
 }
-"""Line that is printed for each result of merits, by part."""
+"""Printed line for each result of merits, by part."""
 
 Pair = Annotated[str | None, opt("A,B", "two networks to compare image by image")]
 
@@ -93,7 +93,7 @@ def _numbers(text: str) -> list[float]:
 
 
 NOISE = {"points": [{"mode": str, "network": str, "noise_v": float, "accuracy": float, "bootstrap_95": [float]}]}
-"""What merits needs of a noise study."""
+"""Shape of a noise study, as far as merits reads it."""
 
 
 def merits(

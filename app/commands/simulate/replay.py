@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 KEPT = {"runs": [{"configuration": {"encoding": str}}]}
-"""What the file of --keep holds."""
+"""Shape of the file of --keep."""
 
 
 @with_config
