@@ -31,21 +31,14 @@ def progress_of(*words: str, spinner: bool = False, time_left: bool = False, tra
 
     A spinner is a turning mark at the beginning. Transient bars disappear at the end.
     """
+    from rich import progress
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        SpinnerColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
 
-    columns: list[Any] = [SpinnerColumn()] if spinner else []
-    columns += [TextColumn(words[0]), BarColumn(), MofNCompleteColumn()]
-    columns += [TimeRemainingColumn() if time_left else TimeElapsedColumn(), *map(TextColumn, words[1:])]
-    return Progress(*columns, console=Console(stderr=True), transient=transient)
+    columns: list[Any] = [progress.SpinnerColumn()] if spinner else []
+    columns += [progress.TextColumn(words[0]), progress.BarColumn(), progress.MofNCompleteColumn()]
+    columns += [progress.TimeRemainingColumn() if time_left else progress.TimeElapsedColumn()]
+    columns += map(progress.TextColumn, words[1:])
+    return progress.Progress(*columns, console=Console(stderr=True), transient=transient)
 
 
 @contextmanager

@@ -41,7 +41,8 @@ class Loader(Component):
         for name in ("ack", "unknown", "status"):  # to ``Recorder``; the kind or the length of ``unknown`` is wrong
             ports |= {f"{name}_valid": Out(1), f"{name}_ready": In(1)}
         if config.chip:
-            readout, own = config.chip.readout, Classifier(config.chip.classifier).signature.members
+            self.readout = readout = config.chip.readout
+            own = Classifier(config.chip.classifier).signature.members
             ports |= {"sample": Out(readout.taxels * readout.sample_bits), "sample_valid": Out(1)}
             ports |= {"short": Out(1)}  # the host takes short events
             if config.sensor:  # a scan of the skin may begin; a sample of its next taxel
@@ -62,10 +63,10 @@ class Loader(Component):
             self.ticks = Signal(8)  # of a frame of changes
             self.changes = Signal()
             self.scans = Signal(SCANS_BITS)
-            self.count = Signal(range(self.config.chip.readout.taxels))  # taxels whose sample is there
+            self.count = Signal(range(self.readout.taxels))  # taxels whose sample is there
             with m.If(self.run):
                 m.d.sync += self.sample_valid.eq(0)
-            self.falling = Signal(self.config.chip.readout.taxels)  # whether the last step of a taxel was a fall
+            self.falling = Signal(self.readout.taxels)  # whether the last step of a taxel was a fall
             with m.If(self.restart):
                 m.d.sync += [self.count.eq(0), self.sample.eq(0), self.falling.eq(0)]
         with m.FSM():
@@ -134,8 +135,7 @@ class Loader(Component):
 
     def _samples(self, m: Module, taken: Signal, left: Signal, budget: Signal) -> None:
         """Add the states that shift samples in."""
-        assert self.config.chip is not None
-        readout = self.config.chip.readout
+        readout = self.readout
         low = Signal(8)
         with m.State("LOW"):
             m.d.comb += self.ready.eq(1)
@@ -182,8 +182,7 @@ class Loader(Component):
 
     def _shift(self, m: Module, code: Value, falling: Value, following: str) -> None:
         """Shift in the sample of a taxel; a tick follows the last."""
-        assert self.config.chip is not None
-        readout, count = self.config.chip.readout, self.count
+        readout, count = self.readout, self.count
         m.d.sync += [
             self.sample.eq(Cat(self.sample, code)[readout.sample_bits :]),
             self.falling.eq(Cat(self.falling, falling)[1:]),
@@ -205,8 +204,7 @@ class Loader(Component):
 
     def _changes(self, m: Module, taken: Signal, left: Signal) -> None:
         """Add the states that read changes: a taxel has up to three bits, and a whole code behind three ones."""
-        assert self.config.chip is not None
-        readout = self.config.chip.readout
+        readout = self.readout
         low = unread_bits(readout)
         width = readout.sample_bits - low
         bits, valid = Signal(8), Signal(range(9))  # of the byte that came last

@@ -39,6 +39,7 @@ class Recorder(Component):
         classifier = config.chip.classifier if config.chip else None
         self.classes = classifier.classes if classifier else 0
         self.evidence_bits = classifier.evidence_bits if classifier else 0
+        self.address_bits = classifier.channel_bits if classifier else 0
         ports: dict[str, Any] = {
             "idle": Out(1),  # an event and a class may come in this clock
             "event_valid": In(1),
@@ -147,8 +148,6 @@ class Recorder(Component):
 
     def _open(self, m: Module) -> None:
         """Add the registers of short events."""
-        assert self.config.chip is not None
-        self.address_bits = self.config.chip.classifier.channel_bits
         self.last = Signal(CLOCK_BITS + ADDRESS_BITS)
         self.has_last = Signal()
         self.word_of_short = Signal(VALUE_BITS)
@@ -163,7 +162,6 @@ class Recorder(Component):
 
         Otherwise the word of short events is filled first.
         """
-        assert self.config.chip is not None
         usual = additions(self.config) >> COUNT_BITS
         passed = Signal(CLOCK_BITS)
         m.d.comb += passed.eq(time - self.last[:CLOCK_BITS])

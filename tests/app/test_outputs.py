@@ -11,7 +11,6 @@ import pytest
 from eskin.app.catalogue import MODULES, words_of
 from eskin.app.cli import Commands
 from eskin.app.options import Output
-from eskin.model.events.recording import Recording
 
 OUTPUTS = {"-o", "--out", "--keep", "--plot", "--data-out"}
 """Options under which commands take a place to write to."""
@@ -72,13 +71,3 @@ def test_the_input_is_neither_replaced_nor_searched_for_output(call: Any, folder
         "",
         "error: cannot write x.csv: it is the input; choose another name\n",
     )
-
-
-def test_a_link_of_the_users_gets_its_target_written(call: Any, folder: Path) -> None:
-    (folder / "x.csv").write_text("0.1,0.2\n0.2,0.1\n")
-    (folder / "to.npz").write_text("old")
-    (folder / "link.npz").symlink_to("to.npz")
-    code, _, err = call("encode x.csv -o link.npz --rows 1 --columns 2 --sample-rate 1000 --model functional")
-    assert code == 0, err
-    assert (folder / "link.npz").is_symlink()
-    assert Recording.load(folder / "to.npz").config.columns == 2

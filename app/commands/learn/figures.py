@@ -128,44 +128,34 @@ def frontier(
     from eskin.snn.experiments.points import load_sweep
     from eskin.snn.figures.fig9 import KEPT
     from eskin.snn.figures.frontier import plot_frontier
-    from eskin.snn.studies.frontier import (
-        CANDIDATES,
-        FOLDS,
-        PLAN,
-        SHAPE,
-        SWEEPS,
-        Frontier,
-        Point,
-        frontier_data,
-        points_of,
-    )
+    from eskin.snn.studies import frontier as study
 
     out.mkdir(parents=True, exist_ok=True)
     if draw is not None:
         if points or inner is not None:
             raise InputError("--draw draws a finished file; leave points and --inner out")
-        plot_frontier(read_shaped(draw, "the frontier", SHAPE), out / "frontier.png")
+        plot_frontier(read_shaped(draw, "the frontier", study.SHAPE), out / "frontier.png")
         echo(f"wrote {out / 'frontier.png'}")
         return
     if inner is not None and not points:
         raise InputError("--inner needs points, such as physical/leaky/lcs:3/across:4")
-    named = {Point.parse(text): seeds for text in points or ()}
-    trained = named or {Point.parse(text): number for text, number in PLAN.items()}
-    judged = {Point.parse(text): number for text, number in ({} if points else CANDIDATES).items()}
+    named = {study.Point.parse(text): seeds for text in points or ()}
+    trained = named or {study.Point.parse(text): number for text, number in study.PLAN.items()}
+    judged = {study.Point.parse(text): number for text, number in ({} if points else study.CANDIDATES).items()}
     if inner is not None:
         trained, judged = {}, dict.fromkeys(named, inner)
     check_device("cpu", 1)
-    run = Frontier(out / "frontier.json", dataset)
-    with bar("cells", sum(judged.values()) + FOLDS * sum(trained.values())) as step:
+    run = study.Frontier(out / "frontier.json", dataset)
+    with bar("cells", sum(judged.values()) + study.FOLDS * sum(trained.values())) as step:
         validated = [run.inner(point, number, step) for point, number in judged.items()]
         made = [run.point(point, number, step) for point, number in trained.items()]
     for one in validated:
         echo(f"{one['name']}: {100 * one['accuracy']:.1f} % in inner validation of {one['folds']} folds")
     if inner is not None:
         return
-    for name, network in ({} if points else SWEEPS).items():
-        made += points_of(load_sweep(KEPT / f"{name}.json"), network)
-    data = frontier_data(made, validated)
+    for name, network in ({} if points else study.SWEEPS).items():
+        made += study.points_of(load_sweep(KEPT / f"{name}.json"), network)
+    data = study.frontier_data(made, validated)
     line = "{name}: {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f}), seeds: {seeds}; "
     line += "{rate_hz:,.0f} events or values/s, {bits_per_s:,.0f} bits/s"
     for point in data["points"]:

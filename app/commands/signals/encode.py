@@ -14,6 +14,7 @@ from eskin.app.commands.options import Scheduler, Workers, open_pool
 from eskin.app.commands.signals.recordings import (
     DEFAULTS,
     PREPARATION,
+    option_named,
     print_notes,
     print_set,
     quality_text,
@@ -81,7 +82,7 @@ def encode(
     kind = source.suffix.lower()
     if kind in IMAGE_SUFFIXES:
         if prepared:
-            option = "--" + next(iter(prepared)).removesuffix("_hz").replace("_", "-")
+            option = option_named(next(iter(prepared)))
             raise InputError(f"{option} belongs to samples; the scale of an image is part of its preset")
         made = encode_image(source, config, preset or "physical", start_row or 0.0, model)
     elif kind in ARRAY_SUFFIXES:
