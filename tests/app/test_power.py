@@ -26,6 +26,12 @@ from eskin.skin.textures.rates import measure_rates
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 RATES = stored_table("paper")
 MODELS = {"paper": PowerModel(), "consistent": PowerModel(corrections=frozenset(CORRECTIONS), measured=RATES)}
+OTHERS = {f"{t.dataset} {t.preset} scan": t for t in load_tables() if (t.dataset, t.preset) != ("kylberg", "paper")}
+FIGURES = {
+    "fig6": lambda: fig6_data(MODELS),
+    "fig7": lambda: fig7_data(MODELS),
+    "sensitivity": lambda: sensitivity_data(sensitivity_models(MODELS["consistent"], OTHERS)),
+}
 REPORT = {
     "readout": "lcs",
     "rows": 8,
@@ -225,15 +231,10 @@ def test_sensitivity_has_every_correction_alone_and_left_out(call, folder):
     assert json.loads(call("sensitivity --json")[1]) == without_origin(data)
 
 
-@pytest.mark.parametrize("name", ["fig6", "fig7", "sensitivity"])
+@pytest.mark.parametrize("name", FIGURES)
 def test_the_data_in_the_documentation_are_of_this_model(name):
     kept = json.loads((DOCS / "data" / f"{name}.json").read_text())
-    others = {f"{t.dataset} {t.preset} scan": t for t in load_tables() if (t.dataset, t.preset) != ("kylberg", "paper")}
-    fresh = {
-        "fig6": lambda: fig6_data(MODELS),
-        "fig7": lambda: fig7_data(MODELS),
-        "sensitivity": lambda: sensitivity_data(sensitivity_models(MODELS["consistent"], others)),
-    }[name]()
+    fresh = FIGURES[name]()
     assert _numbers(kept) == pytest.approx(_numbers(json.loads(json.dumps(fresh))), rel=1e-9)
     assert (DOCS / "figures" / f"{name}.png").is_file()
 

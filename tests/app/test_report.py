@@ -22,23 +22,10 @@ from eskin.base.units import with_unit
 from eskin.model.address_events import Events, make_events
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
-from eskin.power.equations import CORRECTIONS, PowerModel
 from eskin.power.explore import explore_data
-from eskin.power.rates import load_tables, stored_table
-from eskin.power.study import fig6_data, fig7_data, sensitivity_data, sensitivity_models
+from tests.app.test_power import FIGURES, MODELS, REPORT
 
-MODELS = {"paper": PowerModel(), "consistent": PowerModel(corrections=frozenset(CORRECTIONS), measured=stored_table())}
 CONFIG = ReadoutConfig(rows=2, columns=3, encoding="lcs", resolution=4)
-GATES = {
-    "readout": "lcs",
-    "rows": 8,
-    "columns": 8,
-    "clock_hz": 1e6,
-    "area_um2": 1e5,
-    "leakage_w": 1e-7,
-    "clock_power_w_per_hz": 1e-12,
-    "energy_per_event_j": 1e-13,
-}
 POINTS = {
     "source": "invented",
     "points": [
@@ -73,7 +60,7 @@ def write_everything(folder: Path) -> str:
     summary = {"dataset": "d", "preset": "physical", "images": 3, "clocks": 99, "events": 1234, "mismatches": 0}
     (folder / "replay" / "a").mkdir(parents=True)
     (folder / "replay" / "a" / "summary.json").write_text(json.dumps(summary | {"configuration": CONFIG.to_dict()}))
-    (folder / "gates.json").write_text(json.dumps(GATES))
+    (folder / "gates.json").write_text(json.dumps(REPORT))
     (folder / "points.json").write_text(json.dumps(POINTS))
     return "--sim sim --replay replay --synthesis gates.json --accuracy points.json"
 
@@ -116,11 +103,8 @@ def bare(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 def test_the_figures_hold_the_models_numbers(bare):
     data = data_of(bare)
-    others = {f"{t.dataset} {t.preset} scan": t for t in load_tables() if (t.dataset, t.preset) != ("kylberg", "paper")}
-    study = sensitivity_data(sensitivity_models(MODELS["consistent"], others))
-    assert data["fig6"] == json.loads(json.dumps(fig6_data(MODELS)))
-    assert data["fig7"] == json.loads(json.dumps(fig7_data(MODELS)))
-    assert data["sensitivity"] == json.loads(json.dumps(study))
+    for name, figure in FIGURES.items():
+        assert data[name] == json.loads(json.dumps(figure()))
     assert data["explore"] == json.loads(json.dumps(explore_data(MODELS["consistent"], 1e-3, 0.2)))
 
 
