@@ -13,7 +13,7 @@ LONG = (
     "tests/test_wheel.py::test_commands_work_elsewhere",
     "tests/docs/test_tutorial.py::test_the_page_shows",
     "tests/board/test_gateware.py::test_a_recording",
-    "tests/board/test_sensor.py::test_the_classes",
+    "tests/board/test_gateware.py::test_the_classes",
     "tests/verify/test_coverage.py::test_a_dead_line",
     "tests/board/test_demo.py::test_the_page",
     "tests/snn/test_train.py::test_a_killed_command",

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import cocotb
 import numpy as np
+from cocotb.triggers import First, ReadOnly, Timer
+from cocotb.utils import get_sim_time
 from numpy.typing import NDArray
+
+from eskin.cocotb_tests.bench.line import CLOCK_NS
 
 
 class Timing(NamedTuple):
@@ -155,3 +160,27 @@ class Converter:
                 self._sample(now, number[0] * 4 + number[1] * 2 + number[2])
             if since >= 6:
                 self._shift(now)
+
+
+async def at_the_pins(dut: Any, converter: Converter) -> None:
+    """Connect a converter to the pins of a board."""
+    pins = [dut.cs_n, dut.sclk, dut.mosi, dut.rows]
+    now, start_ps = 0.0, get_sim_time("ps")
+    while True:
+        await First(*(pin.value_change for pin in pins))
+        await ReadOnly()
+        now = (get_sim_time("ps") - start_ps) / 1000
+        converter.step(now, *(int(pin.value) for pin in pins))
+        wait = max(converter.valid_at - now, 0)
+        await Timer(1, "ps")
+        dut.miso.value = converter.miso(now)
+        if 0 < wait < CLOCK_NS * 2:
+            cocotb.start_soon(later(dut, converter, wait))
+
+
+async def later(dut: Any, converter: Converter, wait_ns: float) -> None:
+    """Give the output of a converter when it is valid."""
+    valid_at = converter.valid_at
+    await Timer(round(wait_ns * 1000), "ps")
+    if converter.valid_at == valid_at:
+        dut.miso.value = converter.level

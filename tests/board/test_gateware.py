@@ -22,14 +22,20 @@ from cocotb.utils import get_sim_time
 
 from eskin.board.config import BoardConfig, SerialConfig
 from eskin.board.gateware.top import TOP, verilog
+from eskin.board.sensor import SensorConfig
+from eskin.board.session import as_events
 from eskin.cocotb_tests.bench.chip import network_of
 from eskin.cocotb_tests.bench.line import CLOCK_NS, Line, Spoil, as_it_is
+from eskin.cocotb_tests.runner import cocotb_runners as runners
 from eskin.cocotb_tests.runner.simulator import build
+from eskin.model.classifier.chip import simulate_chip
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
+from tests.board.adc import Converter, at_the_pins
+from tests.board.test_sensor import SETTLE_S, samples_of
 
 JOB = "ESKIN_BOARD_JOB"
 BAUD = 12_500_000
@@ -52,11 +58,6 @@ def small_chip(threshold: int = 60) -> ChipConfig:
         bin_s=0.0003,
     )
     return ChipConfig(readout=readout, classifier=network)
-
-
-def board(chip: ChipConfig | None) -> BoardConfig:
-    """Return a board with a fast serial line."""
-    return BoardConfig(chip=chip, serial=SERIAL)
 
 
 def weights_of(chip: ChipConfig, path: Path) -> Path:
@@ -94,7 +95,7 @@ async def start(dut: Any) -> None:
 async def hosts_come_and_go(dut: Any) -> None:
     """Run several host programs in turn, each with another disturbance of the line."""
     job = json.loads(Path(os.environ[JOB]).read_text())
-    pins = [getattr(dut, name) for name in ("aer_req", "aer_req_off", "aer_addr") if hasattr(dut, name)]
+    pins = [getattr(dut, name) for name in ("aer_req", "aer_req_off", "aer_addr", "miso") if hasattr(dut, name)]
     for pin in pins:
         pin.value = 0
     await start(dut)
@@ -104,6 +105,9 @@ async def hosts_come_and_go(dut: Any) -> None:
             pin.value = 0
         to_board, to_host = (spoiled(*one.get(way, ("nothing", 0))) for way in ("to_board", "to_host"))
         line = Line(dut, BAUD, to_board, to_host)
+        if "sensor" in one:
+            part, settle_s = one["sensor"].values()
+            cocotb.start_soon(at_the_pins(dut, Converter(part, np.load(one["codes"]), settle_s * 1e9)))
         words = [sys.executable, "-m", "eskin", *one["words"], "--port", line.port, "--patience", "10"]
         pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
         with subprocess.Popen(words, **pipes, preexec_fn=hears_ctrl_c) as host:
@@ -144,16 +148,16 @@ async def foreign_chip(dut: Any, events: list[list[int]], requests: list[int]) -
 # -- outside -----------------------------------------------------------------------------------------
 
 
-Hosts = Callable[[ChipConfig | None, dict[str, Any]], dict[str, Any]]
+Hosts = Callable[..., dict[str, Any]]
 
 
 @pytest.fixture
 def hosts(tmp_path: Path) -> Hosts:
     """Return a function that runs host programs with a board and gives their output."""
 
-    def run(chip: ChipConfig | None, job: dict[str, Any]) -> dict[str, Any]:
+    def run(chip: ChipConfig | None, job: dict[str, Any], sensor: SensorConfig | None = None) -> dict[str, Any]:
         (tmp_path / "job.json").write_text(json.dumps(job))
-        text = verilog(board(chip))
+        text = verilog(BoardConfig(chip=chip, serial=SERIAL, sensor=sensor))
         program = build(chip or small_chip(), "verilator", top=TOP, text=text)
         program.test("tests.board.test_gateware", tmp_path, "hosts_come_and_go", {JOB: str(tmp_path / "job.json")})
         found: dict[str, Any] = json.loads((tmp_path / "said.json").read_text())
@@ -274,3 +278,38 @@ def test_a_foreign_chip_is_recorded_into_our_files(hosts: Hosts, tmp_path: Path)
     one = Recording.load(tmp_path / "mapped.npz").events
     assert [(e["x"], e["y"], bool(e["p"])) for e in one] == [(0, 1, True), (0, 0, False)]
     assert "sent the address 0x3, which" in said["mapped"]["err"]
+
+
+# -- a skin ------------------------------------------------------------------------------------------
+
+SKIN_TICKS = 40
+
+
+def skin_chip() -> ChipConfig:
+    """Return a chip of few taxels at a rate that its converter has."""
+    readout = ReadoutConfig(rows=3, columns=4, resolution=5, clocks_per_sample=64)
+    network = ClassifierConfig(inputs=24, hidden=20, classes=3, lanes=4, bin_s=0.0003)
+    return ChipConfig(readout=readout, classifier=network)
+
+
+def test_the_classes_of_a_skin_at_the_board_need_no_samples_of_the_host(
+    hosts: Hosts, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runners, "OPTIMISE", "-O0")  # compiling takes longer than the run
+    chip = skin_chip()
+    rng = np.random.default_rng(5)
+    walk = 2048 + np.cumsum(rng.integers(-70, 71, (SKIN_TICKS, 3, 4)), axis=0)
+    codes = walk.clip(0, 4095)
+    np.save(tmp_path / "codes.npy", codes)
+    weights = weights_of(chip, tmp_path / "weights.npz")
+    words = ["play", str(weights), "--sensor", "--limit", str(SKIN_TICKS), "--out", str(tmp_path / "felt.npz")]
+    skin = {"part": "ads7953", "settle_s": SETTLE_S}
+    job = {"felt": {"words": words, "codes": str(tmp_path / "codes.npy"), "sensor": skin}}
+    said = hosts(chip, job, SensorConfig(**skin))["felt"]  # type: ignore[arg-type]
+    assert said["code"] == 0, said
+    felt = Recording.load(tmp_path / "felt.npz")
+    samples = samples_of("ads7953", codes, 12).reshape(SKIN_TICKS, -1)
+    model = simulate_chip(chip, network_of(chip), samples, felt.duration_clocks)
+    assert len(felt.events) > 100
+    assert np.array_equal(felt.events, as_events(model.events.tolist()))
+    assert f"{len(model.classifier.bins)} bins" in said["out"]

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import re
 import threading
 import tty
+import urllib.error
+import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,7 +24,7 @@ from eskin.base.errors import InputError
 from eskin.board.config import BoardConfig, SerialConfig
 from eskin.board.journal import Journal, convert
 from eskin.board.link import Link
-from eskin.board.live import View, serve
+from eskin.board.live import View, served
 from eskin.board.records import (
     HELLO_WORDS,
     STATUS_WORDS,
@@ -369,15 +372,10 @@ def test_listening_asks_and_ends(tmp_path: Path) -> None:
 
 
 def test_the_page_shows_what_came() -> None:
-    import json
-    import urllib.error
-    import urllib.request
-
     view = View(ReadoutConfig(rows=2, columns=4), 1e6, 0.036, ("wood", "wool"), 300)
     events = [(250, 3, 0, True), (260, 3, 0, True), (330, 0, 1, False)]
     view([Class(400, 1, False, (-4, 9)), Lost(2)], events, 0.002)
-    server = serve(view, 0)
-    try:
+    with served(view, 0) as server:
         place = f"http://127.0.0.1:{server.server_port}/"
         said = json.loads(urllib.request.urlopen(f"{place}state").read())
         page = urllib.request.urlopen(place).read().decode()
@@ -386,9 +384,6 @@ def test_the_page_shows_what_came() -> None:
                 with pytest.raises(urllib.error.HTTPError, match="403"):
                     urllib.request.urlopen(urllib.request.Request(place + path, headers={"Host": host}))
         urllib.request.urlopen(f"http://localhost:{server.server_port}/state").close()
-    finally:
-        server.shutdown()
-        server.server_close()
     assert said["steps"] == [[2, [[7, 2]]], [3, [[8, 1]]]]
     assert view.state(said["number"], since=3)["steps"] == [[3, [(8, 1)]]]
     assert (said["class"], said["evidence"], said["events"], said["lost"]) == ("wool", [-4, 9], 3, 2)

@@ -1,41 +1,22 @@
-"""A skin at the board: its scan against models of the converters, and from the pins to the host's file."""
+"""A skin at the board: its scan against models of the converters."""
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
-import cocotb
 import numpy as np
 import pytest
 from amaranth.sim import Simulator
-from cocotb.triggers import First, ReadOnly, Timer
 
 from eskin.base.errors import InputError
-from eskin.board.config import BoardConfig
 from eskin.board.gateware import sensor as gateware
-from eskin.board.gateware.top import TOP, verilog
 from eskin.board.sensor import PARTS, Part, SensorConfig
-from eskin.board.session import as_events
-from eskin.cocotb_tests.bench.chip import network_of
-from eskin.cocotb_tests.bench.line import CLOCK_NS, Line
-from eskin.cocotb_tests.runner import cocotb_runners as runners
-from eskin.cocotb_tests.runner.simulator import build
-from eskin.model.classifier.chip import simulate_chip
-from eskin.model.classifier.chip_config import ChipConfig
-from eskin.model.classifier.config import ClassifierConfig
+from eskin.cocotb_tests.bench.line import CLOCK_NS
 from eskin.model.config import ReadoutConfig
-from eskin.model.events.recording import Recording
 from tests.board.adc import FOLLOWS, Converter
-from tests.board.test_gateware import BAUD, JOB, SERIAL, start, weights_of
 
 CLOCK_HZ = 50_000_000
 SETTLE_S = 1e-6
-TICKS = 40
 
 
 def samples_of(part: str, codes: np.ndarray, bits: int) -> np.ndarray:
@@ -125,78 +106,3 @@ def test_a_scan_that_breaks_the_data_sheet_is_noticed(what: str, monkeypatch: py
 def test_a_skin_that_does_not_fit_is_refused(part: Any, fields: dict[str, Any], sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
         SensorConfig(part=part).check(ReadoutConfig(**fields), CLOCK_HZ)
-
-
-# -- from the pins to the file -----------------------------------------------------------------------
-
-
-def skin_chip() -> ChipConfig:
-    """Return a chip of few taxels at a rate that its converter has."""
-    readout = ReadoutConfig(rows=3, columns=4, resolution=5, clocks_per_sample=64)
-    network = ClassifierConfig(inputs=24, hidden=20, classes=3, lanes=4, bin_s=0.0003)
-    return ChipConfig(readout=readout, classifier=network)
-
-
-@cocotb.test()
-async def a_host_watches_the_skin(dut: Any) -> None:
-    """Run a host that loads weights and receives events, while a converter answers at the pins."""
-    job = json.loads(Path(os.environ[JOB]).read_text())
-    dut.miso.value = 0
-    await start(dut)
-    converter = Converter("ads7953", np.load(job["codes"]), SETTLE_S * 1e9)
-    cocotb.start_soon(at_the_pins(dut, converter))
-    line = Line(dut, BAUD)
-    words = [sys.executable, "-m", "eskin", *job["words"], "--port", line.port, "--patience", "10"]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as host:
-        await line.run(host)
-        out, err = host.communicate(timeout=60)
-    Path("said.json").write_text(json.dumps({"code": host.returncode, "out": out, "err": err}))
-
-
-async def at_the_pins(dut: Any, converter: Converter) -> None:
-    """Connect a converter to the pins of a board."""
-    pins = [dut.cs_n, dut.sclk, dut.mosi, dut.rows]
-    now, start_ps = 0.0, cocotb.utils.get_sim_time("ps")
-    while True:
-        await First(*(pin.value_change for pin in pins))
-        await ReadOnly()
-        now = (cocotb.utils.get_sim_time("ps") - start_ps) / 1000
-        converter.step(now, *(int(pin.value) for pin in pins))
-        wait = max(converter.valid_at - now, 0)
-        await Timer(1, "ps")
-        dut.miso.value = converter.miso(now)
-        if 0 < wait < CLOCK_NS * 2:
-            cocotb.start_soon(later(dut, converter, wait))
-
-
-async def later(dut: Any, converter: Converter, wait_ns: float) -> None:
-    """Give the output of a converter when it is valid."""
-    valid_at = converter.valid_at
-    await Timer(round(wait_ns * 1000), "ps")
-    if converter.valid_at == valid_at:
-        dut.miso.value = converter.level
-
-
-def test_the_classes_of_a_skin_at_the_board_need_no_samples_of_the_host(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(runners, "OPTIMISE", "-O0")  # compiling takes longer than the run
-    chip = skin_chip()
-    rng = np.random.default_rng(5)
-    walk = 2048 + np.cumsum(rng.integers(-70, 71, (TICKS, 3, 4)), axis=0)
-    codes = walk.clip(0, 4095)
-    np.save(tmp_path / "codes.npy", codes)
-    weights = weights_of(chip, tmp_path / "weights.npz")
-    words = ["play", str(weights), "--sensor", "--limit", str(TICKS), "--out", str(tmp_path / "felt.npz")]
-    (tmp_path / "job.json").write_text(json.dumps({"codes": str(tmp_path / "codes.npy"), "words": words}))
-    config = BoardConfig(chip=chip, serial=SERIAL, sensor=SensorConfig(part="ads7953", settle_s=SETTLE_S))
-    program = build(chip, "verilator", top=TOP, text=verilog(config))
-    program.test("tests.board.test_sensor", tmp_path, "a_host_watches_the_skin", {JOB: str(tmp_path / "job.json")})
-    said = json.loads((tmp_path / "said.json").read_text())
-    assert said["code"] == 0, said
-    felt = Recording.load(tmp_path / "felt.npz")
-    samples = samples_of("ads7953", codes, 12).reshape(TICKS, -1)
-    model = simulate_chip(chip, network_of(chip), samples, felt.duration_clocks)
-    assert len(felt.events) > 100
-    assert np.array_equal(felt.events, as_events(model.events.tolist()))
-    assert f"{len(model.classifier.bins)} bins" in said["out"]
