@@ -6,7 +6,8 @@ import json
 import threading
 import urllib.parse
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -214,12 +215,17 @@ class _Server(ThreadingHTTPServer):
         """Ignore closed connections of the browser."""
 
 
-def serve(view: View, port: int, option: str = "--page") -> ThreadingHTTPServer:
-    """Serve the live page to this machine only; return the server. ``option`` chooses another port."""
+@contextmanager
+def served(view: View, port: int, option: str = "--page") -> Iterator[ThreadingHTTPServer]:
+    """Serve the live page to this machine only, and yield the server. ``option`` chooses another port."""
     try:
         server = _Server(("127.0.0.1", port), partial(_Handler, view))
     except (OSError, OverflowError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"cannot serve a page on port {port}: {reason}; choose another {option}") from None
-    threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True).start()
-    return server
+    with server:
+        threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True).start()
+        try:
+            yield server
+        finally:
+            server.shutdown()

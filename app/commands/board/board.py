@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,7 +19,6 @@ from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from http.server import ThreadingHTTPServer
 
     from eskin.board.link import Link
     from eskin.board.live import View
@@ -183,37 +182,18 @@ def _link(port: str, sink: Callable[[list[Record]], object], baud: int, patience
     return Link(port, sink, baud, patience)
 
 
-@contextmanager
-def served(view: View, port: int, option: str = "--page") -> Iterator[ThreadingHTTPServer]:
-    """Yield a server of the live page."""
-    from eskin.board.live import serve
-
-    server = serve(view, port, option)
-    try:
-        yield server
-    finally:
-        server.shutdown()
-        server.server_close()
-
-
-@contextmanager
-def sending(udp: str | None, clock_hz: float) -> Iterator[UdpSender | None]:
-    """Yield a UDP sender of events, or None without a destination."""
+def sending(udp: str | None, clock_hz: float) -> AbstractContextManager[UdpSender | None]:
+    """Return the context of a UDP sender of events, or of None without a destination."""
     from eskin.board.udp import UdpSender
 
-    if udp is None:
-        yield None
-        return
-    sender = UdpSender(udp, clock_hz)
-    try:
-        yield sender
-    finally:
-        sender.close()
+    return nullcontext() if udp is None else closing(UdpSender(udp, clock_hz))
 
 
 @contextmanager
 def _shown(view: View, page: int | None, udp: str | None, received: Received, link: Link) -> Iterator[None]:
     """Show the data from the board live: in the terminal, in a browser, and over UDP."""
+    from eskin.board.live import served
+
     received.watch = lambda records, events: view(records, events, link.waited_s())
     with ExitStack() as stack:
         view.sender = received.forward = stack.enter_context(sending(udp, view.clock_hz))

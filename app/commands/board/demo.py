@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eskin.app.cli import echo
-from eskin.app.commands.board.board import Udp, sending, served
+from eskin.app.commands.board.board import Udp, sending
 from eskin.app.commands.signals.recordings import DEFAULTS, PREPARATION, named_place, scale_text
 from eskin.app.options import RECORDINGS, arg, opt, with_fields
 from eskin.base.units import counted
@@ -53,6 +53,7 @@ def demo(
     quantised for their folder, also through the classifier.
     """
     from eskin.board import demo as player
+    from eskin.board.live import served
 
     show = player.show_of(source, weights, only, readout, prepared)
     view = player.new_view(show)
