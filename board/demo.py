@@ -76,9 +76,6 @@ class DemoResult:
     events: int
 
 
-# -- what is played ----------------------------------------------------------------------------------
-
-
 def show_of(
     source: Path | None,
     weights: Path | None,
@@ -220,9 +217,6 @@ def picture_of(image: NDArray[Any], scan: PhysicalScan, config: ReadoutConfig) -
         "high": (config.rows - 1) * pitch,
         "px_per_s": scan.speed_m_per_s / scan.pixel_pitch_m,
     }
-
-
-# -- playing -----------------------------------------------------------------------------------------
 
 
 def new_view(show: Show) -> View:

@@ -66,8 +66,6 @@ class Link:
         self._thread.join(timeout=1)
         self._line.close()
 
-    # -- the session -----------------------------------------------------------------------------
-
     def hello(self, design: Design, config: BoardConfig | None = None) -> dict[str, int]:
         """Start a session, and return the description that the board sends.
 
@@ -149,8 +147,6 @@ class Link:
         ends = time.monotonic() + seconds
         while (left := ends - time.monotonic()) > 0:
             self._handle(self._take(min(left, POLL_S)))
-
-    # -- bytes -----------------------------------------------------------------------------------
 
     def _read(self) -> None:
         """Put received bytes into the queue (in the reader thread)."""

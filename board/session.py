@@ -156,9 +156,6 @@ def recording(path: Path, config: ReadoutConfig, metadata: dict[str, Any], recei
     journal.finish(received.observed, lost=received.counts.get("lost", received.lost))
 
 
-# -- weights and samples -----------------------------------------------------------------------------
-
-
 def weight_frames(weights: IntegerWeights, word_bytes: int) -> Iterator[bytes]:
     """Yield the payloads (memory, first address, words) of the frames that write both weight memories."""
     network = weights.network
@@ -252,9 +249,6 @@ def difference(chip: ChipConfig, weights: IntegerWeights, samples: NDArray[Any],
     if len(expected) != len(received.classes):
         return f"the model has {len(expected)} bins, the board {len(received.classes)}"
     return None
-
-
-# -- a foreign chip ----------------------------------------------------------------------------------
 
 
 def listen(link: Link, received: Received, seconds: float | None) -> bool:

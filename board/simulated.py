@@ -72,8 +72,6 @@ class SimulatedBoard:
         os.close(self._master)
         os.close(self._slave)
 
-    # -- what the two designs do -----------------------------------------------------------------
-
     def carry_out(self, frame: Frame) -> None:
         """Execute and acknowledge a frame."""
         raise NotImplementedError
@@ -84,8 +82,6 @@ class SimulatedBoard:
 
     def finish(self) -> None:
         """Simulate the remaining frames after the host has finished."""
-
-    # -- the line --------------------------------------------------------------------------------
 
     def _run(self) -> None:
         reader = FrameReader()

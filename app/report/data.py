@@ -25,9 +25,6 @@ SHOWN_ALONE = ("lcs", "nlcs")
 """Encoders of the paper; without simulations, the report shows their models."""
 
 
-# -- events of RTL and model -------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Run:
     """Recordings of one readout from RTL and model, or from the model with its samples."""
@@ -135,9 +132,6 @@ def load_replays(folder: Path) -> list[Data]:
     return found
 
 
-# -- accuracy, benchmarks ----------------------------------------------------------------------------
-
-
 def load_accuracy(path: Path) -> Data:
     """Return points of accuracy against data rate from a file (format: docs/guide/report.md)."""
     what = "the accuracy results"
@@ -206,9 +200,6 @@ def _ratios(benchmark: str, values: Any) -> Iterator[Data]:
 
 def _is_number(value: Any) -> TypeGuard[float]:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-
-
-# -- everything --------------------------------------------------------------------------------------
 
 
 def report_data(

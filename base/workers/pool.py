@@ -193,9 +193,6 @@ def _call(work: Callable[..., Any], packed: bytes | None, arguments: tuple[Any, 
     return work(*arguments) if packed is None else work(_unpacked(packed), *arguments)
 
 
-# -- results -----------------------------------------------------------------------------------------
-
-
 def next_landed(landed: queue.SimpleQueue[Any], pool: WorkerPool) -> Any:
     """Return the next item of a queue filled by callbacks; raise an error if no result can arrive."""
     while True:

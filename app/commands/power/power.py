@@ -32,9 +32,6 @@ if TYPE_CHECKING:
     from eskin.power.equations import PowerModel
 
 
-# -- power -------------------------------------------------------------------------------------------
-
-
 def power(
     mode: Annotated[str | None, opt("paper|consistent", "published model, or with all corrections [paper]")] = None,
     resolution: Annotated[int, opt("N", "LSB = 2**-N of full scale, 1..10")] = 6,
@@ -152,9 +149,6 @@ def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
     heads = "parameter | value | unit | meaning | source"
     print_table(heads, rows, "{name} | {value:g} | {unit} | {meaning} | {source}", left=(0, 2, 3, 4))
     print_table(("correction", "meaning"), CORRECTIONS.items(), left=(0, 1))
-
-
-# -- figures -----------------------------------------------------------------------------------------
 
 
 def fig6(

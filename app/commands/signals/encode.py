@@ -34,8 +34,6 @@ from eskin.skin.samples import ARRAY_SUFFIXES, check_samples_path, write_samples
 if TYPE_CHECKING:
     from eskin.base.workers.pool import WorkerPool
 
-# -- encode ------------------------------------------------------------------------------------------
-
 
 @with_config
 @with_fields(Preparation, PREPARATION, "prepared", DEFAULTS, heading=RECORDINGS)
@@ -141,9 +139,6 @@ def _print_summary(recording: Recording, data: Encoded, out: Path) -> None:
 def _at(counts: NDArray[np.int64], index: int) -> str:
     row, column = divmod(index, counts.shape[1])
     return f"{counts[row, column]} (row {row}, column {column})"
-
-
-# -- decode ------------------------------------------------------------------------------------------
 
 
 def decode(
