@@ -49,6 +49,11 @@ POINTS, LINES = 400, 64
 """Of the signals on the page, at most."""
 
 
+Load = Callable[[str], tuple[NDArray[Any], Piece]]
+"""Returns the codes of a name, shape (ticks, taxels), and their display."""
+Inputs = tuple[dict[str, str | None], Load]
+
+
 @dataclass(frozen=True)
 class Show:
     """Inputs of a demo, and the simulated chip."""
@@ -56,7 +61,7 @@ class Show:
     config: ReadoutConfig
     network: IntegerWeights | None  # without a network, events are shown and no class
     names: list[str]  # in the order in which they are played
-    load: Callable[[str], tuple[NDArray[Any], Piece]]  # codes of a name, shape (ticks, taxels), and their display
+    load: Load
     scale: float | None = None  # factor from the values of recordings to full scale
     weights: Path | None = None  # file of the network, unless it is the project's own
 
@@ -92,16 +97,15 @@ def show_of(
     """
     if source is not None and not source.exists():
         raise InputError(f"{source} does not exist; give an image, a recording, or a folder of them")
-    recordings = source is not None and _holds_recordings(source)
+    recordings = source if source is not None and _holds_recordings(source) else None
     finger = source is not None and source.resolve() == FINGER.resolve()
     if (set_ := {**(readout or {}), **(prepared or {})}) and (weights or finger or not recordings):
         name = next(iter(set_))
         raise InputError(f"{name} is that of the network; leave it out, or play a recording without --weights")
-    if source is not None and recordings and weights is None and not set_:
-        weights = network_of(source)
+    if recordings and weights is None and not set_:
+        weights = network_of(recordings)
     if recordings and weights is None and not finger:
-        assert source is not None
-        return _events_of(source, only, readout or {}, prepared or {})
+        return _events_of(recordings, only, readout or {}, prepared or {})
     if weights is None:
         own = resources.files("eskin.model").joinpath(NETWORKS, FINGER_NETWORK if finger else TEXTURES_NETWORK)
         with resources.as_file(own) as path:
@@ -111,8 +115,7 @@ def show_of(
     config = session.chip_of(network, weights).readout
     scale = None
     if recordings:
-        assert source is not None
-        found = recordings_of(network, config, source)
+        found = recordings_of(network, config, recordings)
         names, load = _recordings(found.sources, found.codes, config)
         scale = found.scale
         unseen = network.notes["training"]["tested"]
@@ -155,18 +158,14 @@ def _events_of(source: Path, only: str | None, readout: Mapping[str, Any], prepa
     return Show(found.config, None, _chosen(names, only), load, found.scale)
 
 
-def _recordings(
-    sources: Sequence[Any], codes: Sequence[NDArray[Any]], config: ReadoutConfig
-) -> tuple[dict[str, str | None], Callable[[str], tuple[NDArray[Any], Piece]]]:
+def _recordings(sources: Sequence[Any], codes: Sequence[NDArray[Any]], config: ReadoutConfig) -> Inputs:
     """Return names and classes of recordings, and a function that loads one recording."""
     names = {source.name: source.class_name for source in sources}
-    at = {source.name: number for number, source in enumerate(sources)}
-    return names, lambda name: (codes[at[name]], piece_of(name, codes[at[name]], config, names[name]))
+    own = {source.name: values for source, values in zip(sources, codes, strict=True)}
+    return names, lambda name: (own[name], piece_of(name, own[name], config, names[name]))
 
 
-def _images(
-    network: IntegerWeights, config: ReadoutConfig, source: Path | None
-) -> tuple[dict[str, str | None], Callable[[str], tuple[NDArray[Any], Piece]]]:
+def _images(network: IntegerWeights, config: ReadoutConfig, source: Path | None) -> Inputs:
     """Return names and classes of images, and a function that scans one image."""
     if source is not None and not source.is_dir():
         names: dict[str, str | None] = {source.name: None}
@@ -174,9 +173,8 @@ def _images(
     else:
         data, unseen = textures_of(network, str(source) if source else EMBEDDED)
         images = {texture.name: texture for texture in data if texture.name in unseen}
-        names = {
-            name: one.class_name if one.class_name in network.class_names else None for name, one in images.items()
-        }
+        known = set(network.class_names)
+        names = {name: one.class_name if one.class_name in known else None for name, one in images.items()}
         read = lambda name: images[name].load()  # noqa: E731
     if (used := network.notes["training"]["preset"]) is None:
         raise InputError("these weights were trained on recordings; give a folder of recordings to play")
