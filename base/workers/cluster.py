@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from eskin.base.errors import InputError
-from eskin.base.workers.pool import SPARE, Shared, unpack
+from eskin.base.workers.pool import SPARE, Shared, WorkerPool, unpack
 
 CONNECT_S, WORKERS_S = 5.0, 10.0
 """Seconds that a scheduler may take to answer, and its first worker to appear."""
@@ -43,7 +43,7 @@ def version(needs: Needs) -> str:
     return ", ".join([found.hexdigest()[:16], *versions])
 
 
-class Cluster:
+class Cluster(WorkerPool):
     """The workers of a Dask scheduler, each with one thread.
 
     A shared value is the result of its own task, so that Dask can make it again after a worker died. The address is
@@ -138,9 +138,6 @@ class Cluster:
             raise InputError(
                 f"the scheduler {self.address} disappeared; the same command continues with the remaining work"
             )
-
-    def __enter__(self) -> Cluster:
-        return self
 
     def __exit__(self, *error: Any) -> None:
         with contextlib.suppress(OSError):

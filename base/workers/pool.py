@@ -14,11 +14,13 @@ import queue
 import signal
 import threading
 import zlib
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.base.workers.garbage import collect_seldom
@@ -45,29 +47,28 @@ def unpack(packed: bytes) -> Any:
     return pickle.loads(zlib.decompress(packed))
 
 
-class WorkerPool(Protocol):
+class WorkerPool(AbstractContextManager["WorkerPool"]):
     """Interface of a worker pool: submit tasks and receive futures."""
 
     @property
+    @abstractmethod
     def workers(self) -> int:
         """Number of tasks computed in parallel."""
 
     @property
+    @abstractmethod
     def window(self) -> int:
         """Number of tasks to keep submitted."""
 
+    @abstractmethod
     def submit(self, work: Callable[..., Any], *arguments: Any, shared: Shared | None = None) -> Any:
         """Submit ``work`` and return its future; a shared value is the first argument, if there is one."""
 
-    def forget(self, name: str) -> None:
+    def forget(self, name: str) -> None:  # nothing by default: local processes cache few values
         """Delete a shared value that no further task needs."""
 
-    def check(self) -> None:
+    def check(self) -> None:  # nothing by default: the death of a local process is noticed immediately
         """Raise an error if no further result can arrive."""
-
-    def __enter__(self) -> WorkerPool: ...
-
-    def __exit__(self, kind: type[BaseException] | None, *where: Any) -> None: ...
 
 
 def cores() -> int:
@@ -84,11 +85,13 @@ class _Piece:
     deaths: int = 0
 
 
-class Local:
+class Local(WorkerPool):
     """Worker pool on this machine, by default with one worker for each core that this process may use.
 
     Threads are for work that releases the interpreter lock: compiled loops, simulators. Other work needs processes.
     """
+
+    workers = window = 0
 
     def __init__(self, workers: int | None = None, threads: bool = False) -> None:
         workers = cores() if workers is None else workers
@@ -150,15 +153,6 @@ class Local:
         with self._renewing:
             if self._pool is broken:
                 self._pool = self._new_pool()
-
-    def forget(self, name: str) -> None:
-        """Do nothing, because each process caches only two shared values."""
-
-    def check(self) -> None:
-        """Do nothing, because the death of a process is noticed immediately."""
-
-    def __enter__(self) -> Local:
-        return self
 
     def __exit__(self, kind: type[BaseException] | None, *where: Any) -> None:
         self._left = True
