@@ -238,12 +238,6 @@ def test_a_negative_value_is_no_option(capsys: pytest.CaptureFixture[str]) -> No
     assert shown(capsys, "--reference-reset", "-32")[0].reference_reset == -32
 
 
-def test_build_config_is_the_same_without_a_command_line() -> None:
-    config, given = build_config({"encoding": "nlcs", "rows": 2}, tau_s=0.2)
-    assert config == ReadoutConfig(encoding="nlcs", rows=2)
-    assert given == {"encoding", "rows", "leak_shift", "leak_period"}
-
-
 # -- the process -------------------------------------------------------------------------------------
 
 MODEL = [sys.executable, "-m", "eskin"]
