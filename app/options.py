@@ -37,14 +37,9 @@ MAIN = ("rows", "columns", "encoding", "resolution", "sample_rate_hz")
 
 
 def opt(*words: str, **limits: Any) -> OptionInfo:
-    """Return an option as its help shows it: flags, name of the value, text.
+    """Return an option as its help shows it: flags (that of the parameter's name by default), metavar or none, text.
 
-    Parameters
-    ----------
-    *words : str
-        Flags such as ``--time-unit``, unless that of the parameter's name; the metavar, if there is one; the text.
-    **limits
-        Other arguments of ``typer.Option``.
+    ``limits`` are other arguments of ``typer.Option``.
     """
     return _filled(OptionInfo, words, limits)
 
@@ -61,23 +56,14 @@ def _filled(kind: type[Any], words: Sequence[str], limits: Mapping[str, Any]) ->
 
 
 class Output(OptionInfo):
-    """An option that is an output path, ``-o`` unless it has other flags.
+    """An option that is an output path, ``-o`` unless it has other flags."""
 
-    Attributes
-    ----------
-    folder : bool or callable
-        Whether the output is a folder; a callable receives the arguments of the command by name.
-    """
-
-    folder: bool | Callable[[Mapping[str, Any]], bool]
+    folder: bool | Callable[[Mapping[str, Any]], bool]  # a callable receives the arguments of the command by name
 
     def path(self, path: Path, given: Mapping[str, Any], inputs: Iterable[Path]) -> Path:
         """Return the path to write: a folder as given, a file with its links resolved.
 
-        Raises
-        ------
-        InputError
-            If the output cannot be written, is an input, or is inside an input.
+        Raises InputError if the output cannot be written, is an input, or is inside an input.
         """
         if self.folder(given) if callable(self.folder) else self.folder:
             outputs.check_folder(path)
