@@ -18,81 +18,61 @@ from eskin.model.events.recording import Recording
 HUGE = "1" + "0" * 400
 
 
-@pytest.mark.parametrize(
-    ("line", "sentence"),
-    [
-        ("sim --ticks 0", "--ticks must be in 1..1e+12, not 0\n"),
-        ("replay --workers 0", "--workers must be in 1..4096, not 0\n"),
-        ("rates --limit 0", "--limit must be in 1..1e+09, not 0\n"),
-        ("frames --frame-rate 0", "--frame-rate must be in 1e-09..1e+12, not 0.0\n"),
-        ("explore --min-resolution 11", "min-resolution must be in 1..10, not 11\n"),
-        ("explore --event-rate -1", "event rate must be a number of events/s from 0, not -1\n"),
-        ("power --noise 1e-300", "noise must be in 1e-15..1e+15 volts, not 1e-300\n"),
-        ("asic-scale --lib x.lib --pitch 0 -o s.json", "--pitch must be from 1 to 1000000 um, not 0\n"),
-        ("asic-scale --lib x.lib --ohm 1001 -o s.json", "--ohm must be from 0 to 1000 for each um, not 1001\n"),
-        ("asic-scale --lib x.lib --farad 2e-12 -o s.json", "--farad must be from 0 to 1e-12 for each um, not 2e-12\n"),
-        ("power --rates r.json", "--rates has no effect on the published rates; add --mode consistent or "),
-        ("power --dataset embedded", "--dataset has no effect on the published rates; add --mode consistent or "),
-        ("power --preset physical --mode paper", "--preset has no effect on the published rates; add --mode "),
-        ("power --rates r.json --correct pads", "--rates has no effect on the published rates; add --mode "),
-        ("power --set io_voltage_v=1e300", "io_voltage_v must be in 1e-30..1e+15, not 1e+300"),
-        (f"explore --rate-resolution {HUGE}", "--rate-resolution must be in 1..10, not 1000"),
-        (f"explore --noise {HUGE}", "noise must be a positive number of volts, not inf"),
-        (
-            "verilog -o v --tiles 2x2 --merge --relays 1",
-            "--relays has no effect with --merge; leave one of the two out",
-        ),
-        ("verilog -o v --tiles 1x2 --report r.json", "--report has no effect with --tiles; leave one of the two out"),
-        (
-            "verilog -o v --tiles 1x2 --clock-gates",
-            "--clock-gates has no effect with --tiles; leave one of the two out",
-        ),
-        ("verilog -o v --tiles 4x4 --chip", "--chip has no effect with --tiles; leave one of the two out"),
-        ("verilog -o v --readout frame --encoding lcs", "--encoding has no effect with --readout frame; leave it out"),
-        (
-            "asic --lib x.csv --readout frame --link four_phase",
-            "--link has no effect with --readout frame; leave it out",
-        ),
-        ("rates --start-row 1", "--start-row has no effect with --preset paper; leave it out"),
-        ("train --taxels corners --events x", "--taxels has no effect with --events"),
-        ("train --taxels lines", "taxels of 8 x 8 are chosen by across:K|"),
-        ("train --taxels corners --disturbed 2", "chosen taxels need undisturbed scans of textures"),
-        ("frontier --inner 1", "--inner needs points, such as"),
-        ("frontier --draw bad.json --inner 1", "--draw draws a finished file; leave points and --inner out"),
-        ("frontier --draw bad.json", "the frontier bad.json is damaged: points is missing; remove it"),
-        ("verilog -o v --tiles 4", "tiles must be rows and columns such as 4x4, not '4'"),
-        ("verilog -o v --tiles 9x9", "a merge takes at most 64 tiles, not 9 x 9"),
-        ("verilog -o v --tiles 0x2", "tile_rows must be in 1..64, not 0"),
-        ("verilog -o v --tiles 2x2 --relays 17", "relays must be in 0..16, not 17"),
-        (
-            "verilog -o v --tiles 1x2 --link four_phase",
-            "tiles need the link stream to their merge, not four_phase; leave --link out\n",
-        ),
-        (
-            "verilog -o v --tiles 2x1 --rows 64 --columns 64",
-            "2 tiles of 64 x 64 taxels have 106497 input bits, a module has 65000 at most; add --merge and write a "
-            "tile without --tiles, a chip each\n",
-        ),
-        ("rates --tau 0.2 --dataset embedded", "--tau is the leak of encoding nlcs or nlcs-bipolar, not of lcs; add "),
-        (
-            "counts --tau 0.2 --points lcs:2",
-            "--tau is the leak of nlcs or nlcs-bipolar, and --points has none of these",
-        ),
-        (
-            "power --mode consistent --correct pads",
-            "--correct lists all corrections to make, so that --mode consistent ",
-        ),
-        ("dev formal --block link --small -o bad.json", "the results of proofs bad.json is damaged: properties is no "),
-        ("dev crosscheck --texture 99", "--texture must be in 0..47, not 99"),
-        ("dev soak --only 1 --set rows=1e9", "--rows takes a whole number, not '1e9'"),
-        ("dev soak --only 1 --set rows=-5", "rows must be in 1..64, not -5"),
-        ("dev soak --only 1 --set sample_bits=1", "sample_bits must be in 3..24, not 1"),
-        ("dev soak --only 1 --set share=x", "--set share takes a number, not 'x'"),
-    ],
-)
-def test_refused_in_one_sentence(line: str, sentence: str, refuses: Any, folder: Path) -> None:
+REFUSED = {
+    "sim --ticks 0": "--ticks must be in 1..1e+12, not 0\n",
+    "replay --workers 0": "--workers must be in 1..4096, not 0\n",
+    "rates --limit 0": "--limit must be in 1..1e+09, not 0\n",
+    "frames --frame-rate 0": "--frame-rate must be in 1e-09..1e+12, not 0.0\n",
+    "explore --min-resolution 11": "min-resolution must be in 1..10, not 11\n",
+    "explore --event-rate -1": "event rate must be a number of events/s from 0, not -1\n",
+    "power --noise 1e-300": "noise must be in 1e-15..1e+15 volts, not 1e-300\n",
+    "asic-scale --lib x.lib --pitch 0 -o s.json": "--pitch must be from 1 to 1000000 um, not 0\n",
+    "asic-scale --lib x.lib --ohm 1001 -o s.json": "--ohm must be from 0 to 1000 for each um, not 1001\n",
+    "asic-scale --lib x.lib --farad 2e-12 -o s.json": "--farad must be from 0 to 1e-12 for each um, not 2e-12\n",
+    "power --rates r.json": "--rates has no effect on the published rates; add --mode consistent or ",
+    "power --dataset embedded": "--dataset has no effect on the published rates; add --mode consistent or ",
+    "power --preset physical --mode paper": "--preset has no effect on the published rates; add --mode ",
+    "power --rates r.json --correct pads": "--rates has no effect on the published rates; add --mode ",
+    "power --set io_voltage_v=1e300": "io_voltage_v must be in 1e-30..1e+15, not 1e+300",
+    f"explore --rate-resolution {HUGE}": "--rate-resolution must be in 1..10, not 1000",
+    f"explore --noise {HUGE}": "noise must be a positive number of volts, not inf",
+    "verilog -o v --tiles 2x2 --merge --relays 1": "--relays has no effect with --merge; leave one of the two out",
+    "verilog -o v --tiles 1x2 --report r.json": "--report has no effect with --tiles; leave one of the two out",
+    "verilog -o v --tiles 1x2 --clock-gates": "--clock-gates has no effect with --tiles; leave one of the two out",
+    "verilog -o v --tiles 4x4 --chip": "--chip has no effect with --tiles; leave one of the two out",
+    "verilog -o v --readout frame --encoding lcs": "--encoding has no effect with --readout frame; leave it out",
+    "asic --lib x.csv --readout frame --link four_phase": "--link has no effect with --readout frame; leave it out",
+    "rates --start-row 1": "--start-row has no effect with --preset paper; leave it out",
+    "train --taxels corners --events x": "--taxels has no effect with --events",
+    "train --taxels lines": "taxels of 8 x 8 are chosen by across:K|",
+    "train --taxels corners --disturbed 2": "chosen taxels need undisturbed scans of textures",
+    "frontier --inner 1": "--inner needs points, such as",
+    "frontier --draw bad.json --inner 1": "--draw draws a finished file; leave points and --inner out",
+    "frontier --draw bad.json": "the frontier bad.json is damaged: points is missing; remove it",
+    "verilog -o v --tiles 4": "tiles must be rows and columns such as 4x4, not '4'",
+    "verilog -o v --tiles 9x9": "a merge takes at most 64 tiles, not 9 x 9",
+    "verilog -o v --tiles 0x2": "tile_rows must be in 1..64, not 0",
+    "verilog -o v --tiles 2x2 --relays 17": "relays must be in 0..16, not 17",
+    "verilog -o v --tiles 1x2 --link four_phase": "tiles need the link stream to their merge, not four_phase; leave "
+    "--link out\n",
+    "verilog -o v --tiles 2x1 --rows 64 --columns 64": "2 tiles of 64 x 64 taxels have 106497 input bits, a module "
+    "has 65000 at most; add --merge and write a tile without --tiles, a chip each\n",
+    "rates --tau 0.2 --dataset embedded": "--tau is the leak of encoding nlcs or nlcs-bipolar, not of lcs; add ",
+    "counts --tau 0.2 --points lcs:2": "--tau is the leak of nlcs or nlcs-bipolar, and --points has none of these",
+    "power --mode consistent --correct pads": "--correct lists all corrections to make, so that --mode consistent ",
+    "dev formal --block link --small -o bad.json": "the results of proofs bad.json is damaged: properties is no ",
+    "dev crosscheck --texture 99": "--texture must be in 0..47, not 99",
+    "dev soak --only 1 --set rows=1e9": "--rows takes a whole number, not '1e9'",
+    "dev soak --only 1 --set rows=-5": "rows must be in 1..64, not -5",
+    "dev soak --only 1 --set sample_bits=1": "sample_bits must be in 3..24, not 1",
+    "dev soak --only 1 --set share=x": "--set share takes a number, not 'x'",
+}
+
+
+@pytest.mark.parametrize("line", REFUSED)
+def test_refused_in_one_sentence(line: str, refuses: Any, folder: Path) -> None:
     (folder / "bad.json").write_text('{"properties": 3}')
-    refuses(f"error: {sentence}", line)
+    refuses(f"error: {REFUSED[line]}", line)
 
 
 @pytest.mark.parametrize("line", ["power --mode consistent --synthesis s.json", "explore --synthesis s.json"])
