@@ -155,44 +155,25 @@ def test_a_readout_of_the_user_is_held_to_the_model(tmp_path: Path, monkeypatch:
     Path("long.v").write_text(text.replace("endmodule", f"{lacking}endmodule", 1))
     end = text.index("endmodule")
     first, second = text[:end].count("\n") + 1, text[: text.index("\nmodule", end)].count("\n") + 1
-    for arguments, sentence in [
-        (
-            ["core.v"],
-            "as a readout of 2 x 2 taxels with lcs and link stream, "
-            "module eskin_readout lacks event_valid (output, 1 bit), lacks event_ready (input, 1 bit), lacks event_row "
-            "(output, 1 bit), lacks event_col (output, 1 bit), lacks event_polarity (output, 1 bit), has the unknown "
-            "input aer_ack; give the configuration of your Verilog, for example with --config eskin_readout.json, or "
-            "write a wrapper and name it with --top",
-        ),
-        (
-            ["core.v", "--link", "four_phase", "--rows", 4],
-            "as a readout of 4 x 2 taxels with lcs and link four_phase, "
-            "module eskin_readout has taxel_enable (input, 4 bits) in place of (input, 8 bits), has sample (input, "
-            "48 bits) in place of (input, 96 bits), has aer_addr (output, 3 bits) in place of (output, 4 bits); give "
-            "the configuration of your Verilog, for example with --config eskin_readout.json, or write a wrapper and "
-            "name it with --top",
-        ),
-        (
-            ["wrapper.v"],
-            "the Verilog contains no module eskin_readout (its modules: theirs, wrapper); name the top with --top",
-        ),
-        (
-            ["open.v", "--link", "four_phase"],
-            f"the Verilog cannot be built: open.v:{second + 1}: syntax error; give its configuration and all modules "
-            "that it uses",
-        ),
-        (
-            ["long.v", "--link", "four_phase"],
-            f"the Verilog cannot be built: long.v:{first}: error: Unknown module type: absent; give its configuration "
-            "and all modules that it uses",
-        ),
-        (
-            ["wrapper.v", "--link", "four_phase", "--top", "wrapper"],
-            "the Verilog cannot be built: wrapper.v:7: error: Unknown module type: eskin_readout; give its "
-            "configuration and all modules that it uses",
-        ),
-    ]:
-        done = call(*options, *arguments)
+    other = "; give the configuration of your Verilog, for example with --config eskin_readout.json, or write a wrapper"
+    unbuilt, needs = "the Verilog cannot be built: ", "; give its configuration and all modules that it uses"
+    refused = {
+        "core.v": "as a readout of 2 x 2 taxels with lcs and link stream, module eskin_readout lacks event_valid "
+        "(output, 1 bit), lacks event_ready (input, 1 bit), lacks event_row (output, 1 bit), lacks event_col (output, "
+        f"1 bit), lacks event_polarity (output, 1 bit), has the unknown input aer_ack{other} and name it with --top",
+        "core.v --link four_phase --rows 4": "as a readout of 4 x 2 taxels with lcs and link four_phase, module "
+        "eskin_readout has taxel_enable (input, 4 bits) in place of (input, 8 bits), has sample (input, 48 bits) in "
+        "place of (input, 96 bits), has aer_addr (output, 3 bits) in place of (output, 4 bits)"
+        f"{other} and name it with --top",
+        "wrapper.v": "the Verilog contains no module eskin_readout (its modules: theirs, wrapper); name the top with "
+        "--top",
+        "open.v --link four_phase": f"{unbuilt}open.v:{second + 1}: syntax error{needs}",
+        "long.v --link four_phase": f"{unbuilt}long.v:{first}: error: Unknown module type: absent{needs}",
+        "wrapper.v --link four_phase --top wrapper": f"{unbuilt}wrapper.v:7: error: Unknown module type: eskin_readout"
+        f"{needs}",
+    }
+    for line, sentence in refused.items():
+        done = call(*options, *line.split())
         assert (done.returncode, done.stderr) == (2, f"error: {sentence}\n")
 
 
