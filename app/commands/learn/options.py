@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eskin.app.commands.options import TexturesOption
-from eskin.app.commands.signals.recordings import PREPARATION, OwnData, events_of, option_named
+from eskin.app.commands.signals.recordings import PREPARATION, OwnData, check_alone, events_of
 from eskin.app.options import (
     CONFIG_FILE,
     LEAKY,
@@ -163,8 +163,8 @@ def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experim
         follows = _following(recipe, folder, bin_s)
     elif "sample_rate_hz" in given and options["config_file"] is None:
         raise InputError("--sample-rate is for your own recordings, the scan of a texture has its own; add --data DIR")
-    elif prepared:
-        raise InputError(f"{option_named(next(iter(prepared)))} is for your own recordings; add --data DIR")
+    else:
+        check_alone(None, prepared, {})
     bins = BinConfig(start_s=options["start"])
     bins = bins if options["bin_s"] is None else dataclasses.replace(bins, bin_s=options["bin_s"])
     return experiment_of(
@@ -173,18 +173,15 @@ def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experim
         options["epochs"],
         bins,
         options["frames"],
-        dataset=options["dataset"],
         events=None if options["events"] is None else str(options["events"]),
         readout=readout,
         tau_s=tau_s,
         given_leak=readout.encoder.leaks and bool(given & {"leak_shift", "leak_period"}),
         grid=parse_grid(options["grid"]) if options.get("grid") else None,
-        preset=options["preset"],
-        start_rows=options["start_rows"],
-        disturbed=options["disturbed"],
         taxels=choose(options["taxels"], readout.rows, readout.columns) if options["taxels"] else None,
         variant=options.get("variant"),
         tests=tuple(options.get("tests") or ()),
+        **{name: options[name] for name in ("dataset", "preset", "start_rows", "disturbed")},
     )
 
 
