@@ -29,7 +29,7 @@ from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
 from eskin.skin.encode import IMAGE_SUFFIXES, preparation_of, read_image
-from eskin.skin.recordings.options import FINGER
+from eskin.skin.recordings.options import FINGER, Scale
 from eskin.skin.recordings.trained_on import network_of
 from eskin.skin.samples import ARRAY_SUFFIXES
 from eskin.skin.textures.dataset import EMBEDDED
@@ -67,8 +67,8 @@ class Show:
         In the order in which they are played.
     load : callable
         Gives the codes of a name, shape (ticks, taxels), and what the page shows of it.
-    scale : float or None
-        Factor from the values of recordings to full scale.
+    scale : float, tuple of float or None
+        Factor from the values of recordings to full scale, of all taxels or of each.
     weights : Path or None
         File of the network, unless it is the project's own.
     """
@@ -77,7 +77,7 @@ class Show:
     network: IntegerWeights | None
     names: list[str]
     load: Callable[[str], tuple[NDArray[Any], Piece]]
-    scale: float | None = None
+    scale: Scale | None = None
     weights: Path | None = None
 
     @property

@@ -124,8 +124,8 @@ def encode_samples(
 
     prepared = prepared or {}
     scale = prepared.get("scale")
-    percentile = scale is not None and scale.startswith("p")
-    if set(prepared) - {"scale"} or percentile or (path.suffix.lower() == ".csv" and _has_time(path)):
+    of_recordings = scale is not None and (scale.startswith("p") or "," in scale)
+    if set(prepared) - {"scale"} or of_recordings or (path.suffix.lower() == ".csv" and _has_time(path)):
         return _encode_prepared(path, config, given, prepared, model)
     samples = read_samples(path)
     if "sample_rate_hz" not in given:
@@ -185,8 +185,8 @@ def _encode_prepared(
 
     options = preparation_of(path, config, prepared)
     found = read_set(path, options, config, given)
-    metadata = {"input": "recording", "scale": found.scale, "baseline": options.baseline}
     kept = found.said_of(found.sources[0])
+    metadata = {"input": "recording", "scale": kept["scale"], "baseline": options.baseline}
     metadata |= {name: kept[name] for name in ("columns", "start_s") if name in kept}
     made = _encoded(path, found.config, found.codes[0], found.clipped, model, metadata)
     return dataclasses.replace(made, notes=tuple(found.notes), warnings=tuple(found.warnings))
