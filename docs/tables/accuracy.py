@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from docs.tables.finger import finger_reached
+from docs.tables.finger import finger_played, finger_reached
 from docs.tables.power import power_rows
 from docs.tables.verification import replayed
 from docs.tables.write import filled, only, read, source, table
@@ -376,6 +376,9 @@ def headline() -> None:
     reached = finger_reached()
     for name, of in (("lcs_6", "LCS 6 b"), ("nlcs_bipolar_5", "bipolar N-LCS 5 b"), ("frame_12_22_9", "frames")):
         rows.append(filled(finger, reached[name] | {"of": of}))
+    played = "[finger](docs/results/finger.md), other repetition, {name}, classified by the RTL |  | "
+    played += "{right} of {labelled} (float: {right_float}), {mismatches} mismatches"
+    rows.append(filled(played, finger_played()))
     rtl = "classified by the [RTL](docs/reference/classifier.md#from-touch-to-class)"
     rows.append(filled(f"{rtl}, weights of {{classifier_rec_bits}} b, one network per fold |  | ", chip["chip"]))
     more = {"stalled": chip["stalls"] / chip["clocks"]}

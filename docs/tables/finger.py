@@ -211,15 +211,33 @@ def finger_candidates() -> None:
 
 
 def finger_chip() -> None:
-    """Print the number of correct finger recordings in float, in integers and in RTL, for two trainings."""
+    """Print the number of correct finger recordings in float, in integers and in RTL, for each training."""
     report = finger_report()
-    total, rtl = len(only(report["folds"], fold=REPETITION)["labels"]), report["rtl"]
-    rows = []
-    for one in (report["integer"], report["integer"]["earlier"]):
+    total, rtl, rows = len(only(report["folds"], fold=REPETITION)["labels"]), report["rtl"], []
+    one = report["integer"]
+    while one:
         right = {bits["bits"]: bits["right"] for bits in one["bits"]}
         cells = [f"{right[bits]} of {total}" if bits in right else "-" for bits in (8, 4)]
-        played = filled("{right} of {labelled} (float: {right_float} of {float_known})", rtl)
-        same = one["commit"] == rtl["commit"]
-        rows.append([f"commit {one['commit']}", f"{one['right_float']} of {total}", *cells, played if same else "-"])
+        name = filled("{readout:E} {resolution} b, commit {commit}", one)
+        played = filled("{right} of {labelled}", rtl) if one["commit"] == rtl["commit"] else "-"
+        rows.append([name, f"{one['right_float']} of {total}", *cells, played])
+        one = one.get("earlier")
     table("training | float | integers, weights of 8 b | weights of 4 b | RTL, weights of 8 b", rows)
-    source(rtl, ": {clocks:,} clocks, {events:,} events, {mismatches} mismatches")
+    source(rtl, ": {images} recordings, {clocks:,} clocks, {events:,} events, {mismatches} mismatches")
+
+
+def finger_played() -> dict[str, Any]:
+    """Return values for sentences about the network that the RTL played."""
+    report = finger_report()
+    rtl, network = report["rtl"], report["integer"]
+    missing = (rtl["right_float"] - rtl["right"]) / rtl["labelled"]
+    return rtl | {
+        "name": filled("{readout:E} {resolution} b", network),
+        "float": rtl["right_float"] / rtl["float_known"],
+        "chip": rtl["right"] / rtl["labelled"],
+        "balanced": network["balanced"],
+        "missing": 100 * missing,
+        "met": "met" if missing <= 0.01 else "missed",
+        "events_per_s": rtl["events"] / (rtl["bins"] * rtl["bin_s"]),
+        "train": network["command"],
+    }
