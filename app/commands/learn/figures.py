@@ -9,6 +9,7 @@ import typer
 
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.signals.options import DataOutOption, OutOption
+from eskin.app.commands.signals.recordings import named_place
 from eskin.app.options import TRAINED
 from eskin.base.errors import InputError
 from eskin.base.figures.files import DEFAULT_OUT, write_results
@@ -54,7 +55,10 @@ def fig8(
         str | None, typer.Option(metavar="DIR|embedded", help="textures [folder used in training]")
     ] = None,
     data: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="your own recordings, if the network was trained on them")
+        Path | None,
+        typer.Option(
+            metavar="DIR|finger", help="your own recordings, if the network was trained on them", callback=named_place
+        ),
     ] = None,
     image: Annotated[
         str | None,

@@ -10,6 +10,7 @@ import typer
 
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.signals.options import JsonOption, OutOption
+from eskin.app.commands.signals.recordings import named_place
 from eskin.app.tables import filled, print_table
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.errors import InputError
@@ -22,7 +23,12 @@ _WIDTH = 92  # of the table
 
 def study(
     data: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="class folders of your own recordings [generated slow signals]")
+        Path | None,
+        typer.Option(
+            metavar="DIR|finger",
+            help="class folders of your own recordings [generated slow signals]",
+            callback=named_place,
+        ),
     ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
