@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -200,16 +201,23 @@ class Scan(ABC):
         """
         from scipy import signal
 
-        system = (self.sensor_numerator, self.sensor_denominator)
-        numerator, denominator, _ = signal.cont2discrete(system, 1.0 / rate_hz, method="foh")
-        scaled = np.ravel(numerator) / self.pixel_full_scale
-        response: Signals = signal.lfilter(scaled, denominator, line, axis=0)
+        numerator, denominator = _discrete(self.sensor_numerator, self.sensor_denominator, rate_hz)
+        response: Signals = signal.lfilter(numerator / self.pixel_full_scale, denominator, line, axis=0)
         return response
 
     def _leak(self, config: ReadoutConfig, tau_s: float, sample_rate_hz: float) -> dict[str, Any]:
         """Return the leak settings for a time constant."""
         leak = ReadoutConfig.from_tau(tau_s, 1.0 / sample_rate_hz)
         return {"leak_shift": leak.leak_shift, "leak_period": leak.leak_period}
+
+
+@functools.lru_cache(maxsize=16)
+def _discrete(numerator: tuple[float, ...], denominator: tuple[float, ...], rate_hz: float) -> tuple[Any, Any]:
+    """Return the coefficients of a sensor between samples, which would take half the time of a scan each time."""
+    from scipy import signal
+
+    found, below, _ = signal.cont2discrete((numerator, denominator), 1.0 / rate_hz, method="foh")
+    return np.ravel(found), below
 
 
 def gray(image: ArrayLike) -> NDArray[np.float64]:

@@ -26,6 +26,9 @@ def frontier(
         ),
     ] = None,
     seeds: Seeds = 1,
+    device: Annotated[
+        str, typer.Option(help="device name of torch; a GPU trains the convolutional networks of a point together")
+    ] = "cpu",
     inner: Annotated[
         int | None,
         typer.Option(
@@ -42,21 +45,21 @@ def frontier(
 ) -> None:
     """Train networks on chosen taxels, and compare accuracy with events/s, bits/s and power.
 
-    A stopped run continues with the missing trainings.
+    Without POINT, inner validation chooses a readout of every encoder, and frames, at every event rate. A stopped run
+    continues with the missing trainings.
     """
     from eskin.base.shapes import read_shaped
     from eskin.snn.experiments.points import load_sweep
     from eskin.snn.figures.fig9 import KEPT
     from eskin.snn.figures.frontier import plot_frontier
     from eskin.snn.studies.frontier import (
-        CANDIDATES,
         FOLDS,
-        PLAN,
         SHAPE,
         SWEEPS,
         Frontier,
         Point,
         frontier_data,
+        measured,
         points_of,
     )
 
@@ -69,16 +72,18 @@ def frontier(
         return
     if inner is not None and not points:
         raise InputError("--inner needs points, such as physical/leaky/lcs:3/across:4")
-    named = {Point.parse(text): seeds for text in points or ()}
-    trained = named or {Point.parse(text): number for text, number in PLAN.items()}
-    judged = {Point.parse(text): number for text, number in ({} if points else CANDIDATES).items()}
-    if inner is not None:
-        trained, judged = {}, dict.fromkeys(named, inner)
-    check_device("cpu", 1)
-    run = Frontier(out / "frontier.json", dataset)
-    with bar("cells", sum(judged.values()) + FOLDS * sum(trained.values())) as step:
-        validated = [run.inner(point, number, step) for point, number in judged.items()]
-        made = [run.point(point, number, step) for point, number in trained.items()]
+    named = [Point.parse(text) for text in points or ()]
+    check_device(device, 1)
+    run = Frontier(out / "frontier.json", dataset, device)
+    trainings = (inner or FOLDS * seeds) * len(named) if named else None
+    made, validated = [], []
+    with bar("cells", trainings) as step:
+        if not named:
+            made, validated = measured(run, step)
+        elif inner is not None:
+            validated = [run.inner(point, inner, step) for point in named]
+        else:
+            made = [run.point(point, seeds, step) for point in named]
     for one in validated:
         print(printable(f"{one['name']}: {100 * one['accuracy']:.1f} % in inner validation of {one['folds']} folds"))
     if inner is not None:
