@@ -111,8 +111,8 @@ COMPARED = {"physical": ("leaky-2ms", "convolutions"), "paper": ("leaky", "convo
 INNER = 2
 """Folds of inner validation by which a readout is chosen at a budget."""
 
-SEEDS = {1_000: 3, 2_200: 3}
-"""Seeds of the chosen readouts, by budget; one at other budgets."""
+SEEDS = {("convolutions", 1_000): 3, ("convolutions", 2_200): 3, ("leaky-2ms", 2_200): 3}
+"""Seeds of the chosen readouts, by network and budget; one elsewhere."""
 
 ALSO: dict[str, int] = {
     "physical/leaky/lcs:2/12x16:across:12": 3,
@@ -397,8 +397,11 @@ def measured(run: Frontier, step: Step) -> tuple[list[dict[str, Any]], list[dict
                     point, validated = run.chosen(tried, step)
                     if kind == "lcs":
                         bits_per_s = validated[tried.index(point)]["bits_per_s"]
-                    inner += [one | {"budget_hz": budget_hz} for one in validated]
-                    seeds[point] = max(seeds.get(point, 0), SEEDS.get(budget_hz, 1))
+                    inner += [
+                        one | {"budget_hz": budget_hz, "chosen": other == point}
+                        for one, other in zip(validated, tried, strict=True)
+                    ]
+                    seeds[point] = max(seeds.get(point, 0), SEEDS.get((network, budget_hz), 1))
     return [run.point(point, number, step) for point, number in seeds.items()], inner
 
 
@@ -409,7 +412,7 @@ def frontier_data(points: Sequence[dict[str, Any]], inner: Sequence[dict[str, An
         "noise_v": NOISE_V,
         "training": {"networks": NETWORKS, "scans": SCANS},
         "points": order,
-        "pairs": pairs_of(order),
+        "pairs": pairs_of(order, inner),
         "inner": list(inner),
     }
 
@@ -434,18 +437,26 @@ def points_of(sweep: Sweep, network: str) -> list[dict[str, Any]]:
     return found
 
 
-def pairs_of(points: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return comparisons of LCS with frames and other encoders at equal scan, network and similar data rate."""
+def pairs_of(points: Sequence[dict[str, Any]], inner: Sequence[dict[str, Any]] = ()) -> list[dict[str, Any]]:
+    """Return comparisons of LCS with other readouts for the same scan and network.
+
+    They have a similar data rate, or inner validation chose them for the same event rate.
+    """
+    budgets: dict[str, set[int]] = {}
+    for one in inner:
+        if one["chosen"]:
+            budgets.setdefault(one["name"], set()).add(one["budget_hz"])
     found = []
     for first in points:
         for second in points:
             same = all(first[name] == second[name] for name in ("preset", "network", "labels"))
             kinds = [point["readout"].partition(":")[0] for point in (first, second)]
-            near = max(first["bits_per_s"], second["bits_per_s"]) < AS_EQUAL * min(
-                first["bits_per_s"], second["bits_per_s"]
-            )
-            if same and near and kinds[0] == "lcs" != kinds[1]:
-                names = {"first": first["name"], "second": second["name"]}
+            if not same or not kinds[0] == "lcs" != kinds[1]:
+                continue
+            common = sorted(budgets.get(first["name"], set()) & budgets.get(second["name"], set()))
+            rates = sorted(point["bits_per_s"] for point in (first, second))
+            if common or rates[1] < AS_EQUAL * rates[0]:
+                names = {"first": first["name"], "second": second["name"], "budgets_hz": common}
                 result = compare(first["labels"], first["predictions"], second["predictions"])
                 found.append(names | dataclasses.asdict(result))
     return found

@@ -18,7 +18,7 @@ from eskin.snn.data.scans import Split
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.points import load_sweep, write_sweep
 from eskin.snn.figures import fig9
-from eskin.snn.figures.frontier import NETWORKS, draw_frontier, words_of
+from eskin.snn.figures.frontier import NETWORKS, draw_frontier
 from eskin.snn.network_config import NetworkConfig
 from eskin.snn.studies import early, frontier
 from eskin.snn.studies.frontier import SWEEPS, Frontier, Point, frame_candidates, frontier_data, points_of
@@ -224,22 +224,31 @@ def test_frames_and_events_of_one_rate_and_network_are_paired() -> None:
     assert pair["difference"] == pytest.approx(1 / 9)
 
 
-def test_each_scan_and_network_has_a_panel() -> None:
+def test_readouts_of_one_event_rate_are_paired_whatever_their_data_rate() -> None:
+    inner = [
+        {"name": point["name"], "budget_hz": budget, "chosen": chosen}
+        for point, budget, chosen in zip(POINTS, (300, 300, 300, 300), (True, False, True, True), strict=True)
+    ]
+    near, far = frontier_data(POINTS, inner)["pairs"]
+    assert (near["second"], near["budgets_hz"]) == (POINTS[1]["name"], [])
+    assert (far["second"], far["budgets_hz"]) == (POINTS[2]["name"], [300])
+
+
+def test_each_scan_and_network_has_a_column_with_rates_and_power() -> None:
     figure = draw_frontier(frontier_data(POINTS))
-    marks = {
-        panel.get_title(loc="left"): sorted(
-            (line.get_xdata()[0], round(line.get_ydata()[0], 3)) for line in panel.lines if line.get_marker() in "sov^D"
-        )
+    assert len(figure.axes) == 6
+    marks = [
+        sorted((x, round(y, 3)) for one in panel.containers for x, y in zip(*one[0].get_data(), strict=True))
         for panel in figure.axes
-    }
-    assert marks == {
-        f"physical scan, {NETWORKS['leaky']}": [(1000.0, 88.889), (1500.0, 100.0), (3000.0, 100.0)],
-        f"paper scan, {NETWORKS['convolutions']}": [(900.0, 66.667)],
-    }
-    coded = [tuple(line.get_xdata()) for line in figure.axes[0].lines if line.get_marker() == "|"]
-    assert coded == [(500.0, 1000.0), (750.0, 1500.0), (1500.0, 3000.0)]
-    assert words_of(POINTS[1]) == "ON/OFF 125 Hz 6 b, 2 taxels"
-    assert words_of(POINTS[3]) == "4 b, 2 taxels"
+    ]
+    rows = [marks[0:2], marks[2:4], marks[4:6]]
+    assert [panel.get_title(loc="left") for panel in figure.axes[:2]] == [
+        f"physical scan,\n{NETWORKS['leaky']}",
+        f"paper scan,\n{NETWORKS['convolutions']}",
+    ]
+    assert rows[0] == [[(250.0, 88.889)], [(225.0, 66.667)]], "frames have no event rate"
+    assert rows[1] == [[(1000.0, 88.889), (1500.0, 100.0), (3000.0, 100.0)], [(900.0, 66.667)]]
+    assert rows[2] == [[(1e-6, 88.889), (1e-6, 100.0), (1e-6, 100.0)], []], "bipolar N-LCS has no equations"
 
 
 @pytest.mark.parametrize("name", SWEEPS)
