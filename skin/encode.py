@@ -32,23 +32,15 @@ Model = Literal["cycle", "functional"]
 
 @dataclass(frozen=True)
 class Encoded:
-    """Events encoded from one input, with the encoded samples.
-
-    Parameters
-    ----------
-    recording : Recording
-    codes : int32 array, shape (ticks, taxels)
-    clipped : int
-        Samples beyond full scale.
-    notes : tuple of str
-        Assumptions about columns, units and rate of the input.
-    warnings : tuple of str
-    """
+    """Events encoded from one input, with the encoded samples."""
 
     recording: Recording
     codes: NDArray[np.int32]
+    """Shape (ticks, taxels)."""
     clipped: int
+    """Samples beyond full scale."""
     notes: tuple[str, ...] = ()
+    """Assumptions about columns, units and rate of the input."""
     warnings: tuple[str, ...] = ()
 
     def quality(self) -> Quality:
@@ -107,7 +99,6 @@ def encode_samples(
     ----------
     path : Path
         One of ``eskin.skin.samples.ARRAY_SUFFIXES``.
-    config : ReadoutConfig
     given : collection of str
         Fields of ``config`` that the user set; the others follow the recording.
     prepared : mapping of str to object, optional
@@ -157,10 +148,7 @@ def preparation_of(place: Path, config: ReadoutConfig, prepared: Mapping[str, An
     A folder has the baseline ``first`` and the scale ``max``. Without these options, integers in a file are codes and
     floats are in full scale.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or a code or a float without these options is out of range.
+    Raise InputError if the file cannot be read, or a code or a float without these options is out of range.
     """
     from eskin.skin.recordings.table import read_table
 

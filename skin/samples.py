@@ -33,21 +33,14 @@ _NOT_A_CODE = re.compile(rb"[.eEnN]")  # what only a floating-point number has: 
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples as stored in a file.
-
-    Attributes
-    ----------
-    values : integer or float array, shape (ticks, taxels) or (ticks, rows, columns)
-        Integers are codes, floats are in full scale (+-1.0).
-    rate_hz : float or None
-        Sampling rate, if the file contains one.
-    names : tuple of str
-        Names of the taxels, if a header has them.
-    """
+    """Samples as stored in a file."""
 
     values: NDArray[Any]
+    """Integers are codes, floats are in full scale (+-1.0). Shape (ticks, taxels) or (ticks, rows, columns)."""
     rate_hz: float | None = None
+    """Sampling rate, if the file contains one."""
     names: tuple[str, ...] = ()
+    """Names of the taxels, if a header has them."""
 
 
 def read_samples(path: Path) -> Samples:
@@ -57,10 +50,7 @@ def read_samples(path: Path) -> Samples:
     has one line per sample tick with values separated by commas, and optionally a header line. It contains codes if no
     number has a decimal point or an exponent.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or is not a finite numerical array of two or three dimensions.
+    Raise InputError if the file cannot be read, or is not a finite numerical array of two or three dimensions.
     """
     read = {".npy": _read_npy, ".npz": _read_npz, ".csv": _read_csv}.get(path.suffix.lower())
     if read is None:
@@ -132,7 +122,6 @@ def cells_of(path: Path, lines: Sequence[str], delimiter: str | None) -> list[li
     ----------
     path : Path
         Name of the table, for messages.
-    lines : sequence of str
     delimiter : str or None
         None: white space.
 
@@ -252,9 +241,7 @@ def write_samples(
 
     Parameters
     ----------
-    path : Path
     values : float64 array, shape (ticks, taxels)
-    rate_hz : float
     names : sequence of str
         Names of the taxels; others than one for each taxel are not written.
     start_s : float, optional

@@ -87,7 +87,6 @@ def references(
 
     Parameters
     ----------
-    data : ScanData
     learned, test : int64 arrays
         Images.
     signals : array, shape (images, columns), optional

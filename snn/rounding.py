@@ -15,18 +15,12 @@ _CANDIDATES = 2.0 ** -np.arange(0, 4, 0.125)
 
 
 class Grid(NamedTuple):
-    """Quantisation grid of a matrix: integer multiples of a step up to a largest value.
-
-    Attributes
-    ----------
-    step : float
-        Value of an integer weight of 1.
-    largest : int
-        The largest multiple, to both sides.
-    """
+    """Quantisation grid of a matrix: integer multiples of a step up to a largest value."""
 
     step: float
+    """Value of an integer weight of 1."""
     largest: int
+    """The largest multiple, to both sides."""
 
     def whole(self, values: NDArray[np.floating]) -> NDArray[np.int64]:
         """Return values as multiples of the step, rounded half to even and clipped."""

@@ -31,30 +31,20 @@ LATE_S = 86_400
 
 @dataclass(frozen=True, eq=False)
 class ForeignEvents:
-    """Events with the columns and the time unit of their file.
-
-    Attributes
-    ----------
-    time : int64 or float64 array, shape (events,)
-        In ``unit``.
-    unit : str
-        One of UNITS_S, or ``clocks``.
-    addresses : int64 array, shape (events,) or (events, 2)
-        Single addresses, or columns and rows.
-    polarity : bool array, shape (events,)
-        True is ON.
-    size : tuple of int, optional
-        Rows and columns of the sensor, if the file contains them.
-    notes : tuple of str
-        How the file was read, for the user.
-    """
+    """Events with the columns and the time unit of their file."""
 
     time: NDArray[Any]
+    """In ``unit``. Shape (events,)."""
     unit: str
+    """One of UNITS_S, or ``clocks``."""
     addresses: Addresses
+    """Single addresses, or columns and rows. Shape (events,) or (events, 2)."""
     polarity: NDArray[np.bool_]
+    """True is ON. Shape (events,)."""
     size: tuple[int, int] | None = None
+    """Rows and columns of the sensor, if the file contains them."""
     notes: tuple[str, ...] = ()
+    """How the file was read, for the user."""
 
 
 def unwrapped(events: ForeignEvents, bits: int) -> ForeignEvents:
@@ -86,11 +76,8 @@ def configuration(
 
     Parameters
     ----------
-    events : ForeignEvents
-    config : ReadoutConfig
     given : frozenset of str
         Fields of the configuration that the user set.
-    mapping : AddressMap, optional
 
     Returns
     -------
@@ -120,26 +107,17 @@ def configuration(
 
 @dataclass(frozen=True)
 class Taken:
-    """A recording converted from foreign events, with counts of dropped or changed events.
-
-    Attributes
-    ----------
-    recording : Recording
-    dropped : int
-        Events without a taxel.
-    moved : int
-        Number of events with a time between two clocks.
-    merged : int
-        Events of different times that share a clock now.
-    start : int or float
-        Time, in the unit of the file, that is clock 0.
-    """
+    """A recording converted from foreign events, with counts of dropped or changed events."""
 
     recording: Recording
     dropped: int
+    """Events without a taxel."""
     moved: int
+    """Number of events with a time between two clocks."""
     merged: int
+    """Events of different times that share a clock now."""
     start: float
+    """Time, in the unit of the file, that is clock 0."""
 
     def said(self) -> list[str]:
         """Return a sentence for every kind of loss in the conversion."""
@@ -251,7 +229,6 @@ def in_unit(recording: Recording, unit: str = "us") -> Events:
 
     Parameters
     ----------
-    recording : Recording
     unit : "us" or "clocks"
         t in whole microseconds since the end of reset, rounded half to even, or in clocks. Clocks above 1 MHz share
         microseconds.

@@ -223,8 +223,6 @@ def write_events_table(path: Path, recording: Recording, unit: str) -> str:
 
     Parameters
     ----------
-    path : Path
-    recording : Recording
     unit : "us" or "clocks"
         Unit of t since the end of reset; microseconds are rounded half to even.
     """

@@ -46,26 +46,17 @@ PATCH_WIDTH_PX, PATCH_HEIGHT_PX = 256, 64
 
 @dataclass(frozen=True)
 class Texture:
-    """One texture image with its class; pixels are loaded on demand.
-
-    Attributes
-    ----------
-    name : str
-        Class and image, unique and stable, as ``brick/brick-00``.
-    class_name : str
-    label : int
-        Index of the class in ``Dataset.class_names``.
-    path : Path
-        PNG file of the image.
-    crop : (top, left, height, width) or None
-        The part of that file in pixels; None for all of it.
-    """
+    """One texture image with its class; pixels are loaded on demand."""
 
     name: str
+    """Class and image, unique and stable, as ``brick/brick-00``."""
     class_name: str
     label: int
+    """Index of the class in ``Dataset.class_names``."""
     path: Path
+    """PNG file of the image."""
     crop: tuple[int, int, int, int] | None = None
+    """The part of that file in pixels (top, left, height, width); None for all of it."""
 
     def load(self) -> NDArray[np.uint8]:
         """Return the pixels, uint8 of shape (height, width)."""
@@ -78,19 +69,12 @@ class Texture:
 
 @dataclass(frozen=True)
 class Dataset(Sequence[Texture]):
-    """Textures in a fixed order, sorted by class.
-
-    Attributes
-    ----------
-    name : str
-        ``embedded``, or the name of the directory.
-    class_names : tuple of str
-        In alphabetical order; a label is an index into them.
-    textures : tuple of Texture
-    """
+    """Textures in a fixed order, sorted by class."""
 
     name: str
+    """``embedded``, or the name of the directory."""
     class_names: tuple[str, ...]
+    """In alphabetical order; a label is an index into them."""
     textures: tuple[Texture, ...]
 
     def __len__(self) -> int:

@@ -35,34 +35,23 @@ PAPER_TAU_S = 0.2
 
 @dataclass(frozen=True)
 class Rates:
-    """Event rates of one readout over a dataset.
-
-    Attributes
-    ----------
-    population_rate_hz : float
-        Events/s of the whole array, mean over all scans.
-    rate_std_hz : float
-        Standard deviation of that rate over the scans.
-    events : int
-        Events that count, all scans together.
-    clipped_samples : int
-        Samples outside full scale, all scans together.
-    images, scans : int
-        Number of images, and of scans: one per image and start row.
-    scan_s : float
-        Mean length of a scan in seconds.
-    tau_s : float or None
-        The time constant that the integers give; None for an encoder without a leak.
-    """
+    """Event rates of one readout over a dataset."""
 
     population_rate_hz: float
+    """Events/s of the whole array, mean over all scans."""
     rate_std_hz: float
+    """Standard deviation of that rate over the scans."""
     events: int
+    """Events that count, all scans together."""
     clipped_samples: int
+    """Samples outside full scale, all scans together."""
     images: int
     scans: int
+    """Number of images, and of scans: one per image and start row."""
     scan_s: float
+    """Mean length of a scan in seconds."""
     tau_s: float | None
+    """The time constant that the integers give; None for an encoder without a leak."""
 
 
 def measure_rates(
@@ -77,7 +66,6 @@ def measure_rates(
 
     Parameters
     ----------
-    dataset : Dataset
     scan : Scan
         Preset, from ``eskin.skin.textures.presets.preset``.
     config : ReadoutConfig
@@ -117,16 +105,11 @@ def measure_rates(
 
 
 class Image(NamedTuple):
-    """A texture image in the form sent to a worker process.
-
-    Attributes
-    ----------
-    name : str
-    pixels : uint8 array, shape (height, width)
-    """
+    """A texture image in the form sent to a worker process."""
 
     name: str
     pixels: NDArray[np.uint8]
+    """Shape (height, width)."""
 
 
 def _rates_of(
@@ -139,24 +122,16 @@ def _rates_of(
 
 @dataclass(frozen=True, eq=False)
 class Scanned:
-    """Events of one scan of one image, encoded without contention.
-
-    Attributes
-    ----------
-    counts : int64 array, shape (configurations, taxels)
-        Events that count, of every configuration and taxel.
-    clipped : int
-        Samples outside full scale.
-    seconds : float
-        Length of the scan.
-    signals : float64 array, shape (ticks, taxels)
-        Output of the sensors in full scale.
-    """
+    """Events of one scan of one image, encoded without contention."""
 
     counts: NDArray[np.int64]
+    """Events that count, of every configuration and taxel. Shape (configurations, taxels)."""
     clipped: int
+    """Samples outside full scale."""
     seconds: float
+    """Length of the scan."""
     signals: Signals
+    """Output of the sensors in full scale. Shape (ticks, taxels)."""
 
 
 def scan_image(image: Image, scan: Scan, configs: Sequence[ReadoutConfig], start_row: float = 0.0) -> Scanned:
@@ -164,8 +139,6 @@ def scan_image(image: Image, scan: Scan, configs: Sequence[ReadoutConfig], start
 
     Parameters
     ----------
-    image : Image
-    scan : Scan
     configs : sequence of ReadoutConfig
         From ``scan.configure``; of one array, sample rate and number of bits, since they share their samples.
     start_row : float
@@ -207,10 +180,8 @@ def each_image(
 
     Parameters
     ----------
-    dataset : Dataset
     work : callable
         Takes an Image and the arguments.
-    arguments : tuple
     pool : WorkerPool, optional
         Who does the work, this process by default.
     progress : callable, optional

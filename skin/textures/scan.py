@@ -54,29 +54,21 @@ def quantise(signals: ArrayLike, sample_bits: int) -> tuple[NDArray[np.int32], i
 
 @dataclass(frozen=True, kw_only=True)
 class Scan(ABC):
-    """Base class of the scan presets: sensor model and pixel scale.
-
-    Parameters
-    ----------
-    sensor_numerator, sensor_denominator : tuple of float
-        Coefficients of the sensor's transfer function, highest power of s (rad/s) first:
-        1000 s / (s^2 + 1007 s + 7000), a POSFET with 7 rad/s high-pass and a pole at 1000 rad/s.
-    pixel_full_scale : float
-        Pixel value of 1.0 full scale: 2^8 for 8-bit images.
-    skin : (int, int) or None
-        Rows and columns of the skin that slides; by default those of the readout.
-    taxels : tuple of int
-        Taxels of ``skin`` (row * columns + column) that the inputs of the readout are wired to, in their order; empty:
-        all of them.
-    """
+    """Base class of the scan presets: sensor model and pixel scale."""
 
     name: ClassVar[Preset]
 
     sensor_numerator: tuple[float, ...] = (1000.0, 0.0)
     sensor_denominator: tuple[float, ...] = (1.0, 1007.0, 7000.0)
+    """Coefficients of the sensor's transfer function, highest power of s (rad/s) first: 1000 s / (s^2 + 1007 s + 7000),
+    a POSFET with 7 rad/s high-pass and a pole at 1000 rad/s."""
     pixel_full_scale: float = 256.0
+    """Pixel value of 1.0 full scale: 2^8 for 8-bit images."""
     skin: tuple[int, int] | None = None
+    """Rows and columns of the skin that slides; by default those of the readout."""
     taxels: tuple[int, ...] = ()
+    """Taxels of ``skin`` (row * columns + column) that the inputs of the readout are wired to, in their order; empty:
+    all of them."""
 
     def __post_init__(self) -> None:
         self._check_wiring()

@@ -40,61 +40,40 @@ HOT_HZ = 1000.0
 
 @dataclass(frozen=True, kw_only=True)
 class Disturbance:
-    """A disturbance with its test strengths.
-
-    Attributes
-    ----------
-    unit, help : str
-    level : str
-        Level that it changes.
-    strengths : tuple of float
-        Strengths in rising order, without the clean scan.
-    apply : callable
-        (Draft, strength, Generator) -> None: changes the draft of a recording in place.
-    """
+    """A disturbance with its test strengths."""
 
     unit: str
     help: str
     level: Level
+    """Level that it changes."""
     strengths: tuple[float, ...]
+    """Strengths in rising order, without the clean scan."""
     apply: Callable[[Draft, float, Generator], None]
+    """(Draft, strength, Generator) -> None: changes the draft of a recording in place."""
 
 
 @dataclass
 class Draft:
-    """A scan under construction, from the scene to the events; disturbances change each stage.
-
-    Attributes
-    ----------
-    config : ReadoutConfig
-    scan : PhysicalScan
-    image : array, shape (height, width)
-    height : float
-        Position of the array on the image, from 0 (top) to 1; for vertical movements, from the left side.
-    quarter_turns : int
-        Direction of the movement, counter-clockwise from left to right.
-    signals : float64 array, shape (ticks, taxels)
-        Signals in full scales; one full scale is 1 V.
-    noise_v, offset_v : float
-        Noise of every comparator, rms per sample, and standard deviation of the comparators' offsets.
-    generator : Generator, optional
-        For the comparators.
-    events : Events
-    duration : int
-        Clocks.
-    """
+    """A scan under construction, from the scene to the events; disturbances change each stage."""
 
     config: ReadoutConfig
     scan: PhysicalScan
     image: NDArray[Any]
+    """Shape (height, width)."""
     height: float = 0.0
+    """Position of the array on the image, from 0 (top) to 1; for vertical movements, from the left side."""
     quarter_turns: int = 0
+    """Direction of the movement, counter-clockwise from left to right."""
     signals: Signals = field(default_factory=lambda: np.zeros((0, 0)))
+    """Signals in full scales; one full scale is 1 V. Shape (ticks, taxels)."""
     noise_v: float = 0.0
     offset_v: float = 0.0
+    """Noise of every comparator, rms per sample, and standard deviation of the comparators' offsets."""
     generator: Generator | None = None
+    """For the comparators."""
     events: Events = field(default_factory=lambda: np.zeros(0, EVENT_DTYPE))
     duration: int = 0
+    """Clocks."""
 
     @property
     def clock_hz(self) -> float:
@@ -156,8 +135,6 @@ def noisy(signals: Signals, noise_v: float, generator: Generator, pole: float | 
     Parameters
     ----------
     signals : float64 array, shape (ticks, taxels)
-    noise_v : float
-    generator : Generator
     pole : float, optional
         Its frequency by the sample rate.
     """
@@ -413,7 +390,6 @@ def record_disturbed(
         Same as for ``eskin.snn.data.record.record``; without a disturbance the events are equal.
     strengths : mapping
         Strength by name of DISTURBANCES.
-    generator : Generator
     height : float
         Position of the array on the texture, unless ``strengths`` give it.
     """

@@ -59,10 +59,7 @@ def stratified_folds(
 def matching(names: Sequence[str], pattern: str) -> NDArray[np.int64]:
     """Return the indices of the names that match a pattern with ``*``, ``?`` and ``[...]``.
 
-    Raises
-    ------
-    InputError
-        If no name or every name fits.
+    Raise InputError if no name or every name fits.
     """
     fits = np.array([fnmatch.fnmatchcase(name, pattern) for name in names])
     if not fits.any() or fits.all():
@@ -74,10 +71,7 @@ def matching(names: Sequence[str], pattern: str) -> NDArray[np.int64]:
 def tested(data: ScanData, folds: int, fold_seed: int, patterns: Sequence[str]) -> list[NDArray[np.int64]]:
     """Return the test images of each fold, chosen by name patterns or stratified by class.
 
-    Raises
-    ------
-    InputError
-        If the patterns do not name every image exactly once.
+    Raise InputError if the patterns do not name every image exactly once.
     """
     if not patterns:
         return stratified_folds(data.image_labels, folds, fold_seed, data.class_names)

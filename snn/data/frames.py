@@ -58,11 +58,8 @@ def frames_of_recordings(folder: Path, frames: FrameSteps) -> ScanData:
 
     Frame k is the newest sample at k / rate, as a converter that samples and holds gives it.
 
-    Raises
-    ------
-    InputError
-        If the folder has no samples, the frames are faster than the samples or have more bits, or a recording is
-        shorter than a step.
+    Raise InputError if the folder has no samples, the frames are faster than the samples or have more bits, or a
+    recording is shorter than a step.
     """
     codes, sample_rate_hz = signals_of(folder)
     events, own = load_recordings(folder, BinConfig(bin_s=frames.step_s)), own_readout(folder)
@@ -118,7 +115,6 @@ def values_of(frames: FrameSteps, codes: NDArray[np.int32]) -> NDArray[Any]:
 
     Parameters
     ----------
-    frames : FrameSteps
     codes : int32 array, shape (frames, taxels)
         Signed; full scale is 2**(bits - 1).
 

@@ -80,12 +80,10 @@ def record_dataset(
     ----------
     dataset, scan, config
         ``config`` from ``scan.configure``.
-    bins : BinConfig
     start_rows : sequence of float
         Image rows of the array's top edge, in pixels; only 0 in the ``paper`` preset.
     progress : callable, optional
         Called after each scan.
-    variant : str
     """
     recordings = []
     for texture in dataset:

@@ -18,12 +18,7 @@ from eskin.skin.recordings.trained_on import OwnReadout
 
 
 class EventFile(NamedTuple):
-    """An event file, and the folder to which its name is relative.
-
-    Attributes
-    ----------
-    path, root : Path
-    """
+    """An event file, and the folder to which its name is relative."""
 
     path: Path
     root: Path
@@ -43,10 +38,7 @@ class EventFile(NamedTuple):
 def event_files(paths: Iterable[Path]) -> list[EventFile]:
     """Return the given event files and those below the given folders, without duplicates, ordered by name.
 
-    Raises
-    ------
-    InputError
-        If a path does not exist, or a folder contains no event files.
+    Raise InputError if a path does not exist, or a folder contains no event files.
     """
     found: list[EventFile] = []
     for path in paths:
@@ -97,7 +89,6 @@ def read_recordings(
 
     Parameters
     ----------
-    files : sequence of EventFile
     classes : sequence of str, optional
         A folder that is none of these is no class.
     progress : callable, optional

@@ -37,36 +37,25 @@ CLOCKS_HZ = (1e3, 1e10)
 
 @dataclass(frozen=True, kw_only=True)
 class Precision:
-    """Bit widths of an integer network, and the clock of its hardware.
-
-    Parameters
-    ----------
-    in_bits, rec_bits, out_bits, bias_bits : int
-    decay_bits : int or None
-        A decay becomes the nearest multiple of 2**-decay_bits, which costs an adder for every 1 or two in it; None:
-        the nearest 1 - 2**-k, which is a shift, or 8 bits in a network with synaptic currents.
-    threshold_bits : int
-        The potential's unit is a weight of 1 divided by a power of two, such that the threshold has at least this many
-        bits. The leak is rounded to this unit.
-    membrane_bits, output_bits : int or None
-        Bits of the potentials; None for as many as they can ever need.
-    lanes : int
-    clock_hz : float
-    narrow : bool
-        Without ``membrane_bits``: let hidden potentials saturate as in ``ClassifierConfig.narrow_bits``.
-    """
+    """Bit widths of an integer network, and the clock of its hardware."""
 
     in_bits: int = 8
     rec_bits: int = 8
     out_bits: int = 8
     bias_bits: int = 9
     decay_bits: int | None = None
+    """A decay becomes the nearest multiple of 2**-decay_bits, which costs an adder for every 1 or two in it; None: the
+    nearest 1 - 2**-k, which is a shift, or 8 bits in a network with synaptic currents."""
     threshold_bits: int = 8
+    """The potential's unit is a weight of 1 divided by a power of two, such that the threshold has at least this many
+    bits. The leak is rounded to this unit."""
     membrane_bits: int | None = None
     output_bits: int | None = None
+    """Bits of the potentials; None for as many as they can ever need."""
     lanes: int = 16
     clock_hz: float = 50e6
     narrow: bool = False
+    """Without ``membrane_bits``: let hidden potentials saturate as in ``ClassifierConfig.narrow_bits``."""
 
     def __post_init__(self) -> None:
         for name, (low, high) in {"threshold_bits": (2, 16), "bias_bits": (2, 16)}.items():
@@ -99,10 +88,7 @@ def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
     The input scale is folded into the input weights. Every matrix uses the step with the smallest error, including
     clipping; the steps of input and recurrence differ by a power of two.
 
-    Raises
-    ------
-    InputError
-        If the network is none that the hardware has.
+    Raise InputError if the network is none that the hardware has.
     """
     network = weights.network
     if not isinstance(network, SpikingNetwork):
@@ -187,10 +173,7 @@ def _check(network: SpikingNetwork, arrays: dict[str, NDArray[np.float64]]) -> N
 def _leak(decays: NDArray[np.float64], name: str, bits: int | None) -> tuple[Leak, dict[str, float]]:
     """Return the realisable leak closest to a decay, with both decays.
 
-    Raises
-    ------
-    InputError
-        If neurons have decays of their own.
+    Raise InputError if neurons have decays of their own.
     """
     if decays.max() - decays.min() > 1e-6:
         raise InputError(

@@ -39,10 +39,7 @@ def to_nir_data(recording: Recording) -> nir.NIRGraphData:
     Indices are channels, row * columns + column, plus the number of taxels for OFF; times are in seconds, in the
     order of the recording.
 
-    Raises
-    ------
-    InputError
-        If the recording lasts longer than 2**51 clocks.
+    Raise InputError if the recording lasts longer than 2**51 clocks.
     """
     if recording.duration_clocks > MOST_CLOCKS:
         raise InputError(f"the recording has {recording.duration_clocks} clocks, more than 2**51; split it")
@@ -156,10 +153,7 @@ def save_nir_data(path: Path, recording: Recording, bins: BinConfig | None = Non
 def load_nir_data(path: Path) -> Recording:
     """Return the recording from a NIRData file that contains events.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is damaged, or has another content.
+    Raise InputError if the file cannot be read, is damaged, or has another content.
     """
     content = read_hdf5(path, "NIRData; convert its event file again")
     try:

@@ -62,10 +62,7 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
     Metadata contain everything that NIR cannot express: ``floor`` and ``reset`` of every neuron, ``raw_decay`` for
     learned decays, and in the graph ``dt``, ``output_scale`` and, as JSON, all of ``NetworkConfig``.
 
-    Raises
-    ------
-    InputError
-        If the network is a baseline for frames.
+    Raise InputError if the network is a baseline for frames.
     """
     network, config = weights.network, config_of(weights.network)
     if not isinstance(network, SpikingNetwork):
@@ -121,10 +118,7 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
 def save_nir(path: Path | str, weights: Weights) -> None:
     """Write a network as a NIR file (HDF5).
 
-    Raises
-    ------
-    InputError
-        If the name does not end in .nir, the network is a baseline, or the file cannot be written.
+    Raise InputError if the name does not end in .nir, the network is a baseline, or the file cannot be written.
     """
     path = Path(path)
     if path.suffix != ".nir":
@@ -174,7 +168,6 @@ def load_nir(
 
     Parameters
     ----------
-    path : Path
     step_s : float, optional
         Seconds per time step, required if the file's metadata have no ``dt``.
     class_names : sequence of str, optional

@@ -23,17 +23,6 @@ class LevelCrossing:
     A callable without state, so that it can be pickled, shared by the workers of a ``DataLoader`` and put into a
     ``torchvision`` ``Compose``. No gradient flows through it.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-        Encoder and its parameters. With ``decide_every="sample"`` a taxel sends at most one event per sample, and the
-        values are -1, 0 and 1; with ``"clock"`` they are counts, since several levels may be crossed in one sample.
-    off_spike : bool
-        OFF events count; else they are left out, as in ``spikegen.delta``.
-    polarity : bool
-        ON and OFF in channels of their own, shape (time, 2, ...), ON first as in the network's channels; else OFF
-        events are negative, in the shape of the signals.
-
     Raises
     ------
     InputError
@@ -52,8 +41,13 @@ class LevelCrossing:
     """
 
     config: ReadoutConfig
+    """Encoder and its parameters. With ``decide_every="sample"`` a taxel sends at most one event per sample, and the
+    values are -1, 0 and 1; with ``"clock"`` they are counts, since several levels may be crossed in one sample."""
     off_spike: bool = True
+    """OFF events count; else they are left out, as in ``spikegen.delta``."""
     polarity: bool = False
+    """ON and OFF in channels of their own, shape (time, 2, ...), ON first as in the network's channels; else OFF events
+    are negative, in the shape of the signals."""
 
     def __post_init__(self) -> None:
         if self.polarity and not self.config.has_polarity:

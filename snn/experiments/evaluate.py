@@ -42,10 +42,7 @@ def bin_recordings(recordings: Sequence[Recording], trained: Trained) -> ScanDat
 
     A recording needs no class for that; the label of one without is meaningless.
 
-    Raises
-    ------
-    InputError
-        If a class is unknown, a recording is empty, or array or encoding are not the network's.
+    Raise InputError if a class is unknown, a recording is empty, or array or encoding are not the network's.
     """
     classes = trained.weights.class_names
     complete = [
@@ -72,30 +69,20 @@ def without_unknown_class(recording: Recording, trained: Trained) -> Recording:
 
 @dataclass
 class Check:
-    """Result of comparing RTL recordings with the model.
-
-    Attributes
-    ----------
-    compared : list of int
-        Indices of the compared RTL recordings.
-    events : int
-        Their events.
-    different : dict of LEVELS to list of int
-        Recordings that differ.
-    first : str
-        First difference in words, empty without differences.
-    where : int
-        The recording of the first difference.
-    logits : shape (recordings, classes)
-        Logits from the model's spikes, if compared.
-    """
+    """Result of comparing RTL recordings with the model."""
 
     compared: list[int]
+    """Indices of the compared RTL recordings."""
     events: int
+    """Number of events of the compared recordings."""
     different: dict[str, list[int]]
+    """Recordings that differ, by level of LEVELS."""
     logits: NDArray[np.float32]
+    """Logits from the model's spikes, if compared. Shape (recordings, classes)."""
     first: str = ""
+    """First difference in words, empty without differences."""
     where: int = -1
+    """The recording of the first difference."""
 
     @property
     def passed(self) -> bool:
@@ -123,7 +110,6 @@ def check_model(
     ----------
     recordings, data, logits
         Recordings, and the results of ``bin_recordings`` and ``logits_of``.
-    trained : Trained
     places : Places, optional
         Locations of textures or recordings.
     progress : callable, optional
@@ -207,18 +193,12 @@ def _as_long(rtl: Recording, samples: NDArray[np.int32]) -> Recording:
 
 @dataclass(frozen=True)
 class Places:
-    """Folders of the textures and recordings that were the inputs of the RTL.
-
-    Attributes
-    ----------
-    dataset : str or None
-        Path of the textures, as for ``eskin.skin.textures.dataset.open_dataset``.
-    data : Path or None
-        Folder of own recordings.
-    """
+    """Folders of the textures and recordings that were the inputs of the RTL."""
 
     dataset: str | None = None
+    """Path of the textures, as for ``eskin.skin.textures.dataset.open_dataset``."""
     data: Path | None = None
+    """Folder of own recordings."""
 
 
 @dataclass(frozen=True)
@@ -282,18 +262,12 @@ def _counts(expected: Recording, bins: BinConfig, data: ScanData) -> NDArray[Any
 
 @dataclass(frozen=True)
 class Score:
-    """Number of correct predictions in a group of recordings.
-
-    Attributes
-    ----------
-    correct, total : int
-    confusion : shape (classes, classes)
-        Rows are the classes, columns the predictions.
-    """
+    """Number of correct predictions in a group of recordings."""
 
     correct: int
     total: int
     confusion: NDArray[np.int64]
+    """Rows are the classes, columns the predictions. Shape (classes, classes)."""
 
     @property
     def accuracy(self) -> float:
@@ -335,10 +309,7 @@ def integer_classes(
 def compare_integer(weights_file: Path, made: IntegerWeights) -> str:
     """Return a sentence with the accuracies of float and integer network on the test images.
 
-    Raises
-    ------
-    InputError
-        If no result of the training is beside the weights, or the training used frames.
+    Raise InputError if no result of the training is beside the weights, or the training used frames.
     """
     note = weights_file.parent / "result.json"
     if not note.exists():
@@ -364,9 +335,7 @@ def predictions(
 
     Parameters
     ----------
-    recordings : sequence of Recording
     logits : float32 array, shape (recordings, classes)
-    trained : Trained
     scores : dict of str to Score
         Result of ``scores``.
     check : Check, optional

@@ -101,7 +101,6 @@ def for_recordings(recipe: str, seconds: NDArray[np.float64], bin_s: float) -> d
 
     Parameters
     ----------
-    recipe : str
     seconds : float array, shape (recordings,)
     bin_s : float
         Seconds of a time step.

@@ -35,28 +35,18 @@ Case = tuple[str, float]
 
 @dataclass(frozen=True)
 class Subject:
-    """A trained network under test.
-
-    Attributes
-    ----------
-    network : str
-        Name shared by its folds and seeds: the parent folder of the training.
-    fold, seed : int
-    weights : Weights
-    experiment : Experiment
-    images : int array
-        Test images.
-    digest : str
-        Digest of the weight file.
-    """
+    """A trained network under test."""
 
     network: str
+    """Name shared by its folds and seeds: the parent folder of the training."""
     fold: int
     seed: int
     weights: Weights
     experiment: Experiment
     images: NDArray[np.int64]
+    """Test images."""
     digest: str
+    """Digest of the weight file."""
 
     @classmethod
     def load(cls, file: Path, scenes: bool = True) -> Subject:
@@ -93,8 +83,6 @@ def kept_cell(subject: Subject, out: Path, asked: dict[str, Any], make: Callable
 
     Parameters
     ----------
-    subject : Subject
-    out : Path
     asked : dict
         One request of the study.
     make : callable
@@ -122,10 +110,7 @@ def kept_cell(subject: Subject, out: Path, asked: dict[str, Any], make: Callable
 def cases(names: Sequence[str]) -> list[Case]:
     """Return the clean case, and all strengths of the named disturbances.
 
-    Raises
-    ------
-    InputError
-        If a disturbance is unknown. ``NAME=STRENGTH`` selects one strength.
+    Raise InputError if a disturbance is unknown. ``NAME=STRENGTH`` selects one strength.
     """
     found: list[Case] = [(CLEAN, 0.0)]
     for text in names:
@@ -166,10 +151,7 @@ def run_cells(
 ) -> list[dict[str, Any]]:
     """Return the test results of all networks in all cases; results stored in ``out`` are reused.
 
-    Raises
-    ------
-    InputError
-        If a file is of other weights, or damaged.
+    Raise InputError if a file is of other weights, or damaged.
     """
     found = []
     for case in chosen:

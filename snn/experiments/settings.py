@@ -68,10 +68,7 @@ def parse_points(text: str) -> list[tuple[str, str]]:
 
     The numbers are the resolution of an encoder, rate and bits of frames, or frames per step of a baseline.
 
-    Raises
-    ------
-    InputError
-        If the text is not a list of points separated by commas, or contains a point twice.
+    Raise InputError if the text is not a list of points separated by commas, or contains a point twice.
     """
     readouts = (*registry.NAMES, *BASELINES, *get_args(FrameKind))
     found = []
@@ -103,7 +100,6 @@ def experiment_of(
         A name of ``eskin.snn.experiments.recipes.RECIPES``.
     settings : mapping of str to object
         Fields of NetworkConfig and TrainConfig that replace those of the recipe.
-    epochs : int
     bins : BinConfig
         Time bins of events; their length is the step of frames.
     frames : str, optional

@@ -35,20 +35,13 @@ OnCell = Callable[["PointRun", "dict[str, Any] | None"], object]
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """One point of a sweep.
-
-    Attributes
-    ----------
-    name : str
-        Name of the point; empty for a single point.
-    experiment : Experiment
-    data : ScanData or None
-        Its scans, if they are there already; else they are made when its first cell is due.
-    """
+    """One point of a sweep."""
 
     name: str
+    """Name of the point; empty for a single point."""
     experiment: Experiment
     data: ScanData | None = None
+    """Its scans, if they are there already; else they are made when its first cell is due."""
 
     @property
     def readout(self) -> str:
@@ -304,7 +297,6 @@ def cross_validate(
 
     Parameters
     ----------
-    experiment : Experiment
     folder : Path
         Takes folder for a file per fold and seed, and the report.
     folds, seeds, fold_seed : int
@@ -349,7 +341,6 @@ def sweep(
 
     Parameters
     ----------
-    points : sequence of SweepPoint
     folder : Path
         Takes ``POINT/fold-F-seed-S.json``, ``POINT/result.json`` and ``sweep.json``, which is up to date after
         every cell.

@@ -31,31 +31,20 @@ TEST, TRAINING, OTHER = "test", "training", "other"
 
 @dataclass(frozen=True)
 class TrainingResult:
-    """Content of ``result.json`` written by ``eskin train``.
-
-    Attributes
-    ----------
-    experiment : Experiment
-    class_names : tuple of str
-    fold, folds : int
-    labels : list of int
-        Labels of the test images.
-    own : OwnReadout or None
-        Readout, if the data were a user's recordings.
-    predicted : list of int
-        Predictions for the test images; empty if the file has none.
-    tested : list of int or None
-        Test images, if selected by name instead of by fold.
-    """
+    """Content of ``result.json`` written by ``eskin train``."""
 
     experiment: Experiment
     class_names: tuple[str, ...]
     fold: int
     folds: int
     labels: list[int]
+    """Labels of the test images."""
     own: OwnReadout | None = None
+    """Readout, if the data were a user's recordings."""
     predicted: list[int] = field(default_factory=list)
+    """Predictions for the test images; empty if the file has none."""
     tested: list[int] | None = None
+    """Test images, if selected by name instead of by fold."""
 
     @property
     def right(self) -> list[bool]:
@@ -80,10 +69,7 @@ class TrainingResult:
 def read_result(path: Path, weights_file: Path, weights: Weights) -> TrainingResult:
     """Return the result of the training that produced given weights.
 
-    Raises
-    ------
-    InputError
-        If the file is damaged or something else, or belongs to other weights.
+    Raise InputError if the file is damaged or something else, or belongs to other weights.
     """
     try:
         content = read_json(path, "the result of the training", dict)
@@ -114,35 +100,23 @@ def read_result(path: Path, weights_file: Path, weights: Weights) -> TrainingRes
 
 @dataclass(frozen=True)
 class Trained:
-    """A network from a file, with the result of its training.
-
-    Attributes
-    ----------
-    weights : Weights
-    bins : BinConfig
-        Time bins of the training; without its result the defaults with the step of the weights.
-    parts : dict
-        TEST or TRAINING by image name; empty if unknown.
-    dataset : str or None
-        Name of the dataset of these images, or of the folder of own recordings; None of other event files.
-    unknown : str
-        Why ``parts`` is empty.
-    readout : ReadoutConfig or None
-        Readout of the training, if known.
-    own : OwnReadout or None
-        How own recordings of the training were taken.
-    of_recordings : bool
-        Whether the training took event files, not textures.
-    """
+    """A network from a file, with the result of its training."""
 
     weights: Weights
     bins: BinConfig
+    """Time bins of the training; without its result the defaults with the step of the weights."""
     parts: dict[str, str] = field(default_factory=dict)
+    """TEST or TRAINING by image name; empty if unknown."""
     dataset: str | None = None
+    """Name of the dataset of these images, or of the folder of own recordings; None of other event files."""
     unknown: str = ""
+    """Why ``parts`` is empty."""
     readout: ReadoutConfig | None = None
+    """Readout of the training, if known."""
     own: OwnReadout | None = None
+    """How own recordings of the training were taken."""
     of_recordings: bool = False
+    """Whether the training took event files, not textures."""
 
     def other_fields(self, config: ReadoutConfig) -> list[str]:
         """Return a text for each field in which a readout differs from the readout of the training."""
@@ -166,10 +140,7 @@ class Trained:
 def load_trained(path: Path) -> Trained:
     """Return the network from a weight file, with bins and folds from ``result.json`` beside it.
 
-    Raises
-    ------
-    InputError
-        If a file is missing or damaged, the two do not belong together, or the network takes frames.
+    Raise InputError if a file is missing or damaged, the two do not belong together, or the network takes frames.
     """
     weights = load_weights(path)
     note = path.parent / "result.json"
@@ -201,10 +172,7 @@ def load_test_scans(
 ) -> tuple[TrainingResult, ScanData, NDArray[np.int64]]:
     """Return ``result.json`` of a weight file, the scans of the training, and the test images.
 
-    Raises
-    ------
-    InputError
-        If the result or the images of the training are missing.
+    Raise InputError if the result or the images of the training are missing.
     """
     note = path.parent / "result.json"
     if not note.exists():

@@ -34,7 +34,6 @@ def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
 
     Parameters
     ----------
-    network : SpikingNetwork
     x : shape (steps, scans, inputs)
 
     Returns
@@ -60,18 +59,12 @@ def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
 
 @dataclass(frozen=True)
 class Places:
-    """Folders of the textures or recordings of a training.
-
-    Attributes
-    ----------
-    dataset : str or None
-        Path of the textures, if it differs from the training.
-    data : Path or None
-        Folder of own recordings.
-    """
+    """Folders of the textures or recordings of a training."""
 
     dataset: str | None = None
+    """Path of the textures, if it differs from the training."""
     data: Path | None = None
+    """Folder of own recordings."""
 
 
 def play(weights_file: Path, result_file: Path, places: Places | None = None, image: str | None = None) -> ScanToClass:
@@ -81,7 +74,6 @@ def play(weights_file: Path, result_file: Path, places: Places | None = None, im
     ----------
     weights_file, result_file : Path
         What ``eskin train`` wrote: the network, and the experiment that says how scans are made.
-    places : Places, optional
     image : str, optional
         Name of the texture or recording. By default the first image of the test fold that the result lists as correctly
         classified, else the first one.

@@ -42,21 +42,14 @@ class _Rule(ctypes.Structure):
 
 
 class Entries(NamedTuple):
-    """Non-zero entries of a matrix, row by row.
-
-    Attributes
-    ----------
-    first : int32 tensor, shape (rows + 1,)
-        Entries of row r are ``first[r] .. first[r + 1]``.
-    column : int32 tensor
-        Column of each entry; may be longer than the number of entries.
-    value : float32 tensor or None
-        Values; None if all are 1.
-    """
+    """Non-zero entries of a matrix, row by row."""
 
     first: Tensor
+    """Entries of row r are ``first[r] .. first[r + 1]``. Shape (rows + 1,)."""
     column: Tensor
+    """Column of each entry; may be longer than the number of entries."""
     value: Tensor | None
+    """Values; None if all are 1."""
 
     @property
     def filled(self) -> int:

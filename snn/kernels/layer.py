@@ -50,7 +50,6 @@ def layer(
 
     Parameters
     ----------
-    rule : NeuronRule
     x : shape (steps, batch, inputs)
         Counts, spikes or any numbers.
     w_in : shape (neurons, inputs)

@@ -159,23 +159,15 @@ Step = Callable[[], object]
 
 @dataclass(frozen=True)
 class Point:
-    """A readout of selected taxels with a network.
-
-    Attributes
-    ----------
-    preset : str
-    network : str
-        A key of NETWORKS.
-    readout : str
-        ENCODER:RESOLUTION, or frames as in ``FrameSteps.parse``.
-    taxels : str
-        ``all``, or as in ``eskin.skin.textures.choice.choose``; ``ROWSxCOLUMNS:`` before it names another skin.
-    """
+    """A readout of selected taxels with a network."""
 
     preset: str
     network: str
+    """A key of NETWORKS."""
     readout: str
+    """ENCODER:RESOLUTION, or frames as in ``FrameSteps.parse``."""
     taxels: str = "all"
+    """``all``, or as in ``eskin.skin.textures.choice.choose``; ``ROWSxCOLUMNS:`` before it names another skin."""
 
     @classmethod
     def parse(cls, text: str) -> Point:

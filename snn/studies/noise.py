@@ -142,10 +142,7 @@ def under_noise(
 ) -> list[dict[str, Any]]:
     """Return the predictions of every network at every noise level; results stored in ``out`` are reused.
 
-    Raises
-    ------
-    InputError
-        If a file is of other weights or noises.
+    Raise InputError if a file is of other weights or noises.
     """
     asked = {"noises_v": list(noises_v)}
     return [kept_cell(one, out, asked, partial(_cell, one, noises_v, progress)) for one in subjects]
