@@ -27,7 +27,7 @@ from eskin.snn.data.record import Tick
 from eskin.snn.data.recordings import class_of
 from eskin.snn.data.scans import ScanData, collect
 from eskin.snn.exchange.weights import config_of, load_weights
-from eskin.snn.experiments.trained import OTHER, TEST, TRAINING, Trained, read_result
+from eskin.snn.experiments.trained import OTHER, TEST, TRAINING, Places, Trained, read_result
 from eskin.snn.train import check_fits, logits_of, predicted_classes
 
 LEVELS = ("events", "tensors", "logits", "predictions")
@@ -189,16 +189,6 @@ def _as_long(rtl: Recording, samples: NDArray[np.int32]) -> Recording:
     clocks = max(rtl.duration_clocks, len(samples) * config.clocks_per_sample)
     events = simulate(config, Stimulus.from_samples(config, samples, clocks=clocks))
     return Recording(events, config, clocks, metadata=rtl.metadata | {"source": "model"})
-
-
-@dataclass(frozen=True)
-class Places:
-    """Folders of the textures and recordings that were the inputs of the RTL."""
-
-    dataset: str | None = None
-    """Path of the textures, as for ``eskin.skin.textures.dataset.open_dataset``."""
-    data: Path | None = None
-    """Folder of own recordings."""
 
 
 @dataclass(frozen=True)

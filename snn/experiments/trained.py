@@ -30,6 +30,16 @@ TEST, TRAINING, OTHER = "test", "training", "other"
 
 
 @dataclass(frozen=True)
+class Places:
+    """Folders of the textures and recordings that were the inputs of a training or of the RTL."""
+
+    dataset: str | None = None
+    """Path of the textures, if it differs from the training."""
+    data: Path | None = None
+    """Folder of own recordings."""
+
+
+@dataclass(frozen=True)
 class TrainingResult:
     """Content of ``result.json`` written by ``eskin train``."""
 

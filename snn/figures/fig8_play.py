@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.record import record
 from eskin.snn.data.scans import collect
 from eskin.snn.exchange.weights import Weights, load_weights
-from eskin.snn.experiments.trained import TrainingResult, read_result
+from eskin.snn.experiments.trained import Places, TrainingResult, read_result
 from eskin.snn.kernels.layer import layer
 from eskin.snn.network import SpikingNetwork, synaptic
 
@@ -57,31 +56,15 @@ def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
     return spikes, parts.cumsum(0) * config.output_scale
 
 
-@dataclass(frozen=True)
-class Places:
-    """Folders of the textures or recordings of a training."""
-
-    dataset: str | None = None
-    """Path of the textures, if it differs from the training."""
-    data: Path | None = None
-    """Folder of own recordings."""
-
-
 def play(weights_file: Path, result_file: Path, places: Places | None = None, image: str | None = None) -> ScanToClass:
     """Return the response of a network to a scan of its dataset or to a user's recording.
 
-    Parameters
-    ----------
-    weights_file, result_file : Path
-        What ``eskin train`` wrote: the network, and the experiment that says how scans are made.
-    image : str, optional
-        Name of the texture or recording. By default the first image of the test fold that the result lists as correctly
-        classified, else the first one.
-
-    Raises
-    ------
-    InputError
-        If the two files do not belong together, or are not of a spiking network on textures or own recordings.
+    ``weights_file``, ``result_file``: what ``eskin train`` wrote: the network, and the experiment that says how scans
+    are made.
+    ``image``: name of the texture or recording. By default the first image of the test fold that the result lists as
+    correctly classified, else the first one.
+    Raise InputError if the two files do not belong together, or are not of a spiking network on textures or own
+    recordings.
     """
     weights, places = load_weights(weights_file), places or Places()
     if not result_file.is_file():

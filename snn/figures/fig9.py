@@ -47,9 +47,6 @@ RATES = "rates-"
 PUBLISHED_NAME = "published"
 
 
-# -- sweeps ------------------------------------------------------------------------------------------
-
-
 def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
     """Return the sweeps from files or folders; by default those of ``kept_sweeps`` and the latest one."""
     files = list(paths) or kept_sweeps() + ([LATEST] if LATEST.is_file() else [])
@@ -65,9 +62,6 @@ def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
 def kept_sweeps() -> list[Path]:
     """Return the paths of the project's sweeps, without those of the frontier."""
     return [path for path in sorted(KEPT.glob("*.json")) if not path.name.startswith(RATES)]
-
-
-# -- Fig. 9, data ------------------------------------------------------------------------------------
 
 
 def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
