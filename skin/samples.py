@@ -118,17 +118,9 @@ def _read_csv(path: Path, data: bytes) -> Samples:
 def cells_of(path: Path, lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
     """Return the cells of every line of a table; a cell in double quotes may contain the delimiter.
 
-    Parameters
-    ----------
-    path : Path
-        Name of the table, for messages.
-    delimiter : str or None
-        None: white space.
-
-    Raises
-    ------
-    InputError
-        If the csv module cannot read the lines.
+    ``path``: name of the table, for messages.
+    ``delimiter``: None for white space.
+    Raise InputError if the csv module cannot read the lines.
     """
     if delimiter is None:
         return [[cell.strip('"') for cell in line.split()] for line in lines]
@@ -172,9 +164,6 @@ def _check_values(path: Path, values: NDArray[Any]) -> None:
         raise InputError(f"{path} has {values[place]} at {list(place)}; replace what is not a finite number")
 
 
-# -- array size --------------------------------------------------------------------------------------
-
-
 def fit_array(values: NDArray[Any], rows: int, columns: int, size_given: bool) -> tuple[NDArray[Any], int, int]:
     """Return samples reshaped to (ticks, rows * columns), and the array size.
 
@@ -216,9 +205,6 @@ def _suggest_size(taxels: int) -> str:
         if taxels % rows == 0 and taxels // rows <= MAX_SIDE:
             return f"use --rows {rows} --columns {taxels // rows}, or another split of {taxels}"
     return f"no array of at most {MAX_SIDE} x {MAX_SIDE} has {taxels} taxels, so leave some out"
-
-
-# -- output ------------------------------------------------------------------------------------------
 
 
 def check_samples_path(path: Path) -> None:

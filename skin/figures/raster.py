@@ -116,12 +116,8 @@ def draw_signals(
 ) -> Figure:
     """Return a figure with one panel per signal above a raster of the events.
 
-    Parameters
-    ----------
-    signals : mapping of str to float array, shape (ticks, taxels)
-        Signals by panel name; same as for :func:`plot_signals`.
-    events, config, title, duration_clocks
-        Same as for :func:`plot_signals`.
+    ``signals``: shape (ticks, taxels); signals by panel name; same as for :func:`plot_signals`.
+    ``events``, ``config``, ``title``, ``duration_clocks``: same as for :func:`plot_signals`.
     """
     longest = max(signals.values(), key=len, default=None)
     end_ms = _end_ms(config, (events,), longest, duration_clocks)
@@ -133,9 +129,6 @@ def draw_signals(
     _legend(axes["raster0"], config, False)
     _label_time(axes, end_ms)
     return figure
-
-
-# -- panels ------------------------------------------------------------------------------------------
 
 
 def _end_ms(

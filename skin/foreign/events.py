@@ -221,9 +221,6 @@ def _clocks(time: NDArray[Any], start: float, unit: str, config: ReadoutConfig) 
     return clocks, int((np.abs(exact - clocks) > 1e-6 * np.maximum(1, np.abs(exact) * 2**-30)).sum())
 
 
-# -- back to other programs --------------------------------------------------------------------------
-
-
 def in_unit(recording: Recording, unit: str = "us") -> Events:
     """Return events with the fields t, x, y, p of event libraries such as tonic.
 

@@ -221,10 +221,7 @@ def _polarity(path: Path, column: NDArray[Any] | None, events: int) -> NDArray[n
 def write_events_table(path: Path, recording: Recording, unit: str) -> str:
     """Write events as .csv or structured .npy; return a warning about lost time resolution, or an empty text.
 
-    Parameters
-    ----------
-    unit : "us" or "clocks"
-        Unit of t since the end of reset; microseconds are rounded half to even.
+    ``unit``: "us" or "clocks". Unit of t since the end of reset; microseconds are rounded half to even.
     """
     events = in_unit(recording, unit)
     with atomic_write(path) as file:

@@ -104,16 +104,9 @@ class Dataset(Sequence[Texture]):
 def open_dataset(where: str | Path | None = None) -> Dataset:
     """Return the dataset at a path, or the first dataset found in the default places.
 
-    Parameters
-    ----------
-    where : str or Path, optional
-        A directory, or ``embedded``. By default ``$ESKIN_DATA`` (a directory, or ``embedded``), else ``data/kylberg``
-        or ``../shared/data/kylberg`` if present, else the embedded default.
-
-    Raises
-    ------
-    InputError
-        If a directory that was named does not exist, or a directory is not a dataset.
+    ``where``: A directory, or ``embedded``. By default ``$ESKIN_DATA`` (a directory, or ``embedded``), else
+    ``data/kylberg`` or ``../shared/data/kylberg`` if present, else the embedded default.
+    Raise InputError if a directory that was named does not exist, or a directory is not a dataset.
     """
     if where is not None and str(where):
         return _named_dataset(str(where), "dataset directory")
@@ -137,19 +130,13 @@ def _named_dataset(where: str, what: str) -> Dataset:
     return directory_dataset(Path(where))
 
 
-# -- a directory of class folders --------------------------------------------------------------------
-
-
 def directory_dataset(root: Path) -> Dataset:
     """Return the dataset of a directory with a folder per class, checked if it has a SHA256SUMS file.
 
     With that file every listed image must be there with the right sum, and no class folder or image may be
     there that it does not list. Names that start with a dot are ignored.
 
-    Parameters
-    ----------
-    root : Path
-        Directory with one folder of PNG files per class.
+    ``root``: directory with one folder of PNG files per class.
     """
     folders = sorted(p for p in root.iterdir() if p.is_dir() and not p.name.startswith("."))
     found = {
@@ -241,9 +228,6 @@ def read_gray_png(path: Path) -> NDArray[np.uint8]:
     if mode != "L":
         raise InputError(f"image {path} must be 8-bit gray, not {mode}; convert it to 8-bit gray (mode L) first")
     return np.ascontiguousarray(pixels, np.uint8)
-
-
-# -- the embedded default ----------------------------------------------------------------------------
 
 
 def embedded_dataset() -> Dataset:

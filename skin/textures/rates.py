@@ -137,12 +137,8 @@ class Scanned:
 def scan_image(image: Image, scan: Scan, configs: Sequence[ReadoutConfig], start_row: float = 0.0) -> Scanned:
     """Return the events of one scan of an image.
 
-    Parameters
-    ----------
-    configs : sequence of ReadoutConfig
-        From ``scan.configure``; of one array, sample rate and number of bits, since they share their samples.
-    start_row : float
-        Image row at which the array's row 0 slides.
+    ``configs``: from ``scan.configure``; of one array, sample rate and number of bits, since they share their samples.
+    ``start_row``: image row at which the array's row 0 slides.
     """
     from eskin.model.taxel import count_events
 

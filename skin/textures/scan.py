@@ -86,18 +86,12 @@ class Scan(ABC):
                 f"sensor_denominator must be of higher order than sensor_numerator, not {self.sensor_denominator}"
             )
 
-    # -- what a preset says ----------------------------------------------------------------------
-
     @abstractmethod
     def configure(self, config: ReadoutConfig, tau_s: float | None = None) -> ReadoutConfig:
         """Return the configuration with the fields that the preset prescribes.
 
-        Parameters
-        ----------
-        config : ReadoutConfig
-            Encoding, resolution, array and everything that the preset leaves open.
-        tau_s : float, optional
-            Time constant of a leak in seconds; by default that of ``config``.
+        ``config``: encoding, resolution, array and everything that the preset leaves open.
+        ``tau_s``: time constant of a leak in seconds; by default that of ``config``.
         """
 
     @abstractmethod
@@ -132,20 +126,14 @@ class Scan(ABC):
             If the image is not gray, not finite, or too small for the array.
         """
 
-    # -- common ----------------------------------------------------------------------------------
-
     def wired_to(self, skin: ReadoutConfig, taxels: Sequence[int]) -> tuple[Self, ReadoutConfig]:
         """Return the scan of a larger skin, and the readout connected to a selection of its taxels.
 
         The readout is an array of one column with as many rows as taxels. The other taxels of the skin have no
         converter.
 
-        Parameters
-        ----------
-        skin : ReadoutConfig
-            Readout of all taxels.
-        taxels : sequence of int
-            Each once: row * columns + column.
+        ``skin``: readout of all taxels.
+        ``taxels``: each once, as row * columns + column.
         """
         scan = dataclasses.replace(self, skin=(skin.rows, skin.columns), taxels=tuple(taxels))
         return scan, skin.replace(rows=len(taxels), columns=1)

@@ -132,11 +132,8 @@ def _slow_noise(draft: Draft, strength: float, generator: Generator) -> None:
 def noisy(signals: Signals, noise_v: float, generator: Generator, pole: float | None = None) -> Signals:
     """Return signals with additive noise of a given rms in full scales, white or low-pass filtered.
 
-    Parameters
-    ----------
-    signals : float64 array, shape (ticks, taxels)
-    pole : float, optional
-        Its frequency by the sample rate.
+    ``signals``: shape (ticks, taxels).
+    ``pole``: its frequency by the sample rate.
     """
     from scipy.signal import lfilter
 

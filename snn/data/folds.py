@@ -68,13 +68,13 @@ def matching(names: Sequence[str], pattern: str) -> NDArray[np.int64]:
     return np.flatnonzero(fits)
 
 
-def tested(data: ScanData, folds: int, fold_seed: int, patterns: Sequence[str]) -> list[NDArray[np.int64]]:
+def tested(data: ScanData, folds: int, patterns: Sequence[str]) -> list[NDArray[np.int64]]:
     """Return the test images of each fold, chosen by name patterns or stratified by class.
 
     Raise InputError if the patterns do not name every image exactly once.
     """
     if not patterns:
-        return stratified_folds(data.image_labels, folds, fold_seed, data.class_names)
+        return stratified_folds(data.image_labels, folds, class_names=data.class_names)
     found = [matching(data.names, pattern) for pattern in patterns]
     times = np.bincount(np.concatenate(found), minlength=len(data.names))
     if (wrong := np.flatnonzero(times != 1)).size:
@@ -83,10 +83,10 @@ def tested(data: ScanData, folds: int, fold_seed: int, patterns: Sequence[str]) 
     return found
 
 
-def check_folds(data: ScanData, folds: int, fold_seed: int, patterns: Sequence[str] = ()) -> None:
+def check_folds(data: ScanData, folds: int, patterns: Sequence[str] = ()) -> None:
     """Check that every class has enough images for all folds and their inner validation."""
     labels = data.image_labels
-    for fold, test in enumerate(tested(data, folds, fold_seed, patterns)):
+    for fold, test in enumerate(tested(data, folds, patterns)):
         left = np.bincount(labels) - np.bincount(labels[test], minlength=int(labels.max()) + 1)
         for label in np.unique(labels):
             if left[label] < INNER_FOLDS:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -123,32 +123,18 @@ class Split:
     """Images whose predictions are stored for the epoch selected by ``held_out``; they select nothing."""
 
 
-def load_recordings(
-    paths: Path | Iterable[Path], bins: BinConfig, class_names: Sequence[str] | None = None
-) -> ScanData:
-    """Return the event counts of event files.
+def load_recordings(folder: Path, bins: BinConfig, class_names: Sequence[str] | None = None) -> ScanData:
+    """Return the event counts of the event files in a folder, at any depth, ordered by name.
 
-    Parameters
-    ----------
-    paths : Path or iterable of Path
-        Event files, or a folder with event files at any depth, ordered by name.
-    class_names : sequence of str, optional
-        Classes in the order of the labels; by default those that occur, in alphabetical order. The class of a file
-        is in its metadata, else it is the name of its folder.
+    Raise InputError if there is no file, a file is damaged or empty, has no class or an unknown class, or the files
+    come from different readouts.
 
-    Raises
-    ------
-    InputError
-        If there is no file, a file is damaged or empty, has no class or an unknown class, or the files come from
-        different readouts.
+    ``class_names``: classes in the order of the labels; by default those that occur, in alphabetical order. The class
+    of a file is in its metadata, else it is the name of its folder.
     """
-    if isinstance(paths, Path):
-        if not paths.is_dir():
-            raise InputError(f"event folder {paths} does not exist; make one with eskin replay")
-        paths = [paths]
-    files = event_files(paths)
-    if not files:
-        raise InputError("the list of event files is empty; give at least one")
+    if not folder.is_dir():
+        raise InputError(f"event folder {folder} does not exist; make one with eskin replay")
+    files = event_files([folder])
     recordings = read_recordings(files)
     for file, recording in zip(files, recordings, strict=True):
         if class_of(recording) is None:

@@ -114,9 +114,6 @@ def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[
     return Recording(made, config, duration, metadata=metadata or {})
 
 
-# -- files -------------------------------------------------------------------------------------------
-
-
 def load_recording(path: Path) -> Recording:
     """Return the recording from an event file (.npz) or a NIRData file (.nir)."""
     if path.suffix == ".npz":

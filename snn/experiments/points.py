@@ -176,9 +176,6 @@ def _result(found: Any, reading: str, where: str) -> Result:
     return Result(**{field.name: found.get(field.name) for field in dataclasses.fields(Result)})
 
 
-# -- the file ----------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Sweep:
     """Content of a file written by ``eskin sweep``."""

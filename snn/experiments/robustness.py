@@ -81,17 +81,9 @@ class Subject:
 def kept_cell(subject: Subject, out: Path, asked: dict[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """Return the test results of a network, read from ``out`` or computed.
 
-    Parameters
-    ----------
-    asked : dict
-        One request of the study.
-    make : callable
-        Returns labels and answers.
-
-    Raises
-    ------
-    InputError
-        If the file is of other weights, or the study was asked for something else.
+    ``asked``: one request of the study.
+    ``make``: returns labels and answers.
+    Raise InputError if the file is of other weights, or the study was asked for something else.
     """
     path = out / f"{subject.network}-fold-{subject.fold}-seed-{subject.seed}.json"
     key = {"weights": subject.digest} | asked | {"images": subject.images.tolist()}

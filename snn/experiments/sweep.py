@@ -57,13 +57,11 @@ class SweepPoint:
     @property
     def bits_per_event(self) -> int:
         """Address and polarity bits of an event, or bits of a frame sample."""
-        frames, variant = self.experiment.frames, self.experiment.variant
-        one = {"": 0, "on": -1}[variant]  # ON events alone need no bit for the polarity
-        if frames is not None:
-            return frames.bits
         experiment = self.experiment
+        if experiment.frames is not None:
+            return experiment.frames.bits
         readout = experiment.scan_and_config()[1] if experiment.taxels else experiment.readout
-        return readout.event_bits + one
+        return readout.event_bits - (experiment.variant == "on")  # ON events alone need no bit for the polarity
 
 
 class PointRun:
@@ -74,7 +72,7 @@ class PointRun:
     point : SweepPoint
     folder : Path
         Takes one file per cell, and ``result.json`` when all are done; it is made here.
-    folds, seeds, fold_seed : int
+    folds, seeds : int
         Seeds are 0 .. seeds - 1.
 
     Attributes
@@ -92,13 +90,13 @@ class PointRun:
         If the folder contains other files in place of cells, or cells of another experiment.
     """
 
-    def __init__(self, point: SweepPoint, folder: Path, folds: int, seeds: int, fold_seed: int) -> None:
+    def __init__(self, point: SweepPoint, folder: Path, folds: int, seeds: int) -> None:
         if folds < 2:
             raise InputError(f"folds must be at least 2, not {folds}")
         if seeds < 1:
             raise InputError(f"seeds must be at least 1, not {seeds}")
         self.point, self.folder = point, folder
-        self.folds, self.seeds, self.fold_seed = folds, seeds, fold_seed
+        self.folds, self.seeds = folds, seeds
         self.paths = {(fold, s): folder / f"fold-{fold}-seed-{s}.json" for s in range(seeds) for fold in range(folds)}
         self.done: dict[tuple[int, int], dict[str, Any]] = {}
         self.report: dict[str, Any] | None = None
@@ -106,7 +104,7 @@ class PointRun:
         self.rate_hz: float | None = None
         self.coded_bps: dict[str, float] | None = None
         self._partial: tuple[int, dict[str, Any]] = (0, {})
-        self._key = point.experiment.to_dict() | {"folds": folds, "fold_seed": fold_seed}
+        self._key = point.experiment.to_dict() | {"folds": folds, "fold_seed": 0}
         self._found = {cell: read_cell(path) for cell, path in self.paths.items() if path.exists()}
         for cell, (key, _) in self._found.items():
             check_same(self.paths[cell], key, self._key)
@@ -127,7 +125,7 @@ class PointRun:
     def prepare(self, tick: Callable[[], object]) -> None:
         """Record the scans and read the stored results; ``tick`` is called after each scan."""
         data = self.point.experiment.data(tick) if self.point.data is None else self.point.data
-        check_folds(data, self.folds, self.fold_seed, self.point.experiment.tests)
+        check_folds(data, self.folds, self.point.experiment.tests)
         self._key["data"] = digest(data)
         for cell, (key, result) in self._found.items():
             check_same(self.paths[cell], key, self._key)
@@ -252,7 +250,7 @@ class _Flight:
     def submit(self, run: PointRun, fold: int, seed: int) -> None:
         """Submit a training to the worker pool."""
         assert run.shared is not None
-        cell = (run.point.experiment, fold, seed, run.folds, run.fold_seed)
+        cell = (run.point.experiment, fold, seed, run.folds)
         future = self._pool.submit(run_alone, *cell, shared=run.shared)
         self.cells += 1
         future.add_done_callback(lambda done: self._landed.put((run, fold, seed, done)))
@@ -288,7 +286,6 @@ def cross_validate(
     *,
     folds: int = 6,
     seeds: int = 3,
-    fold_seed: int = 0,
     workers: int | None = 1,
     data: ScanData | None = None,
     progress: Callable[[dict[str, Any]], object] | None = None,
@@ -299,7 +296,7 @@ def cross_validate(
     ----------
     folder : Path
         Takes folder for a file per fold and seed, and the report.
-    folds, seeds, fold_seed : int
+    folds, seeds : int
         Seeds are 0 .. seeds - 1.
     workers : int or None
         Processes of one thread each, by default as many as cores; the result does not depend on it.
@@ -313,7 +310,7 @@ def cross_validate(
     InputError
         If the folder contains cells of another experiment.
     """
-    run = PointRun(SweepPoint("", experiment, data), folder, folds, seeds, fold_seed)
+    run = PointRun(SweepPoint("", experiment, data), folder, folds, seeds)
 
     def show(_: PointRun, result: dict[str, Any] | None) -> None:
         if progress is not None:
@@ -333,7 +330,6 @@ def sweep(
     pool: WorkerPool,
     folds: int = 6,
     seeds: int = 3,
-    fold_seed: int = 0,
     command: str | None = None,
     progress: OnCell | None = None,
 ) -> list[PointSummary]:
@@ -346,7 +342,7 @@ def sweep(
         every cell.
     pool, progress
         Same as for ``run_points``; ``progress`` receives the names of the points.
-    folds, seeds, fold_seed : int
+    folds, seeds : int
         Seeds are 0 .. seeds - 1.
     command : str, optional
         Command stored in the summary.
@@ -359,7 +355,7 @@ def sweep(
     names = [point.name for point in points]
     if twice := [name for name in names if names.count(name) > 1]:
         raise InputError(f"point {twice[0]} is given twice; leave one out")
-    runs = [PointRun(point, folder / point.name, folds, seeds, fold_seed) for point in points]
+    runs = [PointRun(point, folder / point.name, folds, seeds) for point in points]
     check_file(folder / "sweep.json")
 
     def note(run: PointRun, result: dict[str, Any] | None) -> None:

@@ -142,9 +142,6 @@ def backward(
     return grad, grad_decay
 
 
-# -- library -----------------------------------------------------------------------------------------
-
-
 def _rule(rule: NeuronRule) -> Any:
     fields = _Rule(
         rule.floor,

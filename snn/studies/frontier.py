@@ -543,5 +543,10 @@ def _result(labels: str, words: list[str]) -> dict[str, Any]:
     }
 
 
+def _scans_digest(experiment: Experiment) -> str:
+    """Return a digest of an experiment without its network and training."""
+    return _digest(experiment.to_dict() | {"network": None, "train": None})
+
+
 def _digest(fields: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(plain(fields), sort_keys=True).encode()).hexdigest()[:12]

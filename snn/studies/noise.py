@@ -71,9 +71,6 @@ class Rates:
         return TaxelRates(self.population_hz * ones, self.square_sum_hz2 * ones)
 
 
-# -- scans with noise --------------------------------------------------------------------------------
-
-
 def noisy_scans(
     experiment: Experiment, images: Sequence[int], noises: Sequence[Noisy], progress: Callable[[], object]
 ) -> list[tuple[ScanData, Rates]]:
@@ -134,9 +131,6 @@ def _frame_data(
     )
 
 
-# -- networks ----------------------------------------------------------------------------------------
-
-
 def under_noise(
     subjects: Sequence[Subject], noises_v: Sequence[float], out: Path, progress: Callable[[], object]
 ) -> list[dict[str, Any]]:
@@ -167,9 +161,6 @@ def _cell(subject: Subject, noises_v: Sequence[float], progress: Callable[[], ob
         for noise, (scans, rates) in zip(noises, data, strict=True)
     ]
     return {"labels": data[0][0].labels.tolist(), "answers": answers}
-
-
-# -- accuracy, rate and power ------------------------------------------------------------------------
 
 
 def points_of(subjects: Sequence[Subject], cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

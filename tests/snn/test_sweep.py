@@ -106,7 +106,7 @@ def test_cells_of_other_scans_or_another_experiment_are_refused(tmp_path: Path) 
 
 def test_rates_of_the_summary_by_hand(tmp_path: Path) -> None:
     def summary(experiment: Experiment) -> dict[str, Any]:
-        run = PointRun(SweepPoint("x", experiment, easy_data()), tmp_path, 2, 1, 0)
+        run = PointRun(SweepPoint("x", experiment, easy_data()), tmp_path, 2, 1)
         assert run.summary().normalised_rate is None
         run.prepare(lambda: None)
         return dataclasses.asdict(run.summary())
