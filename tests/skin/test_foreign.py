@@ -28,9 +28,6 @@ def recording(config: ReadoutConfig = MICROSECONDS, events: int = 3000, last: in
     return Recording(made, config, ticks * config.clocks_per_sample)
 
 
-# -- AEDAT 4 -----------------------------------------------------------------------------------------
-
-
 def test_another_library_reads_our_aedat4_and_it_comes_back_whole(folder: Path, call: Call) -> None:
     aedat = pytest.importorskip("aedat", reason="the group exchange is not installed")
     ours = recording()
@@ -87,9 +84,6 @@ def test_a_camera_file_needs_a_map_and_takes_one(folder: Path, call: Call) -> No
     assert "50 events have an address that holes.csv does not map, the first is (101, 200) of event 1" in call(line)[2]
     assert not Path("h.npz").exists()
     assert "50 events without a taxel were left out" in call(f"{line} --drop-unmapped")[1]
-
-
-# -- tables ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", ["csv", "npy", "nir"])

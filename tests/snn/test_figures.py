@@ -26,7 +26,7 @@ from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.folds import stratified_folds
 from eskin.snn.data.record import record
 from eskin.snn.data.scans import collect
-from eskin.snn.exchange.weights import Weights, load_weights, save_weights
+from eskin.snn.exchange.weights import load_weights, save_weights
 from eskin.snn.experiments.crossval import summarise
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.points import LATER, READINGS, load_sweep, write_sweep
@@ -37,6 +37,7 @@ from eskin.snn.figures.confusion import confusion_data, draw_confusion
 from eskin.snn.figures.fig8_play import evidence, play
 from eskin.snn.network import SpikingNetwork, build
 from eskin.snn.network_config import NetworkConfig
+from tests.snn.helpers import some_weights
 
 # shared/physics.md, section 3: normalised data rate and accuracy in per cent.
 PUBLISHED = {
@@ -145,7 +146,7 @@ def chance_lines(figure: Figure, panel: int) -> list[Line2D]:
 
 
 def test_the_points_of_these_tests_have_what_a_sweep_writes(folder: Path) -> None:
-    written = dataclasses.asdict(PointRun(SweepPoint("lcs-4b", Experiment()), folder / "lcs-4b", 3, 2, 0).summary())
+    written = dataclasses.asdict(PointRun(SweepPoint("lcs-4b", Experiment()), folder / "lcs-4b", 3, 2).summary())
     for point in SWEEP["points"] + PHYSICAL["points"]:
         assert set(written) - set(LATER) <= set(point) <= set(written)
         assert set(point["cells"]) == set(written["cells"])
@@ -461,13 +462,10 @@ def trained(folder: Path, experiment: Experiment = EXPERIMENT, **fields: Any) ->
     """Write weights and result of a training without epochs; return the option for them."""
     taxels = experiment.readout.rows * experiment.readout.columns
     channels = 2 * taxels if experiment.readout.has_polarity else taxels
-    network = build(
-        NetworkConfig.from_dict(dict(inputs=channels, classes=3, hidden=32, decay=0.9, output_decay=0.9, **fields)),
-        seed=0,
-    )
-    folder.mkdir(exist_ok=True)
-    save_weights(folder / "weights.npz", Weights(network, ("brick", "grass", "gravel"), experiment.bins.bin_s))
     textures = open_dataset("embedded")
+    fields = {"inputs": channels, "hidden": 32, "decay": 0.9, "output_decay": 0.9} | fields
+    folder.mkdir(exist_ok=True)
+    save_weights(folder / "weights.npz", some_weights(textures.class_names, experiment.bins.bin_s, **fields))
     labels = textures.labels[stratified_folds(textures.labels, 6)[1]].tolist()
     result = {"experiment": experiment.to_dict(), "fold": 1, "folds": 6, "seed": 0}
     result |= {"class_names": list(textures.class_names), "labels": labels}

@@ -28,21 +28,16 @@ from eskin.snn.data.scans import Split
 from eskin.snn.exchange.integer import Precision
 from eskin.snn.exchange.nir_events import load_nir_data, save_nir_data
 from eskin.snn.exchange.nir_network import load_nir, save_nir
-from eskin.snn.exchange.weights import Weights, load_weights, save_weights
+from eskin.snn.exchange.weights import load_weights, save_weights
 from eskin.snn.experiments.crossval import read_cell
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.trained import read_result
-from eskin.snn.network import build
 from eskin.snn.network_config import NetworkConfig
 from eskin.snn.train import train
 from eskin.snn.training import DivergedError, TrainConfig
-from tests.snn.helpers import easy_data, small_network
+from tests.snn.helpers import easy_data, small_network, some_weights
 
 CLASSES = ("a", "b", "c")
-
-
-def some_weights(**fields: Any) -> Weights:
-    return Weights(build(NetworkConfig.from_dict({"inputs": 6, "classes": 3, "hidden": 5} | fields), 0), CLASSES, 0.002)
 
 
 def changed(path: Path, header: dict[str, Any] | None = None, **arrays: Any) -> Path:
@@ -305,7 +300,7 @@ def test_events_at_an_absurd_clock_are_converted_or_refused_in_one_sentence(call
 
 
 def test_export_of_an_absurd_time_step_is_one_sentence(refuses: Any, folder: Path) -> None:
-    save_weights(Path("w.npz"), Weights(some_weights(decay=0.5).network, CLASSES, 1e308))
+    save_weights(Path("w.npz"), some_weights(step_s=1e308, decay=0.5))
     refuses("gives time constants that NIR cannot store", "export w.npz -o w.nir")
 
 
@@ -332,7 +327,7 @@ def test_a_name_is_shown_and_not_obeyed() -> None:
 
 def test_commands_and_errors_print_names_safely(call: Any, folder: Path) -> None:
     evil = "sand\x1b]0;title\x07"
-    save_weights(Path("w.npz"), Weights(some_weights(inputs=4, readout="membrane").network, (evil, "b", "c"), 1e-5))
+    save_weights(Path("w.npz"), some_weights((evil, "b", "c"), 1e-5, inputs=4, readout="membrane"))
     made = recording()
     Recording(made.events, made.config, 100, metadata={"name": evil, "class": evil}).save(Path("a.npz"))
     code, out, error = call("predict", "w.npz", "--events", "a.npz", "-o", "p.json")

@@ -57,28 +57,27 @@ def run(function: Any, rule: NeuronRule, values: dict[str, Tensor], **options: A
     return spikes.detach(), list(gradients)
 
 
+def check(function, rule: NeuronRule, values: dict[str, Tensor], rtol=1e-3, part=1e-4, atol=0.0, **options) -> Tensor:
+    """Compare spikes and gradients with plain autograd, to ``atol`` plus ``part`` of the largest; return the spikes."""
+    spikes, gradients = run(function, rule, values, **options)
+    expected, expected_gradients = run(layer_reference, rule, values)
+    assert torch.equal(spikes, expected)
+    for got, wanted in zip(gradients, expected_gradients, strict=True):
+        torch.testing.assert_close(got, wanted, rtol=rtol, atol=atol + part * float(wanted.abs().max()))
+    return spikes
+
+
 @pytest.mark.parametrize("rule", RULES, ids=str)
 def test_torch_path_equals_plain_autograd_in_double_precision(rule: NeuronRule) -> None:
     values = {name: value.double() for name, value in tensors(20, 3, 6, 11, 0.5).items()}
     values["decay"] = torch.linspace(0.5, 1.0, 11).double()
-    spikes, gradients = run(layer, rule, values)
-    expected, expected_gradients = run(layer_reference, rule, values)
-    assert torch.equal(spikes, expected)
-    assert 0.02 < spikes.mean() < 0.6
-    for got, wanted in zip(gradients, expected_gradients, strict=True):
-        torch.testing.assert_close(got, wanted, rtol=1e-10, atol=1e-10)
+    assert 0.02 < check(layer, rule, values, rtol=1e-10, part=0, atol=1e-10).mean() < 0.6
 
 
 @needs_kernel
 @pytest.mark.parametrize("rule", RULES, ids=str)
 def test_kernel_equals_plain_autograd(rule: NeuronRule) -> None:
-    values = tensors(20, 5, 12, 40, 0.2)
-    spikes, gradients = run(layer, rule, values, backend="kernel")
-    expected, expected_gradients = run(layer_reference, rule, values)
-    assert torch.equal(spikes, expected)
-    assert 0.02 < spikes.mean() < 0.6
-    for got, wanted in zip(gradients, expected_gradients, strict=True):
-        torch.testing.assert_close(got, wanted, rtol=1e-3, atol=1e-4 * float(wanted.abs().max()))
+    assert 0.02 < check(layer, rule, tensors(20, 5, 12, 40, 0.2), backend="kernel").mean() < 0.6
 
 
 @needs_kernel
@@ -94,12 +93,7 @@ def test_kernel_equals_plain_autograd(rule: NeuronRule) -> None:
     ],
 )
 def test_kernel_takes_any_size_and_density(steps: int, batch: int, inputs: int, neurons: int, density: float) -> None:
-    values = tensors(steps, batch, inputs, neurons, density)
-    spikes, gradients = run(layer, NeuronRule(), values, backend="kernel")
-    expected, expected_gradients = run(layer_reference, NeuronRule(), values)
-    assert torch.equal(spikes, expected)
-    for got, wanted in zip(gradients, expected_gradients, strict=True):
-        torch.testing.assert_close(got, wanted, rtol=1e-3, atol=1e-4 * float(wanted.abs().max()) + 1e-7)
+    check(layer, NeuronRule(), tensors(steps, batch, inputs, neurons, density), atol=1e-7, backend="kernel")
 
 
 @needs_kernel
@@ -108,11 +102,7 @@ def test_decays_and_layers_without_recurrence(backend: Backend) -> None:
     values = tensors(25, 4, 8, 20, 0.4)
     values["decay"] = torch.linspace(0.2, 0.99, 20)
     del values["w_rec"]
-    spikes, gradients = run(layer, NeuronRule(floor=-0.5), values, backend=backend)
-    expected, expected_gradients = run(layer_reference, NeuronRule(floor=-0.5), values)
-    assert torch.equal(spikes, expected)
-    for got, wanted in zip(gradients, expected_gradients, strict=True):
-        torch.testing.assert_close(got, wanted, rtol=1e-3, atol=1e-4 * float(wanted.abs().max()))
+    check(layer, NeuronRule(floor=-0.5), values, backend=backend)
 
 
 def test_a_kernel_that_cannot_take_a_sequence_refuses_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -187,9 +177,6 @@ def test_the_surrogate_of_the_paper_is_half_the_normal_density() -> None:
     v = torch.tensor([1.0, 1.5, 0.0])
     normal = torch.distributions.Normal(1.0, 0.5)
     torch.testing.assert_close(NeuronRule().slope(v), 0.5 * normal.log_prob(v).exp())
-
-
-# -- networks ----------------------------------------------------------------------------------------
 
 
 def test_the_default_network_is_that_of_the_paper() -> None:

@@ -19,8 +19,9 @@ from eskin.base.errors import InputError
 from eskin.snn.exchange.nir_network import from_nir, load_nir, save_nir, to_nir
 from eskin.snn.exchange.portable import lacks
 from eskin.snn.exchange.weights import Weights, load_weights, save_weights
-from eskin.snn.network import SpikingNetwork, build
+from eskin.snn.network import SpikingNetwork
 from eskin.snn.network_config import NetworkConfig
+from tests.snn.helpers import some_weights
 
 CLASSES = ("a", "b", "c")
 STEP_S = 0.002
@@ -36,16 +37,15 @@ VARIANTS: dict[str, dict[str, Any]] = {
 
 def made(**fields: Any) -> Weights:
     """Return a firing network with random biases and decays."""
-    network = build(NetworkConfig.from_dict(dict(inputs=6, classes=3, hidden=20, **fields)), seed=4)
-    assert isinstance(network, SpikingNetwork)
+    weights = some_weights(CLASSES, STEP_S, seed=4, hidden=20, **fields)
     generator = torch.Generator().manual_seed(1)
     with torch.no_grad():
-        for name, tensor in network.named_parameters():
+        for name, tensor in weights.network.named_parameters():
             if name.startswith(("b_", "raw_")):
                 tensor.add_(torch.randn(tensor.shape, generator=generator), alpha=0.1)
             else:
                 tensor.mul_(1.5)
-    return Weights(network, CLASSES, STEP_S)
+    return weights
 
 
 def scans() -> torch.Tensor:
@@ -311,13 +311,7 @@ def test_other_forms_and_broken_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="the graph is incomplete"):
         from_nir(graph, step_s=0.001)
     with pytest.raises(InputError, match=r"export it as \.npz"):
-        to_nir(
-            Weights(
-                build(NetworkConfig.from_dict({"inputs": 6, "classes": 3, "hidden": 5, "kind": "gru"}), seed=0),
-                CLASSES,
-                STEP_S,
-            )
-        )
+        to_nir(some_weights(kind="gru"))
     with pytest.raises(InputError, match=r"NIR files end in \.nir, net\.h5 does not"):
         save_nir(tmp_path / "net.h5", made())
     with pytest.raises(InputError, match="cannot read"):
@@ -414,9 +408,8 @@ def test_what_is_lacking_is_taken_away_one_after_the_other() -> None:
     ],
 )
 def test_wrong_commands_are_one_sentence_and_leave_nothing(refuses: Any, line: str, message: str) -> None:
-    gru = build(NetworkConfig.from_dict({"inputs": 6, "classes": 3, "hidden": 5, "kind": "gru"}), seed=0)
     save_weights(Path("w.npz"), made())
-    save_weights(Path("gru.npz"), Weights(gru, CLASSES, STEP_S))
+    save_weights(Path("gru.npz"), some_weights(kind="gru"))
     refuses(f"error: {message}", line)
 
 

@@ -146,9 +146,6 @@ def test_training_scans_are_disturbed_within_their_ranges_and_the_first_is_clean
     assert len({scan.tobytes() for scan in data.values}) == 6
 
 
-# -- cells -------------------------------------------------------------------------------------------
-
-
 def test_cells_are_kept_resumed_and_paired(call: Any, refuses: Any, folder: Path) -> None:
     two_textures(folder / "textures")
     small = "--dataset textures --folds 2 --epochs 1 --set hidden=8"
