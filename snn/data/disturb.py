@@ -32,7 +32,7 @@ Level = Literal["scene", "signals", "comparators", "events"]
 Generator = np.random.Generator
 
 SLOW_HZ = 97.0
-"""Bandwidth of an AFE that lets through what the textures have and no more (docs/results/power.md)."""
+"""Bandwidth of an AFE that passes only the frequencies of the textures (docs/results/power.md)."""
 
 HOT_HZ = 1000.0
 """Events per second of a hot taxel."""
@@ -74,10 +74,6 @@ class Draft:
     events: Events = field(default_factory=lambda: np.zeros(0, EVENT_DTYPE))
     duration: int = 0
     """Clocks."""
-
-    @property
-    def clock_hz(self) -> float:
-        return self.config.clock_hz
 
 
 # -- scene -------------------------------------------------------------------------------------------
@@ -225,7 +221,7 @@ def _dead(draft: Draft, strength: float, generator: Generator) -> None:
 
 def _hot(draft: Draft, strength: float, generator: Generator) -> None:
     hot = _some_taxels(draft, strength, generator)
-    number = generator.poisson(HOT_HZ * draft.duration / draft.clock_hz, len(hot))
+    number = generator.poisson(HOT_HZ * draft.duration / draft.config.clock_hz, len(hot))
     more = np.empty(int(number.sum()), EVENT_DTYPE)
     more["t"] = generator.integers(0, draft.duration, len(more))
     more["y"], more["x"] = np.divmod(np.repeat(hot, number), draft.config.columns)
@@ -239,19 +235,19 @@ def _lost(draft: Draft, strength: float, generator: Generator) -> None:
 
 def _jitter(draft: Draft, strength: float, generator: Generator) -> None:
     events = draft.events.copy()
-    moved = np.rint(generator.normal(0.0, strength * draft.clock_hz, len(events))).astype(np.int64)
+    moved = np.rint(generator.normal(0.0, strength * draft.config.clock_hz, len(events))).astype(np.int64)
     events["t"] = np.clip(events["t"] + moved, 0, draft.duration - 1)
     draft.events = _in_order(events)
 
 
 def _late(draft: Draft, strength: float, _: Generator) -> None:
-    events = draft.events[draft.events["t"] >= round(strength * draft.clock_hz)].copy()
-    events["t"] -= round(strength * draft.clock_hz)
+    events = draft.events[draft.events["t"] >= round(strength * draft.config.clock_hz)].copy()
+    events["t"] -= round(strength * draft.config.clock_hz)
     draft.events = events
 
 
 def _short(draft: Draft, strength: float, _: Generator) -> None:
-    draft.events = draft.events[draft.events["t"] < round(strength * draft.clock_hz)]
+    draft.events = draft.events[draft.events["t"] < round(strength * draft.config.clock_hz)]
 
 
 def _in_order(events: Events) -> Events:

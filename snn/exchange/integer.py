@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -58,14 +58,11 @@ class Precision:
     """Without ``membrane_bits``: let hidden potentials saturate as in ``ClassifierConfig.narrow_bits``."""
 
     def __post_init__(self) -> None:
-        for name, (low, high) in {"threshold_bits": (2, 16), "bias_bits": (2, 16)}.items():
-            if not low <= getattr(self, name) <= high:
-                raise InputError(f"{name} must be in {low}..{high}, not {getattr(self, name)}")
-        if self.decay_bits is not None and not 2 <= self.decay_bits <= LARGEST_SHIFT:
-            raise InputError(f"decay_bits must be in 2..{LARGEST_SHIFT}, not {self.decay_bits}")
-        for name in ("in_bits", "rec_bits", "out_bits"):
-            if not 2 <= getattr(self, name) <= 8:
-                raise InputError(f"{name} must be in 2..8, not {getattr(self, name)}")
+        most = {"threshold_bits": 16, "bias_bits": 16, "decay_bits": LARGEST_SHIFT}
+        for name, high in (most | dict.fromkeys(("in_bits", "rec_bits", "out_bits"), 8)).items():
+            value = getattr(self, name)
+            if value is not None and not 2 <= value <= high:
+                raise InputError(f"{name} must be in 2..{high}, not {value}")
         if not CLOCKS_HZ[0] <= self.clock_hz <= CLOCKS_HZ[1]:
             raise InputError(f"the clock must be in {CLOCKS_HZ[0]:g}..{CLOCKS_HZ[1]:g} hertz, not {self.clock_hz!r}")
 
@@ -79,7 +76,6 @@ class _Units:
     threshold: int
     bias: NDArray[np.int64]
     bias_shift: int
-    notes: dict[str, float] = field(default_factory=dict)
 
 
 def quantise(weights: Weights, precision: Precision) -> IntegerWeights:

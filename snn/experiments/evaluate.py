@@ -27,7 +27,7 @@ from eskin.snn.data.record import Tick
 from eskin.snn.data.recordings import class_of
 from eskin.snn.data.scans import ScanData, collect
 from eskin.snn.exchange.weights import config_of, load_weights
-from eskin.snn.experiments.trained import OTHER, TEST, TRAINING, Places, Trained, read_result
+from eskin.snn.experiments.trained import OTHER, TEST, TRAINING, Places, Trained, result_beside
 from eskin.snn.train import check_fits, logits_of, predicted_classes
 
 LEVELS = ("events", "tensors", "logits", "predictions")
@@ -106,6 +106,8 @@ def check_model(
 ) -> Check:
     """Compare every RTL recording with the model: events, counts, logits and prediction.
 
+    Raise InputError if a recording does not name its scan, or its texture is missing.
+
     Parameters
     ----------
     recordings, data, logits
@@ -114,11 +116,6 @@ def check_model(
         Locations of textures or recordings.
     progress : callable, optional
         Called after each comparison.
-
-    Raises
-    ------
-    InputError
-        If a recording does not name its scan, or its texture is missing.
     """
     compared = [number for number, recording in enumerate(recordings) if recording.metadata.get("source") == "rtl"]
     check = Check(compared, 0, {level: [] for level in LEVELS}, logits.copy())
@@ -301,11 +298,10 @@ def compare_integer(weights_file: Path, made: IntegerWeights) -> str:
 
     Raise InputError if no result of the training is beside the weights, or the training used frames.
     """
-    note = weights_file.parent / "result.json"
-    if not note.exists():
-        raise InputError(f"--accuracy needs the result.json of the training beside {weights_file.name}")
     weights = load_weights(weights_file)
-    result = read_result(note, weights_file, weights)
+    result = result_beside(weights_file, weights)
+    if result is None:
+        raise InputError(f"--accuracy needs the result.json of the training beside {weights_file.name}")
     data = result.experiment.data()
     images = result.test_images(data.image_labels)
     labels = data.image_labels[images]

@@ -108,6 +108,16 @@ def read_result(path: Path, weights_file: Path, weights: Weights) -> TrainingRes
     return result
 
 
+def result_beside(path: Path, weights: Weights) -> TrainingResult | None:
+    """Return the result of the training beside a weight file, or None without one."""
+    note = path.parent / "result.json"
+    return read_result(note, path, weights) if note.exists() else None
+
+
+def _missing(path: Path) -> str:
+    return f"result.json of the training is missing beside {path.name}"
+
+
 @dataclass(frozen=True)
 class Trained:
     """A network from a file, with the result of its training."""
@@ -120,7 +130,7 @@ class Trained:
     dataset: str | None = None
     """Name of the dataset of these images, or of the folder of own recordings; None of other event files."""
     unknown: str = ""
-    """Why ``parts`` is empty."""
+    """Reason why ``parts`` is empty."""
     readout: ReadoutConfig | None = None
     """Readout of the training, if known."""
     own: OwnReadout | None = None
@@ -153,11 +163,9 @@ def load_trained(path: Path) -> Trained:
     Raise InputError if a file is missing or damaged, the two do not belong together, or the network takes frames.
     """
     weights = load_weights(path)
-    note = path.parent / "result.json"
-    if not note.exists():
-        bins = BinConfig(bin_s=weights.step_s)
-        return Trained(weights, bins, unknown=f"{note.name} of the training is missing beside {path.name}")
-    result = read_result(note, path, weights)
+    result = result_beside(path, weights)
+    if result is None:
+        return Trained(weights, BinConfig(bin_s=weights.step_s), unknown=_missing(path))
     experiment = result.experiment
     if experiment.frames is not None:
         raise InputError(f"{path} was trained on frames and cannot classify events; train it without --frames")
@@ -184,10 +192,9 @@ def load_test_scans(
 
     Raise InputError if the result or the images of the training are missing.
     """
-    note = path.parent / "result.json"
-    if not note.exists():
-        raise InputError(f"{note.name} of the training is missing beside {path.name}")
-    result = read_result(note, path, weights)
+    result = result_beside(path, weights)
+    if result is None:
+        raise InputError(_missing(path))
     data = result.experiment.data(progress)
     if data.class_names != result.class_names:
         raise InputError("the images differ from those of the training; give its textures with --dataset")
@@ -227,10 +234,9 @@ def said_of_training(path: Path, weights: Weights) -> dict[str, Any]:
         predicted class number of every image outside
         the training, by name; and ``recordings``: how a user's recordings were prepared.
     """
-    note = path.parent / "result.json"
-    if not note.exists():
+    result = result_beside(path, weights)
+    if result is None:
         return {}
-    result = read_result(note, path, weights)
     experiment = result.experiment
     names, labels, dataset = _images_of(experiment, result.class_names, result.own is not None)
     if experiment.events is not None:

@@ -20,11 +20,11 @@ from eskin.model.events.recording import Recording
 from eskin.power.equations import CORRECTIONS, FloatArray, PowerModel, TaxelRates
 from eskin.power.parameters import PowerParameters
 from eskin.power.readouts import Readout, equations_of
-from eskin.skin.textures.dataset import Texture, open_dataset
+from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.scan import Scan, quantise
 from eskin.snn.data.bins import counted_from
 from eskin.snn.data.disturb import SLOW_HZ, noisy
-from eskin.snn.data.frames import sampled_config, values_of
+from eskin.snn.data.frames import frame_data, sampled_config, values_of
 from eskin.snn.data.record import said_of
 from eskin.snn.data.scans import ScanData, collect
 from eskin.snn.exchange.weights import config_of
@@ -90,10 +90,10 @@ def noisy_scans(
         progress()
     if frames is None:
         return [(collect(kept, experiment.bins, dataset.class_names), rates_of(kept)) for kept in found]
-    rate_hz = frames.rate_hz * config.taxels
     textures = [dataset[int(image)] for image in images]
-    made = (_frame_data(experiment, textures, np.stack(kept), dataset.class_names, rate_hz) for kept in found)
-    return [(data, Rates(rate_hz, rate_hz**2 / config.taxels)) for data in made]
+    places = range(len(textures))
+    made = [frame_data(frames, textures, kept, places, dataset.class_names, config.taxels) for kept in found]
+    return [(data, Rates(data.rate_hz, data.rate_hz**2 / config.taxels)) for data in made]
 
 
 def recorded(config: Any, codes: NDArray[np.int32], metadata: dict[str, Any]) -> Recording:
@@ -113,22 +113,6 @@ def rates_of(recordings: Sequence[Recording]) -> Rates:
         of_taxels += np.bincount(taxel_of(events, config), minlength=config.taxels) / recording.duration_s
     of_taxels /= len(recordings)
     return Rates(float(of_taxels.sum()), float((of_taxels**2).sum()))
-
-
-def _frame_data(
-    experiment: Experiment, textures: Sequence[Texture], values: Any, classes: tuple[str, ...], rate_hz: float
-) -> ScanData:
-    assert experiment.frames is not None
-    return ScanData(
-        values=values,
-        labels=np.array([texture.label for texture in textures], np.int64),
-        images=np.arange(len(textures)),
-        names=tuple(texture.name for texture in textures),
-        class_names=classes,
-        taxels=experiment.readout.taxels,
-        step_s=experiment.frames.step_s,
-        rate_hz=rate_hz,
-    )
 
 
 def under_noise(
