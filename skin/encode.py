@@ -61,6 +61,8 @@ def encode_image(
 ) -> Encoded:
     """Return the events of an array that slides over an image.
 
+    Raise InputError if the image cannot be read or is too small.
+
     Parameters
     ----------
     path : Path
@@ -71,11 +73,6 @@ def encode_image(
     start_row : float
         Image row of the array's top edge, in pixels.
     model : "cycle" or "functional"
-
-    Raises
-    ------
-    InputError
-        If the image cannot be read or is too small.
     """
     from eskin.skin.textures.presets import preset
 
@@ -95,6 +92,9 @@ def encode_samples(
 ) -> Encoded:
     """Return the events encoded from a file of samples, resampled and scaled if time stamps or options require it.
 
+    Raise InputError if the file cannot be read, its rate is unknown, or a code or a value without ``scale`` is out of
+    range.
+
     Parameters
     ----------
     path : Path
@@ -104,11 +104,6 @@ def encode_samples(
     prepared : mapping of str to object, optional
         Fields of ``eskin.skin.recordings.options.Preparation`` that the user set.
     model : "cycle" or "functional"
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, its rate is unknown, or a code or a value without ``scale`` is out of range.
     """
     from eskin.skin.recordings.fitting import SLOW_HZ, with_clock, with_seconds
     from eskin.skin.textures.presets import quantise

@@ -167,6 +167,8 @@ def _check_values(path: Path, values: NDArray[Any]) -> None:
 def fit_array(values: NDArray[Any], rows: int, columns: int, size_given: bool) -> tuple[NDArray[Any], int, int]:
     """Return samples reshaped to (ticks, rows * columns), and the array size.
 
+    Raise InputError if the values do not fit the array; the text suggests a size.
+
     Parameters
     ----------
     values : array, shape (ticks, taxels) or (ticks, rows, columns)
@@ -174,11 +176,6 @@ def fit_array(values: NDArray[Any], rows: int, columns: int, size_given: bool) -
         Array size wanted.
     size_given : bool
         Whether the user chose it; if not, values of three dimensions bring their own.
-
-    Raises
-    ------
-    InputError
-        If the values do not fit the array; the text suggests a size.
     """
     shape = values.shape[1:]
     flat = values.reshape(len(values), -1)

@@ -12,14 +12,14 @@ from eskin.skin.recordings.statistics import statistics
 from eskin.snn.data.scans import ScanData
 
 PENALTY = 1.0
-"""Half of it times the sum of all squared weights is added to the loss, as in scikit-learn with C = 1."""
+"""Half of this number times the sum of all squared weights is added to the loss (scikit-learn: C = 1)."""
 
 WORSE = 0.01
-"""Part of the recordings by which a network may fall behind the statistics of its events before that is printed."""
+"""Accuracy that a network may lack, compared with statistics of its events, before the command prints a warning."""
 
 
 LEAST_RATE = 1e-3
-"""Events of a step that are added before a logarithm."""
+"""Events per step that are added before a logarithm."""
 
 
 def event_statistics(data: ScanData) -> NDArray[np.float64]:

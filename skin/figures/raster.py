@@ -38,6 +38,8 @@ def plot_comparison(
 ) -> None:
     """Plot two recordings of one readout above each other, with black rings around events that differ.
 
+    Raise InputError if the picture cannot be written.
+
     Parameters
     ----------
     pair : two arrays of EVENT_DTYPE, shape (events,)
@@ -56,11 +58,6 @@ def plot_comparison(
         The scanned part of the image, drawn at the top: the array passes its width in the duration.
     duration_clocks : int, optional
         End of the time axis; by default the last event or the last sample.
-
-    Raises
-    ------
-    InputError
-        If the picture cannot be written.
     """
     check_picture_path(path)
     end_ms = _end_ms(config, pair, signal, duration_clocks)

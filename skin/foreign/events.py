@@ -23,10 +23,10 @@ CLOCKS = "clocks"
 """A time stamp may also count clocks of the readout."""
 
 MOST_CLOCKS = 2**51
-"""Clocks that a time in seconds of 53 bits still names."""
+"""Largest number of clocks that a time in seconds of 53 bits distinguishes."""
 
 LATE_S = 86_400
-"""Where the first event is later than this, its times are those of a clock on the wall, not of a recording."""
+"""A first event later than this has the time of a wall clock, not of a recording."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +140,8 @@ def take(
 ) -> Taken:
     """Return the recording converted from foreign events.
 
+    Raise InputError if time falls, or addresses do not fit the readout.
+
     Parameters
     ----------
     events : ForeignEvents
@@ -155,11 +157,6 @@ def take(
         must be given if the first event is more than a day after 0.
     metadata : dict, optional
         Metadata of the recording.
-
-    Raises
-    ------
-    InputError
-        If time falls, or addresses do not fit the readout.
     """
     time = events.time
     if time.dtype.kind == "f" and not np.isfinite(time).all():

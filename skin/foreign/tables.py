@@ -26,13 +26,15 @@ NAMES = {
     "p": ("p", "pol", "polarity", "polarities", "on"),
     "address": ("address", "addr", "taxel", "channel", "neuron", "id"),
 }
-"""Names that columns go by; a unit may follow that of the time, as in ``t_us`` or ``time [ms]``."""
+"""Names of columns; the name of the time may end in a unit, as in ``t_us`` or ``time [ms]``."""
 
 _UNIT = re.compile(r"^(.*?)[\s_\[(]+(s|ms|us|µs|ns|clocks)[\])]?$")
 
 
 def read_events_table(path: Path, fields: Sequence[str] = (), unit: str | None = None) -> ForeignEvents:
     """Return the events from a table or an array file.
+
+    Raise InputError if the file cannot be read, a column is missing or doubtful, or a cell is no number.
 
     Parameters
     ----------
@@ -42,11 +44,6 @@ def read_events_table(path: Path, fields: Sequence[str] = (), unit: str | None =
         Meaning of each column, if the file has no names: t, x, y, p, address, or - for others.
     unit : str, optional
         Unit of the time; by default from the column's name, else s for decimal times and us for integers.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, a column is missing or doubtful, or a cell is no number.
     """
     columns, named_unit = _named(path, _columns(path), fields)
     for name in ("t", "p"):

@@ -25,7 +25,7 @@ EMBEDDED = "embedded"
 """The name that stands for the embedded default, wherever a directory can be given."""
 
 ENVIRONMENT_VARIABLE = "ESKIN_DATA"
-"""Names the dataset directory where no option does."""
+"""Environment variable with the dataset directory, for commands without the option."""
 
 SEARCHED = ("data/kylberg", "../shared/data/kylberg")
 """Directories searched last, relative to the repository root and to the working directory."""

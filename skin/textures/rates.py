@@ -64,6 +64,8 @@ def measure_rates(
 ) -> Rates:
     """Return the event rates of a readout over a dataset, measured without contention.
 
+    Raise InputError if the dataset is empty, or an image is damaged or too small.
+
     Parameters
     ----------
     scan : Scan
@@ -76,11 +78,6 @@ def measure_rates(
         Pool for the work, by default this process; without effect on the result.
     progress : callable, optional
         Called after each image.
-
-    Raises
-    ------
-    InputError
-        If the dataset is empty, or an image is damaged or too small.
     """
     if not start_rows:
         raise InputError("a rate needs at least one image and one start row; the list of start rows is empty")
@@ -156,7 +153,7 @@ def scan_image(image: Image, scan: Scan, configs: Sequence[ReadoutConfig], start
 
 
 Watch = Callable[[str, int], AbstractContextManager[Callable[[], object]]]
-"""Takes what is done and its number of pieces, and gives what to call after each, as ``eskin.base.progress.bar``."""
+"""Takes text and number of pieces, and yields the function to call after each piece (``eskin.base.progress.bar``)."""
 
 
 @contextmanager

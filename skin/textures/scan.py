@@ -106,6 +106,8 @@ class Scan(ABC):
     def signals(self, config: ReadoutConfig, image: ArrayLike, start_row: float = 0.0) -> Signals:
         """Return the sensor outputs at the sample ticks.
 
+        Raise InputError if the image is not gray, not finite, or too small for the array.
+
         Parameters
         ----------
         config : ReadoutConfig
@@ -119,11 +121,6 @@ class Scan(ABC):
         -------
         float64 array, shape (ticks, taxels)
             In units of full scale.
-
-        Raises
-        ------
-        InputError
-            If the image is not gray, not finite, or too small for the array.
         """
 
     def wired_to(self, skin: ReadoutConfig, taxels: Sequence[int]) -> tuple[Self, ReadoutConfig]:

@@ -20,7 +20,7 @@ from eskin.model.events.recording import Recording
 from eskin.skin.textures.presets import preset
 
 MOST_COUNTS = 2**28
-"""Counts of one recording, zeros and all, in memory."""
+"""Most counts of one recording in memory, including zeros."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,11 +32,11 @@ from eskin.skin.textures.presets import Scan
 from eskin.snn.data.scans import ScanData
 
 LIMIT_BYTES = 2**30
-"""Scans are kept up to this size together."""
+"""Largest size of all cached scans together."""
 
 _ARRAYS = ("values", "labels", "images")
 _ABANDONED_S = 3600.0
-"""Age of a half-written entry from which its writer is dead."""
+"""Age of a half-written entry from which its writer counts as dead."""
 
 
 def kept(key: str, make: Callable[[], ScanData]) -> ScanData:

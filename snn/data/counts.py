@@ -14,7 +14,7 @@ class Likeness:
     """Agreement of the event counts of two readouts, by taxel and bin."""
 
     correlation: float
-    """Pearson's, of the counts."""
+    """Pearson correlation of the counts."""
     ratio: float
     """Ratio of the events of the second readout to those of the first."""
 

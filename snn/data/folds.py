@@ -12,7 +12,7 @@ from eskin.base.errors import InputError
 from eskin.snn.data.scans import ScanData
 
 INNER_FOLDS = 5
-"""One of so many parts of the training images is the inner validation."""
+"""Number of parts of the training images, of which one is the inner validation."""
 
 
 def stratified_folds(
@@ -22,6 +22,8 @@ def stratified_folds(
 
     Remaining images of a class go to the folds with the fewest images.
 
+    Raise InputError if a class has fewer images than there are folds.
+
     Parameters
     ----------
     labels : shape (images,)
@@ -29,11 +31,6 @@ def stratified_folds(
         Equal seeds give equal folds.
     class_names : sequence of str, optional
         Names of the labels, for messages.
-
-    Raises
-    ------
-    InputError
-        If a class has fewer images than there are folds.
     """
     counts = np.bincount(labels)
     fewest = int(counts[counts > 0].min())

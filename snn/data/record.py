@@ -17,10 +17,10 @@ from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.scans import ScanData, collect
 
 Tick = Callable[[], object]
-"""Called after each scan or recording that is done."""
+"""Function that is called after each finished scan or recording."""
 
 Variant = Literal["", "on"]
-"""What is made of a readout's events: all of them, or ON events alone."""
+"""Events of a readout that are recorded: all of them, or only ON events."""
 
 
 def said_of(texture: Texture, dataset_name: str, scan: Scan) -> dict[str, Any]:

@@ -65,6 +65,8 @@ def to_nir_grid(recording: Recording, bins: BinConfig) -> nir.NIRGraphData:
 def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[str, Any] | None = None) -> Recording:
     """Return the recording for NIRData, the inverse of ``to_nir_data``.
 
+    Raise InputError if there are no such events, or events do not fit the readout.
+
     Parameters
     ----------
     data : NIRGraphData
@@ -73,11 +75,6 @@ def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[
         The readout; NIRData does not carry it.
     metadata : dict, optional
         Metadata of the recording.
-
-    Raises
-    ------
-    InputError
-        If there are no such events, or events do not fit the readout.
     """
     node = data.nodes.get(INPUT)
     events = node.observables.get(OBSERVABLE) if isinstance(node, nir.NIRNodeData) else None

@@ -166,6 +166,9 @@ def load_nir(
 ) -> Weights:
     """Return the network from a NIR file.
 
+    Raise InputError if the file cannot be read, is damaged, or contains a graph that the network cannot express; the
+    text names the node.
+
     Parameters
     ----------
     step_s : float, optional
@@ -174,12 +177,6 @@ def load_nir(
         Names of the outputs, by default those in the file, or else their numbers.
     reset : "zero" or "subtract", optional
         Effect of a spike on neurons whose metadata do not have it, zero by default: NIR has no reset by subtraction.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is damaged, or contains a graph that the network cannot express; the text names the
-        node.
     """
     data = read_hdf5(Path(path), "a NIR graph; export it again")
     try:

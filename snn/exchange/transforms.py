@@ -23,10 +23,7 @@ class LevelCrossing:
     A callable without state, so that it can be pickled, shared by the workers of a ``DataLoader`` and put into a
     ``torchvision`` ``Compose``. No gradient flows through it.
 
-    Raises
-    ------
-    InputError
-        If channels of polarity are wanted of N-LCS, which has no OFF events, or without them.
+    Raise InputError if channels of polarity are wanted of N-LCS, which has no OFF events, or without them.
 
     Examples
     --------
@@ -58,6 +55,8 @@ class LevelCrossing:
     def __call__(self, data: Tensor | NDArray[Any]) -> Tensor:
         """Return the event counts of each sample.
 
+        Raise InputError if the data are not floating-point, have no time dimension, hold NaN or do not fit the array.
+
         Parameters
         ----------
         data : floating-point tensor or array, shape (time, ...)
@@ -69,11 +68,6 @@ class LevelCrossing:
         -------
         Tensor, shape (time, ...) or (time, 2, ...)
             Type and device of the data.
-
-        Raises
-        ------
-        InputError
-            If the data are not floating-point, have no time dimension, hold NaN or do not fit the array.
         """
         tensor = torch.as_tensor(data)
         if not tensor.is_floating_point():

@@ -78,16 +78,16 @@ training; leaky variants whose outputs do not fire, ``skin`` for own recordings,
 (``for_recordings``); one that other libraries hold whole; and baselines for frames."""
 
 WINDOW_S = 5.0
-"""Length of the windows that are learned of long recordings, unless most are shorter."""
+"""Length of the training windows of long recordings, unless most recordings are shorter."""
 
 WHOLE_STEPS, LIKE = 512, 1.5
-"""Recordings are learned whole where none has more steps, and none is so many times as long as another."""
+"""Recordings of up to this many steps are learned whole, if none is this many times as long as another."""
 
 MOST_WINDOWS = 4
-"""Windows of a recording in an epoch at most."""
+"""Most windows of a recording in an epoch."""
 
 _BATCHES = 8
-"""Batches of an epoch at least, where there are so many scans: few steps teach little."""
+"""Least number of batches in an epoch, if there are enough scans: few steps teach little."""
 
 _LEAK, _OUTPUT_LEAK = 1 / 10, 4 / 10
 """Time constants of the neurons and of the outputs, as parts of a window."""

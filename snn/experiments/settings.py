@@ -94,6 +94,8 @@ def experiment_of(
 ) -> Experiment:
     """Return the experiment for a recipe.
 
+    Raise InputError if a name is unknown, or a field does not fit another.
+
     Parameters
     ----------
     recipe : str
@@ -106,11 +108,6 @@ def experiment_of(
         Frames instead of events, in the form of ``FrameSteps.parse``.
     **fields
         Other fields of Experiment; None means the default.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown, or a field does not fit another.
     """
     if recipe not in RECIPES:
         raise InputError(f"recipe must be one of {', '.join(RECIPES)}, not {recipe!r}")

@@ -27,10 +27,10 @@ from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.points import Cells, PointSummary, Result, write_sweep
 
 PUBLISHED_BPS = 640e3
-"""Data rate by which published ones are divided."""
+"""Data rate by which the paper divides its data rates."""
 
 OnCell = Callable[["PointRun", "dict[str, Any] | None"], object]
-"""Called with a point and the result of a cell; None: the point is being prepared, or was."""
+"""Function that takes a point and the result of a cell, or None before and after the scans of the point are made."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,8 @@ class SweepPoint:
 class PointRun:
     """The trainings of one sweep point: finished, missing, and their report.
 
+    Raise InputError if the folder contains other files in place of cells, or cells of another experiment.
+
     Parameters
     ----------
     point : SweepPoint
@@ -83,11 +85,6 @@ class PointRun:
         The content of ``result.json``.
     shared : Shared or None
         The scans, from ``prepare`` until all cells are done.
-
-    Raises
-    ------
-    InputError
-        If the folder contains other files in place of cells, or cells of another experiment.
     """
 
     def __init__(self, point: SweepPoint, folder: Path, folds: int, seeds: int) -> None:
@@ -194,6 +191,9 @@ class PointRun:
 def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell | None = None) -> None:
     """Run all missing trainings of sweep points; each result is stored immediately.
 
+    Raise InputError if a point has no scans or a cell cannot be trained. The running cells are finished first and their
+    results stored; no other cell starts.
+
     Parameters
     ----------
     runs : sequence of PointRun
@@ -203,12 +203,6 @@ def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell | No
     progress : callable, optional
         Called with a point and None before its scans are made, with None again when they are made and cells were
         found done, and with every cell that was run.
-
-    Raises
-    ------
-    InputError
-        If a point has no scans or a cell cannot be trained. The running cells are finished first and their results
-        stored; no other cell starts.
     """
     flight = _Flight(pool, progress or (lambda run, result: None))
     order = [(run, fold, seed) for seed in range(runs[0].seeds) for run in runs for fold in range(runs[0].folds)]
@@ -292,6 +286,8 @@ def cross_validate(
 ) -> dict[str, Any]:
     """Run the missing trainings of one sweep point, and write ``result.json``; return its content.
 
+    Raise InputError if the folder contains cells of another experiment.
+
     Parameters
     ----------
     folder : Path
@@ -304,11 +300,6 @@ def cross_validate(
         The scans of the experiment, if they are there already.
     progress : callable, optional
         Called with every cell, including existing ones.
-
-    Raises
-    ------
-    InputError
-        If the folder contains cells of another experiment.
     """
     run = PointRun(SweepPoint("", experiment, data), folder, folds, seeds)
 

@@ -24,7 +24,7 @@ from eskin.snn.studies.noise import recorded
 
 FINE_HZ = 100_000.0
 NEAR_S = 0.02
-"""A crossing further away than this is another one."""
+"""Largest time between a true crossing and the found one."""
 
 Crossings = dict[tuple[int, int, bool], NDArray[np.float64]]
 """Times in seconds by taxel, level and direction."""
