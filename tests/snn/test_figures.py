@@ -600,27 +600,19 @@ def test_fig8_refuses_what_does_not_belong_together(refuses: Any, folder: Path) 
     refuses("other.json is damaged or not the result of a training", "fig8", *options, "--result", "other.json")
 
     result = json.loads((folder / "train" / "result.json").read_text())
+    write_textures(folder / "cloth", ("cloth", "wool"))
+    others = "the images differ from those of the training; give its textures with --dataset"
     for change, sentence in (
         ({"bins": {"bin_s": 0.002}}, "other.json has other classes or time bins than"),
         ({"events": "replay"}, "is of a training on event files or frames; fig8 needs one on textures"),
         ({"dataset": str(folder / "cloth")}, "the textures are cloth, wool; give the textures of the training"),
         ({"readout": {"rows": 2, "columns": 2}}, "the network has 12 input channels, but the scans have 8"),
         ({"preset": "flat"}, "preset must be one of paper, physical, not 'flat'"),
-    ):
-        (folder / "other.json").write_text(json.dumps(result | {"experiment": result["experiment"] | change}))
-        write_textures(folder / "cloth", ("cloth", "wool"))
-        refuses(sentence, "fig8", *options, "--result", "other.json")
-    for change, sentence in (
         ({"class_names": ["a", "b", "c"]}, "other.json has other classes or time bins than"),
-        ({"fold": 6}, "other.json is damaged or not the result of a training"),
-        ({"fold": -1}, "other.json is damaged or not the result of a training"),
-        (
-            {"labels": [0, 1, 2]},
-            "the images differ from those of the training; give its textures with --dataset",
-        ),
-        ({"labels": 3}, "other.json is damaged or not the result of a training"),
+        ({"labels": [0, 1, 2]}, others),
     ):
-        (folder / "other.json").write_text(json.dumps(result | change))
+        nested = {"experiment": result["experiment"] | change} if set(change) <= set(result["experiment"]) else change
+        (folder / "other.json").write_text(json.dumps(result | nested))
         refuses(sentence, "fig8", *options, "--result", "other.json")
     refuses("holds a baseline for frames; fig8 needs a spiking network", "fig8",
             *trained(folder / "gru", kind="gru"))  # fmt: skip
