@@ -129,15 +129,8 @@ class SpikingNetwork(nn.Module):
     def _mean_membrane(self, s: Tensor, kept: Tensor, w_out: Tensor) -> Tensor:
         """Return the mean over time of leaky membranes, v <- decay v + current, shape (scans, classes).
 
-        A current counts in all later steps, with weights that depend on time alone. The spikes are therefore summed
-        over time before the product with ``w_out``.
-
-        Parameters
-        ----------
-        s : shape (steps, scans, hidden)
-        kept : shape (scans, hidden)
-            Factors of the spikes.
-        w_out : shape (classes, hidden)
+        A current counts in all later steps, with weights that depend on time alone. The spikes ``s`` (steps, scans,
+        hidden) are therefore summed over time before the product with ``w_out``; ``kept`` has their factors.
         """
         neurons = self.config.neurons
         _, decay = self.decays()

@@ -21,7 +21,7 @@ from eskin.power.equations import CORRECTIONS, FloatArray, PowerModel, TaxelRate
 from eskin.power.parameters import PowerParameters
 from eskin.power.readouts import Readout, equations_of
 from eskin.skin.textures.dataset import open_dataset
-from eskin.skin.textures.scan import Scan, quantise
+from eskin.skin.textures.scan import quantise
 from eskin.snn.data.bins import counted_from
 from eskin.snn.data.disturb import SLOW_HZ, noisy
 from eskin.snn.data.frames import frame_data, sampled_config, values_of
@@ -50,7 +50,7 @@ class Noisy:
     mode: Mode
     noise_v: float
 
-    def samples(self, scan: Scan, config: Any, signals: NDArray[np.float64], image: int) -> NDArray[np.int32]:
+    def samples(self, config: Any, signals: NDArray[np.float64], image: int) -> NDArray[np.int32]:
         """Return the codes of a scan with noise, equal for all networks with the same samples."""
         generator = np.random.default_rng([MODES.index(self.mode), round(1e7 * self.noise_v), image])
         pole_hz = POLE_HZ[self.mode]
@@ -84,7 +84,7 @@ def noisy_scans(
         texture = dataset[int(image)]
         signals = scan.signals(config, texture.load())
         for noise, kept in zip(noises, found, strict=True):
-            codes = noise.samples(scan, config, signals, int(image))
+            codes = noise.samples(config, signals, int(image))
             said = said_of(texture, dataset.name, scan)
             kept.append(values_of(frames, codes) if frames is not None else recorded(config, codes, said))
         progress()

@@ -19,7 +19,6 @@ from eskin.snn.data.scans import ScanData, Split
 from eskin.snn.exchange.nir_network import load_nir, save_nir
 from eskin.snn.exchange.weights import Weights, load_weights, save_weights
 from eskin.snn.experiments.settings import experiment_of
-from eskin.snn.network import SpikingNetwork
 from eskin.snn.studies.agreement import random_events
 from eskin.snn.train import predicted_classes, train
 from tests.snn.helpers import easy_data
@@ -69,7 +68,6 @@ def same(there: dict[str, Any], weights: Weights, x: torch.Tensor, node: str = "
     seen = hidden_spikes(there["net"], node)
     classes = there["classify"](there["net"], x).tolist()
     network = weights.network.eval()
-    assert isinstance(network, SpikingNetwork)
     with torch.no_grad():
         spikes, logits = network.spikes(x), network(x).logits
     assert torch.equal(torch.stack(seen), spikes)
@@ -120,10 +118,8 @@ def test_what_a_library_lacks_is_another_network_there(tmp_path: Path, monkeypat
     seen = hidden_spikes(found["net"])
     found["classify"](found["net"], x)
     network = weights.network
-    assert isinstance(network, SpikingNetwork)
     assert not torch.equal(torch.stack(seen), network.spikes(x))
     without = made(decay=0.5, output_decay=0.75, **NO_FLOOR).network
-    assert isinstance(without, SpikingNetwork)
     assert torch.equal(torch.stack(seen), without.spikes(x))
 
 

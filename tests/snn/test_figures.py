@@ -35,7 +35,7 @@ from eskin.snn.figures import fig9 as figures
 from eskin.snn.figures import fig9_plot as pictures
 from eskin.snn.figures.confusion import confusion_data, draw_confusion
 from eskin.snn.figures.fig8_play import evidence, play
-from eskin.snn.network import SpikingNetwork, build
+from eskin.snn.network import build
 from eskin.snn.network_config import NetworkConfig
 from tests.snn.helpers import some_weights
 
@@ -140,9 +140,6 @@ def chance_lines(figure: Figure, panel: int) -> list[Line2D]:
     """Return the horizontal lines across a panel."""
     lines = figure.axes[panel].lines
     return [line for line in lines if line.get_transform() == figure.axes[panel].get_yaxis_transform()]
-
-
-# -- Fig. 9 ------------------------------------------------------------------------------------------
 
 
 def test_the_points_of_these_tests_have_what_a_sweep_writes(folder: Path) -> None:
@@ -336,9 +333,6 @@ def test_fig9_names_sweeps_and_networks_in_words_and_the_rate_of_frames_in_every
         assert said is not (axes.get_title("left") in known)
 
 
-# -- confusion ---------------------------------------------------------------------------------------
-
-
 def test_confusion_of_the_best_finished_spiking_points(call: Any, files: list[str], folder: Path) -> None:
     assert call("fig9", *files)[0] == 0
     data = json.loads((folder / "out" / "confusion.json").read_text())
@@ -370,9 +364,6 @@ def test_confusion_of_a_named_point(call: Any, refuses: Any, files: list[str], f
     assert [point["class_names"] for point in points] == [CLASSES, ["a", "b", "c"]]
     assert points[1]["confusion"] == PHYSICAL["points"][0]["selected"]["confusion"]
     refuses("there is no point 'lcs-5b'; the points are lcs-4b, lcs-6b,", "fig9", *files, "--confusion", "lcs-5b")
-
-
-# -- bad sweeps --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -425,9 +416,6 @@ def test_other_bad_options_get_one_sentence(refuses: Any, files: list[str], fold
     refuses("reading must be one of last, selected, not 'best'", "fig9", *files, "--reading", "best")
 
 
-# -- Fig. 8 ------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     "fields",
     [
@@ -439,7 +427,6 @@ def test_other_bad_options_get_one_sentence(refuses: Any, files: list[str], fold
 )
 def test_the_evidence_ends_in_the_logits(fields: dict[str, Any]) -> None:
     network = build(NetworkConfig.from_dict(dict(inputs=8, classes=3, hidden=64, **fields)), seed=1).eval()
-    assert isinstance(network, SpikingNetwork)
     x = torch.from_numpy(np.random.default_rng(0).poisson(0.8, (40, 2, 8)).astype(np.float32))
     spikes, grown = evidence(network, x)
     assert spikes.sum() > 0

@@ -55,9 +55,6 @@ def recording(**fields: Any) -> Recording:
     return Recording(make_events([5, 90], [0, 0], [0, 1]), config, 100, metadata={"name": "a", "class": "sand"})
 
 
-# -- weights -----------------------------------------------------------------------------------------
-
-
 NETWORK = some_weights().network.config.to_dict()  # type: ignore[union-attr, operator]
 STEP = "the time step must be a positive number of seconds, not"
 NO_LIST = "class names must be a list of texts"
@@ -122,9 +119,6 @@ def test_an_archive_that_unpacks_to_more_than_memory_is_for_is_not_read(tmp_path
             read(path)
 
 
-# -- NIR ---------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("kind", ["external link", "soft link", "external storage", "virtual", "bomb", "circle"])
 @pytest.mark.parametrize("reader", [load_nir, load_nir_data])
 def test_a_nir_file_reads_no_other_file_and_no_more_than_it_may(tmp_path: Path, kind: str, reader: Any) -> None:
@@ -160,9 +154,6 @@ def test_a_nir_file_reads_no_other_file_and_no_more_than_it_may(tmp_path: Path, 
     with pytest.raises(InputError) as error:
         reader(path)
     assert sentence in str(error.value)
-
-
-# -- training ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("rate", ["1e30", "1e38", "1e300", "11", "0", "nan", "inf"])
@@ -215,8 +206,6 @@ def test_a_checkpoint_that_is_no_training_does_not_go_on(tmp_path: Path, change:
     with pytest.raises(InputError, match=r"^checkpoint .*c\.pt is damaged; remove it to start again$"):
         train(Split(data, range(21)), small_network(), TrainConfig(epochs=2), 0, checkpoint=Checkpoint(path))
 
-
-# -- results -----------------------------------------------------------------------------------------
 
 CELL = {"fold": 0, "seed": 0, "test_images": [0], "labels": [1], "last": [1], "selected": [0]}
 
@@ -282,9 +271,6 @@ def test_frames_per_step_is_a_whole_number(bad: Any) -> None:
         FrameSteps(frames_per_step=bad)
 
 
-# -- numbers beyond reason ---------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("rate", [1e-9, 1e12])  # the ends of what a configuration takes
 def test_events_at_an_absurd_clock_are_converted_or_refused_in_one_sentence(call: Any, rate: float) -> None:
     recording(sample_rate_hz=rate).save(Path("a.npz"))
@@ -315,9 +301,6 @@ def test_export_of_an_absurd_time_step_is_one_sentence(refuses: Any, folder: Pat
 def test_import_takes_a_name_for_each_class(refuses: Any, names: str, sentence: str) -> None:
     save_nir(Path("w.nir"), some_weights())
     refuses(f"error: w.nir: {sentence}", "import w.nir -o b.npz --classes", names)
-
-
-# -- names on a terminal -----------------------------------------------------------------------------
 
 
 def test_a_name_is_shown_and_not_obeyed() -> None:

@@ -181,7 +181,6 @@ def test_the_surrogate_of_the_paper_is_half_the_normal_density() -> None:
 
 def test_the_default_network_is_that_of_the_paper() -> None:
     network = build(NetworkConfig.from_dict({"inputs": 128, "classes": 6}), seed=1)
-    assert isinstance(network, SpikingNetwork)
     eye = network.w_rec @ network.w_rec.t()
     torch.testing.assert_close(eye, torch.eye(256), atol=1e-5, rtol=0)
     limit = (6 / (128 + 256)) ** 0.5
@@ -222,7 +221,6 @@ def test_every_variant_learns_on_every_parameter(variant: dict[str, Any]) -> Non
 def test_the_mean_membrane_and_its_gradients_are_those_of_a_loop(fields: dict[str, Any]) -> None:
     common = {"inputs": 5, "classes": 3, "hidden": 16, "readout": "membrane", "output_decay": 0.8, "dropout": 0.5}
     network = build(NetworkConfig.from_dict(common | fields), seed=0)
-    assert isinstance(network, SpikingNetwork)
     if "learn_decay" in fields:
         network.raw_output_decay.data += torch.tensor([-1.0, 0.0, 1.0])
     x = torch.poisson(torch.full((12, 2, 5), 1.0), generator=torch.Generator().manual_seed(0))

@@ -19,8 +19,6 @@ from eskin.base.errors import InputError
 from eskin.snn.exchange.nir_network import from_nir, load_nir, save_nir, to_nir
 from eskin.snn.exchange.portable import lacks
 from eskin.snn.exchange.weights import Weights, load_weights, save_weights
-from eskin.snn.network import SpikingNetwork
-from eskin.snn.network_config import NetworkConfig
 from tests.snn.helpers import some_weights
 
 CLASSES = ("a", "b", "c")
@@ -95,9 +93,6 @@ def run(graph: nir.NIRGraph, x: NDArray[Any], floors: bool = True) -> dict[str, 
     return {name: np.array(values) for name, values in found.items()}
 
 
-# -- networks ----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", VARIANTS)
 def test_the_file_alone_gives_the_spikes_and_predictions(tmp_path: Path, name: str) -> None:
     weights, x = made(**VARIANTS[name]), scans()
@@ -105,7 +100,6 @@ def test_the_file_alone_gives_the_spikes_and_predictions(tmp_path: Path, name: s
     graph = nir.read(tmp_path / "net.nir")
     found = run(graph, x.numpy())
     network = weights.network.eval()
-    assert isinstance(network, SpikingNetwork)
     with torch.no_grad():
         spikes, logits = network.spikes(x).numpy(), network(x).logits.numpy()
     assert 0.05 < spikes.mean() < 0.9
@@ -140,7 +134,6 @@ def test_a_network_comes_back_bit_exact(tmp_path: Path, name: str) -> None:
 def test_learned_decays_may_reach_their_ends(tmp_path: Path) -> None:
     weights = made(**VARIANTS["learned"])
     network = weights.network
-    assert isinstance(network, SpikingNetwork)
     with torch.no_grad():
         network.raw_decay[:2] = torch.tensor([60.0, -200.0])
     assert network.decays()[0][:2].tolist() == [1.0, 0.0]
@@ -221,7 +214,6 @@ def test_a_graph_of_another_program_is_run_as_it_says(tmp_path: Path) -> None:
     assert 0.02 < hidden.mean() < 0.9
     assert output.sum() > 20
     network = loaded.network.eval()
-    assert isinstance(network, SpikingNetwork)
     np.testing.assert_array_equal(network.spikes(x).detach().numpy(), hidden)
     np.testing.assert_array_equal(network(x).logits.detach().numpy(), output.sum(0))
     assert (loaded.class_names, loaded.step_s) == (("x", "y"), 0.001)
@@ -233,7 +225,6 @@ def test_leaks_that_differ_come_in_as_learned_ones_that_began_as_the_first() -> 
     lif = nir.LIF(tau=tau, r=np.full(5, 3.0), v_leak=np.zeros(5), v_threshold=np.ones(5))
     leaky = nir.LIF(tau=np.full(2, 0.02), r=np.full(2, 0.5), v_leak=np.zeros(2), v_threshold=np.ones(2))
     network = from_nir(foreign(lif1=lif, if2=leaky), step_s=0.001).network
-    assert isinstance(network, SpikingNetwork)
     np.testing.assert_allclose(network.decays()[0].detach().numpy(), 1 - 0.001 / tau, rtol=1e-6)
     neurons = network.config.neurons
     assert (neurons.learn_decay, neurons.decay, neurons.output_decay) == (True, pytest.approx(0.9), pytest.approx(0.95))
@@ -349,9 +340,6 @@ def test_metadata_that_contradict_the_nodes_are_refused() -> None:
         from_nir(graph)
 
 
-# -- commands ----------------------------------------------------------------------------------------
-
-
 def test_networks_go_out_and_come_back(call: Any, folder: Path) -> None:
     weights, x = made(), scans()
     save_weights(Path("w.npz"), weights)
@@ -390,7 +378,6 @@ def test_what_is_lacking_is_taken_away_one_after_the_other() -> None:
     state = made(**VARIANTS["tuned"]).network.state_dict()
     for lack, readout in zip(found, ("membrane", "spikes"), strict=True):
         config = lack.network.config
-        assert isinstance(config, NetworkConfig)
         assert (config.neurons.rule.floor, config.neurons.readout) == (float("-inf"), readout)
         assert all(torch.equal(tensor, state[name]) for name, tensor in lack.network.state_dict().items())
 

@@ -75,9 +75,6 @@ def images_in(folder: Path) -> list[dict[str, Any]]:
     return json.loads((folder / "predictions.json").read_text())["images"]
 
 
-# -- predictions -------------------------------------------------------------------------------------
-
-
 def test_foreign_events_get_the_class_of_ours(tmp_path: Path, replayed: Path, predict: Call) -> None:
     """Check that microsecond time stamps keep every event in its bin of 10 ms."""
     pytest.importorskip("dv_processing", reason="the group exchange is not installed")
@@ -244,9 +241,6 @@ def test_a_readout_that_is_not_that_of_the_training_is_told(tmp_path: Path, repl
     assert predict("--events", replayed)[2] == ""
 
 
-# -- RTL against model -------------------------------------------------------------------------------
-
-
 def tampered(replayed: Path, folder: Path, **changes: Any) -> Path:
     """Copy the recordings with one changed; return the changed file."""
     shutil.copytree(replayed, folder)
@@ -396,9 +390,6 @@ def test_nothing_compared_is_a_failure(tmp_path: Path, replayed: Path, predict: 
     assert code == 0
     assert "1 recordings do not come from the RTL and were not compared" in output
     assert output.splitlines()[-1].startswith("6 of 6 recordings: same events")
-
-
-# -- bad input ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

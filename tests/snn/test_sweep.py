@@ -123,9 +123,6 @@ def test_rates_of_the_summary_by_hand(tmp_path: Path) -> None:
     assert (frame["readout"], frame["resolution"], frame["data_rate_bps"]) == ("frame", 10, 10_000)
 
 
-# -- the command -------------------------------------------------------------------------------------
-
-
 def command(folder: Path) -> list[str]:
     """Return the options of a small sweep over the embedded textures."""
     (folder / "small.json").write_text(json.dumps({"rows": 1, "columns": 2}))
@@ -231,9 +228,6 @@ def test_points_are_encoder_and_number() -> None:
         ("frame-diff", "62.5:8"),
     ]
     assert parse_points("lcs:6:on,nlcs-bipolar:04") == [("lcs", "6:on"), ("nlcs-bipolar", "4")]
-
-
-# -- a Dask cluster ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x", "tcp://127.0.0.1:port", "tcp:///"])

@@ -48,9 +48,6 @@ from tests.snn.helpers import CLASSES, easy_data, small_network
 ROOT = Path(__file__).parents[2]
 
 
-# -- training ----------------------------------------------------------------------------------------
-
-
 def test_a_network_learns_an_easy_task() -> None:
     data = easy_data()
     made = train(Split(data, range(21)), small_network(), TrainConfig(epochs=25, batch=8), seed=0)
@@ -191,9 +188,6 @@ def test_scans_of_another_array_are_refused() -> None:
         train(Split(easy_data(), range(21)), small_network(classes=6), TrainConfig(), 0)
 
 
-# -- cross-validation --------------------------------------------------------------------------------
-
-
 def test_folds_are_stratified_and_cover_every_image_once() -> None:
     labels = np.repeat(np.arange(6), 40)
     folds = stratified_folds(labels, 6)
@@ -259,9 +253,6 @@ def test_the_summary_of_two_cells_by_hand() -> None:
     assert found["wilson_95"] == wilson(2.5, 4)
     assert found["bootstrap_95"] == bootstrap(np.array([[1.0, 1.0], [1.0, 0.0], [0.0, 1.0], [1.0, 0.0]]))
     assert found["sd_over_cells"] == pytest.approx(np.std([1.0, 0.5, 0.5, 0.5], ddof=1))
-
-
-# -- commands ----------------------------------------------------------------------------------------
 
 
 def test_settings_become_fields() -> None:
