@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -81,6 +82,13 @@ class TrainConfig:
     def rate_at(self, epoch: int) -> float:
         """Return the learning rate of an epoch, counted from 0."""
         return self.learning_rate * (0.5 * (1 + math.cos(math.pi * epoch / self.epochs)) if self.cosine else 1.0)
+
+
+def parted(fields: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the fields of a network, and those of a training."""
+    known = hints_of(TrainConfig)
+    network = {name: value for name, value in fields.items() if name not in known}
+    return network, {name: value for name, value in fields.items() if name in known}
 
 
 @dataclass(frozen=True)

@@ -199,7 +199,9 @@ def _draw_events(panel: Axes, events: Events, config: ReadoutConfig, end_ms: flo
     time_ms = events["t"] * (1e3 / config.clock_hz)
     taxel = taxel_of(events, config)
     if len(events) <= _TICK_LIMIT:
-        _draw_ticks(panel, time_ms, taxel, events["p"])
+        for which, colour in ((events["p"], ON_COLOUR), (~events["p"], OFF_COLOUR)):
+            low, high = taxel[which] - 0.4, taxel[which] + 0.4
+            panel.vlines(time_ms[which], low, high, colors=colour, lw=0.9, rasterized=True)
     else:
         _draw_density(panel, time_ms, taxel, events["p"], config, end_ms)
     few = mark.sum() <= _RING_LIMIT
@@ -216,15 +218,6 @@ def _draw_events(panel: Axes, events: Events, config: ReadoutConfig, end_ms: flo
     panel.set_yticks(np.arange(0, config.rows, every) * config.columns)
     panel.set_ylim(config.taxels - 0.5, -0.5)
     panel.set_ylabel("taxel", fontsize=8)
-
-
-def _draw_ticks(
-    panel: Axes, time_ms: NDArray[np.floating[Any]], taxel: NDArray[np.int64], on: NDArray[np.bool_]
-) -> None:
-    """Draw every event as a separate tick."""
-    for which, colour in ((on, ON_COLOUR), (~on, OFF_COLOUR)):
-        at, line = time_ms[which], taxel[which]
-        panel.vlines(at, line - 0.4, line + 0.4, colors=colour, lw=0.9, rasterized=True)
 
 
 def _draw_density(

@@ -54,5 +54,4 @@ def _number(word: str) -> int:
 
 
 def _of(taxels: np.typing.ArrayLike) -> tuple[int, ...]:
-    found = sorted(int(taxel) for taxel in np.unique(taxels))
-    return tuple(found)
+    return tuple(np.unique(taxels).tolist())

@@ -23,9 +23,9 @@ from eskin.snn.data.frames import frame_dataset, frames_of_recordings
 from eskin.snn.data.record import Tick, Variant, record_dataset
 from eskin.snn.data.recordings import event_files, read_recordings
 from eskin.snn.data.scans import ScanData, load_recordings
-from eskin.snn.flat import hints_of, refuse_unknown
+from eskin.snn.flat import refuse_unknown
 from eskin.snn.network_config import FIELDS, HINTS, NetworkConfig
-from eskin.snn.training import TrainConfig
+from eskin.snn.training import TrainConfig, parted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,12 +125,10 @@ class Experiment:
 
         Raise InputError if a field is unknown or a value out of range.
         """
-        grid, of_training = self.grid or {}, hints_of(TrainConfig)
-        found = []
+        grid, found = self.grid or {}, []
         for values in itertools.product(*grid.values()):
             setting = dict(zip(grid, values, strict=True))
-            training = {name: value for name, value in setting.items() if name in of_training}
-            network = {name: value for name, value in setting.items() if name not in of_training}
+            network, training = parted(setting)
             train = TrainConfig.from_dict(self.train.to_dict() | training)
             made = dataclasses.replace(self, network=self.network | network, train=train, grid=None)
             found.append((setting, made if grid else self))

@@ -15,6 +15,17 @@ BASELINES = ("rnn", "gru", "cnn")
 
 _FRAMES: dict[str, Any] = {"input_rms": 1.0, "input_center": True, "cosine": True, "shift_steps": 10}
 
+_TUNED: dict[str, Any] = {
+    "input_rms": 2.0,
+    "decay": 0.8,
+    "output_decay": 0.95,
+    "readout": "membrane",
+    "dropout": 0.3,
+    "weight_decay": 0.01,
+    "cosine": True,
+    "shift_steps": 10,
+}
+
 RECIPES: dict[str, dict[str, Any]] = {
     "plain": {},
     "paper": {
@@ -25,16 +36,7 @@ RECIPES: dict[str, dict[str, Any]] = {
         "cosine": True,
         "shift_steps": 10,
     },
-    "tuned": {
-        "input_rms": 2.0,
-        "decay": 0.8,
-        "output_decay": 0.95,
-        "readout": "membrane",
-        "dropout": 0.3,
-        "weight_decay": 0.01,
-        "cosine": True,
-        "shift_steps": 10,
-    },
+    "tuned": _TUNED,
     "skin": {
         "hidden": 128,
         "input_rms": 2.0,
@@ -59,16 +61,7 @@ RECIPES: dict[str, dict[str, Any]] = {
         "cosine": True,
         "shift_steps": 10,
     },
-    "hardware": {
-        "input_rms": 2.0,
-        "decay": 0.75,
-        "output_decay": 0.9375,
-        "readout": "membrane",
-        "dropout": 0.3,
-        "weight_decay": 0.01,
-        "cosine": True,
-        "shift_steps": 10,
-    },
+    "hardware": _TUNED | {"decay": 0.75, "output_decay": 0.9375},
     "rnn": {"kind": "rnn", **_FRAMES},
     "gru": {"kind": "gru", "dropout": 0.3, "weight_decay": 0.01, **_FRAMES},
     "cnn": {"kind": "cnn", "dropout": 0.3, "weight_decay": 0.01, **_FRAMES},

@@ -13,7 +13,7 @@ from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.recipes import BASELINES, RECIPES
 from eskin.snn.flat import hints_of
 from eskin.snn.network_config import HINTS, NetworkConfig
-from eskin.snn.training import TrainConfig
+from eskin.snn.training import TrainConfig, parted
 
 VARIANTS = {encoder.name: ("", "on") if encoder.polarity else ("",) for encoder in registry.ENCODERS}
 """Variants of an encoder's events (``eskin.snn.data.record``), behind its resolution: lcs:6:on."""
@@ -115,13 +115,11 @@ def experiment_of(
     values = RECIPES[recipe]
     if steps is not None and steps.step_s > bins.bin_s:
         values = values | {"shift_steps": round(values.get("shift_steps", 0) * bins.bin_s / steps.step_s)}
-    values = values | dict(settings)
-    of_training = hints_of(TrainConfig)
-    training = {name: value for name, value in values.items() if name in of_training}
+    network, training = parted(values | dict(settings))
     return Experiment(
         frames=steps,
         bins=bins if steps is None else BinConfig(),
-        network={name: value for name, value in values.items() if name not in of_training},
+        network=network,
         train=TrainConfig.from_dict(training | {"epochs": epochs}),
         **{name: value for name, value in fields.items() if value is not None},
     )

@@ -46,18 +46,12 @@ SKIN = (8, 8)
 NOISE_V = 1e-3
 """AFE noise at which power is given: the middle one of the paper's Fig. 6."""
 
+_LEAKY = {"recipe": "tuned", "hidden": 128, "learning_rate": 3e-3}
+
 NETWORKS: dict[str, dict[str, dict[str, Any]]] = {
     "physical": {
-        "leaky": {"recipe": "tuned", "hidden": 128, "learning_rate": 3e-3},
-        "leaky-2ms": {
-            "recipe": "tuned",
-            "hidden": 128,
-            "learning_rate": 3e-3,
-            "bin_s": 0.002,
-            "shift_steps": 20,
-            "decay": 0.9,
-            "output_decay": 0.975,
-        },
+        "leaky": _LEAKY,
+        "leaky-2ms": _LEAKY | {"bin_s": 0.002, "shift_steps": 20, "decay": 0.9, "output_decay": 0.975},
         "convolutions": {"recipe": "cnn", "hidden": 128, "learning_rate": 3e-3},
         "paper": {"recipe": "paper"},
     },
