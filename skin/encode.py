@@ -128,7 +128,7 @@ def encode_samples(
         if scale is None:
             _check_full_scale(path, values, config)
         factor = _scale_factor(scale, values, config)
-        with np.errstate(over="ignore"):  # what overflows to infinity saturates, as all that is out of range
+        with np.errstate(over="ignore"):  # infinities from overflow saturate like other values out of range
             codes, clipped = quantise(values.astype(np.float64) * factor, config.sample_bits)
         metadata = {"input": "full scale", "scale": factor}
     if "clocks_per_sample" not in given and config.sample_rate_hz < SLOW_HZ:

@@ -150,7 +150,7 @@ def _draw_texture(panel: Axes, played: ScanToClass) -> None:
     halo = [withStroke(linewidth=4.5, foreground="white")]
     panel.add_patch(Rectangle((-0.5, -0.5), *way, fill=False, ec=_WAY, lw=2, path_effects=halo))
     panel.add_patch(Rectangle((-0.5, -0.5), across, down, fill=False, ec=_ARRAY, lw=2.5, path_effects=halo))
-    beside = 0.05 * min(width, height)  # what the array covers may be less than a line of the picture
+    beside = 0.05 * min(width, height)  # the array may be thinner than a line of the picture
     long, far = (width, down + beside) if rightwards else (height, across + beside)
     ends = ((0.02 * long, far), (0.97 * long, far))
     start, end = ends if rightwards else tuple((y, x) for x, y in ends)

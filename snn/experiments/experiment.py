@@ -199,7 +199,7 @@ class Experiment:
     def to_dict(self) -> dict[str, Any]:
         """Return the fields for ``from_dict`` as plain values; for events, preset and readout are None."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "given_leak"}
-        if not self.disturbed:  # files and cells of experiments without are those of before
+        if not self.disturbed:  # experiments without disturbed scans keep their files and cells
             del fields["disturbed"]
         for name in ("variant", "taxels", "tests"):
             if not fields[name]:
