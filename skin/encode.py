@@ -63,16 +63,11 @@ def encode_image(
 
     Raise InputError if the image cannot be read or is too small.
 
-    Parameters
-    ----------
-    path : Path
-        One of ``IMAGE_SUFFIXES``.
-    config : ReadoutConfig
-        The preset sets its sample rate and clock.
-    preset_name : "physical" or "paper"
-    start_row : float
-        Image row of the array's top edge, in pixels.
-    model : "cycle" or "functional"
+    - ``path``: one of ``IMAGE_SUFFIXES``.
+    - ``config``: the preset sets its sample rate and clock.
+    - ``preset_name``: "physical" or "paper".
+    - ``start_row``: image row of the array's top edge, in pixels.
+    - ``model``: "cycle" or "functional".
     """
     from eskin.skin.textures.presets import preset
 
@@ -95,15 +90,10 @@ def encode_samples(
     Raise InputError if the file cannot be read, its rate is unknown, or a code or a value without ``scale`` is out of
     range.
 
-    Parameters
-    ----------
-    path : Path
-        One of ``eskin.skin.samples.ARRAY_SUFFIXES``.
-    given : collection of str
-        Fields of ``config`` that the user set; the others follow the recording.
-    prepared : mapping of str to object, optional
-        Fields of ``eskin.skin.recordings.options.Preparation`` that the user set.
-    model : "cycle" or "functional"
+    - ``path``: one of ``eskin.skin.samples.ARRAY_SUFFIXES``.
+    - ``given``: fields of ``config`` that the user set; the others follow the recording.
+    - ``prepared``: fields of ``eskin.skin.recordings.options.Preparation`` that the user set.
+    - ``model``: "cycle" or "functional".
     """
     from eskin.skin.recordings.fitting import SLOW_HZ, with_clock, with_seconds
     from eskin.skin.textures.presets import quantise

@@ -118,8 +118,9 @@ def _read_csv(path: Path, data: bytes) -> Samples:
 def cells_of(path: Path, lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
     """Return the cells of every line of a table; a cell in double quotes may contain the delimiter.
 
-    ``path``: name of the table, for messages.
-    ``delimiter``: None for white space.
+    - ``path``: name of the table, for messages.
+    - ``delimiter``: None for white space.
+
     Raise InputError if the csv module cannot read the lines.
     """
     if delimiter is None:
@@ -169,13 +170,9 @@ def fit_array(values: NDArray[Any], rows: int, columns: int, size_given: bool) -
 
     Raise InputError if the values do not fit the array; the text suggests a size.
 
-    Parameters
-    ----------
-    values : array, shape (ticks, taxels) or (ticks, rows, columns)
-    rows, columns : int
-        Array size wanted.
-    size_given : bool
-        Whether the user chose it; if not, values of three dimensions bring their own.
+    - ``values``: shape (ticks, taxels) or (ticks, rows, columns).
+    - ``rows``, ``columns``: array size wanted.
+    - ``size_given``: whether the user chose it; if not, values of three dimensions bring their own.
     """
     shape = values.shape[1:]
     flat = values.reshape(len(values), -1)
@@ -222,13 +219,9 @@ def write_samples(
 
     The .npz also holds the sampling rate. The .csv has a header and twelve decimals.
 
-    Parameters
-    ----------
-    values : float64 array, shape (ticks, taxels)
-    names : sequence of str
-        Names of the taxels; others than one for each taxel are not written.
-    start_s : float, optional
-        Time of the first sample in seconds; with it, .csv and .npz hold the time of every sample.
+    - ``values``: shape (ticks, taxels).
+    - ``names``: names of the taxels; others than one for each taxel are not written.
+    - ``start_s``: time of the first sample in seconds; with it, .csv and .npz hold the time of every sample.
     """
     check_samples_path(path)
     named = list(names) if len(names) == values.shape[1] else []

@@ -85,8 +85,8 @@ def references(
 ) -> dict[str, dict[str, Any]]:
     """Return the ``score`` of each baseline classifier on the test images.
 
-    ``learned``, ``test``: images.
-    ``signals``: shape (images, columns); statistics of the signals behind the events.
+    - ``learned``, ``test``: images.
+    - ``signals``: shape (images, columns); statistics of the signals behind the events.
     """
     labels = data.image_labels
     columns = {"events": event_statistics(data)} | ({} if signals is None else {"signals": signals})

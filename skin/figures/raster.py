@@ -40,24 +40,16 @@ def plot_comparison(
 
     Raise InputError if the picture cannot be written.
 
-    Parameters
-    ----------
-    pair : two arrays of EVENT_DTYPE, shape (events,)
-        The recordings; the first is drawn above the second.
-    config : ReadoutConfig
-        Array size and clock.
-    path : str or Path
-        Picture to write: .png, .pdf or .svg.
-    labels : (str, str)
-        Names of the two.
-    title : str, optional
-        Line above everything.
-    signal : float array, shape (ticks, taxels), optional
-        Samples in full scale (+-1.0), drawn above the events; only some taxels of large arrays.
-    texture : array, shape (height, width) or (height, width, 3), optional
-        The scanned part of the image, drawn at the top: the array passes its width in the duration.
-    duration_clocks : int, optional
-        End of the time axis; by default the last event or the last sample.
+    - ``pair``: shape (events,); the recordings; the first is drawn above the second.
+    - ``config``: array size and clock.
+    - ``path``: picture to write: .png, .pdf or .svg.
+    - ``labels``: names of the recordings.
+    - ``title``: line above everything.
+    - ``signal``: shape (ticks, taxels); samples in full scale (+-1.0), drawn above the events; only some taxels of
+      large arrays.
+    - ``texture``: shape (height, width) or (height, width, 3); the scanned part of the image, drawn at the top: the
+      array passes its width in the duration.
+    - ``duration_clocks``: end of the time axis; by default the last event or the last sample.
     """
     check_picture_path(path)
     end_ms = _end_ms(config, pair, signal, duration_clocks)
@@ -90,15 +82,11 @@ def plot_signals(
 ) -> None:
     """Plot signals above their events and write the picture.
 
-    Parameters
-    ----------
-    events : ndarray of EVENT_DTYPE, shape (events,)
-    signal : float array, shape (ticks, taxels)
-        Signals in full scale; row k is the sample tick at clock ``k * clocks_per_sample``.
-    label : str
-        Name of the signals.
-    config, path, title, duration_clocks
-        Same as for :func:`plot_comparison`.
+    - ``events``: shape (events,).
+    - ``signal``: shape (ticks, taxels); signals in full scale; row k is the sample tick at clock ``k *
+      clocks_per_sample``.
+    - ``label``: name of the signals.
+    - ``config``, ``path``, ``title``, ``duration_clocks``: same as for :func:`plot_comparison`.
     """
     check_picture_path(path)
     save_figure(draw_signals(events, {} if signal is None else {label: signal}, config, title, duration_clocks), path)
@@ -113,8 +101,8 @@ def draw_signals(
 ) -> Figure:
     """Return a figure with one panel per signal above a raster of the events.
 
-    ``signals``: shape (ticks, taxels); signals by panel name; same as for :func:`plot_signals`.
-    ``events``, ``config``, ``title``, ``duration_clocks``: same as for :func:`plot_signals`.
+    - ``signals``: shape (ticks, taxels); signals by panel name; same as for :func:`plot_signals`.
+    - ``events``, ``config``, ``title``, ``duration_clocks``: same as for :func:`plot_signals`.
     """
     longest = max(signals.values(), key=len, default=None)
     end_ms = _end_ms(config, (events,), longest, duration_clocks)

@@ -142,21 +142,12 @@ def take(
 
     Raise InputError if time falls, or addresses do not fit the readout.
 
-    Parameters
-    ----------
-    events : ForeignEvents
-        In order of time.
-    config : ReadoutConfig
-        Configuration of the recording; its clock is the resolution of time.
-    mapping : AddressMap, optional
-        Otherwise addresses are columns and rows from 0.
-    drop : bool
-        Leave events out whose address is not mapped.
-    start : float, optional
-        Time, in the unit of the file, that becomes clock 0. By default 0, or the first event if that is negative. It
-        must be given if the first event is more than a day after 0.
-    metadata : dict, optional
-        Metadata of the recording.
+    - ``events``: in order of time.
+    - ``config``: configuration of the recording; its clock is the resolution of time.
+    - ``mapping``: without a map, addresses are columns and rows from 0.
+    - ``drop``: leave out events whose address is not mapped.
+    - ``start``: time, in the unit of the file, that becomes clock 0. By default 0, or the first event if that is
+      negative. It must be given if the first event is more than a day after 0.
     """
     time = events.time
     if time.dtype.kind == "f" and not np.isfinite(time).all():

@@ -36,14 +36,10 @@ def read_events_table(path: Path, fields: Sequence[str] = (), unit: str | None =
 
     Raise InputError if the file cannot be read, a column is missing or doubtful, or a cell is no number.
 
-    Parameters
-    ----------
-    path : Path
-        Text with a line for each event, a structured or two-dimensional .npy, or a .npz with one array a column.
-    fields : sequence of str
-        Meaning of each column, if the file has no names: t, x, y, p, address, or - for others.
-    unit : str, optional
-        Unit of the time; by default from the column's name, else s for decimal times and us for integers.
+    - ``path``: text with a line for each event, a structured or two-dimensional .npy, or a .npz with one array a
+      column.
+    - ``fields``: meaning of each column, if the file has no names: t, x, y, p, address, or - for others.
+    - ``unit``: unit of the time; by default from the column's name, else s for decimal times and us for integers.
     """
     columns, named_unit = _named(path, _columns(path), fields)
     for name in ("t", "p"):

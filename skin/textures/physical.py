@@ -56,14 +56,8 @@ class PhysicalScan(Scan):
     def start_rows(self, config: ReadoutConfig, shape: tuple[int, int], count: int) -> list[float]:
         """Return evenly spaced start rows from the top of an image to the lowest possible row.
 
-        Parameters
-        ----------
-        config : ReadoutConfig
-            Array.
-        shape : (int, int)
-            Height and width of the image in pixels.
-        count : int
-            How many, at least 1; a single one is row 0.
+        - ``shape``: height and width of the image in pixels.
+        - ``count``: number of rows, at least 1; a single one is row 0.
         """
         if count < 1:
             raise InputError(f"the number of start rows must be at least 1, not {count}")

@@ -66,18 +66,11 @@ def measure_rates(
 
     Raise InputError if the dataset is empty, or an image is damaged or too small.
 
-    Parameters
-    ----------
-    scan : Scan
-        Preset, from ``eskin.skin.textures.presets.preset``.
-    config : ReadoutConfig
-        From ``scan.configure``.
-    start_rows : sequence of float
-        Image rows at which the array's row 0 slides, one scan each; only 0 in the ``paper`` preset.
-    pool : WorkerPool, optional
-        Pool for the work, by default this process; without effect on the result.
-    progress : callable, optional
-        Called after each image.
+    - ``scan``: preset, from ``eskin.skin.textures.presets.preset``.
+    - ``config``: from ``scan.configure``.
+    - ``start_rows``: image rows at which the array's row 0 slides, one scan each; only 0 in the ``paper`` preset.
+    - ``pool``: pool for the work, by default this process; without effect on the result.
+    - ``progress``: called after each image.
     """
     if not start_rows:
         raise InputError("a rate needs at least one image and one start row; the list of start rows is empty")
@@ -134,8 +127,8 @@ class Scanned:
 def scan_image(image: Image, scan: Scan, configs: Sequence[ReadoutConfig], start_row: float = 0.0) -> Scanned:
     """Return the events of one scan of an image.
 
-    ``configs``: from ``scan.configure``; of one array, sample rate and number of bits, since they share their samples.
-    ``start_row``: image row at which the array's row 0 slides.
+    - ``configs``: from ``scan.configure``; of one array, sample rate and number of bits, which share samples.
+    - ``start_row``: image row at which the array's row 0 slides.
     """
     from eskin.model.taxel import count_events
 
@@ -171,14 +164,9 @@ def each_image(
 ) -> Iterator[Any]:
     """Yield the result of a function for every image of a dataset, in order.
 
-    Parameters
-    ----------
-    work : callable
-        Takes an Image and the arguments.
-    pool : WorkerPool, optional
-        Who does the work, this process by default.
-    progress : callable, optional
-        Called after each image.
+    - ``work``: takes an Image and the arguments.
+    - ``pool``: pool for the work, by default this process.
+    - ``progress``: called after each image.
     """
     if not len(dataset):
         raise InputError("event rates need at least one image; the dataset is empty")

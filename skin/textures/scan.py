@@ -90,8 +90,8 @@ class Scan(ABC):
     def configure(self, config: ReadoutConfig, tau_s: float | None = None) -> ReadoutConfig:
         """Return the configuration with the fields that the preset prescribes.
 
-        ``config``: encoding, resolution, array and everything that the preset leaves open.
-        ``tau_s``: time constant of a leak in seconds; by default that of ``config``.
+        - ``config``: encoding, resolution, array and everything that the preset leaves open.
+        - ``tau_s``: time constant of a leak in seconds; by default that of ``config``.
         """
 
     @abstractmethod
@@ -129,8 +129,8 @@ class Scan(ABC):
         The readout is an array of one column with as many rows as taxels. The other taxels of the skin have no
         converter.
 
-        ``skin``: readout of all taxels.
-        ``taxels``: each once, as row * columns + column.
+        - ``skin``: readout of all taxels.
+        - ``taxels``: each once, as row * columns + column.
         """
         scan = dataclasses.replace(self, skin=(skin.rows, skin.columns), taxels=tuple(taxels))
         return scan, skin.replace(rows=len(taxels), columns=1)

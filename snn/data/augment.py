@@ -71,8 +71,8 @@ def at_speed(batch: Tensor, speed: Tensor) -> Tensor:
     Plain level crossing would send the same events at that speed. An encoder with a leak or a closing window would send
     others, because its time constants do not scale.
 
-    ``batch``: shape (steps, scans, channels); whole numbers.
-    ``speed``: shape (scans,); positive; 1 leaves a scan as it is.
+    - ``batch``: shape (steps, scans, channels); whole numbers.
+    - ``speed``: shape (scans,); positive; 1 leaves a scan as it is.
     """
     import torch
 

@@ -68,8 +68,8 @@ def key_of(
 ) -> str:
     """Return the cache key for scans of a dataset.
 
-    ``dataset``, ``scan``, ``config``, ``start_rows``: values that determine the recording.
-    ``steps``: conversion of events or frames to time steps.
+    - ``dataset``, ``scan``, ``config``, ``start_rows``: values that determine the recording.
+    - ``steps``: conversion of events or frames to time steps.
     """
     images = [[t.name, t.class_name, t.label, _sum(t.path, t.path.stat().st_mtime_ns), t.crop] for t in dataset]
     parts = {

@@ -58,8 +58,8 @@ def coded_frames(frames: Sequence[NDArray[np.int32]], bits: int) -> Parts:
     ``samples``: the words as sent. ``differences``: to the previous frame, modulo 2**bits, with small values of either
     sign as small words.
 
-    ``frames``: shape (frames, taxels).
-    ``bits``: bits of a word.
+    - ``frames``: shape (frames, taxels).
+    - ``bits``: bits of a word.
     """
     mask = 2**bits - 1
     kind = np.min_scalar_type(mask)

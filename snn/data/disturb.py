@@ -128,8 +128,8 @@ def _slow_noise(draft: Draft, strength: float, generator: Generator) -> None:
 def noisy(signals: Signals, noise_v: float, generator: Generator, pole: float | None = None) -> Signals:
     """Return signals with additive noise of a given rms in full scales, white or low-pass filtered.
 
-    ``signals``: shape (ticks, taxels).
-    ``pole``: its frequency by the sample rate.
+    - ``signals``: shape (ticks, taxels).
+    - ``pole``: its frequency by the sample rate.
     """
     from scipy.signal import lfilter
 
@@ -377,14 +377,10 @@ def record_disturbed(
 ) -> Recording:
     """Return the events of a scan of a texture under disturbances.
 
-    Parameters
-    ----------
-    texture, dataset_name, scan, config
-        Same as for ``eskin.snn.data.record.record``; without a disturbance the events are equal.
-    strengths : mapping
-        Strength by name of DISTURBANCES.
-    height : float
-        Position of the array on the texture, unless ``strengths`` give it.
+    - ``texture``, ``dataset_name``, ``scan``, ``config``: same as for ``eskin.snn.data.record.record``; without a
+      disturbance the events are equal.
+    - ``strengths``: strength by name of DISTURBANCES.
+    - ``height``: position of the array on the texture, unless ``strengths`` give it.
     """
     from eskin.model.readout import Stimulus, simulate
 

@@ -24,13 +24,9 @@ def stratified_folds(
 
     Raise InputError if a class has fewer images than there are folds.
 
-    Parameters
-    ----------
-    labels : shape (images,)
-    folds, seed : int
-        Equal seeds give equal folds.
-    class_names : sequence of str, optional
-        Names of the labels, for messages.
+    - ``labels``: shape (images,).
+    - ``folds``, ``seed``: equal seeds give equal folds.
+    - ``class_names``: names of the labels, for messages.
     """
     counts = np.bincount(labels)
     fewest = int(counts[counts > 0].min())

@@ -87,14 +87,9 @@ def read_recordings(
     encode``) or belongs to a scan of an image; else by its path below the root. The class is that of the metadata, else
     the folder.
 
-    Parameters
-    ----------
-    classes : sequence of str, optional
-        A folder that is none of these is no class.
-    progress : callable, optional
-        Called after each file.
-    mapping : AddressMap, optional
-        Taxels of the addresses of foreign event files.
+    - ``classes``: names of classes; other folders are no class.
+    - ``progress``: called after each file.
+    - ``mapping``: taxels of the addresses of foreign event files.
     """
     recordings = []
     for file in files:

@@ -67,14 +67,8 @@ def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[
 
     Raise InputError if there are no such events, or events do not fit the readout.
 
-    Parameters
-    ----------
-    data : NIRGraphData
-        Entries with the index -1 are no events.
-    config : ReadoutConfig
-        The readout; NIRData does not carry it.
-    metadata : dict, optional
-        Metadata of the recording.
+    - ``data``: entries with the index -1 are no events.
+    - ``config``: the readout; NIRData does not carry it.
     """
     node = data.nodes.get(INPUT)
     events = node.observables.get(OBSERVABLE) if isinstance(node, nir.NIRNodeData) else None

@@ -169,14 +169,10 @@ def load_nir(
     Raise InputError if the file cannot be read, is damaged, or contains a graph that the network cannot express; the
     text names the node.
 
-    Parameters
-    ----------
-    step_s : float, optional
-        Seconds per time step, required if the file's metadata have no ``dt``.
-    class_names : sequence of str, optional
-        Names of the outputs, by default those in the file, or else their numbers.
-    reset : "zero" or "subtract", optional
-        Effect of a spike on neurons whose metadata do not have it, zero by default: NIR has no reset by subtraction.
+    - ``step_s``: seconds per time step, required if the file's metadata have no ``dt``.
+    - ``class_names``: names of the outputs, by default those in the file, or else their numbers.
+    - ``reset``: "zero" or "subtract". Effect of a spike on neurons whose metadata do not have it, zero by default: NIR
+      has no reset by subtraction.
     """
     data = read_hdf5(Path(path), "a NIR graph; export it again")
     try:

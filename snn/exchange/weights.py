@@ -39,8 +39,9 @@ class Weights:
 def save_weights(path: str | Path, weights: Weights, eight_bits: bool = False) -> None:
     """Write a network to a weight file.
 
-    ``path``: ends in .npz.
-    ``eight_bits``: matrices as int8 with one float32 factor per row; vectors stay float32.
+    - ``path``: ends in .npz.
+    - ``eight_bits``: matrices as int8 with one float32 factor per row; vectors stay float32.
+
     Raise InputError if the name does not end in .npz, or the file cannot be written.
     """
     path = Path(path)

@@ -108,14 +108,9 @@ def check_model(
 
     Raise InputError if a recording does not name its scan, or its texture is missing.
 
-    Parameters
-    ----------
-    recordings, data, logits
-        Recordings, and the results of ``bin_recordings`` and ``logits_of``.
-    places : Places, optional
-        Locations of textures or recordings.
-    progress : callable, optional
-        Called after each comparison.
+    - ``recordings``, ``data``, ``logits``: recordings, and the results of ``bin_recordings`` and ``logits_of``.
+    - ``places``: locations of textures or recordings.
+    - ``progress``: called after each comparison.
     """
     compared = [number for number, recording in enumerate(recordings) if recording.metadata.get("source") == "rtl"]
     check = Check(compared, 0, {level: [] for level in LEVELS}, logits.copy())
@@ -319,13 +314,9 @@ def predictions(
 ) -> dict[str, Any]:
     """Return predictions and logits of every recording, and the accuracy of each group, as a dictionary for JSON.
 
-    Parameters
-    ----------
-    logits : float32 array, shape (recordings, classes)
-    scores : dict of str to Score
-        Result of ``scores``.
-    check : Check, optional
-        Result of ``check_model``.
+    - ``logits``: shape (recordings, classes).
+    - ``scores``: result of ``scores``.
+    - ``check``: result of ``check_model``.
     """
     names = trained.weights.class_names
     images = []

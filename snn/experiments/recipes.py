@@ -92,8 +92,8 @@ def for_recordings(recipe: str, seconds: NDArray[np.float64], bin_s: float) -> d
     Long recordings, or those of unequal length, are learned in windows, as many of each; nine in ten recordings last
     as long as a window. The leaks of the recipe ``skin`` are the shifts that are nearest to parts of a window.
 
-    ``seconds``: shape (recordings,).
-    ``bin_s``: seconds of a time step.
+    - ``seconds``: shape (recordings,).
+    - ``bin_s``: seconds of a time step.
     """
     steps = np.maximum(seconds / bin_s + 1e-9, 1).astype(int)
     found: dict[str, Any] = {"balanced": True}

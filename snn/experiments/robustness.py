@@ -81,8 +81,9 @@ class Subject:
 def kept_cell(subject: Subject, out: Path, asked: dict[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """Return the test results of a network, read from ``out`` or computed.
 
-    ``asked``: one request of the study.
-    ``make``: returns labels and answers.
+    - ``asked``: one request of the study.
+    - ``make``: returns labels and answers.
+
     Raise InputError if the file is of other weights, or the study was asked for something else.
     """
     path = out / f"{subject.network}-fold-{subject.fold}-seed-{subject.seed}.json"

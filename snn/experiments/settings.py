@@ -96,18 +96,11 @@ def experiment_of(
 
     Raise InputError if a name is unknown, or a field does not fit another.
 
-    Parameters
-    ----------
-    recipe : str
-        A name of ``eskin.snn.experiments.recipes.RECIPES``.
-    settings : mapping of str to object
-        Fields of NetworkConfig and TrainConfig that replace those of the recipe.
-    bins : BinConfig
-        Time bins of events; their length is the step of frames.
-    frames : str, optional
-        Frames instead of events, in the form of ``FrameSteps.parse``.
-    **fields
-        Other fields of Experiment; None means the default.
+    - ``recipe``: a name of ``eskin.snn.experiments.recipes.RECIPES``.
+    - ``settings``: fields of NetworkConfig and TrainConfig that replace those of the recipe.
+    - ``bins``: time bins of events; their length is the step of frames.
+    - ``frames``: frames instead of events, in the form of ``FrameSteps.parse``.
+    - ``**fields``: other fields of Experiment; None means the default.
     """
     if recipe not in RECIPES:
         raise InputError(f"recipe must be one of {', '.join(RECIPES)}, not {recipe!r}")

@@ -194,15 +194,10 @@ def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell | No
     Raise InputError if a point has no scans or a cell cannot be trained. The running cells are finished first and their
     results stored; no other cell starts.
 
-    Parameters
-    ----------
-    runs : sequence of PointRun
-        With equal numbers of folds and seeds.
-    pool : WorkerPool
-        Pool for the cells; without effect on the results.
-    progress : callable, optional
-        Called with a point and None before its scans are made, with None again when they are made and cells were
-        found done, and with every cell that was run.
+    - ``runs``: points with equal numbers of folds and seeds.
+    - ``pool``: pool for the cells; without effect on the results.
+    - ``progress``: called with a point and None before its scans are made, with None again when they are made and cells
+      were found done, and with every cell that was run.
     """
     flight = _Flight(pool, progress or (lambda run, result: None))
     order = [(run, fold, seed) for seed in range(runs[0].seeds) for run in runs for fold in range(runs[0].folds)]
@@ -288,18 +283,11 @@ def cross_validate(
 
     Raise InputError if the folder contains cells of another experiment.
 
-    Parameters
-    ----------
-    folder : Path
-        Takes folder for a file per fold and seed, and the report.
-    folds, seeds : int
-        Seeds are 0 .. seeds - 1.
-    workers : int or None
-        Processes of one thread each, by default as many as cores; the result does not depend on it.
-    data : ScanData, optional
-        The scans of the experiment, if they are there already.
-    progress : callable, optional
-        Called with every cell, including existing ones.
+    - ``folder``: receives a file per fold and seed, and the report.
+    - ``folds``, ``seeds``: seeds are 0 .. seeds - 1.
+    - ``workers``: processes of one thread each, by default as many as cores; the result does not depend on it.
+    - ``data``: the scans of the experiment, if they are there already.
+    - ``progress``: called with every cell, including existing ones.
     """
     run = PointRun(SweepPoint("", experiment, data), folder, folds, seeds)
 

@@ -206,15 +206,8 @@ def accuracies_on_test(
 ) -> tuple[int, dict[str, float]]:
     """Return the number of test images of a training, and the accuracy of each network by name.
 
-    Parameters
-    ----------
-    path : Path
-        Weight file of the training, with ``result.json`` beside it.
-    weights : Weights
-        Its content.
-    networks : mapping of str to nn.Module
-    progress : callable, optional
-        Called while scans are recorded.
+    - ``path``: weight file of the training, with ``result.json`` beside it.
+    - ``progress``: called while scans are recorded.
     """
     from eskin.snn.train import predicted_classes
 

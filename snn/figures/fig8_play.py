@@ -62,10 +62,11 @@ def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
 def play(weights_file: Path, result_file: Path, places: Places | None = None, image: str | None = None) -> ScanToClass:
     """Return the response of a network to a scan of its dataset or to a user's recording.
 
-    ``weights_file``, ``result_file``: what ``eskin train`` wrote: the network, and the experiment that says how scans
-    are made.
-    ``image``: name of the texture or recording. By default the first image of the test fold that the result lists as
-    correctly classified, else the first one.
+    - ``weights_file``, ``result_file``: what ``eskin train`` wrote: the network, and the experiment that says how scans
+      are made.
+    - ``image``: name of the texture or recording. By default the first image of the test fold that the result lists as
+      correctly classified, else the first one.
+
     Raise InputError if the two files do not belong together, or are not of a spiking network on textures or own
     recordings.
     """

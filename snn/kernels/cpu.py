@@ -112,12 +112,10 @@ def outer(entries: Entries, columns: int, grad: Tensor) -> Tensor:
 def forward(rule: NeuronRule, decay: Tensor, recurrent: Tensor | None, v: Tensor) -> tuple[Tensor, Entries]:
     """Compute potentials from currents in place, and return the spikes, dense and sparse.
 
-    Parameters
-    ----------
-    decay : shape (width,)
-    recurrent : shape (width, width) or None
-        Row j goes to the currents of the next step for every spike of neuron j.
-    v : shape (steps, batch, width)
+    - ``decay``: shape (width,).
+    - ``recurrent``: shape (width, width) or None; row j goes to the currents of the next step for every spike of neuron
+      j.
+    - ``v``: shape (steps, batch, width).
     """
     steps, batch, width = v.shape
     s = torch.empty_like(v)
