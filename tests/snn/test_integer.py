@@ -182,8 +182,6 @@ def test_a_network_that_rounds_its_weights_learns_through_it_and_becomes_what_it
         assert np.allclose(integers * whole.notes[name]["step"], matrix * scale, atol=1e-6)
     with pytest.raises(InputError, match="rounds its weights to 3 bits, which NIR cannot express"):
         to_nir(weights_of(made))
-    with pytest.raises(InputError, match=r"weight_bits must be 0 or in 2\.\.8, not 9"):
-        network(weight_bits=9)
 
 
 def test_the_command_writes_the_network_and_its_images(tmp_path: Path) -> None:
