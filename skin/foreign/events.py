@@ -23,7 +23,8 @@ CLOCKS = "clocks"
 """A time stamp may also count clocks of the readout."""
 
 MOST_CLOCKS = 2**51
-"""Largest number of clocks that a time in seconds of 53 bits distinguishes."""
+"""Clocks up to which a time in seconds (float64) names its clock: t / clock_hz and its product with clock_hz are each
+rounded by at most one part in 2**53, together by less than half a clock."""
 
 LATE_S = 86_400
 """A first event later than this has the time of a wall clock, not of a recording."""

@@ -17,16 +17,10 @@ from eskin.base.files import atomic_write
 from eskin.model.address_events import EVENT_DTYPE
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
+from eskin.skin.foreign.events import MOST_CLOCKS
 from eskin.snn.data.bins import BinConfig, bin_recording
 from eskin.snn.exchange.hdf5 import read_hdf5
 from eskin.snn.exchange.nir_network import INPUT
-
-MOST_CLOCKS = 2**51
-"""Clocks up to which a time in seconds (float64) names its clock.
-
-The quotient t / clock_hz and its product with clock_hz are each rounded by at most one part in 2**53, together by less
-than half a clock.
-"""
 
 OBSERVABLE = "spikes"
 HEADER = "recording"

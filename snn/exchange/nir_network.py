@@ -53,9 +53,6 @@ INPUT, HIDDEN_IN, HIDDEN = "input", "hidden_in", "hidden"
 RECURRENT, READOUT_IN, READOUT, OUTPUT = "recurrent", "readout_in", "readout", "output"
 
 
-# -- export ------------------------------------------------------------------------------------------
-
-
 def to_nir(weights: Weights) -> nir.NIRGraph:
     """Return the NIR graph of a trained spiking network.
 
@@ -156,9 +153,6 @@ def _gain(decay: NDArray[Any], synapse: float = 0.0) -> NDArray[np.float64]:
 def _raw(arrays: dict[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
     """Return learned decays before the logistic function by name; empty without learned decays."""
     return {"raw_decay": arrays[name]} if name in arrays else {}
-
-
-# -- import ------------------------------------------------------------------------------------------
 
 
 def load_nir(

@@ -34,9 +34,6 @@ LEVELS = ("events", "tensors", "logits", "predictions")
 """What ``check_model`` compares, in the order in which one follows from the other."""
 
 
-# -- recordings in, logits out -----------------------------------------------------------------------
-
-
 def bin_recordings(recordings: Sequence[Recording], trained: Trained) -> ScanData:
     """Return the event counts of recordings for a network, one scan per recording.
 
@@ -62,9 +59,6 @@ def without_unknown_class(recording: Recording, trained: Trained) -> Recording:
         return recording
     kept = {name: value for name, value in recording.metadata.items() if name not in ("class", "label")}
     return dataclasses.replace(recording, metadata=kept)
-
-
-# -- RTL against model -------------------------------------------------------------------------------
 
 
 @dataclass
@@ -239,9 +233,6 @@ def _counts(expected: Recording, bins: BinConfig, data: ScanData) -> NDArray[Any
     return values
 
 
-# -- accuracy ----------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Score:
     """Number of correct predictions in a group of recordings."""
@@ -272,9 +263,6 @@ def scores(
             np.add.at(confusion, (data.labels[chosen], predicted[chosen]), 1)
             found[part] = Score(int(np.trace(confusion)), int(chosen.sum()), confusion)
     return found
-
-
-# -- whole numbers ---------------------------------------------------------------------------------
 
 
 def integer_classes(
