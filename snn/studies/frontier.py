@@ -293,26 +293,26 @@ class Frontier:
 
     def rate_hz(self, experiment: Experiment) -> float:
         """Return the mean event rate of a readout; of frames, values per second."""
-        name = f"rate/{_digest(_readout_of(experiment))}"
+        name = f"rate/{_scans_digest(experiment)}"
         return float(self._pieces.of(name, lambda: {"rate_hz": self._data(experiment).rate_hz})["rate_hz"])
 
     def readout(self, point: Point) -> dict[str, Any]:
         """Return event rate, data rates and power of the readout of a point."""
         experiment = point.experiment(self._dataset)
         return self._pieces.of(
-            f"rates/{_digest(_readout_of(experiment))}",
+            f"rates/{_scans_digest(experiment)}",
             lambda: _rates(experiment, self.rate_hz(experiment), coded_bps(experiment)),
         )
 
     def trivial(self, point: Point) -> float:
         """Return the accuracy of a logistic regression on the mean of every channel of the first scans."""
         experiment = dataclasses.replace(point.experiment(self._dataset), start_rows=1)
-        name = f"trivial/{_digest(_readout_of(experiment))}"
+        name = f"trivial/{_scans_digest(experiment)}"
         return float(self._pieces.of(name, lambda: {"accuracy": trivial_of(experiment.data())})["accuracy"])
 
     def _data(self, experiment: Experiment) -> ScanData:
         """Return the scans of a point; only those of the last point stay in memory."""
-        key = _digest(_readout_of(experiment))
+        key = _scans_digest(experiment)
         if self._scans is None or self._scans[0] != key:
             self._scans = key, experiment.data()
         return self._scans[1]
@@ -358,11 +358,6 @@ class Frontier:
 def best_of(validated: Sequence[dict[str, Any]]) -> int:
     """Return the index of the best inner validation; among equals the one with the lowest data rate."""
     return max(range(len(validated)), key=lambda n: (validated[n]["accuracy"], -validated[n]["bits_per_s"]))
-
-
-def _readout_of(experiment: Experiment) -> dict[str, Any]:
-    """Return the fields of an experiment that determine its scans."""
-    return experiment.to_dict() | {"network": None, "train": None}
 
 
 def measured(run: Frontier, step: Step) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
