@@ -149,5 +149,5 @@ class Nlcs(Encoder):
             for j in range(counts.shape[1]):
                 if phase[j] == now:
                     u[j] -= leak_of(u[j], rule.leak_shift)
-                u[j] += min(np.int64(counts[i, j]), max(top - u[j], 0) >> shift) << shift
+                u[j] += min(np.int64(counts[i, j]), (top - u[j]) >> shift) << shift
                 reference[i, j] = u[j] * unit
