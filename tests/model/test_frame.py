@@ -191,6 +191,7 @@ def test_a_configuration_out_of_range_is_refused(fields: dict[str, Any], sentenc
 def test_other_refusals_are_one_sentence() -> None:
     config = FrameConfig(readout=ReadoutConfig(rows=1, columns=3, resolution=6))
     words = np.array([1, 2, 3, 0], np.uint64)
+    good = FrameStimulus.from_samples(config, np.zeros((2, 3), int))
     cases: list[tuple[Callable[[], object], str]] = [
         (lambda: FrameConfig.from_dict({"row": 1}), "unknown configuration field 'row'"),
         (lambda: FrameConfig.from_dict([]), "a configuration must be a JSON object, not list"),
@@ -209,6 +210,13 @@ def test_other_refusals_are_one_sentence() -> None:
         (
             lambda: simulate(config, FrameStimulus.from_samples(config, np.zeros((1, 2), int))),
             "samples must have shape (ticks, 3) for 1 x 3 taxels, not (1, 2)",
+        ),
+        *(
+            (
+                lambda clock=clock: simulate(config, dataclasses.replace(good, sample_clock=np.array(clock))),
+                "sample_clock and frame_clock must rise from 0, with one clock for every row of samples",
+            )
+            for clock in ([0, 0], [1, 2], [0])
         ),
         (
             lambda: simulate(config, FrameStimulus.from_samples(config, np.zeros((1, 3)), conversion=np.array([0]))),

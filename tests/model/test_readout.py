@@ -101,6 +101,14 @@ def stimuli(draw: st.DrawFn, config: ReadoutConfig, **fixed: Any) -> Stimulus:
 # -- the model is the reference ----------------------------------------------------------------------
 
 
+def test_analog_comparators_decide_on_neither_above_below_or_above_if_both() -> None:
+    config = ReadoutConfig(rows=1, columns=1, frontend="analog")
+    decisions = np.zeros((40, 1), np.uint8)
+    decisions[[5, 15, 25], 0] = 1, 2, 3
+    stimulus = replace(Stimulus.from_samples(config, np.zeros((1, 1), np.int32), clocks=40), decisions=decisions)
+    assert simulate(config, stimulus)["p"].tolist() == [True, False, True]
+
+
 @settings(deadline=None, max_examples=500)
 @given(st.data())
 def test_model_equals_the_reference_event_by_event(data: st.DataObject) -> None:

@@ -24,7 +24,7 @@ from eskin.model.registers import settings
 from eskin.model.registers.description import WORD_BITS, registers
 from eskin.model.registers.driver import Registers
 from eskin.model.registers.export import c_header, constants, page
-from eskin.model.registers.file import RegisterFile, Settings
+from eskin.model.registers.file import RegisterFile, Settings, Write
 from eskin.model.registers.spi import COMMAND_BITS, Pins, SpiSlave
 
 CONFIG = ReadoutConfig(registers="spi")
@@ -79,9 +79,13 @@ def test_registers_do_not_overlap_and_the_mask_has_a_bit_for_each_taxel(config: 
         assert max(bits) < WORD_BITS
     masks = [register for register in found if register.name.startswith("mask")]
     assert sum(field.width for register in masks for field in register.fields) == config.taxels
-    assert Settings.of(config, RegisterFile(config).signals()) == Settings(
+    file = RegisterFile(config)
+    assert Settings.of(config, file.signals()) == Settings(
         config.resolution, config.leak_shift, config.leak_period, config.window_period, (1 << config.taxels) - 1
     )
+    for register in masks:
+        file.clock(Write(register.address, 0))
+    assert Settings.of(config, file.signals()).mask == 0
 
 
 @pytest.mark.parametrize("config", CONFIGS[1:4:2], ids=name)

@@ -179,6 +179,17 @@ def test_nlcs_rows_leak_one_after_the_other() -> None:
     assert [int(np.argmax(u[:, taxel] < 64)) for taxel in range(6)] == [0, 0, 2, 2, 4, 4]  # floor(r 7 / 3)
 
 
+def test_rows_that_leak_in_successive_ticks_leak_only_in_their_own() -> None:
+    config = one("nlcs", rows=4, leak_shift=2, leak_period=4, fraction_bits=0)
+    fired = encode(config, np.full((8, 4), 20, np.int16)) > 0  # at once, and after every leak of u = 16
+    assert [np.flatnonzero(row).tolist() for row in fired.T] == [[0, 4], [0, 1, 5], [0, 2, 6], [0, 3, 7]]
+
+
+@pytest.mark.parametrize("taxels", [0, 70_000])
+def test_samples_of_any_number_of_taxels_are_encoded(taxels: int) -> None:
+    assert encode(one("lcs"), np.tile(column(4, 0), taxels)).tolist() == [[1] * taxels, [0] * taxels]
+
+
 def test_one_decision_per_sample_gives_one_event_per_tick() -> None:
     assert counts(one("lcs", decide_every="sample"), 20, 20, 20, -20) == [1, 1, 1, -1]
     assert counts(one("lcs", clocks_per_sample=2), 20, 20, 20, -20) == [2, 2, 1, -2]
