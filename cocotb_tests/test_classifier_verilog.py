@@ -62,6 +62,10 @@ def test_command_writes_the_classifier_of_a_file(tmp_path: Path) -> None:
     described = json.loads((tmp_path / "out" / f"{TOP}.json").read_text())
     assert ClassifierConfig.from_dict(described["configuration"]) == config.replace(reset="async")
     assert "| `reset` | async |" in (tmp_path / "out" / f"{TOP}_datasheet.md").read_text()
+    array = ["--chip", "--rows", "1", "--columns", str(config.inputs)]
+    subprocess.run([*command, str(tmp_path / "chip"), *array], check=True, capture_output=True)
+    described = json.loads((tmp_path / "chip" / "eskin_chip.json").read_text())["configuration"]
+    assert (described["rows"], described["columns"]) == (1, config.inputs)
     done = subprocess.run([*command, str(tmp_path / "no"), "--rows", "3"], capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "--rows has no effect with --classifier alone: add --chip, or leave one of the two out" in done.stderr

@@ -83,6 +83,7 @@ def test_a_run_goes_on_and_inner_validation_sees_no_test_image(tmp_path: Path, m
 
     def spy(_: Experiment, data: Any, trainings: Any, inner: bool, device: str) -> list[dict[str, Any]]:
         assert inner
+        assert {seed for _, seed in trainings} == {0}
         return [{"labels": [fold], "predicted": [fold if fold else 9], "scans": len(data)} for fold, _ in trainings]
 
     monkeypatch.setattr(frontier, "train_cells", spy)

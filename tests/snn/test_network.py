@@ -17,8 +17,9 @@ from eskin.snn.kernels import cpu as kernel
 from eskin.snn.kernels.layer import MOST_ENTRIES, Backend, layer
 from eskin.snn.kernels.reference import layer_reference
 from eskin.snn.kernels.rule import SURROGATES, NeuronReset, NeuronRule
-from eskin.snn.network import SpikingNetwork, build
+from eskin.snn.network import Output, SpikingNetwork, build
 from eskin.snn.network_config import NetworkConfig
+from tests.snn.helpers import small_network
 
 needs_kernel = pytest.mark.skipif(not kernel.available(), reason="no C++ compiler for the kernel")
 RESETS: tuple[NeuronReset, ...] = ("zero", "subtract")
@@ -215,6 +216,21 @@ def test_every_variant_learns_on_every_parameter(variant: dict[str, Any]) -> Non
     for name, parameter in network.named_parameters():
         assert parameter.grad is not None, name
         assert parameter.grad.abs().sum() > 0 or "bias_hh" in name, name
+
+
+def test_only_rates_above_the_limit_of_a_weighted_penalty_cost() -> None:
+    def found(**fields: float) -> Output:
+        network = build(small_network(**fields), seed=0)
+        x = torch.poisson(torch.full((25, 6, 8), 2.0), generator=torch.Generator().manual_seed(0))
+        output: Output = network(x)
+        assert isinstance(network, SpikingNetwork)
+        excess = (network.spikes(x).mean((0, 1)) - fields.get("rate_limit", 0.0)).clamp_min(0.0)
+        torch.testing.assert_close(output.penalty, fields.get("rate_weight", 0.0) * excess.square().mean())
+        return output
+
+    assert found(rate_limit=0.01).penalty == 0
+    assert found(rate_weight=2.0, rate_limit=0.05).penalty > 0
+    assert found(rate_weight=2.0, rate_limit=1.0).penalty == 0
 
 
 @pytest.mark.parametrize("fields", [{}, {"output_synapse_decay": 0.5}, {"learn_decay": True, "decay": 0.9}])

@@ -41,9 +41,9 @@ def texture() -> Texture:
     return open_dataset("embedded")[0]
 
 
-def disturbed(texture: Texture, **strengths: float) -> Recording:
+def disturbed(texture: Texture, config: ReadoutConfig = CONFIG, **strengths: float) -> Recording:
     named = {name.replace("_", "-"): strength for name, strength in strengths.items()}
-    return record_disturbed(texture, "embedded", SCAN, CONFIG, named, np.random.default_rng(0))
+    return record_disturbed(texture, "embedded", SCAN, config, named, np.random.default_rng(0))
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +78,7 @@ def test_each_does_what_it_says(texture: Texture, clean: Recording) -> None:
     assert abs(len(disturbed(texture, lost=0.3).events) / n - 0.7) < 0.05
     more = len(disturbed(texture, hot=0.25).events) - n
     assert abs(more / (3 * 1000.0 * clean.duration_s) - 1) < 0.15
+    assert disturbed(texture, CONFIG.replace(encoding="nlcs"), hot=0.25).events["p"].all(), "N-LCS has no OFF events"
     assert disturbed(texture, short=0.1).events["t"].max() < 0.1 * clock_hz
     late = disturbed(texture, late=0.05).events
     assert len(late) == (clean.events["t"] >= 0.05 * clock_hz).sum()

@@ -147,6 +147,7 @@ def test_both_commands_write_what_they_print(call: Any, refuses: Any, folder: Pa
         ("a", "paper", 0.05),
         ("a", "consistent", 0.001),
     ]
+    assert {(p["network"], p["readout"]) for p in points} == {("a", "lcs"), ("b", "frame")}
     assert points[1]["rate_hz"] > points[3]["rate_hz"] > points[2]["rate_hz"]  # slow noise makes fewer events
     answer = points[0]["answers"][0]
     assert points[0]["accuracy"] == np.mean(

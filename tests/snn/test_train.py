@@ -247,6 +247,8 @@ def test_the_summary_of_two_cells_by_hand() -> None:
     assert found["last"]["sd_over_folds"] == pytest.approx(0.5 / 2**0.5)
     assert found["selected"]["accuracy"] == 0.5
     assert found["last"]["bootstrap_95"] == bootstrap(np.array([[1.0], [1.0], [0.0], [1.0]]))
+    assert (found["labels"], found["last"]["predictions"]) == ("0101", ["0111"])
+    assert summarise(cells[1:], 4, 2)["last"]["predictions"] == ["..11"], "no class for an image that was not tested"
     others = [cell | {"seed": 1, "last": cell["selected"], "selected": cell["last"]} for cell in cells]
     found = summarise([*cells, *others], 4, 2)["last"]
     assert found["accuracy"] == 0.625
@@ -320,11 +322,14 @@ def small_scans(readout: ReadoutConfig, frames: FrameSteps | None) -> ScanData:
 
 def test_the_leak_of_an_nlcs_experiment() -> None:
     def tau_of(experiment: Experiment) -> float:
-        return Experiment.from_dict(json.loads(json.dumps(experiment.to_dict()))).scan_and_config()[1].tau_s
+        again = Experiment.from_dict(json.loads(json.dumps(experiment.to_dict())))
+        assert again == experiment
+        return again.scan_and_config()[1].tau_s
 
     plain = ReadoutConfig(encoding="nlcs", resolution=4)
     assert tau_of(Experiment(readout=plain)) == pytest.approx(0.2, rel=0.01)
     assert tau_of(Experiment(readout=plain, tau_s=0.1)) == pytest.approx(0.1, rel=0.01)
+    assert tau_of(Experiment(readout=plain, given_leak=True)) == plain.tau_s
     own = plain.replace(leak_shift=4, leak_period=20)
     assert tau_of(Experiment(readout=own, given_leak=True)) == own.tau_s
     with pytest.raises(InputError, match="the readout has its own leak; set given_leak to use it"):
