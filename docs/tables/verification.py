@@ -96,8 +96,8 @@ def stages() -> None:
         mutants = min(row["mutants"] for row in properties)
         upset = [one for one in faults_of if one["block"] in UPSET.get(block, (block,))]
         upsets, never = (sum(one[key] for one in upset) for key in ("upsets", "never recovers"))
-        stage = "V1" if proved < len(properties) or mutants < 3 else "V3" if upsets and not never else "V2"
-        tried = [f"{upsets:,}", f"{never:,}"] if upsets else ["not yet", ""]
+        stage = "V1" if proved < len(properties) or mutants < 3 else "V3" if upset and not never else "V2"
+        tried = [f"{upsets:,}", f"{never:,}"] if upsets else ["no flops" if upset else "not yet", ""]
         rows.append([block.replace("_", " "), stage, f"{proved} of {len(properties)}", str(mutants), *tried])
     table(
         "block | stage | properties proved | fewest mutants that violate a property | upsets simulated"
@@ -212,7 +212,7 @@ def faults() -> None:
     report = evidence("faults")
     outcomes = ("nothing", "own events", "others moved", "others changed", "until written")
     by: dict[tuple[str, str], list[dict[str, Any]]] = {}
-    for line in report["blocks"]:
+    for line in (line for line in report["blocks"] if line["upsets"]):
         by.setdefault((line["block"], line["trial"].split(", ")[-1]), []).append(line)
     blocks = list(dict.fromkeys(line["block"] for line in report["blocks"]))
     rows = []

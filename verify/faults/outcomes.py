@@ -25,7 +25,7 @@ PLACES = (
     (TAXEL.pattern + r"window\.", "window"),
     (TAXEL.pattern, "taxel"),
     (r"classifier\.(inputs|recurrent|neurons)\.memory", "weights"),
-    *((rf"{block}\.", block) for block in ("arbiter", "link", "decay_ticks", "merge", "relay", "classifier")),
+    *((rf"{block}\.", block) for block in ("arbiter", "link", "fields", "decay_ticks", "merge", "relay", "classifier")),
     *((rf"host\.{block}\.", block) for block in ("spi", "registers", "pattern")),
     (r"host\.", "host"),
     (r"ticks\.", "settable_ticks"),

@@ -12,7 +12,8 @@ from eskin.model.tiles.config import TilesConfig
 
 FEW = ReadoutConfig(rows=2, columns=2, sample_bits=6, resolution=2, leak_period=3, leak_shift=3, fraction_bits=3)
 """Few bits, so that the ends of the scale and of every counter are near."""
-
+FIELDS = FEW.replace(fields="both")
+"""A readout with receptive fields."""
 
 Config = ReadoutConfig | FrameConfig | ClassifierConfig
 """A ``TilesConfig``, which is a ``ReadoutConfig`` too, means the merge, or a relay station if it has one."""
@@ -53,6 +54,7 @@ class Trial:
         if isinstance(c, TilesConfig):
             return "a tile's relay station, loaded" if c.relays else f"{c.tile_rows} x {c.tile_columns} tiles, loaded"
         words = [f"{c.rows} x {c.columns}", c.encoding, c.link, c.frontend, f"{c.sample_bits} bits"]
+        words += [f"fields {c.fields}"] * (c.fields != "own")
         words += ["by the tick"] * (c.decide_every == "sample") + [f"ACK after {self.slow}"] * bool(self.slow)
         if c.registers != "none":
             return ", ".join([*words, "registers", COURSES[self.mode]])
@@ -73,6 +75,7 @@ def trials(small: bool = False) -> list[Trial]:
         *(config.replace(**sides) for config in every),
         *(c.replace(frontend="analog", decide_every="sample" if c.encoder.late else "clock") for c in every),
         FEW.replace(sample_bits=12, resolution=6),
+        FIELDS,
     ]
     found = [Trial(config, calm) for config in stream for calm in (True, False)]
     for calm in (True, False):

@@ -95,6 +95,8 @@ def problems_of(trial: Trial, upset: Upset) -> str:
 def run(trial: Trial) -> tuple[list[dict[str, Any]], list[str]]:
     """Run a trial; return one result per block, and a sentence for each bit flip whose effect exceeds the limits."""
     tallies: dict[str, Tally] = {}
+    if getattr(trial.config, "fields", "own") != "own":
+        tallies["fields"] = Tally()  # a line in the report even without a flop
     problems: list[str] = []
     for upset in _upsets(trial):
         tallies.setdefault(upset.block, Tally()).add(upset)
