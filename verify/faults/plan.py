@@ -83,6 +83,7 @@ def trials(small: bool = False) -> list[Trial]:
         found += [Trial(closing.replace(link="four_phase"), calm, 0, 3)]
     found += [*map(Trial, frames()), *map(Trial, tiles())]
     first, *others = hosts()
+    others.append(first.replace(fields="settable"))
     found += [Trial(first, stride=3), *(Trial(config, stride=37) for config in others)]
     found += [Trial(first, stride=37, mode=mode) for mode in (1, 2)]
     return [*found, *(Trial(config, stride=2) for config in classifiers())]
