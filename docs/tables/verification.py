@@ -172,16 +172,19 @@ def fresh_mutants() -> None:
             "left": report["planned"] - first["total"] - report["stillborn"],
             "rest": rest,
             "first": first["killed"],
+            "before": first["argued"],
+            "later": report["argued"] - first["argued"],
+            "removed": sum(one["verdict"] == "removed" for one in report["mutants"]),
         }
         rows.append(
             report | left | {"name": name, "share": first["killed"] / rest, "quick": first["killed_quick"] / rest}
         )
     table(
-        "mutants of | drawn | not tested | proved equivalent | argued | others | killed at first | by quick check | "
-        "killed in the end | surviving",
+        "mutants of | drawn | not tested | proved equivalent | argued at first | others | killed at first | "
+        "by quick check | killed in the end | argued later | in removed code | surviving",
         rows,
-        "{name} | {planned} | {left} | {equivalent} | {argued} | {rest} | {first} ({share:.1%}) | {quick:.1%} | "
-        "{killed} | {alive}",
+        "{name} | {planned} | {left} | {equivalent} | {before} | {rest} | {first} ({share:.1%}) | {quick:.1%} | "
+        "{killed} | {later} | {removed} | {alive}",
     )
     for part in ("rtl", "model"):
         source(evidence(f"mutants_fresh/{part}"))
@@ -193,7 +196,7 @@ def fresh_survivors() -> None:
     found = [one for part in parts for one in part["mutants"] if one["verdict"] == "alive" or "first" in one]
     rows = [[f"`{one['edit']}`", f"`{one['by']}`" if one["by"] else one["verdict"]] for one in found]
     table(
-        "mutant | test that kills it now, or alive (survives)",
+        "mutant | test that kills it now, argued, removed (the code was not needed), or alive (survives)",
         [[cell.replace("|", "\\|") for cell in row] for row in rows],
     )
 
