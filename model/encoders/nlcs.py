@@ -98,15 +98,7 @@ class Nlcs(Encoder):
     @staticmethod
     def told(rule: Any, now: Any) -> Any:
         """Return the rule for a coarser resolution and a leak set by the host."""
-        return NlcsRule(
-            rule.built_step << now.coarser,
-            rule.built_step,
-            now.leak_shift,
-            now.leak_period,
-            rule.fraction_bits,
-            rule.step_log2,
-            rule.cap,
-        )
+        return NlcsRule(*changed_by_host(rule, now))
 
     @staticmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
@@ -151,3 +143,9 @@ class Nlcs(Encoder):
                     u[j] -= leak_of(u[j], rule.leak_shift)
                 u[j] += min(np.int64(counts[i, j]), (top - u[j]) >> shift) << shift
                 reference[i, j] = u[j] * unit
+
+
+def changed_by_host(rule: Any, now: Any) -> Any:
+    """Return the fields of a leaky rule for the settings of a host."""
+    leak = (now.leak_shift, now.leak_period, rule.fraction_bits)
+    return (rule.built_step << now.coarser, rule.built_step, *leak, rule.step_log2, rule.cap)

@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from eskin.model.decay import leak_of, leaking
 from eskin.model.encoders.encoder import steps_up_to
-from eskin.model.encoders.nlcs import Nlcs
+from eskin.model.encoders.nlcs import Nlcs, NlcsRule, changed_by_host
 
 if TYPE_CHECKING:
     from eskin.model.config import ReadoutConfig
 
 
-class NlcsBipolarRule(NamedTuple):
-    """Constants of bipolar N-LCS; same fields as ``NlcsRule``."""
-
-    step: int
-    built_step: int
-    leak_shift: int
-    leak_period: int
-    fraction_bits: int
-    step_log2: int
-    cap: int
+class NlcsBipolarRule(NlcsRule):
+    """Constants of bipolar N-LCS."""
 
 
 class NlcsBipolar(Nlcs):
@@ -63,15 +55,7 @@ class NlcsBipolar(Nlcs):
     @staticmethod
     def told(rule: Any, now: Any) -> Any:
         """Return the rule for a coarser resolution and a leak set by the host."""
-        return NlcsBipolarRule(
-            rule.built_step << now.coarser,
-            rule.built_step,
-            now.leak_shift,
-            now.leak_period,
-            rule.fraction_bits,
-            rule.step_log2,
-            rule.cap,
-        )
+        return NlcsBipolarRule(*changed_by_host(rule, now))
 
     @staticmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
