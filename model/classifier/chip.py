@@ -17,16 +17,10 @@ from eskin.model.classifier.run import ClassifierRun, first_ready, simulate, wor
 
 @dataclass(frozen=True)
 class ChipRun:
-    """Events, clocks and classes of one simulated run of a chip.
-
-    Attributes
-    ----------
-    events : ndarray of EVENT_DTYPE
-        Events taken by the classifier; all ON if it ignores polarity.
-    classifier : ClassifierRun
-    """
+    """Events, clocks and classes of one simulated run of a chip."""
 
     events: Events
+    """Events that the classifier took; all ON if it ignores polarity."""
     classifier: ClassifierRun
 
 
@@ -62,15 +56,7 @@ def simulate_chip(config: ChipConfig, network: IntegerNetwork, samples: NDArray[
 
     The readout receives the clocks in which the classifier is ready, and the classifier those of offered events. A
     clock depends only on earlier clocks. Each round is therefore right for longer than the previous round, and both are
-    right when nothing changes any more.
-
-    Parameters
-    ----------
-    config : ChipConfig
-    network : IntegerNetwork
-    samples : integer ndarray, shape (ticks, taxels)
-    clocks : int
-        Length of the run.
+    right when nothing changes any more. ``samples`` has the shape (ticks, taxels).
     """
     from eskin.model.readout import Stimulus  # compiles the model
     from eskin.model.readout import simulate as simulate_readout

@@ -29,19 +29,9 @@ def with_room(readout: ReadoutConfig, classifier: ClassifierConfig) -> ReadoutCo
 class ChipConfig:
     """The configurations of a readout and a classifier that fit together.
 
-    Reset and clock are those of the readout: the clocks of a time bin follow from them and the bin's seconds.
-
-    Parameters
-    ----------
-    readout : ReadoutConfig
-        With the stream link.
-    classifier : ClassifierConfig
-        One input per taxel, or two with separate ON and OFF.
-
-    Raises
-    ------
-    InputError
-        If the two do not fit.
+    The readout has the stream link. The classifier has one input per taxel, or two with separate ON and OFF. Reset and
+    clock are those of the readout: the clocks of a time bin follow from them and the bin's seconds. Configurations that
+    do not fit raise InputError.
     """
 
     readout: ReadoutConfig

@@ -58,11 +58,6 @@ class ClassifierConfig(Configuration):
         Output neurons; threshold and floor count where they fire.
     reset : "sync" or "async"
         Style of the flops' reset, active high.
-
-    Raises
-    ------
-    InputError
-        If a value is of the wrong type, out of range, or does not fit another.
     """
 
     noun = ("a classifier's configuration", "classifier")
@@ -342,15 +337,8 @@ def ends(
     X = (low << k) // n. A reset to zero leaves at most the threshold, and so does a reset by subtraction if a bin adds
     at most the threshold.
 
-    Parameters
-    ----------
-    low, high : int
-        What a bin adds: all that is negative (at most 0), and all that is positive (at least 0).
-    threshold : int or None
-        None for a neuron that does not fire.
-    floor : int or None
-    reset : "zero" or "subtract"
-    leak : Leak
+    A bin adds at least ``low`` (at most 0) and at most ``high`` (at least 0). A neuron that does not fire has the
+    threshold None.
     """
     if floor is not None:
         least: int | None = floor + low

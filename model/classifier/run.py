@@ -49,14 +49,7 @@ def first_ready(config: ClassifierConfig, start: int) -> int:
 
 
 def work_clocks(config: ClassifierConfig, before: int, now: int) -> int:
-    """Return the number of clocks of work at the end of a bin.
-
-    Parameters
-    ----------
-    config : ClassifierConfig
-    before, now : int
-        Hidden spikes of the previous bin, and of the ending bin.
-    """
+    """Return the clocks of work at the end of a bin, for the hidden spikes of the previous and of the ending bin."""
     recurrent = config.hidden + before * (config.groups - 1)
     outputs = config.hidden + now * (config.classes - 1)
     return recurrent + config.hidden + 2 + outputs + config.classes
@@ -69,7 +62,6 @@ def simulate(
 
     Parameters
     ----------
-    network : IntegerNetwork
     offered : sequence of (clock, channel)
         Clock from which each event is offered, in order, after the previous event has been taken.
     ends : sequence of int
