@@ -48,14 +48,9 @@ def without_lowest(bits: np.uint64) -> np.uint64:
 
 @njit(cache=True)
 def next_row(requests: np.uint64, behind: np.uint64) -> int:
-    """Return the row to grant next: round robin, starting behind the last granted row.
+    """Return the row to grant next: the first requesting row behind the last granted row, else the first of all.
 
-    Parameters
-    ----------
-    requests : uint64
-        Requesting rows, not 0.
-    behind : uint64
-        Rows behind the one last granted; 0 after reset.
+    ``requests`` is not 0. ``behind`` are the rows behind the last granted row; 0 after reset.
     """
     later = requests & behind
     return lowest(later if later != ZERO else requests)

@@ -51,19 +51,8 @@ SPECIFICATION = "docs/specification.md, section"
 def parameter(default: Any, unit: str, source: str, meaning: str, option: str = "", values: str = "") -> Any:
     """Return a dataclass field with its unit, source, help text and command-line option.
 
-    Parameters
-    ----------
-    default : number, str or None
-    unit : str
-        Empty for a pure number and a choice.
-    source : str
-        Source of the parameter or its default.
-    meaning : str
-        One line, as ``--help`` prints it.
-    option : str
-        Name of the command-line option, by default the field's name without its unit.
-    values : str
-        Values in the help of the option, if the type of the field does not list them.
+    ``unit`` is empty for a pure number and a choice. ``option`` is by default the field's name without its unit.
+    ``values`` stand in the help of the option if the type of the field does not list them.
     """
     metadata = {"unit": unit, "source": source, "meaning": meaning, "option": option, "values": values}
     return field(default=default, metadata=metadata)
@@ -167,11 +156,6 @@ class ReadoutConfig(Configuration):
         Whether resolution, leak, window, mask and more can be set at run time, up to the built values.
     fields : "own", "neighbours", "both", "settable", or a list
         Receptive fields: samples that the encoder of a taxel sees (``model.encoders.fields``); settable with registers.
-
-    Raises
-    ------
-    InputError
-        If a value is of the wrong type, out of range, or does not fit another.
 
     Examples
     --------
@@ -373,21 +357,15 @@ class ReadoutConfig(Configuration):
 
         A coarse leak (small leak_shift) removes events, by about a quarter of its step, and a short period approximates
         tau badly. The method takes the leak_shift from 1 to 6 with the smallest sum of both errors. ``tau_s`` of the
-        result is the exact time constant of its integers.
+        result is the exact time constant of its integers. If none comes within 5 % of ``tau_s``, the error names the
+        nearest time constants that do.
 
         Parameters
         ----------
         tau_s, ts_s : float
             Wanted time constant and sample period in seconds.
-        encoding : str
-            Name of an encoder that leaks.
         **parameters
             All other fields of the configuration but sample_rate_hz, leak_shift and leak_period.
-
-        Raises
-        ------
-        InputError
-            If no leak_shift and leak_period come within 5 % of tau_s; it names the nearest time constants that do.
         """
         for name, value in (("tau", tau_s), ("sample period", ts_s)):
             if not (math.isfinite(value) and value > 0):
@@ -409,22 +387,10 @@ class ReadoutConfig(Configuration):
                 f"tau {tau_s:g} s is not reachable with a sample period of {ts_s:g} s; the nearest is {nearest} s"
             )
         _, shift, period = min(candidates)
-        return cls(
-            encoding=encoding,
-            sample_rate_hz=1.0 / ts_s,
-            leak_shift=shift,
-            leak_period=period,
-            **parameters,
-        )
+        return cls(encoding=encoding, sample_rate_hz=1 / ts_s, leak_shift=shift, leak_period=period, **parameters)
 
     def chosen(self, field: str, **values: Any) -> Any:
-        """Return the entry of a table for the value of a field; raise an error if the table has no entry.
-
-        Raises
-        ------
-        InputError
-            If the field has a value that is not among the names; whoever asked does not know it yet.
-        """
+        """Return the entry of a table for the value of a field; raise InputError if the table has no entry."""
         if (value := getattr(self, field)) not in values:
             raise InputError(f"{field} {value!r} is unknown here; known values are {', '.join(values)}")
         return values[value]
@@ -458,12 +424,7 @@ class ReadoutConfig(Configuration):
     def of_file(cls, path: Path, beside: Collection[str] = ()) -> tuple[Self, dict[str, Any]]:
         """Return the configuration from a JSON file, and a dictionary of all fields in the file.
 
-        Fields ``beside`` those of this class, which another configuration has, may stand in it too.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read or contains no configuration; the sentence names the file.
+        The file may also have fields of another configuration, which ``beside`` lists.
         """
         content = read_json(path, "the configuration", dict)
         fields = content["configuration"] if {"configuration", "ports"} <= set(content) else content

@@ -42,29 +42,7 @@ class Outputs(NamedTuple):
 
 
 class FrameModel:
-    """State of the frame readout, updated at each rising edge.
-
-    Attributes
-    ----------
-    taxel : int
-        Index r * columns + c of the taxel at the ADC; -1 between frames.
-    countdown : int
-        Clocks that the multiplexer still needs to settle.
-    converting : bool
-        True during a conversion.
-    held : tuple of int, or None
-        The sample on its way to the packer: (taxel, code).
-    bits, fill : int
-        Bits of the frame that do not make a word yet, and how many.
-    opening : bool
-        The next word is the first of its frame.
-    flush : bool
-        The frame has ended; its last bits make a word by themselves.
-    word, valid, sync : int, bool, bool
-        The output word.
-    overrun : bool
-        A frame_start was missed in the clock before.
-    """
+    """State of the frame readout, updated at each rising edge."""
 
     def __init__(self, config: FrameConfig) -> None:
         self.config = config
@@ -72,10 +50,15 @@ class FrameModel:
 
     def reset(self) -> None:
         """Set all registers to their state after reset."""
-        self.taxel, self.countdown, self.converting, self.overrun = -1, 0, False, False
-        self.held: tuple[int, int] | None = None
-        self.bits, self.fill, self.opening, self.flush = 0, 0, False, False
-        self.word, self.valid, self.sync = 0, False, False
+        self.taxel = -1  # index r * columns + c of the taxel at the ADC; -1 between frames
+        self.countdown = 0  # clocks that the multiplexer still needs to settle
+        self.converting = False
+        self.overrun = False  # a frame_start was missed in the clock before
+        self.held: tuple[int, int] | None = None  # the sample on its way to the packer: taxel and code
+        self.bits, self.fill = 0, 0  # bits of the frame that do not make a word yet, and how many
+        self.opening = False  # the next word is the first of its frame
+        self.flush = False  # the frame has ended; its last bits make a word by themselves
+        self.word, self.valid, self.sync = 0, False, False  # the output word
 
     @property
     def idle(self) -> bool:

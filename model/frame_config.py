@@ -15,15 +15,7 @@ MAX_CLOCKS = 1024
 
 FRAME = "docs/reference/frame.md"
 
-SHARED_FIELDS = (
-    "rows",
-    "columns",
-    "sample_bits",
-    "resolution",
-    "reset",
-    "sample_rate_hz",
-    "clocks_per_sample",
-)
+SHARED_FIELDS = ("rows", "columns", "sample_bits", "resolution", "reset", "sample_rate_hz", "clocks_per_sample")
 """Fields of ReadoutConfig that mean the same in both readouts; the others belong to the spiking one."""
 
 
@@ -45,11 +37,6 @@ class FrameConfig:
     conversion_clocks : int or None
         Clocks from ``adc_start`` to ``adc_done``, 1..1024, assumed for the clock frequency; the hardware accepts any
         number. None means N + 1: one decision per clock, then the code.
-
-    Raises
-    ------
-    InputError
-        If a value is of the wrong type, out of range, or does not fit another.
     """
 
     readout: ReadoutConfig = field(default_factory=ReadoutConfig)

@@ -85,23 +85,10 @@ class Stimulus:
         ready: NDArray[np.uint8] | None = None,
         ack_delay: NDArray[np.int64] | None = None,
     ) -> Stimulus:
-        """Return a stimulus of samples at a constant rate, with all taxels enabled.
+        """Return a stimulus of samples, shape (ticks, taxels), at a constant rate, with all taxels enabled.
 
-        Parameters
-        ----------
-        config : ReadoutConfig
-        samples : integer ndarray, shape (ticks, taxels)
-        clocks_per_sample : int, optional
-            By default ``config.clocks_per_sample``.
-        clocks : int, optional
-            Length of the run; by default one sample period for every sample.
-        ready, ack_delay : ndarray, optional
-            See the attributes; by default the sink is always ready, and ACK follows in 1/8 clock.
-
-        Raises
-        ------
-        InputError
-            If the samples are not integers, out of range, or of another shape.
+        By default the run ends one sample period after the last sample, the sink is always ready, and ACK follows in
+        1/8 clock.
         """
         period = config.clocks_per_sample if clocks_per_sample is None else clocks_per_sample
         samples = np.asarray(samples)
@@ -192,20 +179,7 @@ class State:
 def simulate(config: ReadoutConfig, stimulus: Stimulus) -> Events:
     """Return the address events of a readout, equal to those of the RTL.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-    stimulus : Stimulus
-
-    Returns
-    -------
-    ndarray of EVENT_DTYPE, shape (events,)
-        t is the clock of the transfer (stream) or of the edge that raises REQ (four-phase).
-
-    Raises
-    ------
-    InputError
-        If the stimulus does not fit the configuration.
+    t is the clock of the transfer (stream) or of the edge that raises REQ (four-phase).
 
     Examples
     --------
@@ -252,15 +226,8 @@ def state_at(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> State:
 class Parameters(NamedTuple):
     """The configuration as a tuple for the compiled loop.
 
-    Attributes
-    ----------
-    leaks, per_sample, digital, four_phase : bool
-        The reference leaks; one decision per sample tick; digital front end; four-phase link.
-    columns, leak_period : int
-    reset, top, bottom : int
-        The reference after reset, and the ends of the scale, in 2**-fraction_bits codes.
-    rule : NamedTuple
-        Rule of the encoder, with a host's settings.
+    ``reset``, ``top`` and ``bottom`` are the reference after reset and the ends of the scale in 2**-fraction_bits
+    codes. ``rule`` is the rule of the encoder, with a host's settings.
     """
 
     leaks: bool
@@ -314,17 +281,7 @@ class Inputs(NamedTuple):
 
 
 class Registers(NamedTuple):
-    """All registers of a readout except the decay tick counter.
-
-    Attributes
-    ----------
-    taxels : ndarray of ``taxel_dtype``, shape (taxels,)
-    rows : ndarray of ROW_DTYPE, shape (rows,)
-    latch : ndarray of uint64, shape (6,)
-        See ``eskin.model.arbiter``.
-    link : ndarray of int64, shape (7,)
-        See ``eskin.model.link``.
-    """
+    """All registers of a readout except the decay tick counter; see ``taxel_kernels``, ``arbiter`` and ``link``."""
 
     taxels: NDArray[np.void]
     rows: NDArray[np.void]
@@ -495,19 +452,10 @@ def _set(p: Parameters, now: Any) -> Parameters:
 
 @njit(inline="always")
 def decide(p: Any, y: int, todo: Any, tick: bool, leaks: bool, taxels: Any, rows: Any, latch: Any) -> bool:
-    """Compute the decisions of the taxels of a row; return True if a moved threshold requires another decision.
+    """Compute the decisions of the taxels of row y; return True if a moved threshold requires another decision.
 
-    Parameters
-    ----------
-    p : Parameters
-    y : int
-        The row.
-    todo : uint64
-        Its taxels, those that have no request or whose request is taken in this clock count.
-    tick, leaks : bool
-        True in the clock of a sample tick; true in the clock of a leak of the row.
-    taxels, rows, latch : ndarray
-        The registers.
+    Of the taxels in ``todo`` those decide that have no request, or whose request is taken in this clock. ``tick`` and
+    ``leaks`` are true in the clock of a sample tick, and of a leak of the row.
     """
     todo &= rows[y].active & ~rows[y].pending
     again = ZERO

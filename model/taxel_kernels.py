@@ -33,14 +33,7 @@ def taxel_dtype(config: ReadoutConfig) -> np.dtype[np.void]:
 def decide(p: Any, taxel: Any, tick: bool, leaks: bool) -> tuple[bool, bool, bool]:
     """Compute one decision of a taxel; return ON, OFF, and whether a threshold moved without an event.
 
-    Parameters
-    ----------
-    p : Parameters
-        Parameters of ``eskin.model.readout``.
-    taxel : record of ``taxel_dtype``
-        Changed in place.
-    tick, leaks : bool
-        True in the clock of a sample tick; true in the clock of a leak of this taxel.
+    ``tick`` and ``leaks`` are true in the clock of a sample tick, and of a leak of this taxel.
     """
     on, off = steps(p, taxel) if tick or not p.per_sample else (False, False)
     moved = compiled.move(p.rule, taxel, on, off, tick, leaks)

@@ -150,20 +150,11 @@ class Encoder(ABC):
     @staticmethod
     @abstractmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
-        """Write the event counts of every tick, computed in closed form.
+        """Write the signed event counts of every tick, and if ``timed`` whether the first event came late.
 
-        Parameters
-        ----------
-        x : shape (ticks, taxels)
-            Samples.
-        state : tuple of arrays of ``state_dtype``, shape (taxels,)
-            The reference, in units of ``grid`` or its fraction, then the state; changed in place.
-        phase : shape (taxels,)
-            Tick of the leak within its period, in rising order.
-        tick : int
-            Ticks since reset.
-        counts, late : shape (ticks, taxels)
-            Signed events, and if ``timed`` whether the first came one decision late.
+        ``x``, ``counts`` and ``late`` have the shape (ticks, taxels), ``phase`` and the arrays of ``state`` the shape
+        (taxels,). ``state`` is the reference, in units of ``grid`` or its fraction, then the encoder state. ``phase``
+        is the tick of the leak within its period, in rising order; ``tick`` counts from reset.
         """
 
     @staticmethod

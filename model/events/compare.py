@@ -16,17 +16,7 @@ CONTEXT = 3
 
 
 class AddressEvent(NamedTuple):
-    """One address event as Python integers.
-
-    Attributes
-    ----------
-    t : int
-        Clock of the transfer.
-    row, column : int
-        Address of the taxel.
-    polarity : bool
-        True is ON.
-    """
+    """One address event as Python integers: clock of the transfer, address of the taxel, and True for ON."""
 
     t: int
     row: int
@@ -70,13 +60,7 @@ class Difference:
         return tuple(n for n, a, b in zip(names, self.a, self.b, strict=True) if a != b)
 
     def describe(self, labels: tuple[str, str] = ("expected", "got")) -> str:
-        """Return the difference as text: a sentence, then the surrounding events side by side.
-
-        Parameters
-        ----------
-        labels : (str, str)
-            Names of the recordings a and b.
-        """
+        """Return the difference as text: a sentence, then the surrounding events side by side."""
         lines = [self._sentence(labels), "", self._table_line("event", labels, " ")]
         for offset in range(max(len(self.context_a), len(self.context_b))):
             number = self.start + offset
@@ -114,11 +98,6 @@ def first_difference(a: Events, b: Events) -> Difference | None:
     """Return the first difference between two recordings, or None if they are equal.
 
     Recordings are equal if clock, row, column and polarity of all events agree, in the same order.
-
-    Parameters
-    ----------
-    a, b : ndarray of EVENT_DTYPE, shapes (events_a,) and (events_b,)
-        The expected events, and the events to check.
     """
     common = min(len(a), len(b))
     differs = a[:common] != b[:common]
@@ -161,15 +140,8 @@ def covering_config(a: ReadoutConfig, b: ReadoutConfig) -> ReadoutConfig:
 def unmatched(a: Events, b: Events) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return the events of each recording that the other lacks, ignoring order.
 
-    An event that stands n times in one and m times in the other is unmatched in the last n - m places.
-
-    Parameters
-    ----------
-    a, b : ndarray of EVENT_DTYPE, shapes (events_a,) and (events_b,)
-
-    Returns
-    -------
-    two bool arrays, shapes (events_a,) and (events_b,)
+    An event that stands n times in one and m times in the other is unmatched in the last n - m places. The two bool
+    arrays have the shapes (events_a,) and (events_b,).
     """
     both: NDArray[Any] = np.concatenate([a, b])
     in_a = np.arange(len(both)) < len(a)

@@ -14,12 +14,8 @@ from eskin.model.registers.spi import COMMAND_BITS, command
 class Registers:
     """Read and write registers by their names in the description.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-        Configuration of the chip, with ``registers="spi"``.
-    exchange : callable
-        Function for one transfer with CS low: takes the bytes to send, and returns the received bytes.
+    ``config`` is the configuration of the chip, with ``registers="spi"``. ``exchange`` makes one transfer with CS low:
+    it takes the bytes to send, and returns the received bytes.
 
     Examples
     --------
@@ -53,13 +49,7 @@ class Registers:
         return {field.name: field.of(word) for field in self.register(name).fields}
 
     def write_word(self, name: str, word: int) -> None:
-        """Write a word to a register.
-
-        Raises
-        ------
-        InputError
-            If the chip would refuse it.
-        """
+        """Write a word to a register; raise InputError if the chip would refuse it."""
         register = self.register(name)
         if not register.writable:
             raise InputError(f"register {name} can only be read")

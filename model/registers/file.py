@@ -60,17 +60,7 @@ class RegisterFile:
         return found
 
     def clock(self, write: Write | None, counted: Collection[str] = (), clear: bool = False) -> None:
-        """Apply a rising edge with a write, counter inputs and a clear pulse.
-
-        Parameters
-        ----------
-        write : Write or None
-            The word that is written in this clock.
-        counted : collection of str
-            Signals of the counters that count in this clock.
-        clear : bool
-            All counters become 0 instead.
-        """
+        """Apply a rising edge with a write, the signals of the counters that count, and a clear of all counters."""
         told = set()
         for address, register in self.at.items():
             written = write is not None and write.address == address and register.allows(write.word)
@@ -92,16 +82,9 @@ class RegisterFile:
 
 
 class Settings(NamedTuple):
-    """The register settings that control the readout.
+    """The register settings that control the readout, as the fields of ``ReadoutConfig`` of the same names.
 
-    Attributes
-    ----------
-    resolution, leak_shift, leak_period, window_period : int
-        Same meaning as the fields of ``ReadoutConfig``.
-    mask : int
-        A bit for each taxel.
-    fields : int
-        Two bits for each taxel: the number of its field in ``model.encoders.fields.CHOICES``.
+    ``mask`` has a bit for each taxel. ``fields`` has two: the number of its field in ``model.encoders.fields.CHOICES``.
     """
 
     resolution: int

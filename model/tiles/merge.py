@@ -42,18 +42,9 @@ def chosen(state: NDArray[np.uint64], asking: np.uint64) -> int:
 
 @njit(cache=True)
 def advance(state: NDArray[np.uint64], tile: int, event: Any, ready: bool) -> None:
-    """Advance the merge by a clock edge.
+    """Advance the merge by a clock edge, in which it takes an event, any number from 0 on, of a tile (-1: of none).
 
-    Parameters
-    ----------
-    state : ndarray of uint64, shape (4,)
-        Changed in place.
-    tile : int
-        The tile whose event is taken, or -1.
-    event : int
-        Identifier of the event, any number from 0 on.
-    ready : bool
-        True if the sink takes the offered event.
+    ``ready`` is true if the sink takes the offered event.
     """
     if ready and state[HELD] > np.uint64(0):
         state[OFFERED] = state[SPARE]
@@ -67,13 +58,7 @@ def advance(state: NDArray[np.uint64], tile: int, event: Any, ready: bool) -> No
 
 
 class Merged(NamedTuple):
-    """The output events of a merge.
-
-    Attributes
-    ----------
-    clock, tile, number : ndarray of int64, shape (events,)
-        Clock of the transfer, sending tile, and index of the event within its tile.
-    """
+    """The output events of a merge: clock of the transfer, sending tile, and index of the event within its tile."""
 
     clock: NDArray[np.int64]
     tile: NDArray[np.int64]
@@ -83,14 +68,8 @@ class Merged(NamedTuple):
 def merge(offered: list[NDArray[np.int64]], ready: NDArray[np.uint8], clocks: int) -> Merged:
     """Return the output events of a merge.
 
-    Parameters
-    ----------
-    offered : list of ndarray of int64, shape (events,)
-        For each tile, the first clock in which each of its events may be offered, rising; events are offered in order.
-    ready : ndarray of uint8, shape (pattern,)
-        The sink's ready per clock, repeated.
-    clocks : int
-        Length of the run.
+    ``offered`` has for each tile the first clock in which each of its events may be offered, rising; events are offered
+    in order. ``ready`` is the sink's ready per clock, repeated.
 
     Examples
     --------

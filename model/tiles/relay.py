@@ -35,18 +35,10 @@ def offers(line: NDArray[np.uint64]) -> bool:
 
 @njit(cache=True)
 def advance(line: NDArray[np.uint64], comes: bool, event: Any, ready: bool) -> None:
-    """Advance all stations of a line by a clock edge.
+    """Advance all stations of a line, the tile's end first, by a clock edge.
 
-    Parameters
-    ----------
-    line : ndarray of uint64, shape (stations, 4)
-        The states, the tile's end first; changed in place.
-    comes : bool
-        The tile offers an event and there is ``room`` for it.
-    event : int
-        Identifier of the event, any number from 0 on.
-    ready : bool
-        True if the merge takes the event of the last station.
+    ``comes`` is true if the tile offers an event, any number from 0 on, and there is ``room`` for it; ``ready`` if the
+    merge takes the event of the last station.
     """
     for station in range(len(line) - 1, 0, -1):  # those behind have moved on; those before still stand as they were
         before, own = line[station - 1], line[station]
@@ -57,13 +49,7 @@ def advance(line: NDArray[np.uint64], comes: bool, event: Any, ready: bool) -> N
 
 
 class Relayed(NamedTuple):
-    """The output events of a line.
-
-    Attributes
-    ----------
-    taken, clock : ndarray of int64, shape (events,)
-        Clocks in which the first station took each event, and in which the event left the last station.
-    """
+    """Clocks in which the first station of a line took each event, and in which the event left the last station."""
 
     taken: NDArray[np.int64]
     clock: NDArray[np.int64]
@@ -72,15 +58,8 @@ class Relayed(NamedTuple):
 def relay(offered: NDArray[np.int64], ready: NDArray[np.uint8], clocks: int, stations: int = 1) -> Relayed:
     """Return the output events of a line of relay stations.
 
-    Parameters
-    ----------
-    offered : ndarray of int64, shape (events,)
-        First clock in which each event may be offered, rising; an event is offered behind those before it.
-    ready : ndarray of uint8, shape (pattern,)
-        Whether the other end takes an event in each clock; repeated.
-    clocks : int
-        Length of the run.
-    stations : int
+    ``offered`` has the first clock in which each event may be offered, rising; an event is offered behind those before
+    it. ``ready`` has for each clock whether the other end takes an event, repeated.
 
     Examples
     --------
