@@ -228,8 +228,7 @@ class FrameReadout(Block[FrameConfig]):
         sequencer, packer = FrameSequencer(self.config), FramePacker(self.config)
         sequencer.place(m, "sequencer", platform)
         packer.place(m, "packer", platform)
-        for name in sample_ports(self.config, Out):
-            sequencer.connect(m, name, getattr(packer, name))
+        sequencer.connect_all(m, packer, sample_ports(self.config, Out))
         for name in self.signature.members:
             block = packer if name.startswith("word_") else sequencer
             block.connect(m, name, getattr(self, name))

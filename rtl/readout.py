@@ -120,10 +120,8 @@ class Readout(Block[ReadoutConfig]):
         if config.handshake:
             sink = FourPhaseLink(config)
             sink.place(m, "link", platform)
-            for name in aer_ports(config):
-                sink.connect(m, name, getattr(self, name))
-        for name in event_ports(config, Out):
-            arbiter.connect(m, name, getattr(sink, name))
+            sink.connect_all(m, self, aer_ports(config))
+        arbiter.connect_all(m, sink, event_ports(config, Out))
         return m
 
     def _host(self, m: Module, arbiter: Arbiter, platform: Any) -> Host | None:
@@ -132,8 +130,7 @@ class Readout(Block[ReadoutConfig]):
             return None
         host = Host(self.config)
         host.place(m, "host", platform)
-        for name in PINS:
-            host.connect(m, name, getattr(self, name))
+        host.connect_all(m, self, PINS)
         m.d.comb += [
             host.taxel_enable.eq(self.taxel_enable),
             host.event_valid.eq(arbiter.event_valid),

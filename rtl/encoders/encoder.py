@@ -43,12 +43,7 @@ class Own:
 
 
 class Encoder(ABC):
-    """Hardware of the encoder of the same name in ``eskin.model.encoders``.
-
-    Attributes
-    ----------
-    name : str
-    """
+    """Hardware of the encoder of the same name in ``eskin.model.encoders``."""
 
     name: ClassVar[str]
 
@@ -64,10 +59,7 @@ class Encoder(ABC):
 def compare(m: Module, taxel: Taxel, own: Own, reference: Any, half_width: Any) -> tuple[Any, Any]:
     """Add digital comparators, or ports for analog ones; return whether x is above and below the window.
 
-    Parameters
-    ----------
-    reference, half_width : Value
-        In units of the encoder's grid. What drives a DAC comes from flops.
+    Reference and half-width are in units of the encoder's grid. What drives a DAC comes from flops.
     """
     config = taxel.config
     low_bits = (config.grid - 1).bit_length()

@@ -87,10 +87,8 @@ class Host(Block[ReadoutConfig]):
         spi, file, pattern = self.slave()(config), RegisterFile(config), TestPattern(config)
         for name, block in (("spi", spi), ("registers", file), ("pattern", pattern)):
             block.place(m, name, platform)
-        for name in PINS:
-            spi.connect(m, name, getattr(self, name))
-        for name in BUS:
-            file.connect(m, name, getattr(spi, name))
+        spi.connect_all(m, self, PINS)
+        file.connect_all(m, spi, BUS)
 
         clear, restart = file.control_clear, Signal()
         masks = [getattr(file, name) for name in ("mask_taxels", "mask_rest_taxels") if hasattr(file, name)]

@@ -50,17 +50,8 @@ class Wire:
 class Node:
     """Node of an expression tree.
 
-    Attributes
-    ----------
-    kind : str
-        "name", "number", "slice" (a name, its range in ``text`` behind it), "signed", "join" (concatenation),
-        "unary", "binary" or "choice".
-    text : str
-        The name, number or operator.
-    parts : tuple of Node
-        What it is made of.
-    high, low : int
-        Range of a slice.
+    ``kind`` is "name", "number", "slice" (of bits ``high`` to ``low``), "signed", "join" (concatenation), "unary",
+    "binary" or "choice". ``text`` is the name, number or operator, and ``parts`` are the operands.
     """
 
     kind: str
@@ -71,13 +62,7 @@ class Node:
 
 
 def read(text: str) -> Node:
-    """Return the expression tree for a text.
-
-    Raises
-    ------
-    UnknownTextError
-        If there is something in it that Yosys does not write for plain logic.
-    """
+    """Return the expression tree for a text; raise UnknownTextError for what Yosys does not write for plain logic."""
     reader = _Reader(TOKEN.findall(text))
     tree = reader.choice()
     if reader.tokens:
@@ -210,12 +195,7 @@ def signed(node: Node, wires: Mapping[str, Wire]) -> bool:
 def contexts(node: Node, outer: int, wires: Mapping[str, Wire]) -> list[int]:
     """Return the context width of each operand of an expression; 0 for self-determined operands.
 
-    Parameters
-    ----------
-    node : Node
-    outer : int
-        Bits to which ``node`` itself is extended; 0 for its own.
-    wires : mapping of str to Wire
+    The expression itself is extended to ``outer`` bits; 0 for its own.
     """
     own = max(outer, width(node, wires))
     if node.kind == "choice":

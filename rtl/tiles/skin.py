@@ -53,8 +53,7 @@ class Skin(Block[TilesConfig]):
         m = Module()
         merge = Merge(self.config)
         merge.place(m, "merge", platform)
-        for name in merged_ports(self.config):
-            merge.connect(m, name, getattr(self, name))
+        merge.connect_all(m, self, merged_ports(self.config))
         for index in range(self.config.tiles):
             tile = Readout(self.config.tile)
             tile.place(m, f"tile_{index}", platform)
