@@ -103,7 +103,7 @@ def test_without_a_start_nothing_happens_and_without_a_sample_the_codes_are_zero
     assert run.words["data"].tolist() == [0] * config.words_per_frame
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     configs(),
     st.lists(st.integers(1, 20), min_size=1, max_size=5),
@@ -126,7 +126,7 @@ def test_every_sample_of_every_frame_leaves_once_and_in_order(
     assert taken.all()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(configs(), st.integers(0, 2**32))
 def test_frame_clocks_are_the_shortest_period(config: FrameConfig, seed: int) -> None:
     samples = random_samples(config, 4, seed)

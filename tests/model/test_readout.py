@@ -109,7 +109,7 @@ def test_analog_comparators_decide_on_neither_above_below_or_above_if_both() -> 
     assert simulate(config, stimulus)["p"].tolist() == [True, False, True]
 
 
-@settings(deadline=None, max_examples=500)
+@settings(max_examples=500)
 @given(st.data())
 def test_model_equals_the_reference_event_by_event(data: st.DataObject) -> None:
     config = data.draw(configs())
@@ -139,7 +139,7 @@ def assert_same_registers(config: ReadoutConfig, stimulus: Stimulus, clock: int)
     assert state.behind & (1 << config.rows) - 1 == sum(1 << row for row in behind)
 
 
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(st.data())
 def test_state_at_gives_the_registers_of_the_reference(data: st.DataObject) -> None:
     config = data.draw(configs())
@@ -159,7 +159,7 @@ def test_a_sample_leaves_as_events_from_three_clocks_later_on(encoding: str) -> 
 # -- the promises of section 3 -----------------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.data())
 def test_full_rate_while_anything_is_pending_and_the_sink_is_ready(data: st.DataObject) -> None:
     config = data.draw(configs(link="stream"))
@@ -192,7 +192,7 @@ def test_saturated_array_sends_one_event_every_clock_and_serves_all_alike(rows: 
         assert (np.bincount(taxel[number * config.taxels :][: config.taxels]) == 1).all()
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.data())
 def test_every_accepted_request_leaves_once_in_order_and_in_time(data: st.DataObject) -> None:
     config = data.draw(configs(link="stream"))
@@ -229,7 +229,7 @@ def test_every_accepted_request_leaves_once_in_order_and_in_time(data: st.DataOb
         assert number == len(left[place]) + on_the_way[place]
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.data())
 def test_same_stimulus_gives_the_same_events_and_stays_untouched(data: st.DataObject) -> None:
     config = data.draw(configs())

@@ -123,7 +123,7 @@ def test_refuses_a_polarity_byte_that_is_no_boolean() -> None:
 # -- on disk -----------------------------------------------------------------------------------------
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=50)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
 @given(recording=recordings())
 def test_what_is_saved_comes_back(recording: Recording, tmp_path: Path) -> None:
     path = tmp_path / "events.npz"
