@@ -5,7 +5,7 @@ This is the golden model of ``rtl/frame.py``, without bit slices.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -222,10 +222,10 @@ def simulate(config: FrameConfig, stimulus: FrameStimulus) -> FrameRun:
     words: list[tuple[int, int, int]] = []
     starts: list[tuple[int, int]] = []
     overruns: list[int] = []
-    conversions = _cycled(stimulus.conversion)
+    conversions = itertools.cycle(stimulus.conversion.tolist())
     frames = iter([*stimulus.frame_clock.tolist(), -1])
     next_frame, tick, done_at, code = next(frames), -1, -1, 0
-    for t, ready in zip(range(stimulus.clocks), _cycled(stimulus.ready), strict=False):
+    for t, ready in zip(range(stimulus.clocks), itertools.cycle(stimulus.ready.tolist()), strict=False):
         while tick + 1 < len(codes) and stimulus.sample_clock[tick + 1] <= t:
             tick += 1
         outputs = model.outputs
@@ -246,10 +246,3 @@ def simulate(config: FrameConfig, stimulus: FrameStimulus) -> FrameRun:
         np.array(overruns, np.int64),
         model.idle,
     )
-
-
-def _cycled(pattern: NDArray[np.integer]) -> Iterator[int]:
-    """Yield the values of a pattern repeatedly without end."""
-    values = pattern.tolist()
-    while True:
-        yield from values

@@ -43,11 +43,8 @@ class RegisterFile:
         """Return the word read at an address; 0 for pulses and unused addresses."""
         if address not in self.at:
             return 0
-        word = self.words[address]
-        for field in self.at[address].fields:
-            if field.kind == "pulse":
-                word &= ~((1 << field.width) - 1 << field.low)
-        return word
+        word, fields = self.words[address], self.at[address].fields
+        return sum(field.of(word) << field.low for field in fields if field.kind != "pulse")
 
     def signals(self) -> dict[str, int]:
         """Return the value of every setting and pulse by signal name."""

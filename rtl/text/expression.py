@@ -162,34 +162,28 @@ def width(node: Node, wires: Mapping[str, Wire]) -> int:
         return int(node.text.partition("'")[0].lstrip("-"))
     if node.kind == "join":
         return sum(width(part, wires) for part in node.parts)
-    if node.kind == "binary" and node.text in COMPARISONS | LOGICAL:
-        return 1
-    if node.kind == "unary" and node.text in REDUCTIONS:
-        return 1
-    if node.kind == "binary" and node.text in SHIFTS:
-        return width(node.parts[0], wires)
-    parts = node.parts[1:] if node.kind == "choice" else node.parts
-    return max(width(part, wires) for part in parts)
+    return max((width(part, wires) for part in _deciding(node)), default=1)
 
 
 def signed(node: Node, wires: Mapping[str, Wire]) -> bool:
     """Return True if an expression is signed (IEEE 1364-2005, section 5.5.1)."""
     if node.kind == "name":
         return wires[node.text].signed
-    if node.kind == "number":
+    if node.kind in ("number", "slice", "join"):
         return "'s" in node.text
-    if node.kind == "signed":
-        return True
-    if node.kind in ("slice", "join"):
-        return False
+    parts = _deciding(node)
+    return node.kind == "signed" or (bool(parts) and all(signed(part, wires) for part in parts))
+
+
+def _deciding(node: Node) -> tuple[Node, ...]:
+    """Return the operands that decide width and sign of an expression; none if it is one unsigned bit."""
     if node.kind == "binary" and node.text in COMPARISONS | LOGICAL:
-        return False
+        return ()
     if node.kind == "unary" and node.text in REDUCTIONS:
-        return False
+        return ()
     if node.kind == "binary" and node.text in SHIFTS:
-        return signed(node.parts[0], wires)
-    parts = node.parts[1:] if node.kind == "choice" else node.parts
-    return all(signed(part, wires) for part in parts)
+        return node.parts[:1]
+    return node.parts[1:] if node.kind == "choice" else node.parts
 
 
 def contexts(node: Node, outer: int, wires: Mapping[str, Wire]) -> list[int]:
