@@ -35,6 +35,10 @@ REFUSALS: list[tuple[dict[str, Any], str]] = [
     ({"sample_rate_hz": math.inf}, "sample_rate_hz must be a positive number of hertz, not inf"),
     ({"sample_rate_hz": 1e-300}, "sample_rate_hz must be in 1e-09..1e+12 hertz, not 1e-300"),
     ({"registers": "i2c"}, "registers must be one of none, spi, not 'i2c'"),
+    (
+        {"registers": "spi", "encoding": "nlcs", "leak_period": 7},
+        "leak_period must be at least the number of rows, 8, with registers=spi, not 7",
+    ),
     ({"sample_rate_hz": "fast"}, "sample_rate_hz must be of type float, not 'fast'"),
     ({"reference_reset": -2049}, "reference_reset must be in -2048..2047, not -2049"),
     ({"encoding": "nlcs", "reference_reset": -16}, "reference_reset must be in 0..2047, not -16"),

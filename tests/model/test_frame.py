@@ -90,17 +90,9 @@ def test_without_a_start_nothing_happens_and_without_a_sample_the_codes_are_zero
     for _ in range(40):
         model.clock(Inputs())
     assert model.idle
-    none = np.zeros(0, np.int64)
-    once = FrameStimulus(
-        np.zeros((0, config.taxels), np.int64),
-        none,
-        none + 0,
-        4 * config.frame_clocks,
-        np.array([7]),
-        np.ones(1, np.uint8),
-    )
-    assert not len(simulate(config, once).words)
-    run = simulate(config, dataclasses.replace(once, frame_clock=np.array([0])))
+    empty = FrameStimulus.from_samples(config, np.zeros((0, config.taxels), int), drain=4 * config.frame_clocks)
+    assert not len(simulate(config, empty).words)
+    run = simulate(config, dataclasses.replace(empty, frame_clock=np.array([0])))
     assert run.words["data"].tolist() == [0] * config.words_per_frame
 
 
