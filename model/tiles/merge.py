@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numba.typed import List
 from numpy.typing import NDArray
 
 from eskin.base.files import forget_stale_kernels
@@ -79,33 +78,16 @@ def merge(offered: list[NDArray[np.int64]], ready: NDArray[np.uint8], clocks: in
     >>> [column.tolist() for column in merge(tiles, np.ones(1, np.uint8), 10)]
     [[1, 2, 3, 4], [0, 1, 2, 0], [0, 0, 0, 1]]
     """
-    found = _merge(List([np.ascontiguousarray(tile, np.int64) for tile in offered]), ready, clocks)
-    return Merged(*np.ascontiguousarray(found.T))
-
-
-@njit(cache=True, nogil=True)
-def _merge(offered: List, ready: NDArray[np.uint8], clocks: int) -> NDArray[np.int64]:
-    """Return the clock, tile and index of all output events, shape (events, 3)."""
-    tiles = len(offered)
-    total = 0
-    for tile in range(tiles):
-        total += len(offered[tile])
-    log = np.empty((total, 3), np.int64)
-    taken = np.zeros(tiles, np.int64)
-    state = np.zeros(4, np.uint64)
-    events = 0
+    tiles, state, found = len(offered), new_state(), []
+    taken = [0] * tiles
     for t in range(clocks):
-        asking = np.uint64(0)
-        for tile in range(tiles):
-            if taken[tile] < len(offered[tile]) and offered[tile][taken[tile]] <= t:
-                asking |= ONE << np.uint64(tile)
-        takes = ready[t % len(ready)] != 0
-        if takes and state[HELD] > np.uint64(0):
-            word = np.int64(state[OFFERED])
-            log[events, 0], log[events, 1], log[events, 2] = t, word % tiles, word // tiles
-            events += 1
-        tile = chosen(state, asking)
+        asking = sum(1 << i for i, clock in enumerate(offered) if taken[i] < len(clock) and clock[taken[i]] <= t)
+        takes = bool(ready[t % len(ready)])
+        if takes and state[HELD]:
+            number, sender = divmod(int(state[OFFERED]), tiles)
+            found.append((t, sender, number))
+        tile = chosen(state, np.uint64(asking))
         advance(state, tile, taken[tile] * tiles + tile, takes)
         if tile >= 0:
             taken[tile] += 1
-    return log[:events]
+    return Merged(*np.array(found, np.int64).reshape(-1, 3).T)

@@ -68,24 +68,15 @@ def relay(offered: NDArray[np.int64], ready: NDArray[np.uint8], clocks: int, sta
     >>> [column.tolist() for column in relay(np.zeros(3, np.int64), np.ones(1, np.uint8), 10, 2)]
     [[0, 1, 2], [2, 3, 4]]
     """
-    taken, left = _relay(np.ascontiguousarray(offered, np.int64), ready, clocks, stations)
-    return Relayed(taken[: len(left)], left)
-
-
-@njit(cache=True, nogil=True)
-def _relay(offered: NDArray[np.int64], ready: NDArray[np.uint8], clocks: int, stations: int) -> Any:
-    """Return the clocks in which events enter a line, and the clocks in which they leave it."""
     line = np.zeros((stations, 4), np.uint64)
-    taken, left = np.zeros(len(offered), np.int64), np.zeros(len(offered), np.int64)
-    came = gone = 0
+    taken: list[int] = []
+    left: list[int] = []
     for t in range(clocks):
-        leaves = ready[t % len(ready)] != 0 and offers(line)
-        comes = came < len(offered) and offered[came] <= t and room(line)
+        leaves = bool(ready[t % len(ready)]) and offers(line)
+        comes = len(taken) < len(offered) and offered[len(taken)] <= t and room(line)
         if leaves:
-            left[gone] = t
-            gone += 1
-        advance(line, comes, came, leaves)
+            left.append(t)
+        advance(line, bool(comes), len(taken), leaves)
         if comes:
-            taken[came] = t
-            came += 1
-    return taken[:came], left[:gone]
+            taken.append(t)
+    return Relayed(np.array(taken[: len(left)], np.int64), np.array(left, np.int64))
