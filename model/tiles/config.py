@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -138,15 +139,8 @@ class MergeConfig:
 
     skin: TilesConfig
 
-    @property
-    def reset(self) -> str:
-        """Reset style of the flip-flops."""
-        return self.skin.reset
-
-    @property
-    def clock_hz(self) -> float:
-        """Clock frequency in hertz."""
-        return self.skin.clock_hz
+    reset = property(attrgetter("skin.reset"), doc="Reset style of the flip-flops.")
+    clock_hz = property(attrgetter("skin.clock_hz"), doc="Clock frequency in hertz.")
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as a dictionary."""
