@@ -30,34 +30,14 @@ class ClassifierConfig(Configuration):
     """All parameters of an integer network except its weights; immutable and validated.
 
     Hidden and output potentials have their own units; a weight counts ``2**shift`` of them. A potential saturates at
-    the limits of its bits. If ``saturates`` is false, no potential can reach the limits.
+    the limits of its bits. If ``saturates`` is false, no potential can reach the limits. ``parameter`` describes each
+    field; neurons with a leak or a synaptic current need more words:
 
-    Parameters
-    ----------
-    inputs, hidden, classes : int
-    lanes : int
-        Neurons to which a weight is added in one clock, a power of two from 1 to 64.
-    clocks_per_bin, bin_s : int, float
-        Clocks of a time bin at most, and its seconds.
-    in_bits, rec_bits, out_bits, bias_bits : int
-        Bits of a weight, 2..8, and of a bias, 2..16, signed.
-    in_shift, rec_shift, bias_shift, out_shift, out_bias_shift : int
-        A weight of 1 counts 2**shift units of the potential that it is added to, 0..16.
-    membrane_bits, output_bits, evidence_bits : int
-        Bits of a hidden potential, of an output potential, and of the evidence, signed, up to 32.
-    threshold, floor, neuron_reset, leak_shift, leak_factor
-        Hidden neurons: a neuron spikes if v > threshold; floor is the lower limit of v (None: no limit); reset by a
-        spike; after a bin v - (v * leak_factor >> leak_shift) remains (leak_shift 0: all).
-    synapse_shift, synapse_factor
-        Hidden neurons with a synaptic current (NIR: CubaLIF): weights and bias add to the current i, and at the end of
-        a bin i is added to v; then i - (i * synapse_factor >> synapse_shift) remains. Shift 0: no current, weights add
-        to v.
-    readout : "spikes" or "membrane"
-        The outputs fire and their spikes are the evidence, or they do not fire and the sum of their potentials is it.
-    out_threshold, out_floor, out_leak_shift, out_leak_factor, out_synapse_shift, out_synapse_factor
-        Output neurons; threshold and floor count where they fire.
-    reset : "sync" or "async"
-        Style of the flops' reset, active high.
+    - A hidden neuron spikes if v > threshold. After a bin v - (v * leak_factor >> leak_shift) remains.
+    - Neurons with a synaptic current (NIR: CubaLIF) add weights and bias to the current i. At the end of a bin i is
+      added to v; then i - (i * synapse_factor >> synapse_shift) remains. Shift 0: weights add to v.
+    - Outputs fire, and their spikes are the evidence; or they do not fire, and the sum of their potentials is it. The
+      fields ``out_...`` are those of the output neurons.
     """
 
     noun = ("a classifier's configuration", "classifier")
