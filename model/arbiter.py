@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 ZERO, ONE = np.uint64(0), np.uint64(1)
 
-# Words of the arbiter's state: the burst latch with its columns and their polarities, the rows behind the latch's row,
-# that row, the columns that it held at first, and the rows with a request.
+# Words of the arbiter's state: columns in the burst latch, their polarities, the rows behind the latched row, the
+# latched row, the columns that were latched, and the rows with a request.
 WAITING, SIGNS, BEHIND, ROW, TAKEN, REQUESTS = range(6)
 
 

@@ -222,7 +222,7 @@ class ReadoutConfig(Configuration):
             raise InputError(
                 f"sample_rate_hz must be in {MIN_RATE_HZ:g}..{MAX_RATE_HZ:g} hertz, not {self.sample_rate_hz!r}"
             )
-        # A reference stands on a level of its encoder.
+        # The reference is always on a level of the encoder.
         self._check_range("reference_reset", self.encoder.lowest(self), self.full_scale - 1)
         if self.reference_reset % self.grid:
             raise InputError(

@@ -62,7 +62,7 @@ def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins
     before: tuple[int, ...] = ()
     choices: list[NDArray[np.uint8]] = []
     choice_clocks: list[int] = []
-    # The select lines of an analog multiplexer are flops behind the register.
+    # An analog multiplexer gets its select lines from flops, one clock behind the register.
     selected = np.zeros(config.taxels, np.uint8)
     for clock, levels in enumerate(pins):
         signals = file.signals()

@@ -1,7 +1,7 @@
 """Golden model of the RTL: a cycle-accurate simulation of taxel array, arbiter and link.
 
-The loop visits only the clocks in which something can change, which is exact: a taxel that decided for nothing
-decides so again until its sample, its reference or its window moves.
+The loop visits only the clocks in which something can change. This is exact: a taxel without an event decides the same
+again until its sample, its reference or its window moves.
 """
 
 from __future__ import annotations
@@ -352,8 +352,8 @@ def _decisions(config: ReadoutConfig, stimulus: Stimulus) -> NDArray[np.uint8]:
 def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: Any) -> NDArray[np.int64]:
     """Simulate the readout; return the clock and 2 * taxel + polarity of every event, shape (events, 2).
 
-    Settings are None where there are none: without them the loop is compiled as if no host could be. ``traffic`` takes
-    what ``simulate_counted`` returns, if it has room.
+    Settings are None without a host: the compiled loop then has no code for settings. ``traffic`` takes the states that
+    ``simulate_counted`` returns, if it has room.
     """
     taxels, rows, latch, aer = r
     samples, sample_clock, clocks, enable_clock, enable, wants, ack_delay, phases, decisions, choice_clock, shown = s
@@ -371,7 +371,7 @@ def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: 
                 p = _set(p, given_settings[host[settings.NUMBER] - 1])
                 settings.set_phases(phases, p.leak_period)
 
-        # A disabled taxel is reset; all decide once more, which changes nothing for the others.
+        # A mask resets the disabled taxels. All taxels decide once more, which changes nothing for the others.
         masked = changes < len(enable_clock) and enable_clock[changes] == t
         if masked:
             mask_rows(p, enable[changes], taxels, rows, latch)
@@ -506,6 +506,6 @@ def with_room(log: NDArray[Any], events: int) -> NDArray[Any]:
     if events < len(log):
         return log
     longer = np.empty((2 * len(log), 2), log.dtype)
-    for row in range(len(log)):  # to assign it whole, Numba would compile for seconds: the text of an error of shapes
+    for row in range(len(log)):  # an assignment of the whole array would take Numba seconds to compile
         longer[row, 0], longer[row, 1] = log[row, 0], log[row, 1]
     return longer

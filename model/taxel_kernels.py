@@ -45,7 +45,7 @@ def steps(p: Any, taxel: Any) -> tuple[bool, bool]:
     """Return whether a taxel steps up, and whether it steps down, limited by the full scale."""
     above, below = compiled.compare(p.rule, taxel)
     if taxel.given >= 0:
-        above, below = taxel.given & 1 != 0, taxel.given == 2  # where both say so, above counts
+        above, below = taxel.given & 1 != 0, taxel.given == 2  # if both are given, above counts
     reach = compiled.reach(p.rule, taxel)
     return above and taxel.u + reach <= p.top, below and taxel.u - reach >= p.bottom
 

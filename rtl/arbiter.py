@@ -58,7 +58,7 @@ class Arbiter(Block[ReadoutConfig]):
         m = Module()
         rows, columns = self.config.rows, self.config.columns
 
-        # The first requesting row behind the one last granted, else the first of all. The prefix OR gives both the
+        # The first requesting row behind the last granted row, else the first of all. The prefix OR gives both the
         # one-hot choice and, as a thermometer, the rows behind it: the mask of the next round.
         behind = Signal(rows - 1)
         candidates = Signal(rows)

@@ -26,7 +26,7 @@ class Block(wiring.Component, Generic[Config]):
     module_name: str
     """Name of the Verilog module."""
     config: Config
-    _MustUse__silence = True  # of many equal blocks one is elaborated: the others' warnings would be false
+    _MustUse__silence = True  # only one of many equal blocks is elaborated; warnings about the others would be false
 
     def __init__(self, config: Config, ports: dict[str, Any]) -> None:
         self.config = config

@@ -82,7 +82,7 @@ class FrameSequencer(Block[FrameConfig]):
             self.adc_start.eq(scanning & ~converting & (settling == 0) & ~held),
             row_ends.eq(~column[:-1].any()),
             frame_ends.eq(row_ends & ~row[:-1].any()),
-            converting.eq(started & ~resting),  # one of them alone would be waited for, and no code would come
+            converting.eq(started & ~resting),  # an upset of one flop must not make it wait for a code
             taken.eq(converting & self.adc_done),
             self.sample_valid.eq(held),
             self.sample_code.eq(code),
@@ -170,7 +170,7 @@ class FramePacker(Block[FrameConfig]):
                 m.d.sync += [valid.eq(1), word.eq(self.sample_code), sync.eq(begins)]
             return m
 
-        # In units of the grain: a code is put at ``fill``, what goes beyond the word stays for the next one.
+        # In units of the grain: a code is placed at ``fill``; bits beyond the word stay for the next word.
         rest = Signal(self.config.word_bits - self.grain)
         fill = Signal(range(units))
         placed = Signal(self.config.word_bits + self.config.resolution - self.grain)
@@ -232,7 +232,7 @@ class FrameReadout(Block[FrameConfig]):
         for name in self.signature.members:
             block = packer if name.startswith("word_") else sequencer
             block.connect(m, name, getattr(self, name))
-        # Nothing in here uses it: a clock gate may.
+        # No logic in this block uses the signal; a clock gate may.
         awake = Signal(attrs={"keep": 1})
         m.d.comb += awake.eq(sequencer.awake | packer.awake)
         return m

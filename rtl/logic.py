@@ -30,7 +30,7 @@ def _prefix_or(values: list[Value], m: Module | None, name: str, size: int) -> l
     if len(values) <= 1:
         return [Const(0, 1)] * len(values)
     pairs = [values[i] | values[i + 1] if i + 1 < len(values) else values[i] for i in range(0, len(values), 2)]
-    if m is not None and len(pairs) > 4:  # of fewer pairs each is used once, or is a bit of the result
+    if m is not None and len(pairs) > 4:  # otherwise each pair is used once, or is a bit of the result
         for i in range(1, len(values) // 2):
             group = Signal(name=f"{name}_{i * size}_to_{(i + 1) * size - 1}")
             m.d.comb += group.eq(pairs[i])

@@ -41,10 +41,10 @@ class Readout(Block[ReadoutConfig]):
     spi_sck, spi_cs_n, spi_mosi, spi_miso, spi_miso_enable
         Settings at run time (``registers="spi"``), see ``eskin.rtl.registers``.
     step_code : Out(half_width_bits)
-        D in codes, a register, for the comparators (analog front end with registers, where there is no half_width).
+        D in codes, a register, for the comparators (analog front end with registers and without half_width).
     field_select : Out(3 * rows * columns)
-        {both, neighbours, own} of every taxel, for the multiplexer of its sensor: registers, one-hot, or none where it
-        is off (``fields="settable"`` with the analog front end).
+        {both, neighbours, own} of every taxel, for the multiplexer of its sensor: registers, one-hot, or 0 if the
+        taxel is off (``fields="settable"`` with the analog front end).
     """
 
     module_name = "eskin_readout"
@@ -112,7 +112,7 @@ class Readout(Block[ReadoutConfig]):
             for name in self.per_row:
                 row.connect(m, name, _slice(outer[name], index, len(getattr(row, name))))
 
-        # Nothing in here uses it: a clock gate may, with all but link and host, which listen to ACK and SPI.
+        # No logic in this block uses the signal. A clock gate may stop all but link and host, which hear ACK and SPI.
         awake = Signal(attrs={"keep": 1})
         m.d.comb += awake.eq(or_tree(stirs))
 
@@ -181,7 +181,7 @@ def _request(m: Module, arbiter: Arbiter, row: Row, host: Host | None, index: in
     ]
     if config.has_polarity:
         polarity = row.column_polarity
-        if host is not None:  # a masked taxel's polarity is anything
+        if host is not None:  # the polarity of a masked taxel is arbitrary
             tested = host.column_polarity & row.select.replicate(config.columns)
             polarity = Mux(host.row_request[index], tested, polarity)
         m.d.comb += _slice(arbiter.column_polarity, index, config.columns).eq(polarity)

@@ -33,7 +33,7 @@ class StreamReadout(wiring.Component):
         As ``Readout`` has them (``registers="spi"``).
     """
 
-    _MustUse__silence = True  # one that is refused is never elaborated: Amaranth's warning would hide the sentence
+    _MustUse__silence = True  # Amaranth's warning about a refused configuration would hide the error
 
     def __init__(self, config: ReadoutConfig) -> None:
         if config.frontend != "digital":

@@ -33,7 +33,7 @@ A ``TilesConfig``, which is a ``ReadoutConfig`` too, means ``eskin_tiles``.
 """
 
 # Amaranth's RTLIL to readable Verilog: one always block per register with its reset and enable, no initial values.
-# In the classifier alone a vector is split into what drives its parts: some of them use only a few bits of one.
+# In the classifier alone, splitnets splits a vector by its drivers, because some logic uses only a few of its bits.
 # The order matters: Amaranth's own wires must be gone before opt_dff looks for the reset and enable of a register.
 YOSYS_SCRIPT = (
     "read_rtlil readout.il; delete t:$meminit_v2; hierarchy -check -top {top}; "

@@ -82,7 +82,7 @@ def ready_of(config: ClassifierConfig, run: ClassifierRun, clocks: int) -> NDArr
     """Return for every clock of a run whether the classifier is ready for an event."""
     change = np.zeros(clocks + 1, np.int64)
     taken = np.asarray(run.accepted, np.int64)
-    # A clock after an event, for the rest of its row; from a bin's end to the last clock of its work; while it clears.
+    # Not ready: after an event for the rest of its row, from a bin's end to the last clock of its work, in a clear.
     begins = np.concatenate([taken + 1, np.asarray(run.ended, np.int64) + 1, [0]])
     stops = np.concatenate([taken + config.groups, np.asarray(run.valid, np.int64) - 1, [first_ready(config, -1)]])
     np.add.at(change, np.minimum(begins, clocks), 1)

@@ -247,7 +247,7 @@ def _add(v: Whole, counts: NDArray[Any], weights: Whole, bits: int) -> Whole:
     if np.abs(v).max(initial=0) + most <= highest(bits):  # nothing saturates: the product is exact, far below 2**53
         return v + (counts.astype(np.float64) @ weights.astype(np.float64)).astype(np.int64)
     for source in np.flatnonzero(counts.any(0)):
-        # Equal additions one after the other stop where a single one of their sum does.
+        # Equal additions stop at the same end of the bits as one addition of their sum.
         v = _sum(v, counts[:, source, None].astype(np.int64) * weights[source], bits)
     return v
 

@@ -89,7 +89,7 @@ def simulate(
             run.accepted.append(clock)
             free = clock + config.groups
 
-    early = [end for end in ends if start < end < free]  # while the scan is cleared: one of them is kept
+    early = [end for end in ends if start < end < free]  # while the scan is cleared: the first is kept
     run.overruns += early
     pending = early[:1] + [end for end in ends if end >= free]
     while pending:

@@ -19,8 +19,8 @@ class Write(NamedTuple):
 class RegisterFile:
     """State of all registers of a readout, updated clock by clock.
 
-    A word with a field out of its range is refused as a whole, and so is a write to a register that cannot be written
-    or to a hole. A hole reads 0. A counter stops at its end.
+    The file refuses a word with a field out of range as a whole, and any write to a read-only register or an unused
+    address. Unused addresses read 0. A counter stops at its end.
 
     Attributes
     ----------

@@ -24,8 +24,8 @@ SETTING_DTYPE = np.dtype(
         )
     ]
 )
-"""All settings and the clock from which on they hold: ``coarser`` bits of resolution less than were built, those of
-``ReadoutConfig``, those of the test pattern, and whether it and the decay ticks start anew in that clock."""
+"""The clock from which settings are valid, and all settings: ``coarser``, the bits by which the resolution is below the
+built one, fields of ``ReadoutConfig`` and ``Pattern``, and whether pattern and decay ticks restart in that clock."""
 
 _next = njit(cache=True)(pattern.advance)
 
@@ -42,8 +42,8 @@ def check(config: ReadoutConfig, given: NDArray[np.void]) -> None:
         raise InputError(f"a resolution must be in 1..{config.resolution}, the built one")
 
 
-# Words of the host's state: settings so far, whether a test pattern runs, whether it and the decay ticks start anew in
-# this clock, the sample tick from which leaks are counted; and the state of the pattern behind them.
+# Words of the host's state: number of settings so far, whether a test pattern runs, whether the pattern and the decay
+# ticks restart in this clock, and the sample tick from which leaks are counted; then the state of the pattern.
 NUMBER, TESTING, PATTERN_ANEW, DECAY_ANEW, FIRST_TICK, PATTERN = range(6)
 
 

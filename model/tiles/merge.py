@@ -21,8 +21,8 @@ forget_stale_kernels(Path(__file__), [Path(str(arbiter.__file__))])
 
 ONE = np.uint64(1)
 
-# Words of the merge's state: how many events are held, the one that is offered, the one behind it, and the tiles that
-# come before all others in the next round.
+# Words of the merge's state: number of held events, the offered event, the event behind it, and the tiles that come
+# before all others in the next round.
 HELD, OFFERED, SPARE, BEHIND = range(4)
 
 

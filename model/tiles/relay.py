@@ -40,7 +40,7 @@ def advance(line: NDArray[np.uint64], comes: bool, event: Any, ready: bool) -> N
     ``comes`` is true if the tile offers an event, any number from 0 on, and there is ``room`` for it; ``ready`` if the
     merge takes the event of the last station.
     """
-    for station in range(len(line) - 1, 0, -1):  # those behind have moved on; those before still stand as they were
+    for station in range(len(line) - 1, 0, -1):  # stations behind have moved already, stations before have not
         before, own = line[station - 1], line[station]
         takes = before[merge.HELD] != ZERO and own[merge.HELD] <= merge.ONE
         merge.advance(own, 0 if takes else -1, before[merge.OFFERED], ready)

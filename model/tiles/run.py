@@ -24,8 +24,8 @@ from eskin.model.tiles.config import TilesConfig
 
 forget_stale_kernels(Path(__file__), (*readout.SOURCES, *(Path(str(m.__file__)) for m in (readout, merge, relay))))
 
-# Words of a tile's place in its inputs: sample ticks and masks so far, whether the clock before was a sample tick, and
-# whether a threshold moved in it.
+# Words of a tile's place in its inputs: number of sample ticks and of masks so far, whether the previous clock was a
+# sample tick, and whether a threshold moved in it.
 TICKS, CHANGES, TICK, AGAIN = range(4)
 
 

@@ -71,7 +71,7 @@ def compare(m: Module, taxel: Taxel, own: Own, reference: Any, half_width: Any) 
 
     sample = Signal(signed(config.sample_bits - low_bits), name="newest")
     newest: Any = taxel.sample[low_bits:].as_signed()
-    if not config.has_polarity:  # a sample below zero never asks: it counts as zero
+    if not config.has_polarity:  # a sample below zero counts as zero and causes no request
         sample = Signal(config.sample_bits - 1, name="newest")
         newest = Mux(taxel.sample[-1], 0, taxel.sample[:-1])
     takes = taxel.enable & taxel.sample_valid

@@ -56,7 +56,7 @@ STUB = f"module {GATE}(input clk, input enable, input {TEST}, output gated); ass
 FLOPS = "eskin_lane"
 """Block whose memory is made of flops, so that every word has an enable; the other memories become macros."""
 
-# As the script of the plain Verilog, but that a synchronous reset goes into the data: the gate replaces the enable.
+# Like the script of the plain Verilog, but a synchronous reset goes into the data, since the gate replaces the enable.
 TO_GATES = (
     "read_rtlil readout.il; delete t:$meminit_v2; hierarchy -check -top {top}; "
     "proc -norom; opt_expr; opt_merge; opt_clean; memory_collect {flops}; memory_map {flops}; opt_merge; opt_clean; "

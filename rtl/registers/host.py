@@ -15,7 +15,7 @@ from eskin.rtl.registers.pattern import REGISTER, TestPattern, fields
 from eskin.rtl.registers.spi import PINS, ShortSlave, SpiSlave
 
 SETTINGS = ("decay_shift", "decay_period", "window_period")
-"""Fields of the register file that the array takes as they are."""
+"""Fields of the register file that go to the array unchanged."""
 
 
 class Host(Block[ReadoutConfig]):
@@ -26,24 +26,24 @@ class Host(Block[ReadoutConfig]):
     spi_sck, spi_cs_n, spi_mosi, spi_miso, spi_miso_enable
         See ``SpiSlave``.
     taxel_enable, enabled : In(rows * columns), Out(rows * columns)
-        The mask from outside, and that of the array: none where a test pattern runs or everything is cleared.
+        The mask from outside, and the mask for the array: 0 during a test pattern and a clear.
     event_valid, event_ready : In(1)
-        Of the arbiter, to be counted.
+        Handshake of the arbiter, for the counters.
     granted : In(rows)
-        The row that is granted.
+        The granted row, one-hot.
     row_request, column_request, column_polarity
-        The pattern's, see ``TestPattern``.
+        Requests of the test pattern, see ``TestPattern``.
     step : Out(resolution)
-        D, one-hot, in units of the D that was built; a register, a clock behind the one that the host wrote.
+        D, one-hot in units of the built D; a register, a clock behind the register that the host wrote.
     choice : Out(2 * rows * columns)
-        The field of every taxel, by its number (``fields="settable"``, digital front end).
+        Number of every taxel's field (``fields="settable"``, digital front end).
     field_select : Out(3 * rows * columns)
-        {both, neighbours, own} of every taxel, one-hot or none: registers, a clock behind those that the host wrote
-        (analog front end).
+        {both, neighbours, own} of every taxel, one-hot or 0; registers, a clock behind the registers that the host
+        wrote (analog front end).
     decay_restart : Out(1)
-        The decay ticks start anew.
+        The decay ticks restart.
     decay_shift, decay_period, window_period : Out
-        Fields of the registers; those that the encoder has.
+        Register fields that the encoder has.
     """
 
     module_name = "eskin_host"

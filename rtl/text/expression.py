@@ -251,7 +251,7 @@ def _signed_numbers(node: Node) -> Node | None:
 
 def _plain_reduction(node: Node, wires: Mapping[str, Wire]) -> Node:
     (inner,) = node.parts
-    if node.text == "!":  # the same for a word, and lint asks for one bit behind "!"
+    if node.text == "!":  # lint wants a single bit behind "!"
         return Node("unary", "~" if width(inner, wires) == 1 else "~|", (inner,))
     bits = inner.parts if inner.kind == "join" else (inner,)
     if node.text == "~|" or any(width(bit, wires) > 1 for bit in bits):

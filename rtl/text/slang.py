@@ -34,7 +34,7 @@ def compilation(texts: Mapping[str, str], top: str) -> tuple[Any, Any]:
         from pyslang import ast, syntax
     except ImportError:
         raise InputError("slang is not installed; install with: pip install -c constraints.txt pyslang") from None
-    atexit.unregister(gc.freeze)  # of collect_seldom: slang would print objects that are left at the exit
+    atexit.unregister(gc.freeze)  # set by collect_seldom; slang would print the objects left at exit
     options = ast.CompilationOptions()
     options.topModules = {top}
     bag = pyslang.Bag()
