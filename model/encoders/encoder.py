@@ -123,9 +123,9 @@ class Encoder(ABC):
         """Return whether the sample is above the upper threshold, and whether it is below the lower one."""
 
     @staticmethod
-    @abstractmethod
     def reach(rule: Any, taxel: Any) -> Any:
-        """Return the distance by which an event moves the reference."""
+        """Return the distance by which an event moves the reference, by default D."""
+        return rule.step
 
     @staticmethod
     @abstractmethod
@@ -165,6 +165,13 @@ class Encoder(ABC):
         ``u``, shape (taxels,), starts as the reference after reset; it and ``ends``, the bottom and the top of the
         scale, are in 2**-fraction_bits codes.
         """
+
+
+def stepped(u: Any, n: Any, ends: Any, step: Any) -> Any:
+    """Return the reference after n signed events, without the events that would move it off the scale."""
+    if n > 0:
+        return u + steps_up_to(n, ends[1] - u, step) * step
+    return u - steps_up_to(-n, u - ends[0], step) * step
 
 
 def steps_up_to(n: Any, room: Any, step: Any) -> Any:

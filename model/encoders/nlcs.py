@@ -84,11 +84,6 @@ class Nlcs(Encoder):
         return (taxel.x << rule.fraction_bits) - taxel.u > rule.step, False
 
     @staticmethod
-    def reach(rule: Any, taxel: Any) -> Any:
-        """Return D."""
-        return rule.step
-
-    @staticmethod
     def move(rule: Any, taxel: Any, on: bool, off: bool, tick: bool, leaks: bool) -> bool:
         """Move the reference by D at an event, and subtract the leak of the old reference."""
         leak = leak_of(taxel.u, rule.leak_shift) if leaks else 0

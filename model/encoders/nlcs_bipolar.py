@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eskin.model.decay import leak_of, leaking
-from eskin.model.encoders.encoder import steps_up_to
+from eskin.model.encoders.encoder import stepped
 from eskin.model.encoders.nlcs import Nlcs, NlcsRule, changed_by_host
 
 if TYPE_CHECKING:
@@ -99,7 +99,6 @@ class NlcsBipolar(Nlcs):
     @staticmethod
     def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
         """Reconstruct the reference with the leak of the encoder."""
-        bottom, top = ends
         unit = 2.0**-rule.fraction_bits
         for i in range(counts.shape[0]):
             now = i % rule.leak_period
@@ -108,8 +107,5 @@ class NlcsBipolar(Nlcs):
                 inward = (n > 0 and u[j] < 0) or (n < 0 and u[j] >= 0)
                 if phase[j] == now and (late[i, j] or not inward):
                     u[j] -= leak_of(u[j], rule.leak_shift)
-                if n > 0:
-                    u[j] += steps_up_to(n, top - u[j], rule.step) * rule.step
-                else:
-                    u[j] -= steps_up_to(-n, u[j] - bottom, rule.step) * rule.step
+                u[j] = stepped(u[j], n, ends, rule.step)
                 reference[i, j] = u[j] * unit
