@@ -83,11 +83,11 @@ def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins
             masks.append(enabled)
             mask_clocks.append(clock)
         steady = (config.resolution - resolution, found.leak_shift, found.leak_period, found.window_period, *test)
-        anew = (int("test_mode" in file.told or clear), int("decay_period" in file.told or clear))
-        if steady != before or any(anew):
-            rows.append((clock, *steady, *anew))
+        restarts = (int("test_mode" in file.written or clear), int("decay_period" in file.written or clear))
+        if steady != before or any(restarts):
+            rows.append((clock, *steady, *restarts))
             before = steady
-        if "resolution_bits" in file.told:
+        if "resolution_bits" in file.written:
             resolution = found.resolution
         write = slave.write
         slave.clock(levels)

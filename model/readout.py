@@ -366,7 +366,7 @@ def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: 
     while t < clocks:
         moved = testing = False
         if given_settings is not None:
-            moved, testing = settings.hear(host, given_settings, t, ticks, rows, latch)
+            moved, testing = settings.apply(host, given_settings, t, ticks, rows, latch)
             if moved:
                 p = _set(p, given_settings[host[settings.NUMBER] - 1])
                 settings.set_phases(phases, p.leak_period)
@@ -446,7 +446,7 @@ def _set(p: Parameters, now: Any) -> Parameters:
         p.reset,
         p.top,
         p.bottom,
-        compiled.told(p.rule, now),
+        compiled.with_settings(p.rule, now),
     )
 
 

@@ -51,7 +51,7 @@ async def file_follows_its_model(dut: Any) -> None:
         for name, value in file.signals().items():
             check.equal(name, value, block.read(name))
         for name in announced:
-            check.equal(f"{name}_written", name in file.told, block.read(f"{name}_written"))
+            check.equal(f"{name}_written", name in file.written, block.read(f"{name}_written"))
         check.counts["holes"] += address not in file.at
         check.counts["refused"] += write and address == register.address and not register.allows(word)
         check.counts["taken"] += write and address == register.address and register.allows(word)

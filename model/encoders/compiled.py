@@ -33,8 +33,8 @@ def _by_rule(name: str) -> Any:
     return call
 
 
-compare, reach, move, clear, told, ticks, decode = map(
-    _by_rule, ("compare", "reach", "move", "clear", "told", "ticks", "decode")
+compare, reach, move, clear, with_settings, ticks, decode = map(
+    _by_rule, ("compare", "reach", "move", "clear", "with_settings", "ticks", "decode")
 )
 
 MODULES: tuple[ModuleType, ...] = (common, decay, window, *(sys.modules[type(e).__module__] for e in ENCODERS))

@@ -142,7 +142,7 @@ class Encoder(ABC):
 
     @staticmethod
     @abstractmethod
-    def told(rule: Any, now: Any) -> Any:
+    def with_settings(rule: Any, now: Any) -> Any:
         """Return the rule changed by the settings of a host."""
 
     # -- compiled: all taxels, tick by tick ------------------------------------------------------

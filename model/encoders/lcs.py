@@ -63,7 +63,7 @@ class Lcs(Encoder):
         return False
 
     @staticmethod
-    def told(rule: Any, now: Any) -> Any:
+    def with_settings(rule: Any, now: Any) -> Any:
         """Return the rule for a coarser resolution set by the host."""
         return LcsRule(rule.built_step << now.coarser, rule.built_step, rule.step_log2, rule.cap)
 

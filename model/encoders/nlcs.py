@@ -91,7 +91,7 @@ class Nlcs(Encoder):
         return leaks
 
     @staticmethod
-    def told(rule: Any, now: Any) -> Any:
+    def with_settings(rule: Any, now: Any) -> Any:
         """Return the rule for a coarser resolution and a leak set by the host."""
         return NlcsRule(*changed_by_host(rule, now))
 

@@ -53,7 +53,7 @@ class NlcsBipolar(Nlcs):
         return leaks
 
     @staticmethod
-    def told(rule: Any, now: Any) -> Any:
+    def with_settings(rule: Any, now: Any) -> Any:
         """Return the rule for a coarser resolution and a leak set by the host."""
         return NlcsBipolarRule(*changed_by_host(rule, now))
 

@@ -26,7 +26,7 @@ class RegisterFile:
     ----------
     words : dict of int to int
         The registers by their addresses.
-    told : frozenset of str
+    written : frozenset of str
         Signals of fields that report a write of their register to the hardware in this clock.
     """
 
@@ -37,7 +37,7 @@ class RegisterFile:
     def reset(self) -> None:
         """Set all registers to their reset values."""
         self.words = {address: register.reset for address, register in self.at.items()}
-        self.told: frozenset[str] = frozenset()
+        self.written: frozenset[str] = frozenset()
 
     def read(self, address: int) -> int:
         """Return the word read at an address; 0 for pulses and unused addresses."""
@@ -58,9 +58,9 @@ class RegisterFile:
 
     def clock(self, write: Write | None, counted: Collection[str] = (), clear: bool = False) -> None:
         """Apply a rising edge with a write, the signals of the counters that count, and a clear of all counters."""
-        told = set()
+        written = set()
         for address, register in self.at.items():
-            written = write is not None and write.address == address and register.allows(write.word)
+            accepted = write is not None and write.address == address and register.allows(write.word)
             word = 0
             for field in register.fields:
                 value = field.of(self.words[address])
@@ -69,13 +69,13 @@ class RegisterFile:
                     value = 0 if clear else value + counts
                 elif field.kind == "pulse":
                     value = 0
-                if written and write is not None and field.kind in ("setting", "pulse"):
+                if accepted and write is not None and field.kind in ("setting", "pulse"):
                     value = field.of(write.word)
                     if field.announced:
-                        told.add(register.signal(field))
+                        written.add(register.signal(field))
                 word |= value << field.low
             self.words[address] = word
-        self.told = frozenset(told)
+        self.written = frozenset(written)
 
 
 class Settings(NamedTuple):
