@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -23,6 +24,9 @@ from eskin.skin.textures.presets import preset
 from eskin.skin.textures.rates import measure_rates
 from tests.conftest import Call
 from tests.model.refused import refused
+
+SMALL = FrameConfig(readout=ReadoutConfig(rows=1, columns=3, resolution=6))
+WORDS = np.array([1, 2, 3, 0], np.uint64)
 
 
 @st.composite
@@ -70,15 +74,13 @@ def test_default_is_the_frame_readout_of_the_paper() -> None:
 
 
 def test_words_are_filled_from_the_low_end() -> None:
-    config = FrameConfig(readout=ReadoutConfig(rows=1, columns=3, resolution=6))
-    assert pack(config, np.array([[1, 2, -1]])).tolist() == [[1 | 2 << 6 | 0xF << 12, 0b11]]
-    assert pack(config, np.array([[0, 0, 1]])).tolist() == [[1 << 12, 0]]
+    assert pack(SMALL, np.array([[1, 2, -1]])).tolist() == [[1 | 2 << 6 | 0xF << 12, 0b11]]
+    assert pack(SMALL, np.array([[0, 0, 1]])).tolist() == [[1 << 12, 0]]
 
 
 def test_a_frame_that_is_not_whole_is_left_out() -> None:
-    config = FrameConfig(readout=ReadoutConfig(rows=1, columns=3, resolution=6))
-    words = np.append(pack(config, np.array([[1, 2, -1]])).ravel(), 5)
-    assert unpack(config, words, np.array([1, 0, 1])).tolist() == [[1, 2, -1]]
+    words = np.append(pack(SMALL, np.array([[1, 2, -1]])).ravel(), 5)
+    assert unpack(SMALL, words, np.array([1, 0, 1])).tolist() == [[1, 2, -1]]
 
 
 # -- the readout -------------------------------------------------------------------------------------
@@ -180,45 +182,45 @@ def test_a_configuration_out_of_range_is_refused(fields: dict[str, Any], sentenc
         FrameConfig.from_dict(fields)
 
 
-def test_other_refusals_are_one_sentence() -> None:
-    config = FrameConfig(readout=ReadoutConfig(rows=1, columns=3, resolution=6))
-    words = np.array([1, 2, 3, 0], np.uint64)
-    good = FrameStimulus.from_samples(config, np.zeros((2, 3), int))
-    cases: list[tuple[Callable[[], object], str]] = [
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
         (lambda: FrameConfig.from_dict({"row": 1}), "unknown configuration field 'row'"),
         (lambda: FrameConfig.from_dict([]), "a configuration must be a JSON object, not list"),
-        (lambda: config.replace(taxels=3), "unknown parameter in taxels"),
+        (lambda: SMALL.replace(taxels=3), "unknown parameter in taxels"),
         (lambda: FrameConfig(readout=3), "readout must be of type ReadoutConfig, not 3"),  # type: ignore[arg-type]
-        (lambda: adc_code(config, np.array([2048])), "samples must be in -2048..2047 (12 bits), not 2048..2048"),
-        (lambda: pack(config, np.zeros((1, 2), int)), "codes must have shape (frames, 3), not (1, 2)"),
-        (lambda: pack(config, np.full((1, 3), 64)), "codes must be in -32..63 (6 bits), not 64..64"),
-        (lambda: unpack(config, words, np.array([1, 0, 0, 1])), "word 2: a frame of 2 words must not begin here"),
+        (lambda: adc_code(SMALL, np.array([2048])), "samples must be in -2048..2047 (12 bits), not 2048..2048"),
+        (lambda: pack(SMALL, np.zeros((1, 2), int)), "codes must have shape (frames, 3), not (1, 2)"),
+        (lambda: pack(SMALL, np.full((1, 3), 64)), "codes must be in -32..63 (6 bits), not 64..64"),
+        (lambda: unpack(SMALL, WORDS, np.array([1, 0, 0, 1])), "word 2: a frame of 2 words must not begin here"),
+        (lambda: unpack(SMALL, WORDS, np.array([1])), "words and sync must have one shape (words,), not (4,) and (1,)"),
+        (lambda: unpack(SMALL, WORDS), "words must have shape (frames, 2), not (4,)"),
+        (lambda: unpack(SMALL, np.array([[0, 8]])), "a frame does not end in zeros"),
         (
-            lambda: unpack(config, words, np.array([1])),
-            "words and sync must have one shape (words,), not (4,) and (1,)",
-        ),
-        (lambda: unpack(config, words), "words must have shape (frames, 2), not (4,)"),
-        (lambda: unpack(config, np.array([[0, 8]])), "a frame does not end in zeros"),
-        (
-            lambda: simulate(config, FrameStimulus.from_samples(config, np.zeros((1, 2), int))),
+            lambda: simulate(SMALL, FrameStimulus.from_samples(SMALL, np.zeros((1, 2), int))),
             "samples must have shape (ticks, 3) for 1 x 3 taxels, not (1, 2)",
         ),
         *(
             (
-                lambda clock=clock: simulate(config, dataclasses.replace(good, sample_clock=np.array(clock))),
+                lambda clock=clock: simulate(
+                    SMALL,
+                    dataclasses.replace(
+                        FrameStimulus.from_samples(SMALL, np.zeros((2, 3), int)), sample_clock=np.array(clock)
+                    ),
+                ),
                 "sample_clock and frame_clock must rise from 0, with one clock for every row of samples",
             )
             for clock in ([0, 0], [1, 2], [0])
         ),
         (
-            lambda: simulate(config, FrameStimulus.from_samples(config, np.zeros((1, 3)), conversion=np.array([0]))),
+            lambda: simulate(SMALL, FrameStimulus.from_samples(SMALL, np.zeros((1, 3)), conversion=np.array([0]))),
             "conversion must be at least 1 clock",
         ),
-    ]
-    for call, sentence in cases:
-        with pytest.raises(InputError) as refused:
-            call()
-        assert str(refused.value).startswith(sentence)
+    ],
+)
+def test_refusals_are_one_sentence(call: Callable[[], object], sentence: str) -> None:
+    with pytest.raises(InputError, match=f"^{re.escape(sentence)}"):
+        call()
 
 
 def test_configuration_goes_through_a_dictionary() -> None:
