@@ -90,7 +90,7 @@ class Arbiter(Block[ReadoutConfig]):
             self.event_valid.eq(waiting.any()),
             load.eq(~waiting.any() | (self.event_ready & ~rest.any())),
         ]
-        lines = [self.column_request[row * columns : (row + 1) * columns] for row in range(rows)]
+        lines = [self.column_request.word_select(row, columns) for row in range(rows)]
         with m.If(takes):
             m.d.sync += waiting.eq(or_tree(lines))
         with m.Elif(self.event_ready):
@@ -106,7 +106,7 @@ class Arbiter(Block[ReadoutConfig]):
             m.d.comb += self.event_col.eq(encode(first))
         if self.config.has_polarity:
             polarity = Signal(columns)
-            lines = [self.column_polarity[row * columns : (row + 1) * columns] for row in range(rows)]
+            lines = [self.column_polarity.word_select(row, columns) for row in range(rows)]
             with m.If(takes):
                 m.d.sync += polarity.eq(or_tree(lines))
             m.d.comb += self.event_polarity.eq((polarity & first).any())

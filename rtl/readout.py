@@ -110,7 +110,7 @@ class Readout(Block[ReadoutConfig]):
             if host is not None:
                 m.d.comb += [getattr(row, name).eq(host.setting(name)) for name in settings(config)]
             for name in self.per_row:
-                row.connect(m, name, _slice(outer[name], index, len(getattr(row, name))))
+                row.connect(m, name, outer[name].word_select(index, len(getattr(row, name))))
 
         # No logic in this block uses the signal. A clock gate may stop all but link and host, which hear ACK and SPI.
         awake = Signal(attrs={"keep": 1})
@@ -177,15 +177,11 @@ def _request(m: Module, arbiter: Arbiter, row: Row, host: Host | None, index: in
         columns = columns | (host.column_request & (row.select & host.row_request[index]).replicate(config.columns))
     m.d.comb += [
         arbiter.row_request[index].eq(request),
-        _slice(arbiter.column_request, index, config.columns).eq(columns),
+        arbiter.column_request.word_select(index, config.columns).eq(columns),
     ]
     if config.has_polarity:
         polarity = row.column_polarity
         if host is not None:  # the polarity of a masked taxel is arbitrary
             tested = host.column_polarity & row.select.replicate(config.columns)
             polarity = Mux(host.row_request[index], tested, polarity)
-        m.d.comb += _slice(arbiter.column_polarity, index, config.columns).eq(polarity)
-
-
-def _slice(signal: Any, index: int, width: int) -> Any:
-    return signal[index * width : (index + 1) * width]
+        m.d.comb += arbiter.column_polarity.word_select(index, config.columns).eq(polarity)

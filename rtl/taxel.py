@@ -184,8 +184,7 @@ class Row(Block[ReadoutConfig]):
             m.d.comb += [taxel.enable.eq(self.enable[column]), taxel.granted.eq(self.granted)]
             m.d.comb += [getattr(taxel, name).eq(getattr(self, name)) for name in self.shared]
             for name in self.per_taxel:
-                width = len(getattr(taxel, name))
-                taxel.connect(m, name, getattr(self, name)[column * width : (column + 1) * width])
+                taxel.connect(m, name, getattr(self, name).word_select(column, len(getattr(taxel, name))))
             requests.append(taxel.request)
             stirs.append(taxel.stirs)
             if self.config.has_polarity:

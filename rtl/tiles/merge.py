@@ -72,7 +72,7 @@ class Merge(Block[TilesConfig]):
         for name in payload_fields(self.config):
             words = getattr(self, f"tile_{name}")
             bits = len(words) // self.config.tiles
-            gated = [words[i * bits : (i + 1) * bits] & chosen[i].replicate(bits) for i in range(self.config.tiles)]
+            gated = [words.word_select(i, bits) & chosen[i].replicate(bits) for i in range(self.config.tiles)]
             fields[name] = or_tree(gated)
         if self.config.tile_bits:
             fields["tile"] = encode(chosen)
