@@ -49,28 +49,7 @@ class Classifier(Block[ClassifierConfig]):
     For neurons with a synaptic current, the lanes or the ring of the outputs hold the current. A memory or a second
     ring holds their potentials, which change only when a neuron is compared.
 
-    Attributes
-    ----------
-    load_valid, load_neurons, load_address, load_data : In
-        Write a word into the memory of rows, or of neurons. Events, bin ends and scan starts must wait.
-    event_valid, event_ready, event_channel : In, Out, In
-        Stream of events; ``event_channel`` is absent for a single input.
-    bin_end : In(1)
-        The bin ends with this clock.
-    scan_start : In(1)
-        Forget everything but the weights.
-    class_valid : Out(1)
-        High for one clock at the end of the work of each bin.
-    class_index, evidence : Out
-        Held; evidence of class 0 in the least significant bits.
-    overrun : Out(1)
-        Since the scan began, a ``bin_end`` came before the work of the previous bin was done.
-    stall_count : Out
-        Clocks in which an event waited since the scan began; stops at its end.
-    hidden_valid, hidden_index, hidden_potential, hidden_spike : Out
-        Every hidden neuron at every bin's end, as compared with the threshold.
-    output_valid, output_index, output_potential, output_spike : Out
-        Every output.
+    ``CLASSIFIER_PORTS`` in ``ports.py`` describes every port.
     """
 
     module_name = "eskin_classifier"
