@@ -41,7 +41,7 @@ EVENT_LATENCY = 3
 """Clocks from ``sample_valid`` to the first event that it causes (docs/design/microarchitecture.md, Time)."""
 
 _BLOCK_BYTES = 2**20
-"""Samples handled at a time where counts are not kept: their counts stay in the cache."""
+"""Bytes of samples per block if the counts are only added up: the counts of a block stay in the cache."""
 
 
 # -- encoders ----------------------------------------------------------------------------------------

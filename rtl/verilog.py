@@ -27,9 +27,9 @@ from eskin.rtl.tiles.merge import Merge
 from eskin.rtl.tiles.skin import Skin
 
 Config = ReadoutConfig | FrameConfig | ClassifierConfig | ChipConfig | MergeConfig
-"""What is meant: ``eskin_readout``, ``eskin_frame_readout``, ``eskin_classifier``, ``eskin_chip`` or ``eskin_merge``.
+"""Configuration of ``eskin_readout``, ``eskin_frame_readout``, ``eskin_classifier``, ``eskin_chip`` or ``eskin_merge``.
 
-A ``TilesConfig``, which is a ``ReadoutConfig`` too, means ``eskin_tiles``.
+A ``TilesConfig``, which is a ``ReadoutConfig`` too, is the configuration of ``eskin_tiles``.
 """
 
 # Amaranth's RTLIL to readable Verilog: one always block per register with its reset and enable, no initial values.
@@ -46,7 +46,7 @@ WAIVERS = {
     "DECLFILENAME": "all modules of the readout are in this one file",
     "WIDTHEXPAND": "a narrower operand is extended by its sign, as Verilog defines it",
 }
-"""Lint warnings that are waived in the whole file, each with the reason why it is meant."""
+"""Lint warnings that are waived in the whole file, each with its reason."""
 
 FRAME_WAIVERS = WAIVERS | {"WIDTHEXPAND": "a narrower operand is extended by zeros: all numbers are unsigned"}
 

@@ -16,7 +16,7 @@ MAX_INPUTS = 2 * 64 * 64
 MAX_HIDDEN = 4096
 MAX_CLASSES = 64
 MAX_BITS = 32
-"""Of a potential."""
+"""Largest number of bits of a potential."""
 
 HEADROOM = 32
 """Thresholds, or floors if these are larger, on each side of 0 before a narrow potential saturates. With 16 of them no

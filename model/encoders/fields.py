@@ -22,7 +22,7 @@ SETTABLE = "settable"
 """Name of the fields that a host chooses at run time; after reset every taxel sees its own sample."""
 
 CHOICES = (*KINDS, "off")
-"""What a host chooses among, by number."""
+"""Fields that a host can choose, by number."""
 
 MOST_TAXELS = 256
 """Most taxels of a field."""

@@ -59,7 +59,7 @@ class Encoder(ABC):
 def compare(m: Module, taxel: Taxel, own: Own, reference: Any, half_width: Any) -> tuple[Any, Any]:
     """Add digital comparators, or ports for analog ones; return whether x is above and below the window.
 
-    Reference and half-width are in units of the encoder's grid. What drives a DAC comes from flops.
+    Reference and half-width are in units of the encoder's grid. Flops drive the DACs.
     """
     config = taxel.config
     low_bits = (config.grid - 1).bit_length()

@@ -18,7 +18,7 @@ BINARY: tuple[Operators, ...] = (
     ("<", "<=", ">", ">="),
 )
 BINARY += (("<<", ">>", "<<<", ">>>"), ("+", "-"), ("*", "/", "%"))
-"""Operators of two operands, those that bind least first."""
+"""Operators of two operands, from the weakest binding to the strongest."""
 
 COMPARISONS = {"==", "!=", "===", "!==", "<", "<=", ">", ">="}
 LOGICAL = {"||", "&&"}

@@ -12,10 +12,10 @@ from eskin.rtl.text import expression
 from eskin.rtl.text.expression import Node, UnknownTextError, Wire
 
 MADE_UP = re.compile(r"\b_\d+_\b")
-"""Names that Yosys made up: those of no signal in the source."""
+"""Names that Yosys made up; no signal in the source has them."""
 
 PART = "part"
-"""What is left of them is named ``<what it is part of>_part``, with a number from the second one on."""
+"""Remaining wires of Yosys are named ``<signal that they are part of>_part``, with a number from the second on."""
 
 DECLARATION = re.compile(r"^  (?:(?:input|output) )?(?:wire|reg) (signed )?(?:\[(\d+):0\] )?(\w+);$")
 ASSIGNMENT = re.compile(r"^(  assign )(\w+)((?:\[[\d:]+\])?)( = )(.*)(;)$")
@@ -24,12 +24,12 @@ PORT = re.compile(r"^(    \.\w+\()(.*)(\),?)$")
 WORD = re.compile(r"(?<![\w$'.])[A-Za-z_]\w*")
 
 LONGEST = 110
-"""Characters of a line, above which it is broken behind an operator."""
+"""Characters of a line; longer lines are broken behind an operator."""
 
 BREAKS = tuple(f"{operator} " for operator in ("|", "&", "^", "?", ":", "+", "-", "<=", ","))
 
 MOST_NAMES = 4
-"""Names in an expression that is written again wherever its wire is used, and not kept as a wire."""
+"""Most names in an expression that replaces its wire wherever the wire is used."""
 
 
 @dataclass

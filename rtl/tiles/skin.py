@@ -16,7 +16,7 @@ from eskin.rtl.tiles.merge import Merge, merged_ports
 from eskin.rtl.tiles.relay import Relay
 
 MOST_INPUT_BITS = 65_000
-"""Of a module; Amaranth numbers the bits of all its inputs with 16 bits."""
+"""Most input bits of a module: Amaranth numbers them with 16 bits."""
 
 
 class Skin(Block[TilesConfig]):
