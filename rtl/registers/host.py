@@ -17,6 +17,9 @@ from eskin.rtl.registers.spi import PINS, ShortSlave, SpiSlave
 SETTINGS = ("decay_shift", "decay_period", "window_period")
 """Fields of the register file that go to the array unchanged."""
 
+PATTERN = ("granted", "row_request", "column_request", "column_polarity")
+"""Ports of the test pattern generator to arbiter and rows."""
+
 
 class Host(Block[ReadoutConfig]):
     """Host interface: receives settings over SPI, counts events and stalls, and sends test patterns.
@@ -59,11 +62,7 @@ class Host(Block[ReadoutConfig]):
                 "enabled": Out(config.taxels),
                 "event_valid": In(1),
                 "event_ready": In(1),
-                **{
-                    name: pattern[name]
-                    for name in ("granted", "row_request", "column_request", "column_polarity")
-                    if name in pattern
-                },
+                **{name: pattern[name] for name in PATTERN if name in pattern},
                 "step": Out(config.resolution),
                 "choice": Out(2 * config.taxels) if adds(config) else None,
                 "field_select": Out(3 * config.taxels) if selects(config) else None,
@@ -104,9 +103,7 @@ class Host(Block[ReadoutConfig]):
             pattern.restart.eq(restart),
             *(getattr(pattern, name).eq(getattr(file, f"{REGISTER}_{name}")) for name in fields(config)),
         ]
-        for name in ("granted", "row_request", "column_request", "column_polarity"):
-            if name in self.signature.members:
-                pattern.connect(m, name, getattr(self, name))
+        pattern.connect_all(m, self, [name for name in PATTERN if name in self.signature.members])
 
         step = Signal(config.resolution, init=1, name="step_units")
         with m.If(getattr(file, f"resolution_bits{WRITTEN}")):
@@ -114,9 +111,7 @@ class Host(Block[ReadoutConfig]):
         m.d.comb += self.step.eq(step)
         if config.encoder.leaks:
             m.d.comb += self.decay_restart.eq(getattr(file, f"decay_period{WRITTEN}") | clear)
-        for name in SETTINGS:
-            if name in self.signature.members:
-                m.d.comb += getattr(self, name).eq(getattr(file, name))
+        file.connect_all(m, self, [name for name in SETTINGS if name in self.signature.members])
         return m
 
     def _choose(self, m: Module, file: RegisterFile, spi: SpiSlave) -> Any:
