@@ -159,24 +159,15 @@ class FrameStimulus:
     ready: NDArray[np.uint8] = field(default_factory=lambda: np.ones(1, np.uint8))
 
     @classmethod
-    def from_samples(
-        cls,
-        config: FrameConfig,
-        samples: NDArray[np.integer],
-        *,
-        conversion: NDArray[np.int64] | None = None,
-        ready: NDArray[np.uint8] | None = None,
-        drain: int = 0,
-    ) -> FrameStimulus:
-        """Return a stimulus with one frame per row of samples at the frame rate."""
+    def from_samples(cls, config: FrameConfig, samples: NDArray[np.integer], *, drain: int = 0) -> FrameStimulus:
+        """Return a stimulus with one frame per row of samples at the frame rate, and ``drain`` clocks at the end."""
         start = np.arange(len(samples), dtype=np.int64) * config.clocks_per_frame
         return cls(
             samples=np.asarray(samples),
             sample_clock=start,
             frame_clock=start,
             clocks=len(samples) * config.clocks_per_frame + drain,
-            conversion=np.array([config.adc_clocks]) if conversion is None else np.asarray(conversion, np.int64),
-            ready=np.ones(1, np.uint8) if ready is None else np.asarray(ready, np.uint8),
+            conversion=np.array([config.adc_clocks]),
         )
 
     def check(self, config: FrameConfig) -> None:

@@ -70,10 +70,10 @@ def simulate_skin(config: TilesConfig, stimuli: Sequence[Stimulus]) -> Events:
     return config.on_skin(number, events)
 
 
-def scan_skin(config: TilesConfig, scan: Any, image: ArrayLike, ticks: int | None = None) -> list[Stimulus]:
-    """Return the stimulus of every tile for a skin that slides over an image, for a number of sample ticks at most."""
+def scan_skin(config: TilesConfig, scan: Any, image: ArrayLike) -> list[Stimulus]:
+    """Return the stimulus of every tile for a skin that slides over an image."""
     samples, _ = scan.samples(config, image)
-    return [Stimulus.from_samples(config.tile, samples[:ticks, config.taxels_of(i)]) for i in range(config.tiles)]
+    return [Stimulus.from_samples(config.tile, samples[:, config.taxels_of(i)]) for i in range(config.tiles)]
 
 
 @njit(cache=True, nogil=True)

@@ -27,6 +27,7 @@ from tests.model.refused import refused
 
 SMALL = FrameConfig(readout=ReadoutConfig(rows=1, columns=3, resolution=6))
 WORDS = np.array([1, 2, 3, 0], np.uint64)
+EMPTY = FrameStimulus.from_samples(SMALL, np.zeros((1, 3)))
 
 
 @st.composite
@@ -213,7 +214,7 @@ def test_a_configuration_out_of_range_is_refused(fields: dict[str, Any], sentenc
             for clock in ([0, 0], [1, 2], [0])
         ),
         (
-            lambda: simulate(SMALL, FrameStimulus.from_samples(SMALL, np.zeros((1, 3)), conversion=np.array([0]))),
+            lambda: simulate(SMALL, dataclasses.replace(EMPTY, conversion=np.array([0]))),
             "conversion must be at least 1 clock",
         ),
     ],
