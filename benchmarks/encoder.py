@@ -40,26 +40,13 @@ Codes = NDArray[np.int16]
 
 @dataclass
 class Candidate:
-    """A function to time.
-
-    Attributes
-    ----------
-    name : str
-    call : callable
-        Does the work once.
-    taxel_samples : int
-        What it handles.
-    events : callable or None
-        Returns the number of events of the last call.
-    seconds : list of float
-        One entry for every round.
-    """
+    """A function to time."""
 
     name: str
     call: Callable[[], Any]
-    taxel_samples: int
-    events: Callable[[], int] | None = None
-    seconds: list[float] = field(default_factory=list)
+    taxel_samples: int  # samples of one call
+    events: Callable[[], int] | None = None  # returns the number of events of the last call
+    seconds: list[float] = field(default_factory=list)  # one for every round
 
 
 def texture_like(samples: int, signals: int, config: ReadoutConfig, seed: int) -> Codes:

@@ -180,20 +180,12 @@ CANDIDATES: dict[str, tuple[Callable[[], Forward], NeuronRule, bool]] = {
 
 @dataclass
 class Step:
-    """A network in training.
-
-    Attributes
-    ----------
-    forward : Forward
-    x, labels : shapes (steps, batch, inputs), (batch,)
-    seconds : list of float
-        CPU time of every round.
-    """
+    """A network in training."""
 
     forward: Forward
     x: Tensor
     labels: Tensor
-    seconds: list[float] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)  # CPU time of every round
     weights: list[nn.Parameter] = field(init=False)
 
     def __post_init__(self) -> None:

@@ -19,13 +19,7 @@ def check_program() -> None:
 
 
 def run(script: str, folder: Path) -> tuple[str, int]:
-    """Return the output of an OpenSTA script, and its exit status.
-
-    Raises
-    ------
-    InputError
-        If the program is missing.
-    """
+    """Return the output of an OpenSTA script, and its exit status."""
     check_program()
     (folder / "script.tcl").write_text(f"{script}\nexit\n")
     command = [PROGRAM, "-no_init", "-no_splash", "-exit", "script.tcl"]

@@ -44,37 +44,20 @@ _DIGITS = 5  # significant digits of a stored rate
 
 @dataclass(frozen=True, eq=False)
 class RateTable:
-    """Table of mean event rates of every taxel over a dataset.
+    """Table of mean event rates of every taxel over a dataset."""
 
-    Attributes
-    ----------
-    dataset, preset : str
-        What was scanned and how (docs/guide/textures.md).
-    images : int
-        Number of images.
-    rows, columns : int
-        Array.
-    bandwidth_hz : float
-        Frequency below which 99 % of the power of the sensor's output lies, all taxels and images pooled.
-    resolutions : tuple of int
-        Resolutions N of the rates.
-    taus_s : tuple of float
-        N-LCS time constants of the rates, as asked for.
-    lcs_hz : float array, shape (resolutions, taxels)
-    nlcs_hz : float array, shape (taus, resolutions, taxels)
-        Events/s of every taxel, mean over the images.
-    """
-
+    # dataset, preset: what was scanned and how (docs/guide/textures.md)
     dataset: str
     preset: str
     images: int
     rows: int
     columns: int
+    # frequency below which 99 % of the power of the sensor's output lies, all taxels and images pooled
     bandwidth_hz: float
     resolutions: tuple[int, ...]
-    taus_s: tuple[float, ...]
+    taus_s: tuple[float, ...]  # N-LCS time constants of the rates, as asked for
     lcs_hz: NDArray[np.float64]
-    nlcs_hz: NDArray[np.float64]
+    nlcs_hz: NDArray[np.float64]  # events/s of every taxel, mean over the images
 
     def population_hz(self, readout: Readout, resolution: int, tau_s: float = 0.2) -> float:
         """Return the events/s of the whole measured array."""
@@ -223,20 +206,8 @@ def measure_table(
 ) -> RateTable:
     """Return the event rates of every taxel for LCS and N-LCS, measured without contention.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        At least one image.
-    scan : Scan
-        Preset, from ``eskin.skin.textures.presets.preset``.
-    base : ReadoutConfig, optional
-        Array and sample rate; the default array by default.
-    resolutions, taus_s : sequences
-        What to measure.
-    pool : WorkerPool, optional
-        Who does the work, this process by default.
-    watch : Watch
-        Shows how far it is, image by image and sample rate by sample rate.
+    ``base``: array and sample rate; the default array by default.
+    ``pool``: workers; this process by default.
     """
     base = base or ReadoutConfig()
     configs, groups = _configurations(scan, base, resolutions, taus_s)

@@ -17,18 +17,9 @@ class ClockError(ValueError):
 
 @dataclass
 class Clocks:
-    """The clock network of a flat netlist.
+    """The clock network of a flat netlist."""
 
-    Parameters
-    ----------
-    module : dict
-        The top of a design, as ``write_json`` of Yosys gives it.
-    library : Library
-    clock : str
-        Name of the clock port.
-    """
-
-    module: dict[str, Any]
+    module: dict[str, Any]  # top module, as ``write_json`` of Yosys returns it
     library: Library
     clock: str = "clk"
 
@@ -140,13 +131,7 @@ class Clocks:
         return self._latches[bit]
 
     def check(self, flop: str, bit: Bit) -> None:
-        """Raise ClockError if the clock of a flop can rise while the latch of its clock gate is transparent.
-
-        Raises
-        ------
-        ClockError
-            If it is not low while the port is, or a latch in its way is not closed whenever it may be high.
-        """
+        """Raise ClockError if the clock of a flop can rise while the latch of its clock gate is transparent."""
         if not self.is_clock(bit):
             raise ClockError(f"the clock of the flop {flop} is not low while {self.clock} is low")
         for name in self.latches_behind(bit):

@@ -41,10 +41,7 @@ def compare(gold: dict[str, Any], gate: dict[str, Any]) -> tuple[int, list[str]]
 
     A compare point is a flop (what it will hold and what resets it) or a bit of an output port.
 
-    Parameters
-    ----------
-    gold, gate : dict
-        Modules of the simple cells of Yosys, as ``write_json`` gives them.
+    ``gold``, ``gate``: modules of the simple cells of Yosys, as ``write_json`` gives them.
     """
     ours, theirs = _cut(gold), _cut(gate)
     pairs, lonely = _match(ours, gold, theirs, gate)

@@ -29,11 +29,7 @@ from eskin.rtl.verilog import header
 def sdc(netlist: Netlist, period: str = "") -> str:
     """Return the timing constraints of a netlist.
 
-    Parameters
-    ----------
-    netlist : Netlist
-    period : str
-        Clock period in ns, or a Tcl expression; that of the configuration by default.
+    ``period``: clock period in ns, or a Tcl expression; that of the configuration by default.
     """
     config = netlist.config
     lines = [

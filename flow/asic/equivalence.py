@@ -31,21 +31,13 @@ GATE = (
 
 @dataclass(frozen=True)
 class Equivalence:
-    """Result of the equivalence proof.
+    """Result of the equivalence proof."""
 
-    Attributes
-    ----------
-    proved, of : int
-        Compare points (flops and bits of outputs) that are proved equal, and all compare points.
-    unproved : tuple of str
-        Names of the others.
-    flops, gated_flops : int
-        Flops of the netlist, and those of them whose clock a gate may stop.
-    """
-
+    # proved, of: compare points (flops and bits of outputs) that are proved equal, and all compare points
     proved: int
     of: int
-    unproved: tuple[str, ...]
+    unproved: tuple[str, ...]  # names of the other compare points
+    # flops, gated_flops: flops of the netlist, and flops behind a clock gate
     flops: int
     gated_flops: int
 
@@ -62,10 +54,7 @@ class Equivalence:
 def design_of(netlist: Netlist) -> dict[str, Any]:
     """Return a Verilog netlist in the JSON format of Yosys.
 
-    Raises
-    ------
-    InputError
-        If it is not Verilog, or holds cells that the library does not have.
+    Raises InputError for invalid Verilog or unknown cells.
     """
     files = {"cells.lib": netlist.library.content, "netlist.v": netlist.text.encode()}
     try:
@@ -84,16 +73,8 @@ def prove(netlist: Netlist, design: dict[str, Any] | None = None) -> Equivalence
     sides are matched by the name of their output; then what each will hold, what resets it, and every output must be
     the same function of all flops and inputs. Nothing is assumed about which states can be reached.
 
-    Parameters
-    ----------
-    netlist : Netlist
-    design : dict, optional
-        From ``design_of``, if it is at hand.
-
-    Raises
-    ------
-    ClockError
-        If a clock of the netlist is stopped by what is no clock gate.
+    ``design``: result of ``design_of``, if known.
+    Raises ClockError if anything but a clock gate stops a clock.
     """
     plain, flops, gated = with_enables(design or design_of(netlist), netlist)
     files = {"cells.lib": netlist.library.content, "plain.json": json.dumps(plain).encode()}

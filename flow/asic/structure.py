@@ -26,43 +26,27 @@ RESET_CLOCKS = 4
 
 @dataclass(frozen=True)
 class Overload:
-    """An output that drives more pins than the library allows.
+    """An output that drives more pins than the library allows."""
 
-    Attributes
-    ----------
-    output : str
-        Cell and pin, ``tick_reg/Q``.
-    load_f, allowed_f : float
-        Capacitance of the pins, and ``max_capacitance`` of the library.
-    """
-
-    output: str
+    output: str  # cell and pin, ``tick_reg/Q``
+    # load_f, allowed_f: capacitance of the pins, and ``max_capacitance`` of the library
     load_f: float
     allowed_f: float
 
 
 @dataclass(frozen=True)
 class Structure:
-    """Violations found by the structural checks.
+    """Violations found by the structural checks."""
 
-    Attributes
-    ----------
-    flops, clock_gates : int
-        Flops; clock gates, those built of a latch among them.
-    without_reset, stopped_in_test : tuple of str
-        Flops that a reset of ``RESET_CLOCKS`` clocks does not set, and those whose clock ``test_enable`` leaves off.
-    stray_latches : tuple of str
-        Latches that are no part of a clock gate.
-    overloaded : tuple of Overload
-        The largest load first; without clocks, whose buffers the layout makes.
-    """
-
+    # clock_gates: with the gates that are built of a latch
     flops: int
     clock_gates: int
+    # without_reset, stopped_in_test: flops that a reset of ``RESET_CLOCKS`` clocks does not set, and those whose clock
+    # ``test_enable`` leaves off
     without_reset: tuple[str, ...]
     stopped_in_test: tuple[str, ...]
-    stray_latches: tuple[str, ...]
-    overloaded: tuple[Overload, ...] = ()
+    stray_latches: tuple[str, ...]  # latches outside of clock gates
+    overloaded: tuple[Overload, ...] = ()  # largest load first; without clocks, which the layout buffers
 
     @property
     def warning(self) -> str:
@@ -105,16 +89,7 @@ class Structure:
 def check(netlist: Netlist, design: dict[str, Any]) -> Structure:
     """Return the violations of the structural rules in a netlist.
 
-    Parameters
-    ----------
-    netlist : Netlist
-    design : dict
-        From ``eskin.flow.asic.equivalence.design_of``.
-
-    Raises
-    ------
-    ClockError
-        If a flop is on another clock, or one that is stopped by what is no clock gate.
+    Raises ClockError if a flop has another clock, or if anything but a clock gate stops its clock.
     """
     clocks = Clocks(design["modules"][netlist.top], netlist.library)
     readers = _readers(clocks)

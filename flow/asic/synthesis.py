@@ -70,24 +70,13 @@ network, and joins in a tree what lies far apart."""
 
 @dataclass(frozen=True)
 class Netlist:
-    """A readout as a flat netlist of library cells; the name of a cell begins with its block.
+    """A readout as a flat netlist of library cells; the name of a cell begins with its block."""
 
-    Attributes
-    ----------
-    text : str
-        Verilog, with a port ``test_enable`` beside those of the readout.
-    top : str
-    config : ReadoutConfig or FrameConfig
-    library : Library
-    gated : bool
-        Whether the library has what a clock gate is made of.
-    """
-
-    text: str = field(repr=False)
+    text: str = field(repr=False)  # Verilog, with a port ``test_enable`` beside those of the readout
     top: str
     config: Config
     library: Library
-    gated: bool
+    gated: bool  # whether the library has cells for a clock gate
 
     def write(self, folder: Path) -> Path:
         """Write the netlist into a folder; return its path."""
@@ -107,21 +96,10 @@ def synthesise(
 ) -> Netlist:
     """Return the clock-gated netlist of a readout.
 
-    Parameters
-    ----------
-    config : ReadoutConfig or FrameConfig
-    library : Library
-    period_ns : float
-        Clock period that the mapping aims at.
-    fewest : int
-        Flops with one enable that are worth a clock gate.
-    delivered : bool
-        Start from the Verilog of ``eskin verilog --clock-gates`` and insert no gate, as a user's flow does.
-
-    Raises
-    ------
-    InputError
-        If the library does not have the cells that the readout needs.
+    ``period_ns``: clock period that the mapping aims at.
+    ``fewest``: flops with one enable that are worth a clock gate.
+    ``delivered``: start from the Verilog of ``eskin verilog --clock-gates`` and insert no gate, as a user's flow does.
+    Raises InputError if the library does not have the cells that the readout needs.
     """
     top = top_block(config)
     gated = bool(gating.gate_module(library))
@@ -145,17 +123,8 @@ def mapped(top: Block[Any], library: Library, apart: Sequence[str] = ()) -> dict
     For large arrays: the blocks around those modules keep the depth that the RTL draws (``AS_DRAWN``), and the array
     has no clock gate at its root, whose enable would cross it once more; rows and arbiter have theirs.
 
-    Parameters
-    ----------
-    top : Block
-    library : Library
-    apart : sequence of str
-        Names of the modules: ``eskin_taxel`` for an array too large to be flat.
-
-    Raises
-    ------
-    InputError
-        If the library does not have the cells that the readout needs.
+    ``apart``: names of the modules: ``eskin_taxel`` for an array too large to be flat.
+    Raises InputError if the library does not have the cells that the readout needs.
     """
     text = _cells(top, library, PERIOD_NS, FEWEST_FLOPS, TO_JSON, apart)
     return dict(json.loads(text))

@@ -31,31 +31,16 @@ STAGE = re.compile(r"^ +\S+ +(\d+\.\d+) +[v^] (\S+)/\S+ \((\w+)\)$", re.MULTILIN
 
 @dataclass(frozen=True)
 class Timing:
-    """The timing of a netlist at one corner, by OpenSTA.
-
-    Attributes
-    ----------
-    library : Library
-        At the corner.
-    fmax_hz : float
-        Highest clock at which no setup time is missed.
-    setup_slack_s, hold_slack_s : float
-        Worst, at the clock of the configuration.
-    depth : int
-        Cells on the critical path, flops apart.
-    path : tuple of (str, str, float)
-        Instance, cell and arrival in s of every stage of the critical path.
-    complaints : tuple of str
-        What ``check_setup`` finds unconstrained; empty if nothing.
-    """
+    """The timing of a netlist at one corner, by OpenSTA."""
 
     library: Library
-    fmax_hz: float
+    fmax_hz: float  # highest clock at which no setup time is missed
+    # setup_slack_s, hold_slack_s: worst, at the clock of the configuration
     setup_slack_s: float
     hold_slack_s: float
-    depth: int
-    path: tuple[tuple[str, str, float], ...]
-    complaints: tuple[str, ...]
+    depth: int  # cells on the critical path, flops apart
+    path: tuple[tuple[str, str, float], ...]  # instance, cell and arrival in s of every stage of the critical path
+    complaints: tuple[str, ...]  # what ``check_setup`` finds unconstrained; empty if nothing
 
     def to_dict(self) -> dict[str, object]:
         """Return the timing as an entry of the report."""
@@ -77,20 +62,10 @@ class Timing:
 def analyse(netlist: Netlist, library: Library, constant: Collection[str] = (), spef: str = "") -> Timing:
     """Return the timing of a netlist with the cells of one corner.
 
-    Parameters
-    ----------
-    netlist : Netlist
-    library : Library
-        Of the same cells, at any corner.
-    constant : collection of str
-        Bits of outputs that never change, which nothing can constrain.
-    spef : str
-        Estimated wires; none by default.
-
-    Raises
-    ------
-    InputError
-        If OpenSTA is missing or the library lacks cells of the netlist.
+    ``library``: the same cells at any corner.
+    ``constant``: bits of outputs that never change, which nothing can constrain.
+    ``spef``: estimated wires; none by default.
+    Raises InputError if OpenSTA is missing or the library lacks cells of the netlist.
     """
     opensta.check_program()
     used = set(re.findall(r"^  (\w+) (?:\\\S+|\w+) +\(", netlist.text, re.MULTILINE))

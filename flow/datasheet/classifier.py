@@ -20,12 +20,7 @@ EVENTS = 2
 class TwoEvents:
     """Simulation of a bin with two events in a network with all weights zero.
 
-    Attributes
-    ----------
-    config : ClassifierConfig
-    end, clocks : int
-        Clock of ``bin_end``, and the length of it all.
-    run : ClassifierRun
+    ``end``, ``clocks``: clock of ``bin_end``, and length of the simulation.
     """
 
     def __init__(self, config: ClassifierConfig) -> None:

@@ -25,12 +25,7 @@ class Scan:
     The ADC takes the clocks that it is laid out for, and its codes count up. Without a stall the sink takes every word
     at once; with one it leaves the first for ``STALLED`` clocks, and another ``frame_start`` comes too early there.
 
-    Attributes
-    ----------
-    inputs, outputs : list of Inputs, Outputs
-        Of every clock.
-    heard : int
-        First clock in which a ``frame_start`` is heard again.
+    ``heard``: first clock in which the readout accepts a ``frame_start`` again.
     """
 
     def __init__(self, config: FrameConfig, stall: int = 0) -> None:

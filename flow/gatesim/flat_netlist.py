@@ -32,24 +32,12 @@ class Port:
 
 @dataclass(frozen=True)
 class Cell:
-    """An instance of a library cell.
+    """An instance of a library cell."""
 
-    Attributes
-    ----------
-    name : str
-        In the flat Verilog: plain, ``c`` and a number.
-    place : str
-        Where it comes from in the hierarchy, ``row_0.taxel_1._12_``.
-    kind : str
-        Name of the library cell.
-    pins : dict of str to str
-        Net of every connected pin.
-    """
-
-    name: str
-    place: str
+    name: str  # name in the flat Verilog, ``c`` and a number
+    place: str  # hierarchical name, ``row_0.taxel_1._12_``
     kind: str
-    pins: dict[str, str]
+    pins: dict[str, str]  # net of every connected pin
 
 
 @dataclass(frozen=True)
@@ -70,11 +58,8 @@ class FlatNetlist:
     def verilog(self, gather: bool = False) -> str:
         """Return the netlist as Verilog with plain names.
 
-        Parameters
-        ----------
-        gather : bool
-            For an event-driven simulation in units of 1 ns: output ports of ``WIDE`` bits or more are put together
-            once, 1 ns after each edge of the clock, not anew for every bit that changes.
+        ``gather``: for an event-driven simulation in units of 1 ns: output ports of ``WIDE`` bits or more are put
+        together once, 1 ns after each edge of the clock, not anew for every bit that changes.
         """
         late = {port.name: port for port in self.ports if gather and port.direction == "output" and _wide(port)}
         names = {bit: bit.translate(APART) for port in late.values() for bit in _bits(port.name, len(port.nets))}
@@ -104,18 +89,8 @@ class FlatNetlist:
 def flatten(text: str, top: str, liberty: bytes) -> FlatNetlist:
     """Return the flat form of a netlist.
 
-    Parameters
-    ----------
-    text : str
-        Verilog of library cells, with or without hierarchy.
-    top : str
-    liberty : bytes
-        The library.
-
-    Raises
-    ------
-    InputError
-        If it holds cells that the library does not have.
+    ``text``: Verilog of library cells, with or without hierarchy.
+    Raises InputError for unknown cells.
     """
     try:
         found = yosys.run(SCRIPT.format(top=top), "", "flat.json", {"netlist.v": text.encode(), "cells.lib": liberty})

@@ -15,18 +15,8 @@ NO_PROGRAM = "iverilog not found; install with: apt-get install iverilog"
 def run(texts: Sequence[str], top: str, folder: Path) -> str:
     """Return the output of a program.
 
-    Parameters
-    ----------
-    texts : sequence of str
-        Its Verilog.
-    top : str
-    folder : Path
-        Where it runs; its text and what it writes stay there.
-
-    Raises
-    ------
-    InputError
-        If Icarus is missing, or does not accept the text.
+    ``folder``: working folder, which keeps program and output.
+    Raises InputError if Icarus is missing, or does not accept the text.
     """
     if shutil.which("iverilog") is None:
         raise InputError(NO_PROGRAM)

@@ -13,18 +13,9 @@ def models(library: Library, kinds: set[str], delay_ns: float = 0.0) -> str:
     A flop whose clock turns unknown loses its state, unless it would keep it: a netlist that only a simulator's
     optimism wakes up stays unknown here.
 
-    Parameters
-    ----------
-    library : Library
-    kinds : set of str
-        Names of the cells.
-    delay_ns : float
-        From every input to every output, in steps of 0.1 ns; clock gates take no time, as in a balanced clock tree.
-
-    Raises
-    ------
-    InputError
-        If the library has no such cell, or does not say what it does.
+    ``delay_ns``: from every input to every output, in steps of 0.1 ns; clock gates take no time, as in a balanced clock
+    tree.
+    Raises InputError for an unknown cell or a cell without function.
     """
     precision = "100ps" if delay_ns else "1ns"
     cells = (model_of(cell, delay_ns) for cell in library.used(kinds))

@@ -19,22 +19,13 @@ QUIET_CLOCKS = 16
 
 @dataclass(frozen=True)
 class Unknown:
-    """Flops and outputs with unknown values after reset.
-
-    Attributes
-    ----------
-    flops : int
-        Flops that were looked at.
-    in_reset, after : tuple of str
-        Those that are unknown at the end of reset, and at the end of all.
-    outputs : tuple of str
-        Output ports that are unknown at the end of all.
-    """
+    """Flops and outputs with unknown values after reset."""
 
     flops: int
+    # in_reset, after: flops that are unknown at the end of reset, and at the end of the run
     in_reset: tuple[str, ...]
     after: tuple[str, ...]
-    outputs: tuple[str, ...]
+    outputs: tuple[str, ...]  # output ports that are unknown at the end of all
 
     @property
     def clean(self) -> bool:
@@ -43,15 +34,7 @@ class Unknown:
 
 
 def from_reset(netlist: FlatNetlist, library: Library, folder: Path) -> Unknown:
-    """Return the flops whose values are unknown after a reset with all other inputs unknown.
-
-    Parameters
-    ----------
-    netlist : FlatNetlist
-    library : Library
-    folder : Path
-        Where the simulation runs.
-    """
+    """Return the flops whose values are unknown after a reset with all other inputs unknown."""
     kinds = {cell.kind for cell in netlist.cells}
     flops = [cell for cell in netlist.cells if library.cells[cell.kind].flop]
     outputs = [port.name for port in netlist.ports if port.direction == "output"]

@@ -20,32 +20,16 @@ from eskin.model.config import ReadoutConfig
 
 @dataclasses.dataclass(frozen=True)
 class Gates:
-    """A netlist prepared for the simulator.
+    """A netlist prepared for the simulator."""
 
-    Attributes
-    ----------
-    netlist, cells : Path
-        Verilog of the netlist, and of the cells that it is made of.
-    unknown : Unknown
-        What reset does not wake in it.
-    """
-
+    # netlist, cells: Verilog of netlist and library cells
     netlist: Path
     cells: Path
     unknown: Unknown
 
 
 def prepare(config: ReadoutConfig, path: Path, folder: Path) -> Gates:
-    """Synthesise a readout, write netlist and cell models into a folder, and check the reset.
-
-    Parameters
-    ----------
-    config : ReadoutConfig
-    path : Path
-        The cell library.
-    folder : Path
-        Made if need be.
-    """
+    """Synthesise a readout, write netlist and cell models into a folder, and check the reset."""
     library = read(path)
     made = synthesise(config, library)
     flat = flatten(made.text, made.top, library.content)
@@ -60,21 +44,9 @@ def prepare(config: ReadoutConfig, path: Path, folder: Path) -> Gates:
 def play(plan: sim.Plan, gates: Gates, config: ReadoutConfig, again: str, on_stage: Callable[[str], None]) -> Tally:
     """Simulate all scenarios and scans on a netlist, and return the comparison totals.
 
-    Parameters
-    ----------
-    plan : Plan
-        Of the co-simulation.
-    gates : Gates
-    config : ReadoutConfig
-    again : str
-        Options of gatesim that make this netlist.
-    on_stage : callable
-        Called with what begins.
-
-    Raises
-    ------
-    MismatchFound
-        If netlist and model differ.
+    ``again``: options of gatesim that make this netlist.
+    ``on_stage``: called with the name of each stage.
+    Raises MismatchFound if netlist and model differ.
     """
     text = "\n".join(path.read_text() for path in (gates.netlist, gates.cells))
     return sim.play(

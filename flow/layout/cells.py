@@ -55,10 +55,7 @@ class WrongCell(RuntimeError):
 def usable(cells: Mapping[str, SwitchCell], left_out: tuple[str, ...] = LEFT_OUT) -> list[str]:
     """Return the names of the cells that a netlist may use, after checking all of them.
 
-    Raises
-    ------
-    WrongCell
-        If the transistors of one are not the function that it is taken for, or the flip-flop is missing.
+    Raises WrongCell if the transistors of a cell have another function, or the flip-flop is missing.
     """
     if FLOP not in cells:
         raise WrongCell(f"there is no {FLOP} among the generated cells")
@@ -70,13 +67,7 @@ def usable(cells: Mapping[str, SwitchCell], left_out: tuple[str, ...] = LEFT_OUT
 
 
 def check(cell: SwitchCell) -> None:
-    """Check the function of a cell against its transistors.
-
-    Raises
-    ------
-    WrongCell
-        If they differ.
-    """
+    """Check the function of a cell against its transistors."""
     if cell.name == FLOP:
         if not stores(cell, "i", "clk", "q"):
             raise WrongCell(f"{cell.name}: its transistors are no flip-flop of the rising edge")
@@ -89,11 +80,7 @@ def check(cell: SwitchCell) -> None:
 def liberty(names: list[str], areas: Mapping[str, float]) -> str:
     """Return a liberty file of checked cells, with functions, areas in um^2, and equal delays.
 
-    Parameters
-    ----------
-    names : list of str
-        Cells, as ``usable`` returns them.
-    areas : mapping of str to float
+    ``names``: cells, as ``usable`` returns them.
     """
     lines = ['library(cells) { delay_model : "table_lookup"; time_unit : "1ns"; capacitive_load_unit(1, pf);']
     lines.append('nom_process : 1; nom_voltage : 1.8; nom_temperature : 25; voltage_unit : "1V";')

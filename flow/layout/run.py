@@ -32,24 +32,11 @@ MARGINS = (0.35, 0.3, 0.4, 0.45, 0.5, 0.6, 0.75)
 def run(config: ReadoutConfig, name: str, out: Path, compare: bool, on_stage: Callable[[str], None]) -> Report:
     """Return the report of a layout; files are written to OUT/NAME.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-    name : str
-        Of the run; one is made of the configuration where it is empty.
-    out : Path
-        Folder of the run's folder.
-    compare : bool
-        Whether the netlist in the layout is compared with the cells'.
-    on_stage : callable
-        Called with what begins.
-
-    Raises
-    ------
-    InputError
-        If a tool is missing or the readout is none for these cells.
-    WrongCell
-        If the function of a cell is not its transistors'.
+    ``name``: folder of the run; empty for a name from the configuration.
+    ``compare``: compare the netlist of the layout with that of the cells.
+    ``on_stage``: called with the name of each stage.
+    Raises InputError if a tool is missing or these cells do not suit the readout.
+    Raises WrongCell if the transistors of a cell have another function.
     """
     if config.reset != "sync":
         raise InputError(f"reset must be sync, not {config.reset!r}: the flip-flop of the layout's cells has no reset")
@@ -106,22 +93,11 @@ def _netlist(config: ReadoutConfig, liberty: str, stages: Stages) -> tuple[Circu
 
 @dataclass(frozen=True)
 class Layout:
-    """A circuit and the stages of its layout.
-
-    Attributes
-    ----------
-    circuit : Circuit
-    area_um2 : float
-        Of its cells.
-    library : Path
-        Folder with cells, technology and decks.
-    known : dict of str to transistors.SwitchCell
-    stages : Stages
-    """
+    """A circuit and the stages of its layout."""
 
     circuit: Circuit
-    area_um2: float
-    library: Path
+    area_um2: float  # area of the cells
+    library: Path  # folder with cells, technology and decks
     known: dict[str, transistors.SwitchCell]
     stages: Stages
 
@@ -190,13 +166,8 @@ class Layout:
     def macro(self, placed: Path, liberty: str, folder: Path) -> Macro:
         """Write the LEF abstract and the timing model of the layout, and return their check results.
 
-        Parameters
-        ----------
-        placed : Path
-        liberty : str
-            Functions and areas of the cells.
-        folder : Path
-            Gets readout.lef and readout.lib.
+        ``liberty``: functions and areas of the cells.
+        ``folder``: gets readout.lef and readout.lib.
         """
         abstract = self._abstract(placed)
         block, known = self._block(placed), self._characterised(liberty)

@@ -16,17 +16,7 @@ from eskin.base.files import make_folder
 class Stages:
     """Folders of the stages of a run.
 
-    Parameters
-    ----------
-    folder : Path
-        Where they lie, made if need be.
-    on_stage : callable
-        Called with what begins, or was kept.
-
-    Attributes
-    ----------
-    seconds : dict of str to float
-        Processor time of each stage when it was run, kept ones too.
+    ``seconds``: processor time of each stage, also of cached stages.
     """
 
     def __init__(self, folder: Path, on_stage: Callable[[str], None]) -> None:
@@ -40,13 +30,7 @@ class Stages:
         It takes its name when it is whole: an interrupted stage begins anew. Those of the same stage with other inputs
         are removed.
 
-        Parameters
-        ----------
-        stage : str
-            Plain name.
-        inputs : tuple of str
-            All that its content depends on.
-        make : callable
+        ``inputs``: everything that the content depends on.
         """
         digest = hashlib.sha256(json.dumps(inputs).encode()).hexdigest()[:12]
         whole = self.folder / f"{stage}-{digest}"

@@ -14,23 +14,13 @@ Level = bool | None
 
 @dataclass(frozen=True)
 class SwitchCell:
-    """A cell as a list of transistors.
-
-    Attributes
-    ----------
-    name : str
-    ports : tuple of str
-        In the order of its SPICE line, supply and ground among them.
-    switches : tuple of tuple
-        Gate, the two nets that it joins, and whether it does so when the gate is high (n-channel).
-    text : str
-        Its SPICE lines.
-    """
+    """A cell as a list of transistors."""
 
     name: str
-    ports: tuple[str, ...]
+    ports: tuple[str, ...]  # in the order of the SPICE line, with supply and ground
+    # gate, the two joined nets, and True if a high gate joins them (n-channel)
     switches: tuple[tuple[str, str, str, bool], ...]
-    text: str
+    text: str  # SPICE lines
 
     @property
     def pins(self) -> tuple[str, ...]:
@@ -41,10 +31,7 @@ class SwitchCell:
 def read(spice: str) -> dict[str, SwitchCell]:
     """Return the cells in a SPICE file by name.
 
-    Parameters
-    ----------
-    spice : str
-        ``.subckt`` blocks of MOS transistors ``M... DRAIN GATE SOURCE BULK MODEL``.
+    ``spice``: ``.subckt`` blocks of MOS transistors ``M... DRAIN GATE SOURCE BULK MODEL``.
     """
     cells = {}
     for found in re.finditer(r"^\.subckt (\S+) (.*?)\n(.*?)^\.ends.*?$", spice, re.MULTILINE | re.DOTALL):
@@ -62,13 +49,8 @@ def settle(cell: SwitchCell, inputs: Mapping[str, Level], before: Mapping[str, L
 
     A net joined to neither supply nor ground keeps its level; one that may be joined to both is unknown.
 
-    Parameters
-    ----------
-    cell : SwitchCell
-    inputs : mapping of str to bool or None
-        Levels of pins that are driven from outside.
-    before : mapping of str to bool or None
-        Levels of the nets before; those that are missing are unknown.
+    ``inputs``: levels of driven pins.
+    ``before``: earlier levels of the nets; missing levels are unknown.
     """
     nets = {net for switch in cell.switches for net in switch[:3]}
     fixed: dict[str, Level] = {SUPPLY: True, GROUND: False, **inputs}

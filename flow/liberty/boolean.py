@@ -37,11 +37,7 @@ def literal(text: str) -> str:
 def evaluate(text: str, values: Mapping[str, Bits]) -> Bits:
     """Return the value of an expression, bitwise for many bits at once.
 
-    Parameters
-    ----------
-    text : str
-    values : mapping of str to ndarray of bool
-        Of its names; shapes that NumPy can broadcast.
+    ``values``: values of the names, in shapes that NumPy can broadcast.
     """
     try:
         return _value(expression(text), values)

@@ -19,15 +19,9 @@ EDGES = {RISE: "rise", FALL: "fall"}
 
 @dataclass(frozen=True)
 class Table:
-    """Table of up to two variables in SI units, with linear interpolation and extrapolation.
+    """Table of up to two variables in SI units, with linear interpolation and extrapolation."""
 
-    Attributes
-    ----------
-    slew_s, load_f : ndarray, shape (n,) and (m,)
-        Its grid; one point where it does not depend on that variable.
-    values : ndarray, shape (n, m)
-    """
-
+    # slew_s, load_f: its grid; one point where it does not depend on that variable
     slew_s: Floats
     load_f: Floats
     values: Floats
@@ -72,22 +66,14 @@ def _place(grid: Floats, values: Any) -> tuple[Any, Any, Any]:
 
 @dataclass(frozen=True)
 class Scales:
-    """Units and table templates of a library.
+    """Units and table templates of a library."""
 
-    Attributes
-    ----------
-    time, capacitance, leakage, voltage : float
-        Units in s, F, W and V.
-    capacitance_f : float
-        Of an input without a capacitance of its own.
-    templates : dict of str to Entry
-    """
-
+    # time, capacitance, leakage, voltage: units in s, F, W and V
     time: float
     capacitance: float
     leakage: float
     voltage: float
-    capacitance_f: float = 0.0
+    capacitance_f: float = 0.0  # default capacitance of an input
     templates: dict[str, Entry] = field(default_factory=dict, repr=False)
 
     @property
@@ -98,41 +84,23 @@ class Scales:
 
 @dataclass(frozen=True)
 class Energy:
-    """Internal energies of one ``internal_power`` group.
+    """Internal energies of one ``internal_power`` group."""
 
-    Attributes
-    ----------
-    related : frozenset of str
-        Inputs whose change causes that of an output; empty at an input's own group.
-    when : str
-        Condition; empty where it is the one for all other cases.
-    tables : dict of int to Table
-        For ``RISE`` and ``FALL`` of the pin, in joules.
-    """
-
-    related: frozenset[str]
-    when: str
-    tables: dict[int, Table]
+    related: frozenset[str]  # inputs that cause the transition of an output; empty for an input pin
+    when: str  # condition; empty for all other cases
+    tables: dict[int, Table]  # for ``RISE`` and ``FALL`` of the pin, in joules
 
 
 @dataclass(frozen=True)
 class Arc:
-    """Timing arc through a cell.
-
-    Attributes
-    ----------
-    start, end : str
-        Input and output pin.
-    kind, sense : str
-        ``timing_type`` and ``timing_sense``.
-    delay, slew : dict of int to Table
-        Of the edge out, by edge.
-    """
+    """Timing arc through a cell."""
 
     start: str
     end: str
+    # kind, sense: ``timing_type`` and ``timing_sense``
     kind: str
     sense: str
+    # delay, slew: by output edge
     delay: dict[int, Table]
     slew: dict[int, Table]
 

@@ -63,20 +63,11 @@ UNITS = """  delay_model : table_lookup; time_unit : "1ns"; voltage_unit : "1V";
 
 @dataclass(frozen=True)
 class Arc:
-    """Measured delays and transitions from an input to an output.
-
-    Attributes
-    ----------
-    start : str
-    kind : str
-        ``positive_unate``, ``negative_unate`` or ``rising_edge``.
-    tables : dict of str to ndarray, shape (slews, loads)
-        In ns, by the names that Liberty gives them.
-    """
+    """Measured delays and transitions from an input to an output."""
 
     start: str
-    kind: str
-    tables: dict[str, np.ndarray]
+    kind: str  # ``positive_unate``, ``negative_unate`` or ``rising_edge``
+    tables: dict[str, np.ndarray]  # in ns, by Liberty name; shape (slews, loads)
 
 
 def check_program() -> None:
@@ -114,13 +105,7 @@ def trimmed(models: str, cells: str) -> str:
 
 
 def simulate(deck: str, folder: Path) -> dict[str, float]:
-    """Return the measurements of an ngspice deck; those that ngspice could not take are missing.
-
-    Raises
-    ------
-    RuntimeError
-        If ngspice fails.
-    """
+    """Return the measurements of an ngspice deck; those that ngspice could not take are missing."""
     (folder / "deck.sp").write_text(deck + f".tran 10p {END_NS}n 0 100p\n.end\n")
     done = subprocess.run(["ngspice", "-b", "deck.sp"], cwd=folder, capture_output=True, text=True, check=False)
     found = {name: float(value) for name, value in MEASURED.findall(done.stdout) if value != "failed"}
@@ -132,13 +117,8 @@ def simulate(deck: str, folder: Path) -> dict[str, float]:
 def wave(name: str, edges: Sequence[tuple[float, float]], slew_ns: float) -> str:
     """Return a voltage source of a node.
 
-    Parameters
-    ----------
-    name : str
-        Of the node.
-    edges : sequence of (float, float)
-        Time of the middle of each edge in ns, and the level after it as a share of the supply; the first is the start.
-    slew_ns : float
+    ``edges``: time of the middle of each edge in ns, and the level after it as a share of the supply; the first is the
+    start.
     """
     half = slew_ns / 0.6 / 2
     level = edges[0][1] * SUPPLY_V
@@ -178,14 +158,8 @@ def conditions(cell: Cell, pin: str, output: str) -> Iterator[tuple[dict[str, bo
 class Characteriser:
     """Simulations of the cells of a SPICE file.
 
-    Parameters
-    ----------
-    spice : Path
-        Subcircuits of the cells; ``vdd`` and ``vss`` are their supplies.
-    models : Path
-        SPICE models of the transistors.
-    folder : Path
-        Of the decks.
+    ``spice``: subcircuits of the cells, with the supplies ``vdd`` and ``vss``.
+    ``models``: SPICE models of the transistors.
     """
 
     def __init__(self, spice: Path, models: Path, folder: Path) -> None:

@@ -38,25 +38,15 @@ class NoModel(RuntimeError):
 
 @dataclass(frozen=True)
 class Block:
-    """A placed block.
-
-    Attributes
-    ----------
-    name : str
-    inputs, outputs : tuple of str
-        Ports; ``clk`` is among the inputs.
-    cells : dict of str to tuple
-        By the name of each: which cell it is, and its pins with their wires.
-    wires_pf : dict of str to float
-        Wire capacitance of each net.
-    width_um, height_um : float
-    """
+    """A placed block."""
 
     name: str
+    # inputs, outputs: ports; ``clk`` is among the inputs
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    # by instance: kind, and wire of each pin
     cells: Mapping[str, tuple[str, Mapping[str, str]]]
-    wires_pf: Mapping[str, float]
+    wires_pf: Mapping[str, float]  # wire capacitance of each net
     width_um: float
     height_um: float
 
@@ -136,10 +126,7 @@ def wires_pf(routing: str) -> dict[str, float]:
 def _ask(script: str, files: Mapping[str, str], folder: Path) -> dict[tuple[str, float, float, str], tuple[float, ...]]:
     """Return the times that an OpenSTA script reports: by kind, two numbers and port, rise and fall of min and max.
 
-    Raises
-    ------
-    RuntimeError
-        If OpenSTA reports an error or no times.
+    Raises RuntimeError if OpenSTA reports an error or no times.
     """
     for name, text in files.items():
         (folder / name).write_text(text)
@@ -170,20 +157,9 @@ def _clocked(block: Block) -> str:
 def liberty(block: Block, library: Library, folder: Path) -> tuple[str, float]:
     """Return the timing model of a block as Liberty text, and its shortest clock period in ns between its own flops.
 
-    Parameters
-    ----------
-    block : Block
-    library : Library
-        Of its cells, from ``Characteriser.library``.
-    folder : Path
-        Of the script and of OpenSTA's log.
-
-    Raises
-    ------
-    NoModel
-        If a path leads from an input to an output without a flop.
-    RuntimeError
-        If OpenSTA fails.
+    ``library``: from ``Characteriser.library``.
+    Raises NoModel if a path leads from an input to an output without a flop.
+    Raises RuntimeError if OpenSTA fails.
     """
     if paths := block.unstored(library):
         raise NoModel(f"a path without a flop leads from {paths[0][0]} to {paths[0][1]}; the model has no such arc")
@@ -239,10 +215,7 @@ def check(text: str, block: Block, library: Library, folder: Path) -> float:
 
     The model is an instance in another netlist. Slews and loads lie between those of the tables.
 
-    Raises
-    ------
-    RuntimeError
-        If a time of the model is missing, or OpenSTA cannot link the model.
+    Raises RuntimeError if a time of the model is missing, or OpenSTA cannot link the model.
     """
     ports = ", ".join(f".{name}({name})" for name in block.inputs + block.outputs)
     ways = [f"input {name}" for name in block.inputs] + [f"output {name}" for name in block.outputs]

@@ -109,10 +109,7 @@ def play(
 ) -> tuple[Path, ClassifierRun]:
     """Play events into a netlist, hold clocks and evidence to the golden model; return dump and the model's run.
 
-    Raises
-    ------
-    Mismatch
-        If netlist and model differ.
+    Raises Mismatch if netlist and model differ.
     """
     config = network.config
     width = config.clocks_per_bin
@@ -174,12 +171,8 @@ def measure(chip: ChipConfig, network: IntegerNetwork, library: Library) -> dict
 
     An embedded texture slides over the array; its events go through the classifier for ``BINS`` bins.
 
-    Raises
-    ------
-    Mismatch
-        If the netlist does not do what the model does.
-    Disagreement
-        If the two ways of computing power lie too far apart.
+    Raises Mismatch if netlist and model differ.
+    Raises Disagreement if the two methods differ too much.
     """
     config = chip.classifier
     width = config.clocks_per_bin

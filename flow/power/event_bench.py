@@ -21,11 +21,7 @@ TEMPLATES = templates(Path(__file__).parents[1] / "templates")
 class Mismatch(Exception):  # the outcome that is looked for, not a defect of the program
     """Raised if a netlist differs from the model.
 
-    Parameters
-    ----------
-    text : str
-    netlist, model : int
-        Events of both.
+    ``netlist``, ``model``: numbers of events.
     """
 
     def __init__(self, text: str, netlist: int = 0, model: int = 0) -> None:
@@ -38,22 +34,9 @@ def play(
 ) -> tuple[Activity, int]:
     """Simulate a scenario; return the net activity and the number of events in its window.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    config : ReadoutConfig
-    netlist : FlatNetlist
-    cells : str
-        Verilog of its cells.
-    folder : Path
-        Where the simulation runs.
-    parts : int
-        Times in every half of a clock at which the nets are looked at, see ``read_dump``.
-
-    Raises
-    ------
-    Mismatch
-        If the netlist sends other events than the model, or none where some are due.
+    ``cells``: Verilog of the library cells.
+    ``parts``: samples in every half of a clock, see ``read_dump``.
+    Raises Mismatch if netlist and model send different events.
     """
     # Clock 0 ends at the edge 8 ns after `running` rises; the dump begins with the falling edge before its window.
     first_edge = 2 * HALF_NS * (scenario.start + 1)

@@ -24,10 +24,7 @@ IDLE_CLOCKS = 400
 def play(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path) -> dict[str, tuple[Activity, int]]:
     """Return the net activity of the frame readout, idle and active, with the number of samples.
 
-    Raises
-    ------
-    Mismatch
-        If an output differs from the model's.
+    Raises Mismatch if netlist and model differ.
     """
     frames = FRAMES * config.clocks_per_frame
     return {

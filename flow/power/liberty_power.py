@@ -20,35 +20,19 @@ INPUT_SLEW_S = 0.1e-9
 
 @dataclass(frozen=True)
 class CellActivity:
-    """Activity of a cell, independent of its loads.
+    """Activity of a cell, independent of its loads."""
 
-    Attributes
-    ----------
-    leakage_w : float
-        Mean over its states.
-    spent : list of (str, int, Energy, float)
-        Pin, edge of it, energy of the library, and how often that was spent.
-    """
-
-    leakage_w: float
-    spent: list[tuple[str, int, Energy, float]]
+    leakage_w: float  # mean over the recorded states
+    spent: list[tuple[str, int, Energy, float]]  # pin, edge, energy of the library, and number of times
 
 
 @dataclass
 class LibertyPower:
-    """Power model of a netlist with loads and slews.
-
-    Attributes
-    ----------
-    netlist : FlatNetlist
-    library : Library
-    wires_f : dict of str to float
-        Capacitance of the wire of every net.
-    """
+    """Power model of a netlist with loads and slews."""
 
     netlist: FlatNetlist
     library: Library
-    wires_f: dict[str, float]
+    wires_f: dict[str, float]  # wire capacitance of every net
     kinds: dict[str, Kind] = field(init=False)
     load_f: dict[str, float] = field(init=False)
     slew_s: dict[str, dict[int, float]] = field(init=False)
@@ -115,12 +99,7 @@ class LibertyPower:
     ) -> dict[str, tuple[float, float, float]]:
         """Return internal, switching and leakage power of every cell in watts.
 
-        Parameters
-        ----------
-        activity : Activity
-        clock_hz : float
-        uses : dict of str to CellActivity
-            What this netlist does in that activity, where it is known already: it takes half the time.
+        ``uses``: activity of the cells, if known; computing it takes half the time.
         """
         known = self.uses(activity) if uses is None else uses
         return {cell.name: self._power(cell, activity, clock_hz, known[cell.name]) for cell in self.netlist.cells}

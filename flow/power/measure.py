@@ -35,31 +35,19 @@ class Disagreement(Exception):  # the outcome that is looked for, not a defect o
 
 @dataclass(frozen=True)
 class ScenarioPower:
-    """Power of a netlist in one scenario.
+    """Power of a netlist in one scenario."""
 
-    Attributes
-    ----------
-    clocks, events : int
-        Of the window; for frames, samples.
-    internal_w, switching_w, leakage_w, inputs_w : float
-        By the library's tables: inside cells, for their loads, leakage by state, and the nets of the inputs.
-    by_opensta_w : float
-        All cells, by OpenSTA.
-    agreement : float
-        Of that with the tables', leakage there without states too, as OpenSTA has it.
-    blocks : dict of str to float
-        Power of the cells of every block.
-    """
-
+    # clocks, events: in the window; for frames, samples
     clocks: int
     events: int
+    # by tables of the library: inside cells, in their loads, leakage by state, and in the nets of the inputs
     internal_w: float
     switching_w: float
     leakage_w: float
     inputs_w: float
-    by_opensta_w: float
-    agreement: float
-    blocks: dict[str, float]
+    by_opensta_w: float  # power of all cells
+    agreement: float  # ``by_opensta_w`` / power by tables, both with leakage averaged over all states
+    blocks: dict[str, float]  # power of the cells of every block
 
     @property
     def power_w(self) -> float:
@@ -81,10 +69,7 @@ class PowerMeter:
     ) -> ScenarioPower:
         """Return the power of the netlist for recorded net activity.
 
-        Raises
-        ------
-        Disagreement
-            If the two ways lie more than ``most_apart`` apart.
+        Raises Disagreement if the two methods differ by more than ``most_apart``.
         """
         own = self.tables.power_w(activity, self.clock_hz, uses)
         internal, switching, leakage = (sum(power[part] for power in own.values()) for part in range(3))
@@ -118,22 +103,11 @@ def measure(
 ) -> list[dict[str, Any]]:
     """Return the power of a netlist for every wire estimate.
 
-    Parameters
-    ----------
-    config : ReadoutConfig or FrameConfig
-    text : str
-        Its gated netlist, Verilog.
-    library : Library
-    pitches_um : tuple of float
-        Pitches of the taxels, which wires are estimated from; 0 for no wires. Where the two ways of computing power lie
-        too far apart with wires, nothing but that is said of them.
-
-    Raises
-    ------
-    Mismatch
-        If the netlist does not do what the model does.
-    Disagreement
-        If the two ways of computing power lie too far apart without wires.
+    ``text``: gated netlist, Verilog.
+    ``pitches_um``: taxel pitches for the wire estimates; 0 for no wires. A result with wires contains only the pitch
+    and the reason if the two methods differ too much.
+    Raises Mismatch if netlist and model differ.
+    Raises Disagreement if the two methods differ too much without wires.
     """
     top = "eskin_frame_readout" if isinstance(config, FrameConfig) else "eskin_readout"
     flat = flatten(text, top, library.content)

@@ -75,24 +75,14 @@ proc report {{file activity}} {{
 
 @dataclass(frozen=True)
 class Costs:
-    """Leakage of an instance in watts, and its energy in joules per toggle of each pin.
-
-    Attributes
-    ----------
-    leakage_w : float
-    clock, data : float
-        Inside the cell, for a toggle of its clock pin, and of its data pins together.
-    output : list of float
-        Inside the cell, for a toggle of its output, by the related pin that causes this toggle.
-    load : float
-        For the load of its output, for a toggle of that.
-    """
+    """Leakage of an instance in watts, and its energy in joules per toggle of each pin."""
 
     leakage_w: float
+    # clock, data: inside the cell, per toggle of the clock pin, and of the data pins together
     clock: float
     data: float
-    output: list[float]
-    load: float
+    output: list[float]  # inside the cell, per output toggle, by the related pin that causes the toggle
+    load: float  # in the load, per output toggle
 
 
 @dataclass
@@ -274,10 +264,7 @@ class OpenstaPower:
 def run(lines: list[str], folder: Path) -> None:
     """Run an OpenSTA script and raise an error if it fails.
 
-    Raises
-    ------
-    InputError
-        If the program is missing, or does not accept the netlist.
+    Raises InputError if the program is missing or rejects the netlist.
     """
     text, status = opensta.run("\n".join(lines), folder)
     said = text.splitlines()

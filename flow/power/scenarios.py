@@ -28,23 +28,13 @@ MOST_TO_CLOSE = 1000
 
 @dataclass(frozen=True)
 class Scenario:
-    """A stimulus, and the window of clocks in which power is measured.
-
-    Attributes
-    ----------
-    name : "idle", "closing", "lone", "saturated" or "texture"
-    stimulus : Stimulus
-    start, clocks : int
-        The window.
-    events : Events
-        The model's, of the whole run.
-    """
+    """A stimulus, and the window of clocks in which power is measured."""
 
     name: str
     stimulus: Stimulus
     start: int
     clocks: int
-    events: Events
+    events: Events  # events of the model in the whole run
 
     @property
     def events_inside(self) -> int:
@@ -59,11 +49,7 @@ class Scenario:
 def scenarios(config: ReadoutConfig, ticks: int = 30) -> list[Scenario]:
     """Return all scenarios for a readout.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-    ticks : int
-        Sample ticks of the texture that are measured.
+    ``ticks``: sample ticks of the texture that are measured.
     """
     rest = closing_ticks(config)
     quiet = [_idle(config, rest)]

@@ -13,18 +13,11 @@ TAXEL = re.compile(r"\brow_(\d+)\b(?:.*?\btaxel_(\d+)\b)?")
 
 @dataclass(frozen=True)
 class Wires:
-    """Wire length estimate from the taxel pitch.
-
-    Attributes
-    ----------
-    rows, columns : int
-    pitch_um : float
-        Of the taxels; 0 for no wires at all.
-    """
+    """Wire length estimate from the taxel pitch."""
 
     rows: int
     columns: int
-    pitch_um: float
+    pitch_um: float  # 0 for no wires
 
     def capacitance_f(self, netlist: FlatNetlist) -> dict[str, float]:
         """Return the wire capacitance of every net.

@@ -31,17 +31,9 @@ class Spot(NamedTuple):
 
 @dataclass
 class Piece:
-    """A part of a skin as cells, with nets numbered from 0.
+    """A part of a skin as cells, with nets numbered from 0."""
 
-    Attributes
-    ----------
-    names, cells, pins : list
-        Name, kind and nets of the pins of every cell.
-    ports : dict of str to list of int
-        Nets of every port.
-    nets : int
-    """
-
+    # names, cells, pins: name, kind and nets of the pins of every cell
     names: list[str]
     cells: list[str]
     pins: list[dict[str, int]]

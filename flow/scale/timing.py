@@ -31,18 +31,11 @@ class Stage(NamedTuple):
 
 @dataclass(frozen=True)
 class Path:
-    """The critical path, which limits the clock period.
-
-    Attributes
-    ----------
-    period_s : float
-    stages : tuple of Stage
-    start, end : str
-        Flop or port.
-    """
+    """The critical path, which limits the clock period."""
 
     period_s: float
     stages: tuple[Stage, ...]
+    # start, end: flop or port
     start: str
     end: str
 
@@ -57,14 +50,7 @@ class Group:
 
 
 class Timing:
-    """Arrival times and slews of all nets.
-
-    Parameters
-    ----------
-    array : Array
-    lines : Lines
-        Drawn.
-    """
+    """Arrival times and slews of all nets."""
 
     def __init__(self, array: Array, lines: Lines) -> None:
         self.array = array

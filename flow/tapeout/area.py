@@ -22,35 +22,19 @@ SCRIPT = (
 
 @dataclass(frozen=True)
 class Mapped:
-    """A chip as library cells.
+    """A chip as library cells."""
 
-    Attributes
-    ----------
-    netlist, cells : str
-        Verilog of the netlist and of its cells, without delays.
-    area_um2 : float
-        Of the cells alone: no wires, no clock tree, no filling.
-    """
-
+    # netlist, cells: Verilog of netlist and library cells, without delays
     netlist: str = field(repr=False)
     cells: str = field(repr=False)
-    area_um2: float
+    area_um2: float  # of the cells alone: no wires, no clock tree, no filling
 
 
 def mapped(sources: dict[str, str], top: str, library: Library) -> Mapped:
     """Return a chip mapped to library cells.
 
-    Parameters
-    ----------
-    sources : dict of str to str
-        Texts by the names of their files.
-    top : str
-    library : Library
-
-    Raises
-    ------
-    InputError
-        If the library does not have the cells that the chip needs, or states no area for one.
+    ``sources``: texts by file name.
+    Raises InputError if the library does not have the cells that the chip needs, or states no area for one.
     """
     script = SCRIPT.format(sources=" ".join(sources), top=top, ties=ties(library))
     files = {name: text.encode() for name, text in sources.items()} | {"cells.lib": library.content}

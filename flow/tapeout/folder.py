@@ -54,29 +54,15 @@ TINY_TAPEOUT = {
 
 @dataclass(frozen=True)
 class Tapeout:
-    """A chip for a shuttle.
-
-    Attributes
-    ----------
-    shuttle : Shuttle
-    config : ReadoutConfig
-        From ``pins.readout_for``.
-    top : str
-        Name of the top module.
-    author, title : str
-    size : str
-        Tiles or slot.
-    sources : dict of str to str
-        Verilog, by file, the top first.
-    """
+    """A chip for a shuttle."""
 
     shuttle: Shuttle
     config: ReadoutConfig
     top: str
     author: str
     title: str
-    size: str
-    sources: dict[str, str]
+    size: str  # tiles or slot
+    sources: dict[str, str]  # Verilog by file name, the top first
 
     def write(self, folder: Path, netlist: Mapped | None) -> list[Path]:
         """Write the project folder, and return its files."""
@@ -202,10 +188,7 @@ def plan(
 ) -> tuple[Tapeout, Mapped | None]:
     """Return a chip for a shuttle, and its mapped cells if a library is given.
 
-    Raises
-    ------
-    InputError
-        If a name is wrong, or the size unknown or too small.
+    Raises InputError if a name is wrong, or the size unknown or too small.
     """
     if not re.fullmatch(r"tt_um_[a-z0-9_]+", top):
         raise InputError(f"--top must begin with tt_um_, then small letters, digits and _, not {top!r}")
