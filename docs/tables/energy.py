@@ -55,14 +55,8 @@ def at_rates(events_hz: float, bins_hz: float, spikes: float, clock_hz: float, t
 
     Leakage is that of the cells and macros. The rest of the power without events grows with the clock.
 
-    Parameters
-    ----------
-    events_hz, bins_hz : float
-        Events and bins per second.
-    spikes : float
-        Mean hidden spikes of a bin.
-    clock_hz : float
-    taxels : int
+    ``events_hz``, ``bins_hz``: events and bins per second.
+    ``spikes``: mean hidden spikes of a bin.
     """
     config = ChipConfig.from_dict(read("docs/data/touch.json")["chip"]).classifier
     logic, readout = read("docs/data/asic/classifier-ihp.json"), read("docs/data/asic/lcs-digital-8x8-ihp.json")

@@ -36,11 +36,6 @@ puts "PERIOD <<$high>>"
 def period_s(timing: Timing, library: Library) -> float:
     """Return the shortest clock period that OpenSTA finds with the estimated wires.
 
-    Parameters
-    ----------
-    timing : Timing
-    library : Library
-
     Returns
     -------
     float
