@@ -66,9 +66,6 @@ class SpikeModule(nn.Module):
         return Spike.apply(x)
 
 
-# -- candidates --------------------------------------------------------------------------------------
-
-
 def ours(rule: NeuronRule, function: Callable[..., Tensor], **options: Any) -> Forward:
     """Return two layers of this project with a given implementation."""
     zeros, ones = torch.zeros(HIDDEN), torch.ones(HIDDEN)
@@ -173,9 +170,6 @@ CANDIDATES: dict[str, tuple[Callable[[], Forward], NeuronRule, bool]] = {
     "paper's neuron, plain torch loop": (lambda: ours(PAPER, layer_reference), PAPER, False),
 }
 """How to make each, the rule it must equal, and whether it is one that the kernel is to beat."""
-
-
-# -- a training step ---------------------------------------------------------------------------------
 
 
 @dataclass
@@ -286,9 +280,6 @@ def resident_kib(name: str) -> int:
     """Return a number of kibibytes from the status of this process."""
     lines = Path("/proc/self/status").read_text().splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith(name + ":"))
-
-
-# -- the command -------------------------------------------------------------------------------------
 
 
 def measure(steps: int, batch: int, rate: float, rounds: int, memory: bool) -> dict[str, Any]:

@@ -141,8 +141,6 @@ class PowerModel:
         if "event_rates" in self.corrections and self.measured is None:
             raise InputError("correction event_rates needs measured rates; measure them or leave it out")
 
-    # -- results -----------------------------------------------------------------------------------
-
     def breakdown(
         self, readout: Readout, resolution: ArrayLike, noise_v_rms: ArrayLike, tau_s: ArrayLike = 0.2
     ) -> Breakdown:
@@ -209,8 +207,6 @@ class PowerModel:
             assert self.measured is not None
             source = self.measured
         return source.taxel_rates(readout, resolution, tau_s, self.parameters.taxels)
-
-    # -- equations ---------------------------------------------------------------------------------
 
     @property
     def bandwidth_hz(self) -> float:

@@ -149,9 +149,6 @@ def _list(numbers: Sequence[int]) -> str:
     return ", ".join(str(n) for n in numbers)
 
 
-# -- files -------------------------------------------------------------------------------------------
-
-
 def load_tables(path: Path = STORED) -> tuple[RateTable, ...]:
     """Return the rate tables from a file."""
     remedy = "write one with eskin event-rates"
@@ -190,9 +187,6 @@ def tables_text(tables: Sequence[RateTable], command: str) -> str:
 
 def _rows_text(rows: list[list[float]], indent: int) -> str:
     return (",\n" + " " * indent).join(json.dumps(row).replace(".0,", ",").replace(".0]", "]") for row in rows)
-
-
-# -- measurement -------------------------------------------------------------------------------------
 
 
 def measure_table(

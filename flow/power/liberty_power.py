@@ -47,8 +47,6 @@ class LibertyPower:
                     self.load_f[cell.pins[pin]] = self.load_f.get(cell.pins[pin], 0.0) + more
         self.slew_s = self._slews()
 
-    # -- slews -----------------------------------------------------------------------------------
-
     def _slews(self) -> dict[str, dict[int, float]]:
         """Return rise and fall times of every net, the longest over all timing arcs."""
         driver = {net: cell for cell in self.netlist.cells for net in self._driven(cell)}
@@ -91,8 +89,6 @@ class LibertyPower:
 
     def _slew_of(self, cell: Cell, pin: str, edge: int) -> float:
         return self.slew_s.get(cell.pins.get(pin, ""), {}).get(edge, INPUT_SLEW_S)
-
-    # -- power -----------------------------------------------------------------------------------
 
     def power_w(
         self, activity: Activity, clock_hz: float, uses: dict[str, CellActivity] | None = None

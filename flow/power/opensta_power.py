@@ -103,8 +103,6 @@ class OpenstaPower:
             others = [self._of_outputs(folder, number) for number in range(1, self._most_related())]
         self.costs = {cell.name: self._costs(cell, [reports, *others], counted) for cell in self.netlist.cells}
 
-    # -- what it costs ---------------------------------------------------------------------------
-
     def _reports(self, folder: Path) -> list[dict[str, tuple[float, float, float]]]:
         """Return internal, switching and leakage power of all instances.
 
@@ -221,8 +219,6 @@ class OpenstaPower:
             return Costs(still[2], 0.0, 0.0, [joules / counted.data_out for joules in by_all], load)
         output = [rests * PERIOD_S / 2 / counted.clock_out for rests, _ in causes]
         return Costs(still[2], 0.0, 0.0, output, clock_load)  # a gate in a clock's way
-
-    # -- power -----------------------------------------------------------------------------------
 
     def power_w(self, activity: Activity, clock_hz: float) -> dict[str, tuple[float, float, float]]:
         """Return internal, switching and leakage power of every cell in watts."""

@@ -116,8 +116,6 @@ class Timing:
                 load[net] += self.array.port_load_f
         return load, wire
 
-    # -- arrivals ------------------------------------------------------------------------------------
-
     def _run(self) -> None:
         """Compute all arrival times, level by level."""
         for group in self.groups.values():
@@ -228,8 +226,6 @@ class Timing:
             for pin in () if group.kind.launch else group.kind.outputs:
                 driven[group.pins[pin][group.pins[pin] >= 0]] = True
         return driven
-
-    # -- the period ----------------------------------------------------------------------------------
 
     def worst(self, ports: bool = True) -> Path:
         """Return the critical path, of all paths or of paths between flops."""

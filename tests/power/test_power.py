@@ -46,9 +46,6 @@ def with_corrections(chosen: frozenset[str], **parameters: float) -> PowerModel:
     return PowerModel(corrections=chosen, measured=RATES, parameters=PowerParameters().replace(**parameters))
 
 
-# -- published numbers -------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("noise", "readout", "afe", "converter", "io", "total"),
     [
@@ -135,9 +132,6 @@ def test_numbers_beyond_what_a_float_can_hold_are_refused_at_both_ends():
             PAPER.breakdown("lcs", 6, noise)
 
 
-# -- invariants --------------------------------------------------------------------------------------
-
-
 @settings(deadline=None, max_examples=60)
 @given(readouts, resolutions, noises, taus, choices)
 def test_totals_are_the_sum_of_positive_parts(readout, n, noise, tau, chosen):
@@ -213,9 +207,6 @@ def test_arrays_give_what_single_numbers_give():
             assert found.afe.shape == found.converter.shape == found.io.shape == found.total.shape == (10, 2, 3)
             single = model.breakdown(readout, 7, 1e-2, 0.1)
             assert float(found.total[6, 1, 1]) == pytest.approx(float(single.total), rel=1e-12)
-
-
-# -- corrections -------------------------------------------------------------------------------------
 
 
 def alone(name: str, readout: str, n: int = 6, **parameters: float) -> tuple[dict, dict]:
@@ -368,9 +359,6 @@ def test_arrays_of_other_shapes():
     one = PowerModel(parameters=PowerParameters(rows=1, columns=1))
     assert float(one.breakdown("lcs", 6, 1e-3).afe) == pytest.approx(float(PAPER.breakdown("lcs", 6, 1e-3).afe) / 64)
     assert float(one.breakdown("nlcs", 6, 1e-3).io) == pytest.approx(2 * 125e-12 * 3009.6 * 4 / 64)
-
-
-# -- refusals ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
