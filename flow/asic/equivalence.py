@@ -17,7 +17,7 @@ from eskin.rtl.verilog import rtlil
 
 READ = (
     "read_liberty -lib -ignore_miss_func cells.lib; read_verilog netlist.v; hierarchy -check -top {top}; "
-    "opt_clean; write_json gated.json"
+    "flatten; opt_clean; delete t:$scopeinfo; write_json flat.json"
 )
 GOLD = (
     "read_rtlil readout.il; hierarchy -check -top {top}; proc; flatten; setattr -unset init w:*; "
@@ -52,13 +52,18 @@ class Equivalence:
 
 
 def design_of(netlist: Netlist) -> dict[str, Any]:
-    """Return a Verilog netlist in the JSON format of Yosys.
+    """Return a netlist as a flat design in the JSON format of Yosys."""
+    return flat_design(netlist.text, netlist.top, netlist.library.content)
+
+
+def flat_design(text: str, top: str, liberty: bytes) -> dict[str, Any]:
+    """Return a Verilog netlist, with or without hierarchy, as a flat design in the JSON format of Yosys.
 
     Raises InputError for invalid Verilog or unknown cells.
     """
-    files = {"cells.lib": netlist.library.content, "netlist.v": netlist.text.encode()}
+    files = {"cells.lib": liberty, "netlist.v": text.encode()}
     try:
-        return json.loads(yosys.run(READ.format(top=netlist.top), "", "gated.json", files))
+        return json.loads(yosys.run(READ.format(top=top), "", "flat.json", files))
     except yosys.YosysError as error:
         raise InputError(
             f"the netlist does not fit the cell library: {error.reason}; give netlist and library of one run"
@@ -105,8 +110,8 @@ def with_enables(design: dict[str, Any], netlist: Netlist, test: str = "0") -> t
     clocks = Clocks(module, netlist.library)
     work = _Enables(module, clocks)
     flops = gated = 0
-    stopping = [name for name, _, _ in (*clocks.gates(), *clocks.latches())]
-    for name, cell, pins in list(clocks.flops()):
+    stopping = [name for name, _, _ in (*clocks.having("gate"), *clocks.having("latch"))]
+    for name, cell, pins in list(clocks.having("flop")):
         flop = cell.flop
         assert flop
         clock = pins[flop.clock][0]
@@ -156,8 +161,7 @@ class _Enables:
 
     def _driven(self, bit: Bit) -> Bit:
         name, output = self.clocks.driver[bit]
-        instance = self.module["cells"][name]
-        cell, pins = self.clocks.library.cells[instance["type"]], instance["connections"]
+        cell, pins = self.clocks.cell(name)
         if cell.gate:
             enable = pins[cell.gate.enable][0]
             if cell.gate.test and pins[cell.gate.test] != ["0"]:
@@ -167,4 +171,4 @@ class _Enables:
             inverted = cell.latch.outputs[output]
             stored = pins[cell.latch.data][0]
             return self.add("$_NOT_", A=stored) if inverted else stored
-        return self._place(instance["type"], output, {pin: self.high(pins[pin][0]) for pin in cell.inputs})
+        return self._place(cell.name, output, {pin: self.high(pins[pin][0]) for pin in cell.inputs})

@@ -93,9 +93,9 @@ def check(netlist: Netlist, design: dict[str, Any]) -> Structure:
     """
     clocks = Clocks(design["modules"][netlist.top], netlist.library)
     readers = _readers(clocks)
-    stray = [name for name, cell, pins in clocks.latches() if not _gates(clocks, readers, cell, pins)]
-    built = sum(1 for _ in clocks.latches()) - len(stray)
-    integrated = sum(1 for _ in clocks.gates())
+    latches = list(clocks.having("latch"))
+    stray = [name for name, cell, pins in latches if not _gates(clocks, readers, cell, pins)]
+    gates = sum(1 for _ in clocks.having("gate")) + len(latches) - len(stray)
     plain, flops, _ = with_enables(design, netlist)
     module = plain["modules"][netlist.top]
     without = _without_reset(module, netlist.library)
@@ -107,19 +107,18 @@ def check(netlist: Netlist, design: dict[str, Any]) -> Structure:
         if cell["type"] == "$_MUX_" and in_test.get(cell["connections"]["S"][0], "x") != "1"
     ]
     over = _overloaded(clocks, readers)
-    return Structure(flops, integrated + built, tuple(without), tuple(stopped), tuple(stray), over)
+    return Structure(flops, gates, tuple(without), tuple(stopped), tuple(stray), over)
 
 
 def _overloaded(clocks: Clocks, readers: dict[Bit, list[tuple[str, str]]]) -> tuple[Overload, ...]:
     """Return the outputs whose pins have more capacitance than allowed, the largest load first."""
-    instances, library = clocks.module["cells"], clocks.library
     found = []
-    for name, instance in instances.items():
-        cell = library.cells[instance["type"]]
+    for name in clocks.module["cells"]:
+        cell, pins = clocks.cell(name)
         for pin in cell.outputs:
-            allowed = cell.pins[pin].entry.number("max_capacitance", math.inf) * library.scales.capacitance
-            for bit in instance["connections"].get(pin, []):
-                driven = [(library.cells[instances[other]["type"]], to) for other, to in readers.get(bit, [])]
+            allowed = cell.pins[pin].entry.number("max_capacitance", math.inf) * clocks.library.scales.capacitance
+            for bit in pins.get(pin, []):
+                driven = [(clocks.cell(other)[0], to) for other, to in readers.get(bit, [])]
                 load = sum(reader.pins[to].load_f for reader, to in driven)
                 if load > allowed and not any(to in reader.clock_pins for reader, to in driven):
                     found.append(Overload(f"{name}/{pin}", load, allowed))
@@ -129,9 +128,10 @@ def _overloaded(clocks: Clocks, readers: dict[Bit, list[tuple[str, str]]]) -> tu
 def _readers(clocks: Clocks) -> dict[Bit, list[tuple[str, str]]]:
     """Return cell and pin of every input that each net drives."""
     found: dict[Bit, list[tuple[str, str]]] = {}
-    for name, instance in clocks.module["cells"].items():
-        for pin in clocks.library.cells[instance["type"]].inputs:
-            for bit in instance["connections"].get(pin, []):
+    for name in clocks.module["cells"]:
+        cell, pins = clocks.cell(name)
+        for pin in cell.inputs:
+            for bit in pins.get(pin, []):
                 found.setdefault(bit, []).append((name, pin))
     return found
 
@@ -143,9 +143,8 @@ def _gates(clocks: Clocks, readers: dict[Bit, list[tuple[str, str]]], cell: Any,
     for output in cell.latch.outputs:
         for bit in pins.get(output, []):
             for name, _ in readers.get(bit, []):
-                instance = clocks.module["cells"][name]
-                reader = clocks.library.cells[instance["type"]]
-                results = [b for pin in reader.functions for b in instance["connections"].get(pin, [])]
+                reader, connections = clocks.cell(name)
+                results = [b for pin in reader.functions for b in connections.get(pin, [])]
                 if reader.flop or reader.latch or any(clocks.level(b, False) == "x" for b in results):
                     return False
     return True

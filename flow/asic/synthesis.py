@@ -11,14 +11,13 @@ from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write
-from eskin.flow.asic import gating
 from eskin.flow.liberty.library import Library
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl import yosys
 from eskin.rtl.block import Block
 from eskin.rtl.gates import clock_gates
-from eskin.rtl.gates.clock_gates import FEWEST_FLOPS
+from eskin.rtl.gates.clock_gates import FEWEST_FLOPS, GATE, TEST
 from eskin.rtl.verilog import block_rtlil, header, top_block, verilog
 
 Config = ReadoutConfig | FrameConfig
@@ -30,7 +29,7 @@ FLOP_NAME = "_reg"
 PERIOD_NS = 20.0
 """Clock period that the mapping aims at: far below that of the readout, so that timing costs no area."""
 
-FROM_RTL, FROM_TEXT = "read_rtlil readout.il", f"read_verilog readout.v gate_ports.v; blackbox {clock_gates.GATE}"
+FROM_RTL, FROM_TEXT = "read_rtlil readout.il", f"read_verilog readout.v gate_ports.v; blackbox {GATE}"
 
 # The order matters. Resets go into the data and enables stay, since a gate replaces an enable; no pass behind the first
 # may find synchronous resets again. Blocks are mapped one by one, each kind once, and put together at the end.
@@ -42,7 +41,7 @@ TO_ENABLES = (
     "{gates}delete t:$scopeinfo; write_json enables.json"
 )
 KEEP = "setattr -mod -set keep_hierarchy 1 {name}; "
-ADD_TEST = f"add -global_input {clock_gates.TEST} 1; "
+ADD_TEST = f"add -global_input {TEST} 1; "
 INSERT = "clockgate -pos {gate} enable:clk:gated -min_net_size {fewest}; "
 TO_CELLS = (
     "read_liberty -lib -ignore_miss_func cells.lib; read_json enables.json; read_verilog -icells gate.v; "
@@ -102,7 +101,7 @@ def synthesise(
     Raises InputError if the library does not have the cells that the readout needs.
     """
     top = top_block(config)
-    gated = bool(gating.gate_module(library))
+    gated = bool(gate_module(library))
     if delivered and not gated:
         raise InputError(f"{library.path} has neither a clock gate nor a latch; leave out --from-verilog")
     gated_text = verilog(config, gated=True) if delivered else ""
@@ -143,9 +142,9 @@ def _cells(
     """Return a file that Yosys writes after mapping a block to cells."""
     top, content = block.module_name, library.content
     source = source or block_rtlil(block)
-    gate = gating.gate_module(library)
+    gate = gate_module(library)
     keep = "".join(KEEP.format(name=name) for name in [*_blocks(source, top), *(apart or ())])
-    insert = INSERT.format(gate=clock_gates.GATE, fewest=fewest) if gate and not gated_text else ""
+    insert = INSERT.format(gate=GATE, fewest=fewest) if gate and not gated_text else ""
     begin = TO_ENABLES.format(source=FROM_TEXT if gated_text else FROM_RTL, top=top, keep=keep, gates=insert)
     files = {"readout.v": gated_text.encode(), "gate_ports.v": clock_gates.STUB.encode()}
     design = json.loads(yosys.run(begin, source, "enables.json", files))
@@ -224,3 +223,29 @@ def ties(library: Library) -> str:
         f"-{kind}cell {tie[0]} {tie[1]}" for level, kind in ((0, "lo"), (1, "hi")) if (tie := library.tie(level))
     ]
     return f"hilomap -singleton {' '.join(options)}; " if options else ""
+
+
+def gate_module(library: Library) -> str:
+    """Return a Verilog clock gate with test enable; empty if the library has no suitable cells.
+
+    An integrated gate of the library is taken, else one is built of a latch that is open while the clock is low.
+    """
+    head = f"module {GATE}(input clk, input enable, input {TEST}, output gated);\n"
+    cell = library.clock_gate
+    if cell and cell.gate:
+        pins = cell.gate
+        enable = "enable" if pins.test else f"enable | {TEST}"
+        test = f", .{pins.test}({TEST})" if pins.test else ""
+        body = f"  {cell.name} gate(.{pins.clock}(clk), .{pins.enable}({enable}){test}, .{pins.gated}(gated));\n"
+        return head + body + "endmodule\n"
+    latch = library.gate_latch
+    if not (latch and latch.latch and latch.latch.outputs):
+        return ""
+    pins_of = latch.latch
+    output, inverted = next(iter(pins_of.outputs.items()))
+    opened = "~clk" if pins_of.rising else "clk"
+    return (
+        f"{head}  wire kept;\n"
+        f"  {latch.name} latch(.{pins_of.data}(enable | {TEST}), .{pins_of.clock}({opened}), .{output}(kept));\n"
+        f"  assign gated = clk & {'~' if inverted else ''}kept;\nendmodule\n"
+    )

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from eskin.base.errors import InputError
-from eskin.rtl import yosys
+from eskin.flow.asic.equivalence import flat_design
 
-SCRIPT = (
-    "read_liberty -lib -ignore_miss_func cells.lib; read_verilog netlist.v; hierarchy -check -top {top}; "
-    "flatten; opt_clean; delete t:$scopeinfo; write_json flat.json"
-)
 WIDE = 32
 """Bits from which on an output port costs an event-driven simulator much: it copies all of them when one changes."""
 CONSTANTS = {"0": "1'b0", "1": "1'b1", "x": "1'bx", "z": "1'bz"}
@@ -87,18 +81,8 @@ class FlatNetlist:
 
 
 def flatten(text: str, top: str, liberty: bytes) -> FlatNetlist:
-    """Return the flat form of a netlist.
-
-    ``text``: Verilog of library cells, with or without hierarchy.
-    Raises InputError for unknown cells.
-    """
-    try:
-        found = yosys.run(SCRIPT.format(top=top), "", "flat.json", {"netlist.v": text.encode(), "cells.lib": liberty})
-    except yosys.YosysError as error:
-        raise InputError(
-            f"the netlist does not fit the cell library: {error.reason}; give netlist and library of one run"
-        ) from None
-    module = json.loads(found)["modules"][top]
+    """Return the flat form of a Verilog netlist; see ``flat_design``."""
+    module = flat_design(text, top, liberty)["modules"][top]
     named = _names_of_ports(module["ports"])
 
     def net(bit: int | str) -> str:
