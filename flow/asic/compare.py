@@ -151,7 +151,7 @@ def _open(module: dict[str, Any], registers: list[Register]) -> None:
 def _miter(inputs: dict[str, int], outputs: dict[str, int], flops: int) -> str:
     """Return a Verilog miter of both designs; each output bit is 0 where they are equal."""
     ways = {name: ("input", width) for name, width in inputs.items()}
-    ways |= {f"{name}": ("output", width) for name, width in outputs.items()}
+    ways |= {name: ("output", width) for name, width in outputs.items()}
     if flops:
         ways |= {"cut_held": ("input", flops), "cut_next": ("output", 3 * flops)}
     ports = [f"input [{width - 1}:0] {name}" for name, (way, width) in ways.items() if way == "input"]

@@ -86,17 +86,9 @@ class Netlist:
         return path
 
 
-def synthesise(
-    config: Config,
-    library: Library,
-    period_ns: float = PERIOD_NS,
-    fewest: int = FEWEST_FLOPS,
-    delivered: bool = False,
-) -> Netlist:
+def synthesise(config: Config, library: Library, delivered: bool = False) -> Netlist:
     """Return the clock-gated netlist of a readout.
 
-    ``period_ns``: clock period that the mapping aims at.
-    ``fewest``: flops with one enable that are worth a clock gate.
     ``delivered``: start from the Verilog of ``eskin verilog --clock-gates`` and insert no gate, as a user's flow does.
     Raises InputError if the library does not have the cells that the readout needs.
     """
@@ -105,14 +97,14 @@ def synthesise(
     if delivered and not gated:
         raise InputError(f"{library.path} has neither a clock gate nor a latch; leave out --from-verilog")
     gated_text = verilog(config, gated=True) if delivered else ""
-    text = _cells(top, library, period_ns, fewest, TO_VERILOG, gated_text=gated_text)
+    text = _cells(top, library, TO_VERILOG, gated_text=gated_text)
     netlist = header(config, "//") + single_bits(text[text.index("module ") :])
     return Netlist(netlist, top.module_name, config, library, gated)
 
 
 def cells_of(block: Block[Any], source: str, library: Library) -> str:
     """Return the gated netlist, Verilog, of a block whose RTLIL was changed."""
-    text = _cells(block, library, PERIOD_NS, FEWEST_FLOPS, TO_VERILOG, source=source)
+    text = _cells(block, library, TO_VERILOG, source=source)
     return single_bits(text[text.index("module ") :])
 
 
@@ -125,15 +117,12 @@ def mapped(top: Block[Any], library: Library, apart: Sequence[str] = ()) -> dict
     ``apart``: names of the modules: ``eskin_taxel`` for an array too large to be flat.
     Raises InputError if the library does not have the cells that the readout needs.
     """
-    text = _cells(top, library, PERIOD_NS, FEWEST_FLOPS, TO_JSON, apart)
-    return dict(json.loads(text))
+    return dict(json.loads(_cells(top, library, TO_JSON, apart)))
 
 
 def _cells(
     block: Block[Any],
     library: Library,
-    period_ns: float,
-    fewest: int,
     end: str,
     apart: Sequence[str] | None = None,
     gated_text: str = "",
@@ -144,7 +133,7 @@ def _cells(
     source = source or block_rtlil(block)
     gate = gate_module(library)
     keep = "".join(KEEP.format(name=name) for name in [*_blocks(source, top), *(apart or ())])
-    insert = INSERT.format(gate=GATE, fewest=fewest) if gate and not gated_text else ""
+    insert = INSERT.format(gate=GATE, fewest=FEWEST_FLOPS) if gate and not gated_text else ""
     begin = TO_ENABLES.format(source=FROM_TEXT if gated_text else FROM_RTL, top=top, keep=keep, gates=insert)
     files = {"readout.v": gated_text.encode(), "gate_ports.v": clock_gates.STUB.encode()}
     design = json.loads(yosys.run(begin, source, "enables.json", files))
@@ -155,7 +144,7 @@ def _cells(
         top=top,
         test="" if gated_text else ADD_TEST,
         flop=FLOP_NAME,
-        period_ps=1000 * period_ns,
+        period_ps=1000 * PERIOD_NS,
         mapping=MAPPING,
         ties=ties(library),
         apart="".join(KEEP.format(name=name) for name in apart or ()),

@@ -59,12 +59,11 @@ class Timing:
         }
 
 
-def analyse(netlist: Netlist, library: Library, constant: Collection[str] = (), spef: str = "") -> Timing:
+def analyse(netlist: Netlist, library: Library, constant: Collection[str] = ()) -> Timing:
     """Return the timing of a netlist with the cells of one corner.
 
     ``library``: the same cells at any corner.
     ``constant``: bits of outputs that never change, which nothing can constrain.
-    ``spef``: estimated wires; none by default.
     Raises InputError if OpenSTA is missing or the library lacks cells of the netlist.
     """
     opensta.check_program()
@@ -81,9 +80,7 @@ def analyse(netlist: Netlist, library: Library, constant: Collection[str] = (), 
         within=WITHIN,
         own=1e9 / netlist.config.clock_hz,
     )
-    if spef:
-        script = script.replace("set period", "read_parasitics wires.spef\nset period", 1)
-    found = _run(script, netlist, library, spef)
+    found = _run(script, netlist, library)
     setup, hold = map(float, found["OWN"].split())
     period, left = map(float, found["PERIOD"].split())
     if left < 0:
@@ -108,14 +105,13 @@ def _complaints(said: str, constant: Collection[str]) -> tuple[str, ...]:
     return tuple(line.strip() for line in kept)
 
 
-def _run(script: str, netlist: Netlist, library: Library, spef: str) -> dict[str, str]:
+def _run(script: str, netlist: Netlist, library: Library) -> dict[str, str]:
     """Return the output of an OpenSTA script, by heading."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "cells.lib").write_bytes(library.content)
         (folder / "netlist.v").write_text(netlist.text)
         (folder / "constraints.sdc").write_text(sdc(netlist, "$period"))
-        (folder / "wires.spef").write_text(spef)
         said, _ = opensta.run(script, folder)
     found = dict(PROGRESS.findall(said))
     if {"PERIOD", "PATH", "OWN", "SETUP"} - set(found):

@@ -17,7 +17,7 @@ from eskin.flow.power.event_bench import play
 from eskin.flow.power.liberty_power import CellActivity, LibertyPower
 from eskin.flow.power.opensta_power import OpenstaPower
 from eskin.flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, TEXTURE, closing_ticks, scenarios
-from eskin.flow.power.wires import Wires, block_of
+from eskin.flow.power.wires import block_of, wires_f
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 
@@ -117,7 +117,7 @@ def measure(
     results: list[dict[str, Any]] = []
     uses: dict[str, dict[str, CellActivity]] = {}
     for pitch in pitches_um:
-        wires = Wires(config.rows, config.columns, pitch).capacitance_f(flat)
+        wires = wires_f(flat, config.rows, config.columns, pitch)
         meter = PowerMeter(LibertyPower(flat, library, wires), OpenstaPower(flat, library, wires), config.clock_hz)
         uses = uses or {name: meter.tables.uses(activity) for name, (activity, _) in played.items()}
         try:
@@ -213,7 +213,7 @@ def glitches(config: ReadoutConfig, text: str, library: Library) -> dict[str, di
     """
     flat = flatten(text, "eskin_readout", library.content)
     kinds = {cell.kind for cell in flat.cells}
-    tables = LibertyPower(flat, library, Wires(config.rows, config.columns, 0.0).capacitance_f(flat))
+    tables = LibertyPower(flat, library, {})
     found: dict[str, dict[str, float]] = {}
     for name, delay, parts in (("no_delay", 0.0, 1), ("delay", GLITCH_DELAY_NS, GLITCH_PARTS)):
         powers: dict[str, float] = {}

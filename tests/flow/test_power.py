@@ -17,7 +17,6 @@ from eskin.cocotb_tests.bench.chip import network_of
 from eskin.flow.gatesim import flat_netlist
 from eskin.flow.liberty.library import Library
 from eskin.flow.power import classifier
-from eskin.flow.power import measure as measuring
 from eskin.flow.power.activity import Activity, read_dump
 from eskin.flow.power.event_bench import Mismatch, play
 from eskin.flow.power.liberty_power import LibertyPower
@@ -25,7 +24,7 @@ from eskin.flow.power.measure import Disagreement, PowerMeter, measure
 from eskin.flow.power.opensta_power import OpenstaPower
 from eskin.flow.power.results import energies, name_of
 from eskin.flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, scenarios
-from eskin.flow.power.wires import Wires
+from eskin.flow.power.wires import wires_f
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
@@ -215,8 +214,8 @@ def test_a_net_that_is_missing_or_unknown_in_the_dump_is_one_sentence(tmp_path: 
 
 
 def test_wires_grow_with_what_they_cross(made: Made) -> None:
-    wires = Wires(1, 2, 200.0).capacitance_f(made.flat)
-    assert Wires(1, 2, 0.0).capacitance_f(made.flat) == {}
+    wires = wires_f(made.flat, 1, 2, 200.0)
+    assert wires_f(made.flat, 1, 2, 0.0) == {}
     assert wires["rst"] > 0.2e-15 * 200
     assert min(wires.values()) > 0
 
@@ -239,10 +238,6 @@ def test_the_report_of_a_netlist_gets_its_energies(made: Made, monkeypatch: pyte
         "power": {IDLE: {"blocks": {}}},
         "with_wires": content | {"idle_w_per_taxel": 200.0, "scenarios": {IDLE: {}}},
     }
-
-
-def test_five_percent_is_what_is_allowed() -> None:
-    assert measuring.MOST_APART == 0.05
 
 
 def test_power_with_wires_that_the_two_ways_do_not_agree_on_is_not_given(

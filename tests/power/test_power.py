@@ -209,10 +209,10 @@ def test_arrays_give_what_single_numbers_give():
             assert float(found.total[6, 1, 1]) == pytest.approx(float(single.total), rel=1e-12)
 
 
-def alone(name: str, readout: str, n: int = 6, **parameters: float) -> tuple[dict, dict]:
+def alone(name: str, readout: str, **parameters: float) -> tuple[dict, dict]:
     """Return the power breakdowns without and with one correction."""
     return tuple(
-        with_corrections(frozenset(chosen), **parameters).breakdown(readout, n, 1e-3).to_dict()
+        with_corrections(frozenset(chosen), **parameters).breakdown(readout, 6, 1e-3).to_dict()
         for chosen in ((), (name,))
     )
 
