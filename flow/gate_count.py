@@ -47,12 +47,9 @@ class Gates:
 
 
 def count_gates(config: Config, taxels: int, liberty: Path | None = None) -> Gates:
-    """Return the cell counts of a readout synthesised with Yosys.
+    """Return the cell counts of a readout synthesised with Yosys, without the weight memories of a classifier.
 
-    ``config``: of a classifier the memories of weights are left out.
-    ``taxels``: taxels of its array; 1 for a classifier.
-    ``liberty``: cell library; without one, generic two-input gates are counted.
-    Raises InputError if the library cannot be read, is no liberty file, or Yosys cannot map the readout to its cells.
+    Without a cell library, generic two-input gates are counted. A classifier has 1 taxel.
     """
     library = None if liberty is None else read(liberty)
     text = _statistics(config, library)

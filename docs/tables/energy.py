@@ -53,10 +53,8 @@ def chain(cells: str) -> dict[str, Any]:
 def at_rates(events_hz: float, bins_hz: float, spikes: float, clock_hz: float, taxels: int) -> dict[str, float]:
     """Return the power of readout and 128-128-6 network in IHP cells at given rates, in watts, in parts.
 
-    Leakage is that of the cells and macros. The rest of the power without events grows with the clock.
-
-    ``events_hz``, ``bins_hz``: events and bins per second.
-    ``spikes``: mean hidden spikes of a bin.
+    Leakage is that of cells and macros. The rest of the power without events grows with the clock. ``spikes`` is the
+    mean number of hidden spikes per bin.
     """
     config = ChipConfig.from_dict(read("docs/data/touch.json")["chip"]).classifier
     logic, readout = read("docs/data/asic/classifier-ihp.json"), read("docs/data/asic/lcs-digital-8x8-ihp.json")

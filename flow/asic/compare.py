@@ -39,9 +39,8 @@ class Register:
 def compare(gold: dict[str, Any], gate: dict[str, Any]) -> tuple[int, list[str]]:
     """Return how many compare points of two designs are proved equal, and the names of all other compare points.
 
-    A compare point is a flop (what it will hold and what resets it) or a bit of an output port.
-
-    ``gold``, ``gate``: modules of the simple cells of Yosys, as ``write_json`` gives them.
+    A compare point is a flop (next value and resets) or a bit of an output port. ``gold`` and ``gate`` are modules of
+    simple Yosys cells, as ``write_json`` writes them.
     """
     ours, theirs = _cut(gold), _cut(gate)
     pairs, lonely = _match(ours, gold, theirs, gate)

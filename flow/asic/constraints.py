@@ -27,10 +27,7 @@ from eskin.rtl.verilog import header
 
 
 def sdc(netlist: Netlist, period: str = "") -> str:
-    """Return the timing constraints of a netlist.
-
-    ``period``: clock period in ns, or a Tcl expression; that of the configuration by default.
-    """
+    """Return the timing constraints of a netlist; ``period`` in ns or a Tcl expression, by default of the netlist."""
     config = netlist.config
     lines = [
         f"set period_ns {period or f'{1e9 / config.clock_hz:.6g}'}",

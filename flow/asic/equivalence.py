@@ -57,10 +57,7 @@ def design_of(netlist: Netlist) -> dict[str, Any]:
 
 
 def flat_design(text: str, top: str, liberty: bytes) -> dict[str, Any]:
-    """Return a Verilog netlist, with or without hierarchy, as a flat design in the JSON format of Yosys.
-
-    Raises InputError for invalid Verilog or unknown cells.
-    """
+    """Return a Verilog netlist, with or without hierarchy, as a flat design in the JSON format of Yosys."""
     files = {"cells.lib": liberty, "netlist.v": text.encode()}
     try:
         return json.loads(yosys.run(READ.format(top=top), "", "flat.json", files))
@@ -73,13 +70,11 @@ def flat_design(text: str, top: str, liberty: bytes) -> dict[str, Any]:
 def prove(netlist: Netlist, design: dict[str, Any] | None = None) -> Equivalence:
     """Return the result of proving a netlist equivalent to its RTL.
 
-    A clock gate lets the rising edge through where its enable was high before: a flop behind one is a flop with that
-    enable. What stops clocks is checked for being such a gate, then proved as such, test enable low. Flops of both
-    sides are matched by the name of their output; then what each will hold, what resets it, and every output must be
-    the same function of all flops and inputs. Nothing is assumed about which states can be reached.
-
-    ``design``: result of ``design_of``, if known.
-    Raises ClockError if anything but a clock gate stops a clock.
+    A clock gate lets the rising edge through if its enable was high before. So a flop behind a gate is a flop with that
+    enable. The proof first checks that only such gates stop clocks, then assumes a low test enable. Flops of both
+    sides are matched by the name of their output. Then the next value of each flop, its resets and every output must be
+    the same function of all flops and inputs. The proof assumes nothing about reachable states. Raises ClockError if
+    anything but a clock gate stops a clock.
     """
     plain, flops, gated = with_enables(design or design_of(netlist), netlist)
     files = {"cells.lib": netlist.library.content, "plain.json": json.dumps(plain).encode()}
@@ -91,14 +86,9 @@ def prove(netlist: Netlist, design: dict[str, Any] | None = None) -> Equivalence
 
 
 def with_enables(design: dict[str, Any], netlist: Netlist, test: str = "0") -> tuple[dict[str, Any], int, int]:
-    """Return a netlist with all flops on one clock, and with enables instead of clock gates.
+    """Return a copy of a netlist with all flops on one clock and with enables instead of clock gates.
 
-    Returns
-    -------
-    dict
-        A design of the top alone; the given one is left as it is.
-    int, int
-        Flops, and those behind a clock gate.
+    The integers are the numbers of flops and of flops behind a clock gate.
     """
     module = json.loads(json.dumps(design["modules"][netlist.top]))
     tested = module["ports"].pop(TEST, {"bits": []})["bits"]

@@ -87,10 +87,7 @@ class Structure:
 
 
 def check(netlist: Netlist, design: dict[str, Any]) -> Structure:
-    """Return the violations of the structural rules in a netlist.
-
-    Raises ClockError if a flop has another clock, or if anything but a clock gate stops its clock.
-    """
+    """Return the violations of the structural rules in a netlist."""
     clocks = Clocks(design["modules"][netlist.top], netlist.library)
     readers = _readers(clocks)
     latches = list(clocks.having("latch"))

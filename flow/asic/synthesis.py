@@ -90,7 +90,6 @@ def synthesise(config: Config, library: Library, delivered: bool = False) -> Net
     """Return the clock-gated netlist of a readout.
 
     ``delivered``: start from the Verilog of ``eskin verilog --clock-gates`` and insert no gate, as a user's flow does.
-    Raises InputError if the library does not have the cells that the readout needs.
     """
     top = top_block(config)
     gated = bool(gate_module(library))
@@ -111,11 +110,8 @@ def cells_of(block: Block[Any], source: str, library: Library) -> str:
 def mapped(top: Block[Any], library: Library, apart: Sequence[str] = ()) -> dict[str, Any]:
     """Return the Yosys design after mapping to cells; modules in ``apart`` are mapped once and stay separate.
 
-    For large arrays: the blocks around those modules keep the depth that the RTL draws (``AS_DRAWN``), and the array
-    has no clock gate at its root, whose enable would cross it once more; rows and arbiter have theirs.
-
-    ``apart``: names of the modules: ``eskin_taxel`` for an array too large to be flat.
-    Raises InputError if the library does not have the cells that the readout needs.
+    For large arrays: the blocks around those modules keep the depth that the RTL draws (``AS_DRAWN``). The array has no
+    clock gate at its root, because the enable would cross the array once more; rows and arbiter have gates.
     """
     return dict(json.loads(_cells(top, library, TO_JSON, apart)))
 

@@ -60,12 +60,7 @@ class Timing:
 
 
 def analyse(netlist: Netlist, library: Library, constant: Collection[str] = ()) -> Timing:
-    """Return the timing of a netlist with the cells of one corner.
-
-    ``library``: the same cells at any corner.
-    ``constant``: bits of outputs that never change, which nothing can constrain.
-    Raises InputError if OpenSTA is missing or the library lacks cells of the netlist.
-    """
+    """Return the timing of a netlist at the corner of a library; ``constant`` names output bits that never change."""
     opensta.check_program()
     used = set(re.findall(r"^  (\w+) (?:\\\S+|\w+) +\(", netlist.text, re.MULTILINE))
     if missing := sorted(used - set(library.cells)):

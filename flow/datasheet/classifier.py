@@ -18,10 +18,7 @@ EVENTS = 2
 
 
 class TwoEvents:
-    """Simulation of a bin with two events in a network with all weights zero.
-
-    ``end``, ``clocks``: clock of ``bin_end``, and length of the simulation.
-    """
+    """Simulation of a bin with two events in a network with all weights zero; ``end`` is the clock of ``bin_end``."""
 
     def __init__(self, config: ClassifierConfig) -> None:
         self.config = config

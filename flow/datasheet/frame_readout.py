@@ -20,12 +20,10 @@ BUSES = ("row_select", "column_select", "adc_code", "word_data")
 
 
 class Scan:
-    """Simulation of one frame, from ``frame_start`` at clock 0 to the next accepted start.
+    """Simulation of one frame, from ``frame_start`` at clock 0 to the next accepted start in clock ``heard``.
 
-    The ADC takes the clocks that it is laid out for, and its codes count up. Without a stall the sink takes every word
-    at once; with one it leaves the first for ``STALLED`` clocks, and another ``frame_start`` comes too early there.
-
-    ``heard``: first clock in which the readout accepts a ``frame_start`` again.
+    The ADC takes its nominal clocks, and its codes count up. Without a stall the sink takes every word at once.
+    With a stall the first word waits for ``STALLED`` clocks, and another ``frame_start`` comes too early there.
     """
 
     def __init__(self, config: FrameConfig, stall: int = 0) -> None:

@@ -52,8 +52,8 @@ class FlatNetlist:
     def verilog(self, gather: bool = False) -> str:
         """Return the netlist as Verilog with plain names.
 
-        ``gather``: for an event-driven simulation in units of 1 ns: output ports of ``WIDE`` bits or more are put
-        together once, 1 ns after each edge of the clock, not anew for every bit that changes.
+        ``gather`` is for an event-driven simulation in units of 1 ns: output ports of at least ``WIDE`` bits are then
+        assembled once, 1 ns after each clock edge, instead of at every change of a bit.
         """
         late = {port.name: port for port in self.ports if gather and port.direction == "output" and _wide(port)}
         names = {bit: bit.translate(APART) for port in late.values() for bit in _bits(port.name, len(port.nets))}

@@ -13,11 +13,7 @@ NO_PROGRAM = "iverilog not found; install with: apt-get install iverilog"
 
 
 def run(texts: Sequence[str], top: str, folder: Path) -> str:
-    """Return the output of a program.
-
-    ``folder``: working folder, which keeps program and output.
-    Raises InputError if Icarus is missing, or does not accept the text.
-    """
+    """Return the output of a Verilog program, which runs in ``folder`` and leaves its files there."""
     if shutil.which("iverilog") is None:
         raise InputError(NO_PROGRAM)
     source, program = folder / "program.v", folder / "program.vvp"

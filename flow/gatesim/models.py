@@ -8,14 +8,10 @@ from eskin.flow.liberty.library import Cell, Library, Memory
 
 
 def models(library: Library, kinds: set[str], delay_ns: float = 0.0) -> str:
-    """Return the Verilog models of given cells.
+    """Return the Verilog models of given cells, with a delay of ``delay_ns`` in steps of 0.1 ns.
 
-    A flop whose clock turns unknown loses its state, unless it would keep it: a netlist that only a simulator's
-    optimism wakes up stays unknown here.
-
-    ``delay_ns``: from every input to every output, in steps of 0.1 ns; clock gates take no time, as in a balanced clock
-    tree.
-    Raises InputError for an unknown cell or a cell without function.
+    A flop whose clock turns unknown loses its state, unless it would keep it. So a netlist that wakes up only by the
+    optimism of a simulator stays unknown. Clock gates take no time, as in a balanced clock tree.
     """
     precision = "100ps" if delay_ns else "1ns"
     cells = (model_of(cell, delay_ns) for cell in library.used(kinds))

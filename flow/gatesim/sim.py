@@ -42,12 +42,7 @@ def prepare(config: ReadoutConfig, path: Path, folder: Path) -> Gates:
 
 
 def play(plan: sim.Plan, gates: Gates, config: ReadoutConfig, again: str, on_stage: Callable[[str], None]) -> Tally:
-    """Simulate all scenarios and scans on a netlist, and return the comparison totals.
-
-    ``again``: options of gatesim that make this netlist.
-    ``on_stage``: called with the name of each stage.
-    Raises MismatchFound if netlist and model differ.
-    """
+    """Simulate all scenarios and scans on a netlist; return the totals. ``again``: options of gatesim."""
     text = "\n".join(path.read_text() for path in (gates.netlist, gates.cells))
     return sim.play(
         dataclasses.replace(plan, text=text, again=again, command="gatesim"), config, lambda _: None, on_stage

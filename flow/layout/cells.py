@@ -53,10 +53,7 @@ class WrongCell(RuntimeError):
 
 
 def usable(cells: Mapping[str, SwitchCell], left_out: tuple[str, ...] = LEFT_OUT) -> list[str]:
-    """Return the names of the cells that a netlist may use, after checking all of them.
-
-    Raises WrongCell if the transistors of a cell have another function, or the flip-flop is missing.
-    """
+    """Return the names of the cells that a netlist may use, after checking all of them."""
     if FLOP not in cells:
         raise WrongCell(f"there is no {FLOP} among the generated cells")
     chosen = [name for name in cells if name.partition("_")[0] in GATES and name not in left_out]
@@ -78,10 +75,7 @@ def check(cell: SwitchCell) -> None:
 
 
 def liberty(names: list[str], areas: Mapping[str, float]) -> str:
-    """Return a liberty file of checked cells, with functions, areas in um^2, and equal delays.
-
-    ``names``: cells, as ``usable`` returns them.
-    """
+    """Return a liberty file of checked cells, with functions, areas in um^2, and equal delays."""
     lines = ['library(cells) { delay_model : "table_lookup"; time_unit : "1ns"; capacitive_load_unit(1, pf);']
     lines.append('nom_process : 1; nom_voltage : 1.8; nom_temperature : 25; voltage_unit : "1V";')
     for name in names:

@@ -42,10 +42,7 @@ def rules(gds: Path, top: str, deck: Path, folder: Path) -> None:
 
 
 def read_rules(report: Path) -> Rules:
-    """Return the violations in a report written by ``rules``.
-
-    Raises Crashed if the report has no rule.
-    """
+    """Return the violations in a report written by ``rules``."""
     root = ElementTree.parse(report).getroot()
     checked = len(root.findall("./categories/category"))
     if not checked:
@@ -60,9 +57,7 @@ def read_rules(report: Path) -> Rules:
 def comparing(deck: str) -> str:
     """Return the comparison deck with net names and a check of port names added.
 
-    The exported one knows no names: two inputs that change places would be equal to it.
-
-    Raises Crashed if the deck has another form than expected.
+    The exported deck knows no names: it would accept two inputs that change places.
     """
     head, devices, tail = deck.partition("\n# Resistors\n")
     body, end, _ = tail.partition("\nalign\n")
@@ -74,9 +69,7 @@ def comparing(deck: str) -> str:
 def compare(gds: Path, top: str, spice: str, ports: Sequence[str], deck: str, folder: Path) -> None:
     """Compare the netlist of a layout with a SPICE netlist; results are written to counts.json and compare.lvsdb.
 
-    ``top``: name of the cell and of the netlist.
-    ``ports``: ports whose names are compared.
-    ``deck``: result of ``comparing``.
+    ``top`` names cell and netlist, ``ports`` the ports whose names are compared, and ``deck`` is from ``comparing``.
     """
     (folder / "circuit.spi").write_text(spice)
     (folder / "compare.lvs").write_text(deck)

@@ -74,10 +74,7 @@ class Circuit:
         return "\n".join([*lines, ".end\n"])
 
     def spice(self, cells: Mapping[str, SwitchCell], name: str) -> str:
-        """Return the circuit as a SPICE netlist down to transistors; supply and ground are its first ports.
-
-        ``name``: name of the circuit, equal to the top cell of the layout.
-        """
+        """Return the SPICE netlist ``name`` down to transistors; supply and ground are its first ports."""
         lines = [f"* {name}", *(cells[kind].text for kind in sorted(self.kinds))]
         lines.append(f".subckt {name} {SUPPLY} {GROUND} {' '.join(self.ports)}")
         for instance, (kind, pins) in self.cells.items():
@@ -102,10 +99,7 @@ def circuit_of(made: synthesis.Netlist) -> Circuit:
 
 
 def of_json(design: Mapping[str, Any], top: str) -> Circuit:
-    """Return the circuit for a JSON netlist from Yosys.
-
-    Raises InputError if an output or a pin is constant, because no checked cell drives a constant.
-    """
+    """Return the circuit for a JSON netlist from Yosys."""
     module = design["modules"][top]
     ports = {name: port["direction"] for name, port in module["ports"].items()}
     names = {port["bits"][0]: name for name, port in module["ports"].items()}

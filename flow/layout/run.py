@@ -30,14 +30,7 @@ MARGINS = (0.35, 0.3, 0.4, 0.45, 0.5, 0.6, 0.75)
 
 
 def run(config: ReadoutConfig, name: str, out: Path, compare: bool, on_stage: Callable[[str], None]) -> Report:
-    """Return the report of a layout; files are written to OUT/NAME.
-
-    ``name``: folder of the run; empty for a name from the configuration.
-    ``compare``: compare the netlist of the layout with that of the cells.
-    ``on_stage``: called with the name of each stage.
-    Raises InputError if a tool is missing or these cells do not suit the readout.
-    Raises WrongCell if the transistors of a cell have another function.
-    """
+    """Write a layout to OUT/NAME and return its report; an empty name follows from the configuration."""
     if config.reset != "sync":
         raise InputError(f"reset must be sync, not {config.reset!r}: the flip-flop of the layout's cells has no reset")
     environment.check()
@@ -164,11 +157,7 @@ class Layout:
         return checks.read_comparison(done / "counts.json")
 
     def macro(self, placed: Path, liberty: str, folder: Path) -> Macro:
-        """Write the LEF abstract and the timing model of the layout, and return their check results.
-
-        ``liberty``: functions and areas of the cells.
-        ``folder``: gets readout.lef and readout.lib.
-        """
+        """Write readout.lef and readout.lib of the layout into a folder, and return their check results."""
         abstract = self._abstract(placed)
         block, known = self._block(placed), self._characterised(liberty)
 

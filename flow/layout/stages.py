@@ -14,10 +14,7 @@ from eskin.base.files import make_folder
 
 
 class Stages:
-    """Folders of the stages of a run.
-
-    ``seconds``: processor time of each stage, also of cached stages.
-    """
+    """Folders of the stages of a run; ``seconds`` has the processor time of each stage, also of cached stages."""
 
     def __init__(self, folder: Path, on_stage: Callable[[str], None]) -> None:
         self.folder = folder
@@ -27,10 +24,7 @@ class Stages:
     def made(self, stage: str, inputs: tuple[str, ...], make: Callable[[Path], None]) -> Path:
         """Return the folder of a stage; call ``make`` unless the folder is cached for these inputs.
 
-        It takes its name when it is whole: an interrupted stage begins anew. Those of the same stage with other inputs
-        are removed.
-
-        ``inputs``: everything that the content depends on.
+        The folder gets its name when complete: an interrupted stage begins anew. Folders of other inputs are removed.
         """
         digest = hashlib.sha256(json.dumps(inputs).encode()).hexdigest()[:12]
         whole = self.folder / f"{stage}-{digest}"

@@ -29,10 +29,7 @@ class SwitchCell:
 
 
 def read(spice: str) -> dict[str, SwitchCell]:
-    """Return the cells in a SPICE file by name.
-
-    ``spice``: ``.subckt`` blocks of MOS transistors ``M... DRAIN GATE SOURCE BULK MODEL``.
-    """
+    """Return the cells in a SPICE file by name: ``.subckt`` blocks of ``M... DRAIN GATE SOURCE BULK MODEL``."""
     cells = {}
     for found in re.finditer(r"^\.subckt (\S+) (.*?)\n(.*?)^\.ends.*?$", spice, re.MULTILINE | re.DOTALL):
         switches = [
@@ -45,12 +42,9 @@ def read(spice: str) -> dict[str, SwitchCell]:
 
 
 def settle(cell: SwitchCell, inputs: Mapping[str, Level], before: Mapping[str, Level]) -> dict[str, Level]:
-    """Return the logic levels of all nets in steady state.
+    """Return the logic levels of all nets in steady state, for levels of driven pins and earlier levels of nets.
 
-    A net joined to neither supply nor ground keeps its level; one that may be joined to both is unknown.
-
-    ``inputs``: levels of driven pins.
-    ``before``: earlier levels of the nets; missing levels are unknown.
+    A net without a path to supply and ground keeps its level; a net with possible paths to both is unknown.
     """
     nets = {net for switch in cell.switches for net in switch[:3]}
     fixed: dict[str, Level] = {SUPPLY: True, GROUND: False, **inputs}

@@ -92,10 +92,7 @@ class Entry:
 
 
 def parse(path: Path) -> Entry:
-    """Return the top group of a Liberty file.
-
-    Raises InputError if the file cannot be read or is no whole liberty file.
-    """
+    """Return the top group of a Liberty file."""
     try:
         from liberty.parser import parse_liberty
     except ModuleNotFoundError:

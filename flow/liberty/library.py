@@ -257,10 +257,7 @@ class Library:
 
 
 def read(path: Path) -> Library:
-    """Return the library from a Liberty file, cached within the process.
-
-    Raises InputError if the file cannot be read, has a wrong field, or has no corner, no flip-flop or no logic gate.
-    """
+    """Return the library from a Liberty file, cached within the process."""
     try:
         state = path.stat()
     except OSError as error:

@@ -91,10 +91,7 @@ def table(name: str, template: str, rows: np.ndarray) -> str:
 
 
 def trimmed(models: str, cells: str) -> str:
-    """Return those of many SPICE models that the transistors of some cells can use, by name and length.
-
-    ngspice takes seconds to read all 600 models.
-    """
+    """Return the SPICE models that given cells can use, because ngspice takes seconds to read all 600 models."""
     used = {(name, float(length)) for name, length in re.findall(r" (\S+) l=(\S+)", cells)}
     kept = []
     for block in re.split(r"^(?=\.model )", models, flags=re.MULTILINE):
@@ -117,8 +114,7 @@ def simulate(deck: str, folder: Path) -> dict[str, float]:
 def wave(name: str, edges: Sequence[tuple[float, float]], slew_ns: float) -> str:
     """Return a voltage source of a node.
 
-    ``edges``: time of the middle of each edge in ns, and the level after it as a share of the supply; the first is the
-    start.
+    ``edges``: middle of each edge in ns, and level after it as a share of the supply; the first entry is the start.
     """
     half = slew_ns / 0.6 / 2
     level = edges[0][1] * SUPPLY_V
@@ -156,11 +152,7 @@ def conditions(cell: Cell, pin: str, output: str) -> Iterator[tuple[dict[str, bo
 
 
 class Characteriser:
-    """Simulations of the cells of a SPICE file.
-
-    ``spice``: subcircuits of the cells, with the supplies ``vdd`` and ``vss``.
-    ``models``: SPICE models of the transistors.
-    """
+    """Simulations of the cells of a SPICE file (supplies ``vdd`` and ``vss``) with models of their transistors."""
 
     def __init__(self, spice: Path, models: Path, folder: Path) -> None:
         self.folder = folder

@@ -124,10 +124,7 @@ def wires_pf(routing: str) -> dict[str, float]:
 
 
 def _ask(script: str, files: Mapping[str, str], folder: Path) -> dict[tuple[str, float, float, str], tuple[float, ...]]:
-    """Return the times that an OpenSTA script reports: by kind, two numbers and port, rise and fall of min and max.
-
-    Raises RuntimeError if OpenSTA reports an error or no times.
-    """
+    """Return the times that an OpenSTA script reports: by kind, two numbers and port, rise and fall of min and max."""
     for name, text in files.items():
         (folder / name).write_text(text)
     said, _ = opensta.run(script, folder)
@@ -155,12 +152,7 @@ def _clocked(block: Block) -> str:
 
 
 def liberty(block: Block, library: Library, folder: Path) -> tuple[str, float]:
-    """Return the timing model of a block as Liberty text, and its shortest clock period in ns between its own flops.
-
-    ``library``: from ``Characteriser.library``.
-    Raises NoModel if a path leads from an input to an output without a flop.
-    Raises RuntimeError if OpenSTA fails.
-    """
+    """Return the timing model of a block as Liberty text, and its shortest clock period in ns between its own flops."""
     if paths := block.unstored(library):
         raise NoModel(f"a path without a flop leads from {paths[0][0]} to {paths[0][1]}; the model has no such arc")
     script = [_load(library="cells.lib", netlist="netlist.v", top=block.name), "read_spef wires.spef"]
@@ -214,8 +206,6 @@ def check(text: str, block: Block, library: Library, folder: Path) -> float:
     """Return the largest difference in ns between the times of a model and of the netlist, both from OpenSTA.
 
     The model is an instance in another netlist. Slews and loads lie between those of the tables.
-
-    Raises RuntimeError if a time of the model is missing, or OpenSTA cannot link the model.
     """
     ports = ", ".join(f".{name}({name})" for name in block.inputs + block.outputs)
     ways = [f"input {name}" for name in block.inputs] + [f"output {name}" for name in block.outputs]

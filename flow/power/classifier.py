@@ -107,10 +107,7 @@ def play(
     dumped: Window,
     folder: Path,
 ) -> tuple[Path, ClassifierRun]:
-    """Play events into a netlist, hold clocks and evidence to the golden model; return dump and the model's run.
-
-    Raises Mismatch if netlist and model differ.
-    """
+    """Play events into a netlist, compare it with the golden model; return dump and the run of the model."""
     config = network.config
     width = config.clocks_per_bin
     memories = {name: (image(network), memory(config).bits) for name, (memory, image) in MEMORIES.items()}
@@ -170,9 +167,6 @@ def measure(chip: ChipConfig, network: IntegerNetwork, library: Library) -> dict
     """Return energies of a classifier's logic, without wires and memories, as JSON content.
 
     An embedded texture slides over the array; its events go through the classifier for ``BINS`` bins.
-
-    Raises Mismatch if netlist and model differ.
-    Raises Disagreement if the two methods differ too much.
     """
     config = chip.classifier
     width = config.clocks_per_bin

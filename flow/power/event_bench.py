@@ -19,10 +19,7 @@ TEMPLATES = templates(Path(__file__).parents[1] / "templates")
 
 
 class Mismatch(Exception):  # the outcome that is looked for, not a defect of the program
-    """Raised if a netlist differs from the model.
-
-    ``netlist``, ``model``: numbers of events.
-    """
+    """Raised if a netlist differs from the model; has the numbers of events of both."""
 
     def __init__(self, text: str, netlist: int = 0, model: int = 0) -> None:
         super().__init__(text)
@@ -32,12 +29,7 @@ class Mismatch(Exception):  # the outcome that is looked for, not a defect of th
 def play(
     scenario: Scenario, config: ReadoutConfig, netlist: FlatNetlist, cells: str, folder: Path, parts: int = 1
 ) -> tuple[Activity, int]:
-    """Simulate a scenario; return the net activity and the number of events in its window.
-
-    ``cells``: Verilog of the library cells.
-    ``parts``: samples in every half of a clock, see ``read_dump``.
-    Raises Mismatch if netlist and model send different events.
-    """
+    """Simulate a scenario; return net activity and number of events in its window; ``parts`` as in ``read_dump``."""
     # Clock 0 ends at the edge 8 ns after `running` rises; the dump begins with the falling edge before its window.
     first_edge = 2 * HALF_NS * (scenario.start + 1)
     macros, parameters = shape(config)

@@ -22,10 +22,7 @@ IDLE_CLOCKS = 400
 
 
 def play(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path) -> dict[str, tuple[Activity, int]]:
-    """Return the net activity of the frame readout, idle and active, with the number of samples.
-
-    Raises Mismatch if netlist and model differ.
-    """
+    """Return the net activity of the frame readout, idle and active, with the number of samples."""
     frames = FRAMES * config.clocks_per_frame
     return {
         IDLE: (_run(config, netlist, cells, folder, 0, IDLE_CLOCKS), 0),

@@ -67,10 +67,7 @@ class PowerMeter:
     def measure(
         self, name: str, activity: Activity, events: int, uses: dict[str, CellActivity] | None = None
     ) -> ScenarioPower:
-        """Return the power of the netlist for recorded net activity.
-
-        Raises Disagreement if the two methods differ by more than ``most_apart``.
-        """
+        """Return the power of the netlist for recorded net activity."""
         own = self.tables.power_w(activity, self.clock_hz, uses)
         internal, switching, leakage = (sum(power[part] for power in own.values()) for part in range(3))
         other = sum(sum(power) for power in self.opensta.power_w(activity, self.clock_hz).values())

@@ -104,10 +104,7 @@ class OpenstaPower:
         self.costs = {cell.name: self._costs(cell, [reports, *others], counted) for cell in self.netlist.cells}
 
     def _reports(self, folder: Path) -> list[dict[str, tuple[float, float, float]]]:
-        """Return internal, switching and leakage power of all instances.
-
-        While no data moves, all do, data pins do, resets too; and of clock gates whose output rests.
-        """
+        """Return the power of all instances: data still, all, data pins, data pins and resets, idle clock gates."""
         lines = self._set_up(folder)
         lines += [f"report still.txt {STILL}", "report all.txt 1"]
         for number, name in enumerate(("data", "rest")):
@@ -258,10 +255,7 @@ class OpenstaPower:
 
 
 def run(lines: list[str], folder: Path) -> None:
-    """Run an OpenSTA script and raise an error if it fails.
-
-    Raises InputError if the program is missing or rejects the netlist.
-    """
+    """Run an OpenSTA script and raise an error if it fails."""
     text, status = opensta.run("\n".join(lines), folder)
     said = text.splitlines()
     if wrong := [line for line in said if line.startswith("Error")] or (said[-1:] if status else []):

@@ -47,8 +47,6 @@ MakePlacement = Callable[[Array, float], Placement]
 def sizes_of(text: str) -> list[tuple[int, int]]:
     """Return the array sizes for a text such as ``8x8,12x16``.
 
-    Raises InputError for a wrong size.
-
     Examples
     --------
     >>> sizes_of("8x8,12x16")
@@ -67,9 +65,6 @@ def sizes_of(text: str) -> list[tuple[int, int]]:
 
 def designs_of(config: ReadoutConfig, sizes: str, tiles: str = "", relays: str = "") -> list[ReadoutConfig]:
     """Return the designs to measure: every size as one array, or divided into the given tiles with relay stations.
-
-    Raises InputError if a word is no size, no rows and columns of tiles, or no number of stations, or they do not fit
-    together.
 
     Examples
     --------

@@ -31,11 +31,7 @@ class Mapped:
 
 
 def mapped(sources: dict[str, str], top: str, library: Library) -> Mapped:
-    """Return a chip mapped to library cells.
-
-    ``sources``: texts by file name.
-    Raises InputError if the library does not have the cells that the chip needs, or states no area for one.
-    """
+    """Return a chip mapped to library cells, from its Verilog by file name."""
     script = SCRIPT.format(sources=" ".join(sources), top=top, ties=ties(library))
     files = {name: text.encode() for name, text in sources.items()} | {"cells.lib": library.content}
     try:

@@ -186,10 +186,7 @@ def plan(
     author: str,
     title: str,
 ) -> tuple[Tapeout, Mapped | None]:
-    """Return a chip for a shuttle, and its mapped cells if a library is given.
-
-    Raises InputError if a name is wrong, or the size unknown or too small.
-    """
+    """Return a chip for a shuttle, and its mapped cells if a library is given."""
     if not re.fullmatch(r"tt_um_[a-z0-9_]+", top):
         raise InputError(f"--top must begin with tt_um_, then small letters, digits and _, not {top!r}")
     if not author.strip() or not title.strip():

@@ -40,10 +40,7 @@ class Shuttle:
         return self.name.startswith("tt-")
 
     def smallest(self, area_um2: float) -> str:
-        """Return the smallest size for a given cell area.
-
-        Raises InputError if no size is large enough.
-        """
+        """Return the smallest size for a given cell area."""
         for size, (width, height) in self.sizes.items():
             if area_um2 <= DENSITY * width * height:
                 return size

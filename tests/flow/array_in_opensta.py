@@ -34,13 +34,7 @@ puts "PERIOD <<$high>>"
 
 
 def period_s(timing: Timing, library: Library) -> float:
-    """Return the shortest clock period that OpenSTA finds with the estimated wires.
-
-    Returns
-    -------
-    float
-        To within 1/16,384 of twice the estimate.
-    """
+    """Return the shortest clock period that OpenSTA finds with the estimated wires, to 1/8192 of the estimate."""
     array = timing.array
     made = Netlist("", top_block(array.config).module_name, array.config, library, True)
     high = 2e9 * timing.worst().period_s
