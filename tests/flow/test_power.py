@@ -22,7 +22,7 @@ from eskin.flow.power.event_bench import Mismatch, play
 from eskin.flow.power.liberty_power import LibertyPower
 from eskin.flow.power.measure import Disagreement, PowerMeter, measure
 from eskin.flow.power.opensta_power import OpenstaPower
-from eskin.flow.power.results import energies, name_of
+from eskin.flow.power.results import name_of
 from eskin.flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, scenarios
 from eskin.flow.power.wires import wires_f
 from eskin.model.classifier.chip_config import ChipConfig
@@ -218,26 +218,6 @@ def test_wires_grow_with_what_they_cross(made: Made) -> None:
     assert wires_f(made.flat, 1, 2, 0.0) == {}
     assert wires["rst"] > 0.2e-15 * 200
     assert min(wires.values()) > 0
-
-
-def test_the_report_of_a_netlist_gets_its_energies(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = {}
-    content = {name: number for number, name in enumerate([*"abc"])}
-
-    def once(config: ReadoutConfig, text: str, library: Library, pitches: tuple[float, ...]) -> list[dict[str, Any]]:
-        asked["pitches"] = pitches
-        return [content | {"idle_w_per_taxel": pitch, "scenarios": {IDLE: {"blocks": {}}}} for pitch in pitches]
-
-    from eskin.flow.power import results as module
-
-    monkeypatch.setattr(module, "measure", once)
-    said = energies(CONFIG, "", made.library.path)
-    assert asked["pitches"] == (0.0, 200.0)
-    assert said == content | {
-        "idle_w_per_taxel": 0.0,
-        "power": {IDLE: {"blocks": {}}},
-        "with_wires": content | {"idle_w_per_taxel": 200.0, "scenarios": {IDLE: {}}},
-    }
 
 
 def test_power_with_wires_that_the_two_ways_do_not_agree_on_is_not_given(
