@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eskin.base.errors import InputError
-from eskin.base.pages import templates
 from eskin.flow import opensta
 from eskin.flow.asic.constraints import sdc
 from eskin.flow.asic.synthesis import Netlist
@@ -23,7 +22,6 @@ ROUNDS = 40
 Slacks mostly lie on a line, whose zero is looked at from a little above and a little below; every third time it is
 halved, since a slack is 0 for a wide range of periods where a latch borrows time."""
 
-TEMPLATES = templates(Path(__file__).parents[1] / "templates")
 PROGRESS = re.compile(r"^(\w+) <<(.*?)>>$", re.MULTILINE | re.DOTALL)
 SLACK = re.compile(r"(-?\d+\.\d+) +slack")
 STAGE = re.compile(r"^ +\S+ +(\d+\.\d+) +[v^] (\S+)/\S+ \((\w+)\)$", re.MULTILINE)
@@ -67,7 +65,7 @@ def analyse(netlist: Netlist, library: Library, constant: Collection[str] = ()) 
         raise InputError(f"the cell library {library.path} has no cell {missing[0]}; give corners of one library")
     for name in sorted(used):
         library.cells[name].check()  # OpenSTA has no sentence for a wrong table
-    script = TEMPLATES.get_template("timing.tcl").render(
+    script = opensta.TEMPLATES.get_template("timing.tcl").render(
         top=netlist.top,
         start=START_NS,
         longest=LONGEST_NS,
@@ -103,11 +101,8 @@ def _complaints(said: str, constant: Collection[str]) -> tuple[str, ...]:
 def _run(script: str, netlist: Netlist, library: Library) -> dict[str, str]:
     """Return the output of an OpenSTA script, by heading."""
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "cells.lib").write_bytes(library.content)
-        (folder / "netlist.v").write_text(netlist.text)
-        (folder / "constraints.sdc").write_text(sdc(netlist, "$period"))
-        said, _ = opensta.run(script, folder)
+        files = {"cells.lib": library.content, "netlist.v": netlist.text, "constraints.sdc": sdc(netlist, "$period")}
+        said, _ = opensta.run(script, Path(name), files)
     found = dict(PROGRESS.findall(said))
     if {"PERIOD", "PATH", "OWN", "SETUP"} - set(found):
         wrong = [line for line in said.splitlines() if "rror" in line]

@@ -8,6 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from eskin.base.errors import InputError
+from eskin.base.pages import templates
+
+TEMPLATES = templates(Path(__file__).parents[1] / "templates")
+"""Testbenches."""
 
 NO_PROGRAM = "iverilog not found; install with: apt-get install iverilog"
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from eskin.base.pages import templates
 from eskin.flow.asic.structure import RESET_CLOCKS
 from eskin.flow.gatesim import icarus
 from eskin.flow.gatesim.flat_netlist import FlatNetlist
 from eskin.flow.gatesim.models import models
 from eskin.flow.liberty.library import Library
 
-TEMPLATES = templates(Path(__file__).parents[1] / "templates")
 QUIET_CLOCKS = 16
 """Clocks after reset, with all inputs at 0, in which no flop and no output may turn unknown."""
 
@@ -57,4 +55,4 @@ def _bench(netlist: FlatNetlist, state: list[str], outputs: list[str]) -> str:
     """Return a testbench that prints the flops at the end of reset, and flops and outputs at the end of the run."""
     clocks = {"reset_clocks": RESET_CLOCKS, "quiet_clocks": QUIET_CLOCKS}
     values = {"top": netlist.top, "ports": netlist.ports, "state": state, "outputs": outputs}
-    return TEMPLATES.get_template("reset.v").render(values | clocks)
+    return icarus.TEMPLATES.get_template("reset.v").render(values | clocks)

@@ -27,9 +27,9 @@ class Comparison:
     """Results of the netlist comparison."""
 
     equal: bool
-    # nets, devices, ports: of the layout; devices are transistors, ports those with compared names
+    # nets, transistors, ports: of the layout; only ports with compared names
     nets: int
-    devices: int
+    transistors: int
     ports: int
     differ: tuple[str, ...] = ()  # first nets that differ, that of the layout and that of the netlist
 

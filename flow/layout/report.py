@@ -90,7 +90,7 @@ class Report:
 
     def to_dict(self, command: str) -> dict[str, Any]:
         """Return the report as a dictionary."""
-        last, compared = self.tries[-1], self.comparison
+        last = self.tries[-1]
         area = last.width_um * last.height_um
         return {
             "name": self.name,
@@ -109,15 +109,8 @@ class Report:
             "utilisation": round(self.cell_area_um2 / area, 3) if area else None,
             "equivalence": {"proved": self.proved, "of": self.of},
             "margins": [{"margin": one.margin, "problem": one.problem} for one in self.tries],
-            "rules": last.rules and {"checked": last.rules.checked, "violations": list(last.rules.violations)},
-            "comparison": compared
-            and {
-                "equal": compared.equal,
-                "nets": compared.nets,
-                "transistors": compared.devices,
-                "ports": compared.ports,
-                "differ": list(compared.differ),
-            },
+            "rules": last.rules and asdict(last.rules),
+            "comparison": self.comparison and asdict(self.comparison),
             "macro": self.macro and asdict(self.macro),
             "problems": self.problems,
             "seconds": self.seconds,

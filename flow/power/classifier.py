@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from eskin.base.pages import templates
 from eskin.cocotb_tests.bench.textures import scan
 from eskin.flow.asic.synthesis import cells_of
 from eskin.flow.gatesim import icarus
@@ -66,8 +65,6 @@ POTENTIALS = (
     "read_rtlil readout.il; hierarchy -check -top {top}; proc; memory_map {flops}; opt_clean; write_json a.json"
 )
 """The potentials of a lane become flops."""
-
-TEMPLATES = templates(Path(__file__).parents[1] / "templates")
 
 
 @dataclass(frozen=True)
@@ -129,7 +126,7 @@ def play(
         for port in netlist.ports
     ]
     first_edge = 2 * HALF_NS * (dumped.start + 1)
-    bench = TEMPLATES.get_template("classifier.v").render(
+    bench = icarus.TEMPLATES.get_template("classifier.v").render(
         events=len(offered),
         memories=memories,
         wires=wires,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from eskin.base.pages import templates
 from eskin.cocotb_tests.bench.readout import EventMonitor, StimulusDriver
 from eskin.cocotb_tests.runner.simulator import HARNESS, shape
 from eskin.flow.gatesim import icarus
@@ -14,8 +13,6 @@ from eskin.flow.power.activity import DUMP, HALF_NS, Activity, read_dump
 from eskin.flow.power.scenarios import Scenario
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.compare import first_difference
-
-TEMPLATES = templates(Path(__file__).parents[1] / "templates")
 
 
 class Mismatch(Exception):  # the outcome that is looked for, not a defect of the program
@@ -33,7 +30,7 @@ def play(
     # Clock 0 ends at the edge 8 ns after `running` rises; the dump begins with the falling edge before its window.
     first_edge = 2 * HALF_NS * (scenario.start + 1)
     macros, parameters = shape(config)
-    player = TEMPLATES.get_template("player.v").render(
+    player = icarus.TEMPLATES.get_template("player.v").render(
         parameters=", ".join(f".{name}({value})" for name, value in parameters.items()),
         before=first_edge - HALF_NS - 1,
         inside=2 * HALF_NS * scenario.clocks + 6,

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from eskin.base.pages import templates
 from eskin.flow.gatesim import icarus
 from eskin.flow.gatesim.flat_netlist import FlatNetlist
 from eskin.flow.power.activity import DUMP, HALF_NS, Activity, read_dump
@@ -16,7 +15,6 @@ from eskin.model.frame import FrameModel, Inputs, Outputs
 from eskin.model.frame_config import FrameConfig
 from eskin.model.frame_words import adc_code
 
-TEMPLATES = templates(Path(__file__).parents[1] / "templates")
 FRAMES = 2
 IDLE_CLOCKS = 400
 
@@ -69,7 +67,7 @@ def _bench(netlist: FlatNetlist, clocks: int, widths: dict[str, int]) -> str:
     """Return a testbench that applies the inputs and counts clocks with a wrong output."""
     given = [name for name in Inputs._fields if name in widths]
     seen = [name for name in Outputs._fields if name in widths]
-    return TEMPLATES.get_template("frames.v").render(
+    return icarus.TEMPLATES.get_template("frames.v").render(
         given=given,
         seen=seen,
         widths=widths,

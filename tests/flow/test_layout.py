@@ -170,7 +170,7 @@ def test_a_report_says_where_it_is_from() -> None:
     assert said["command"] == "make layout"
     assert {"commit", "date"} <= set(said)
     assert said["utilisation"] == 0.5
-    assert said["rules"] == {"checked": 194, "violations": []}
+    assert said["rules"] == {"checked": 194, "violations": ()}
     assert said["comparison"]["transistors"] == 82
     assert "coriolis-eda==2.5.4" in said["packages"]
     assert report.command_of(ReadoutConfig(rows=2, columns=2), False) == "make layout ROWS=2 COLUMNS=2 COMPARE=0"
@@ -286,7 +286,7 @@ def test_a_small_layout_is_clean_and_equal(toy: tuple[run.Layout, Path]) -> None
     assert compared
     assert compared.equal
     assert compared.ports == 7  # of eight: one is read by nothing
-    assert compared.devices == sum(len(layout.known[kind].switches) for kind, _ in TOY.cells.values())
+    assert compared.transistors == sum(len(layout.known[kind].switches) for kind, _ in TOY.cells.values())
 
 
 @NEEDS_TOOLS
