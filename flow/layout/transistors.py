@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+
+import numpy as np
+
+from eskin.flow.liberty.boolean import evaluate
 
 SUPPLY, GROUND = "vdd", "vss"
 UNKNOWN = None
@@ -95,11 +99,11 @@ def table(cell: SwitchCell, inputs: tuple[str, ...], output: str) -> list[Level]
     ]
 
 
-def does(cell: SwitchCell, inputs: tuple[str, ...], output: str, function: Callable[..., bool]) -> bool:
-    """Return True if the transistors of a cell compute a given Boolean function."""
-    return table(cell, inputs, output) == [
-        bool(function(*levels)) for levels in itertools.product((False, True), repeat=len(inputs))
-    ]
+def does(cell: SwitchCell, inputs: tuple[str, ...], output: str, function: str) -> bool:
+    """Return True if the transistors of a cell compute a given function, in Liberty syntax."""
+    levels = np.array(list(itertools.product((False, True), repeat=len(inputs))))
+    values = evaluate(function, dict(zip(inputs, levels.T, strict=True)))
+    return table(cell, inputs, output) == values.tolist()
 
 
 def stores(cell: SwitchCell, data: str, clock: str, output: str) -> bool:

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, field
 from pathlib import Path
 from string import Template
 from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write
+from eskin.flow.asic.synthesis import ties
+from eskin.flow.gatesim.models import models
 from eskin.flow.liberty.library import Library
 from eskin.flow.tapeout import pins
-from eskin.flow.tapeout.area import Mapped, mapped
 from eskin.flow.tapeout.case import FRAMES, case
 from eskin.flow.tapeout.shuttles import DENSITY, Shuttle
 from eskin.model.config import ReadoutConfig
 from eskin.model.registers.description import registers
+from eskin.rtl import yosys
 from eskin.rtl.registers.loader import SampleLoader
 from eskin.rtl.verilog import block_verilog, header, verilog
 
@@ -50,6 +53,23 @@ TINY_TAPEOUT = {
     "MAGIC_WRITE_LEF_PINONLY": 1,
 }
 """What Tiny Tapeout fixes beside them, because it makes tiles of the same grid of power lines."""
+
+SCRIPT = (
+    "read_verilog {sources}; synth -flatten -top {top}; dfflibmap -liberty cells.lib; abc -liberty cells.lib; "
+    "opt_clean -purge; read_liberty -lib -ignore_miss_func cells.lib; {ties}splitnets; "
+    "rename -enumerate -pattern g% c:*; opt_clean -purge; check -assert -mapped; "
+    "write_verilog -noattr -noexpr netlist.v"
+)
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """A chip as library cells."""
+
+    # netlist, cells: Verilog of netlist and library cells, without delays
+    netlist: str = field(repr=False)
+    cells: str = field(repr=False)
+    area_um2: float  # of the cells alone: no wires, no clock tree, no filling
 
 
 @dataclass(frozen=True)
@@ -175,6 +195,21 @@ def sources_of(config: ReadoutConfig, top: str) -> dict[str, str]:
     )
     loader = header(config, "//") + block_verilog(SampleLoader(config))
     return {f"{top}.v": text, "eskin_loader.v": loader, "eskin_readout.v": verilog(config)}
+
+
+def mapped(sources: dict[str, str], top: str, library: Library) -> Mapped:
+    """Return a chip mapped to library cells, from its Verilog by file name."""
+    script = SCRIPT.format(sources=" ".join(sources), top=top, ties=ties(library))
+    files = {name: text.encode() for name, text in sources.items()} | {"cells.lib": library.content}
+    try:
+        netlist = yosys.run(script, "", "netlist.v", files)
+    except yosys.YosysError as error:
+        raise InputError(f"the cell library {library.path} does not suffice for {top}: {error.reason}") from None
+    kinds = Counter(re.findall(r"^  (\w+) \w+ \($", netlist, re.MULTILINE))
+    if bare := sorted(kind for kind in kinds if not library.cells[kind].area_um2 > 0):
+        raise InputError(f"the cell library {library.path} states no area for {bare[0]}; give --tiles in its place")
+    area = sum(library.cells[kind].area_um2 * count for kind, count in kinds.items())
+    return Mapped(netlist, models(library, set(kinds)), area)
 
 
 def plan(

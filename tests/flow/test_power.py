@@ -20,11 +20,10 @@ from eskin.flow.power import classifier
 from eskin.flow.power.activity import Activity, read_dump
 from eskin.flow.power.event_bench import Mismatch, play
 from eskin.flow.power.liberty_power import LibertyPower
-from eskin.flow.power.measure import Disagreement, PowerMeter, measure
+from eskin.flow.power.measure import Disagreement, PowerMeter, measure, wires_f
 from eskin.flow.power.opensta_power import OpenstaPower
 from eskin.flow.power.results import name_of
 from eskin.flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, scenarios
-from eskin.flow.power.wires import wires_f
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
