@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from eskin.base.errors import InputError
-from eskin.flow.liberty import tables
 from eskin.flow.liberty.boolean import literal
 from eskin.flow.liberty.entry import Entry, parse
-from eskin.flow.liberty.tables import EDGES, Arc, Energy, Floats, Scales, Table
+from eskin.flow.liberty.tables import EDGES, Arc, Energy, Floats, Scales, Table, read_table
 
 DIRECTIONS = ("input", "output", "inout", "internal")
 PREFIXES = {"": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "k": 1e3}
@@ -42,17 +41,37 @@ class Pin:
     @functools.cached_property
     def energies(self) -> list[Energy]:
         """Internal energies for transitions of this pin."""
-        return tables.energies(self.entry, self.scales)
+        return [
+            Energy(
+                frozenset(group.text("related_pin").split()),
+                group.text("when"),
+                self._by_edge(group, "{}_power", self.scales.energy)
+                or self._by_edge(group, "power", self.scales.energy),
+            )
+            for group in self.entry.all("internal_power")
+        ]
 
     @functools.cached_property
     def arcs(self) -> list[Arc]:
-        """Timing arcs to this pin."""
-        return tables.arcs(self.entry, self.name, self.scales)
+        """Timing arcs to this pin that have a delay or a transition time."""
+        found = []
+        for group in self.entry.all("timing"):
+            tables = [self._by_edge(group, kind, self.scales.time) for kind in ("cell_{}", "{}_transition")]
+            if any(tables):
+                kind, sense = group.text("timing_type"), group.text("timing_sense")
+                found += [Arc(start, self.name, kind, sense, *tables) for start in group.text("related_pin").split()]
+        return found
 
     @functools.cached_property
     def setup(self) -> dict[int, Table]:
-        """Setup times before a rising clock, by edge."""
-        return tables.setup(self.entry, self.scales)
+        """Setup times before the steepest rising clock, by edge and slew."""
+        groups = [group for group in self.entry.all("timing") if group.text("timing_type") == "setup_rising"]
+        return self._by_edge(groups[-1], "{}_constraint", self.scales.time) if groups else {}
+
+    def _by_edge(self, group: Entry, name: str, unit: float) -> dict[int, Table]:
+        """Return the tables of a group for rising and falling edges."""
+        found = {edge: group.all(name.format(word)) for edge, word in EDGES.items()}
+        return {edge: read_table(tables[0], self.scales, unit) for edge, tables in found.items() if tables}
 
 
 @dataclass(frozen=True)

@@ -116,42 +116,7 @@ class Arc:
         return [(into, out) for into in EDGES for out in self.delay if into in self.sources(out)]
 
 
-def energies(pin: Entry, scales: Scales) -> list[Energy]:
-    """Return the internal energies of a pin."""
-    return [
-        Energy(
-            frozenset(group.text("related_pin").split()),
-            group.text("when"),
-            by_edge(group, "{}_power", scales, scales.energy) or by_edge(group, "power", scales, scales.energy),
-        )
-        for group in pin.all("internal_power")
-    ]
-
-
-def arcs(pin: Entry, name: str, scales: Scales) -> list[Arc]:
-    """Return the timing arcs to a pin that have a delay or a transition time."""
-    found = []
-    for group in pin.all("timing"):
-        tables = [by_edge(group, kind, scales, scales.time) for kind in ("cell_{}", "{}_transition")]
-        if any(tables):
-            kind, sense = group.text("timing_type"), group.text("timing_sense")
-            found += [Arc(start, name, kind, sense, *tables) for start in group.text("related_pin").split()]
-    return found
-
-
-def setup(pin: Entry, scales: Scales) -> dict[int, Table]:
-    """Return the setup times of a pin by edge and slew, for the steepest clock edge."""
-    groups = [group for group in pin.all("timing") if group.text("timing_type") == "setup_rising"]
-    return by_edge(groups[-1], "{}_constraint", scales, scales.time) if groups else {}
-
-
-def by_edge(group: Entry, name: str, scales: Scales, unit: float) -> dict[int, Table]:
-    """Return the tables of a group for rising and falling edges."""
-    found = {edge: group.all(name.format(word)) for edge, word in EDGES.items()}
-    return {edge: _table(tables[0], scales, unit) for edge, tables in found.items() if tables}
-
-
-def _table(group: Entry, scales: Scales, unit: float) -> Table:
+def read_table(group: Entry, scales: Scales, unit: float) -> Table:
     """Return the table of a group, with its variables in standard order."""
     values = group.numbers("values")
     template = scales.templates.get(group.names(1)[0]) if group.group.args else None

@@ -49,10 +49,10 @@ class LibertyPower:
 
     def _slews(self) -> dict[str, dict[int, float]]:
         """Return rise and fall times of every net, the longest over all timing arcs."""
-        driver = {net: cell for cell in self.netlist.cells for net in self._driven(cell)}
+        driver = {net: cell for cell in self.netlist.cells for net in self._outputs(cell).values()}
         before = {}
         for cell in self.netlist.cells:
-            arcs = self._arcs(cell)
+            arcs = [arc for pin in self._outputs(cell) for arc in self._into(cell, pin)]
             kind = self.kinds[cell.kind]
             is_latch = kind.memory and not kind.memory.is_flop  # a latch ends a path
             related = {arc.start for arc in arcs if not is_latch or arc.start in kind.clock_pins}
@@ -75,17 +75,11 @@ class LibertyPower:
                     found[edge] = max(found[edge], table.at(given.get(source, INPUT_SLEW_S), load))
         return found
 
-    def _arcs(self, cell: Cell) -> list[Arc]:
-        return [arc for pin in self._outputs(cell) for arc in self._into(cell, pin)]
-
     def _into(self, cell: Cell, pin: str) -> list[Arc]:
         return [arc for arc in self.kinds[cell.kind].pins[pin].arcs if arc.slew]
 
     def _outputs(self, cell: Cell) -> dict[str, str]:
         return {pin: cell.pins[pin] for pin in self.kinds[cell.kind].outputs if pin in cell.pins}
-
-    def _driven(self, cell: Cell) -> list[str]:
-        return list(self._outputs(cell).values())
 
     def _slew_of(self, cell: Cell, pin: str, edge: int) -> float:
         return self.slew_s.get(cell.pins.get(pin, ""), {}).get(edge, INPUT_SLEW_S)

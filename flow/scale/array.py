@@ -152,12 +152,9 @@ class Array:
 
 def repeaters(kinds: dict[str, Cell]) -> list[Cell]:
     """Return the buffers from smallest to largest."""
-    found = [k for k in kinds.values() if len(k.loads) == len(k.outputs) == 1 and not k.launch and _same(k)]
+    single = [kind for kind in kinds.values() if len(kind.loads) == len(kind.outputs) == 1 and not kind.launch]
+    found = [kind for kind in single if kind.ways and all(i == o for arc in kind.ways for i, o in arc.edges)]
     return sorted(found, key=lambda kind: kind.area_um2)
-
-
-def _same(kind: Cell) -> bool:
-    return bool(kind.ways) and all(i == o for arc in kind.ways for i, o in arc.edges)
 
 
 def build(config: ReadoutConfig, library: Library) -> Array:

@@ -54,7 +54,9 @@ class Timing:
 
     def __init__(self, array: Array, lines: Lines) -> None:
         self.array = array
-        self.inner = sorted({b for b in _inner_bits(array.taxel) if isinstance(b, int)})
+        outside = {bit for port in array.taxel["ports"].values() for bit in port["bits"]}
+        wired = [bits for cell in array.taxel["cells"].values() for bits in cell["connections"].values()]
+        self.inner = sorted({bit for bits in wired for bit in bits if isinstance(bit, int)} - outside)
         self.nets = array.nets + len(self.inner) * len(array.taxels)
         self.groups = self._groups()
         self.load, self.wire = self._loads(lines)
@@ -293,10 +295,3 @@ class Timing:
 
 def _pins(kind: Cell) -> list[str]:
     return [*kind.loads, *kind.outputs]
-
-
-def _inner_bits(taxel: dict[str, object]) -> list[object]:
-    """Return the nets of the taxel module that are not ports."""
-    outside = {bit for port in taxel["ports"].values() for bit in port["bits"]}  # type: ignore[attr-defined]
-    cells = taxel["cells"].values()  # type: ignore[attr-defined]
-    return [b for cell in cells for bits in cell["connections"].values() for b in bits if b not in outside]
