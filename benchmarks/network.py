@@ -79,23 +79,18 @@ def ours(rule: NeuronRule, function: Callable[..., Tensor], **options: Any) -> F
 
 def norse() -> Forward:
     """Return recurrent and feed-forward integrate-and-fire steps of Norse."""
-    from norse.torch.functional.iaf import (
-        IAFFeedForwardState,
-        IAFParameters,
-        IAFState,
-        iaf_feed_forward_step,
-        iaf_step,
-    )
+    from norse.torch.functional import iaf
 
-    p = IAFParameters(method="super", alpha=torch.tensor(1.0))
+    p = iaf.IAFParameters(method="super", alpha=torch.tensor(1.0))
 
     def forward(x: Tensor, w_in: Tensor, w_rec: Tensor, w_out: Tensor) -> tuple[Tensor, Tensor]:
         zeros = torch.zeros(x.shape[1], HIDDEN)
-        state, out_state = IAFState(zeros, zeros), IAFFeedForwardState(torch.zeros(x.shape[1], CLASSES))
+        state = iaf.IAFState(zeros, zeros)
+        out_state = iaf.IAFFeedForwardState(torch.zeros(x.shape[1], CLASSES))
         spikes, outputs = [], []
         for now in x.unbind():
-            s, state = iaf_step(now, state, w_in, w_rec, p)
-            o, out_state = iaf_feed_forward_step(functional.linear(s, w_out), out_state, p)
+            s, state = iaf.iaf_step(now, state, w_in, w_rec, p)
+            o, out_state = iaf.iaf_feed_forward_step(functional.linear(s, w_out), out_state, p)
             spikes.append(s)
             outputs.append(o)
         return torch.stack(spikes), torch.stack(outputs)

@@ -8,12 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.flow.asic.constraints import UNCERTAINTY
 from eskin.flow.liberty.library import Cell
 from eskin.flow.liberty.tables import Arc, Floats
 from eskin.flow.scale.array import NONE, Array
 from eskin.flow.scale.lines import Lines
-from eskin.rtl.delivery import OUTSIDE
+from eskin.rtl.delivery import OUTSIDE, UNCERTAINTY
 
 Ints = NDArray[np.int64]
 FROM_FLOP, FROM_PORT = 0, 1
