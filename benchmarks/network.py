@@ -317,17 +317,7 @@ def measure(steps: int, batch: int, rate: float, rounds: int, memory: bool) -> d
         "spikes_per_step": results["plain torch loop"]["spikes"][0] / (steps * batch * HIDDEN),
         "limit_cpu_s": {"median": statistics.median(limit), "least": min(limit), "all": limit},
         "candidates": results,
-        "fastest_library": fastest_library(results),
     }
-
-
-def fastest_library(results: dict[str, dict[str, Any]]) -> dict[str, Any] | None:
-    """Return the fastest other candidate, and its time relative to the kernel's."""
-    libraries = {name: found["cpu_s"]["median"] for name, found in results.items() if found["library"]}
-    if not libraries:
-        return None
-    name = min(libraries, key=libraries.__getitem__)
-    return {"name": name, "times_the_kernel": libraries[name] / results["this project, kernel"]["cpu_s"]["median"]}
 
 
 def print_table(report: dict[str, Any]) -> None:
@@ -342,8 +332,6 @@ def print_table(report: dict[str, Any]) -> None:
         median = 1e3 * found["cpu_s"]["median"]
         print(f"{name:36}{median:10.1f}{found['times_the_limit']:10.2f}{memory:>10}  {found['equal']}")
     print(f"{'matrix products alone':36}{1e3 * report['limit_cpu_s']['median']:10.1f}{1:10.2f}")
-    if (library := report["fastest_library"]) is not None:
-        print(f"fastest library: {library['name']}, {library['times_the_kernel']:.1f} times the kernel")
 
 
 app = new_app()
