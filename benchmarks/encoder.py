@@ -22,7 +22,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from measure import JsonFile, new_app, spread, versions, write
+from measure import JsonFile, spread, versions, write
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt
 
@@ -146,10 +146,6 @@ def summary(candidate: Candidate, copy: Candidate, events: int | None) -> dict[s
     }
 
 
-app = new_app()
-
-
-@app.command()
 def main(
     json_file: JsonFile = None,
     signals: Annotated[int, typer.Option(min=1, help="taxels side by side (240 images of 64)")] = 15_360,
@@ -193,4 +189,4 @@ def main(
 
 
 if __name__ == "__main__":
-    app()
+    typer.run(main)

@@ -27,7 +27,7 @@ from typing import Annotated, Any
 
 import torch
 import typer
-from measure import JsonFile, new_app, versions, write
+from measure import JsonFile, versions, write
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -172,8 +172,8 @@ class Step:
     """A network in training."""
 
     forward: Forward
-    x: Tensor
-    labels: Tensor
+    x: Tensor  # shape (steps, batch, inputs)
+    labels: Tensor  # shape (batch,)
     seconds: list[float] = field(default_factory=list)  # CPU time of every round
     weights: list[nn.Parameter] = field(init=False)
 
@@ -334,10 +334,6 @@ def print_table(report: dict[str, Any]) -> None:
     print(f"{'matrix products alone':36}{1e3 * report['limit_cpu_s']['median']:10.1f}{1:10.2f}")
 
 
-app = new_app()
-
-
-@app.command()
 def main(
     json_file: JsonFile = None,
     steps: Annotated[list[int] | None, typer.Option(min=2, help="time steps, repeatable [200, 400]")] = None,
@@ -379,4 +375,4 @@ def main(
 
 
 if __name__ == "__main__":
-    app()
+    typer.run(main)

@@ -38,7 +38,7 @@ class Report:
     structure: Structure
     equivalence: Equivalence
     timing: dict[str, Timing]
-    # further entries of the report, measured in simulation
+    # further entries of the report, from simulation
     more: dict[str, Any] = field(default_factory=dict)
     unmeasured: str = SWITCHED_OFF  # reason why power is not measured
 

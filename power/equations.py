@@ -47,7 +47,7 @@ class TaxelRates:
     """Event rates of an array, reduced to the sums that the power equations need."""
 
     population_hz: FloatArray  # events/s of the whole array
-    square_sum_hz2: FloatArray  # sum of the squared events/s of all taxels
+    square_sum_hz2: FloatArray  # sum of the squared events/s of all taxels; same shape
 
     @classmethod
     def uniform(cls, population_hz: FloatArray, taxels: int) -> TaxelRates:

@@ -56,8 +56,10 @@ class RateTable:
     bandwidth_hz: float
     resolutions: tuple[int, ...]
     taus_s: tuple[float, ...]  # N-LCS time constants of the rates, as asked for
+    # lcs_hz, nlcs_hz: events/s of every taxel, mean over the images; shapes (resolutions, taxels) and
+    # (taus, resolutions, taxels)
     lcs_hz: NDArray[np.float64]
-    nlcs_hz: NDArray[np.float64]  # events/s of every taxel, mean over the images
+    nlcs_hz: NDArray[np.float64]
 
     def population_hz(self, readout: Readout, resolution: int, tau_s: float = 0.2) -> float:
         """Return the events/s of the whole measured array."""
@@ -73,8 +75,8 @@ class RateTable:
         wanted = np.asarray(resolution, int)
         if missing := sorted(set(wanted.ravel().tolist()) - set(self.resolutions)):
             raise InputError(
-                f"there are no measured event rates of {missing[0]} b, only of {_list(self.resolutions)}; "
-                f"measure them with eskin event-rates"
+                f"there are no measured event rates of {missing[0]} b, only of "
+                f"{', '.join(map(str, self.resolutions))}; measure them with eskin event-rates"
             )
         index = np.searchsorted(self.resolutions, wanted)
         scale = taxels / (self.rows * self.columns)
@@ -143,10 +145,6 @@ def _rounded(rates: NDArray[np.float64]) -> Any:
     if rates.ndim > 1:
         return [_rounded(row) for row in rates]
     return [float(f"{rate:.{_DIGITS}g}") for rate in rates]
-
-
-def _list(numbers: Sequence[int]) -> str:
-    return ", ".join(str(n) for n in numbers)
 
 
 def load_tables(path: Path = STORED) -> tuple[RateTable, ...]:

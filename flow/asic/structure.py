@@ -41,8 +41,7 @@ class Structure:
     # clock_gates: with the gates that are built of a latch
     flops: int
     clock_gates: int
-    # without_reset, stopped_in_test: flops that a reset of ``RESET_CLOCKS`` clocks does not set, and those whose clock
-    # ``test_enable`` leaves off
+    # without_reset, stopped_in_test: flops unknown after ``RESET_CLOCKS`` clocks of reset, or stopped by test_enable
     without_reset: tuple[str, ...]
     stopped_in_test: tuple[str, ...]
     stray_latches: tuple[str, ...]  # latches outside of clock gates

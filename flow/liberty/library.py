@@ -26,8 +26,7 @@ class Pin:
 
     name: str
     direction: str
-    # function, three_state: expressions of the liberty file: the value of an output, and the condition under which it
-    # floats
+    # function, three_state: Liberty expressions of the value of an output, and of the condition to float
     function: str
     three_state: str
     # capacitance_f, load_f: capacitance of an input, and the larger capacitance of its two edges

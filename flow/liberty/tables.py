@@ -21,7 +21,7 @@ EDGES = {RISE: "rise", FALL: "fall"}
 class Table:
     """Table of up to two variables in SI units, with linear interpolation and extrapolation."""
 
-    # slew_s, load_f: its grid; one point where it does not depend on that variable
+    # slew_s, load_f, values: shapes (n,), (m,) and (n, m); one grid point if the table does not depend on a variable
     slew_s: Floats
     load_f: Floats
     values: Floats

@@ -33,8 +33,8 @@ class Activity:
     """Sampled values of nets over a range of clocks."""
 
     clocks: int
-    # before the first edge and after every one, or at ``parts`` times in every half of a clock; a net that never
-    # changes has a shape of one
+    # shape (1 + 2 * parts * clocks,): before the first edge and after every edge, or at ``parts`` times in every half
+    # of a clock; shape (1,) for a net that never changes
     values: dict[str, NDArray[np.bool_]]
 
     @functools.cached_property

@@ -42,21 +42,11 @@ MOST_APART = 0.1
 """Largest difference of the two methods, as a part of the energy: in IHP cells they differ by up to 8 %."""
 
 
-def inputs_of(network: IntegerNetwork) -> list[int]:
-    """Return the words of the input weights' memory."""
-    return row_image(network.config, network.w_in, network.config.in_bits, network.config.input_words)
-
-
-def recurrent_of(network: IntegerNetwork) -> list[int]:
-    """Return the words of the recurrent weights' memory."""
-    return row_image(network.config, network.w_rec, network.config.rec_bits, network.config.recurrent_words)
-
-
 MEMORIES: dict[
     str, tuple[type[InputMemory | RecurrentMemory | NeuronMemory], Callable[[IntegerNetwork], list[int]]]
 ] = {
-    "inputs": (InputMemory, inputs_of),
-    "recurrent": (RecurrentMemory, recurrent_of),
+    "inputs": (InputMemory, lambda n: row_image(n.config, n.w_in, n.config.in_bits, n.config.input_words)),
+    "recurrent": (RecurrentMemory, lambda n: row_image(n.config, n.w_rec, n.config.rec_bits, n.config.recurrent_words)),
     "neurons": (NeuronMemory, neuron_image),
 }
 """Memories of a classifier by the name of their instance, and the words that they hold."""

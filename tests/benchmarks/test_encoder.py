@@ -7,17 +7,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from typer.testing import CliRunner
-
 from eskin.model.encoders import registry
 
 NAME = "encoder"
 SMALL = ["--signals", "128", "--samples", "300", "--rounds", "1"]
 
 
-def test_it_times_every_encoder_against_a_copy(program: ModuleType, tmp_path: Path) -> None:
+def test_it_times_every_encoder_against_a_copy(invoke: Any, tmp_path: Path) -> None:
     path = tmp_path / "numbers.json"
-    result = CliRunner().invoke(program.app, [*SMALL, "--json", str(path)])
+    result = invoke(*SMALL, "--json", path)
     assert result.exit_code == 0, result.output
     report = json.loads(path.read_text())
     events = {line["name"]: line["events"] for line in report["results"]}
@@ -26,13 +24,13 @@ def test_it_times_every_encoder_against_a_copy(program: ModuleType, tmp_path: Pa
     assert all(events[name] > 0 for name in registry.NAMES)
 
 
-def test_it_fails_where_the_same_rule_gives_other_events(program: ModuleType, monkeypatch: Any) -> None:
+def test_it_fails_where_the_same_rule_gives_other_events(program: ModuleType, invoke: Any, monkeypatch: Any) -> None:
     monkeypatch.setattr(program, "numpy_lcs", lambda config, samples, counts: None)
-    result = CliRunner().invoke(program.app, SMALL)
+    result = invoke(*SMALL)
     assert result.exit_code == 1
     assert "disagree" in result.output
 
 
-def test_a_file_that_cannot_be_written_is_refused_at_once(program: ModuleType, tmp_path: Path) -> None:
-    result = CliRunner().invoke(program.app, ["--json", str(tmp_path / "none" / "numbers.json")])
+def test_a_file_that_cannot_be_written_is_refused_at_once(invoke: Any, tmp_path: Path) -> None:
+    result = invoke("--json", tmp_path / "none" / "numbers.json")
     assert result.exit_code == 2

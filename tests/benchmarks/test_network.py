@@ -8,7 +8,6 @@ from types import ModuleType
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 from eskin.snn.kernels import cpu as kernel
 
@@ -18,9 +17,9 @@ SMALL = ["--steps", "12", "--batch", "4", "--rate", "0.3", "--rounds", "1", "--n
 pytestmark = pytest.mark.skipif(not kernel.available(), reason="no C++ compiler for the kernel")
 
 
-def test_it_times_the_kernel_against_loop_and_limit(program: ModuleType, tmp_path: Path) -> None:
+def test_it_times_the_kernel_against_loop_and_limit(invoke: Any, tmp_path: Path) -> None:
     path = tmp_path / "numbers.json"
-    result = CliRunner().invoke(program.app, [*SMALL, "--json", str(path)])
+    result = invoke(*SMALL, "--json", path)
     assert result.exit_code == 0, result.output
     (report,) = json.loads(path.read_text())["results"]
     ours, loop = (report["candidates"][name] for name in ("this project, kernel", "plain torch loop"))
@@ -30,10 +29,10 @@ def test_it_times_the_kernel_against_loop_and_limit(program: ModuleType, tmp_pat
     assert report["limit_cpu_s"]["median"] > 0
 
 
-def test_it_fails_where_a_candidate_gives_other_spikes(program: ModuleType, monkeypatch: Any) -> None:
+def test_it_fails_where_a_candidate_gives_other_spikes(program: ModuleType, invoke: Any, monkeypatch: Any) -> None:
     wrong = program.NeuronRule(floor=-0.1, surrogate="fast-sigmoid", surrogate_scale=1.0, surrogate_width=1.0)
     make = (lambda: program.ours(wrong, program.layer), program.RULE, False)
     monkeypatch.setitem(program.CANDIDATES, "this project, torch", make)
-    result = CliRunner().invoke(program.app, SMALL)
+    result = invoke(*SMALL)
     assert result.exit_code == 1
     assert "Not all candidates give the same" in result.output
