@@ -12,10 +12,7 @@ EVIDENCE = {
     "second solver": ("crossproof", "the proved properties; z3 searches them again, with and without planted bugs"),
     "covered": ("coverage", "lines, branches and toggles of the Verilog; points of the specification"),
     "killed": ("mutants", "generated mutants of the RTL, killed by tests or proofs"),
-    "killed, model": (
-        "mutants/model_and_snn",
-        "a sample of mutants of `model/` and `snn/`, killed by tests",
-    ),
+    "killed, model": ("mutants/model_and_snn", "a sample of mutants of `model/` and `snn/`, killed by tests"),
     "faults": ("faults", "upsets of every flop, and hostile inputs"),
     "soaked": ("soak", "random configurations, RTL compared with model"),
     "hostile input": ("fuzz", "damaged files and out-of-range options"),
@@ -227,15 +224,10 @@ def faults() -> None:
         off = max((line.get("off", -1) for line in lines), default=-1)
         more = [worst if counted else "", str(off) if off >= 0 else ""]
         rows.append([block.replace("_", " "), course, f"{total:,}", *shares, *more, str(never)])
-    titles = (
-        "no effect",
-        "own events wrong",
-        "other taxels' events moved",
-        "other taxels' events changed",
-        "until written",
-    )
     table(
-        ["upset in", "stimulus", "upsets", *titles, "most events lost, added", "steps off for good", "never recovers"],
+        "upset in | stimulus | upsets | no effect | own events wrong | other taxels' events moved"
+        " | other taxels' events changed | until written | most events lost, added | steps off for good"
+        " | never recovers",
         rows,
     )
     source(report)
