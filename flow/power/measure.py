@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -82,21 +81,11 @@ class PowerMeter:
                 f"{1e6 * other:.4g} and {1e6 * (internal + switching + self.tables.stateless_w()):.4g} uW; "
                 f"at most {100 * self.most_apart:.0f} % are allowed"
             )
-        blocks: Counter[str] = Counter()
+        blocks = dict.fromkeys(sorted({block_of(cell.place) for cell in self.tables.netlist.cells}), 0.0)
         for cell in self.tables.netlist.cells:
-            blocks[block_of(cell.place)] += sum(own[cell.name])  # type: ignore[assignment]
+            blocks[block_of(cell.place)] += sum(own[cell.name])
         inputs = self.tables.inputs_w(activity, self.clock_hz)
-        return ScenarioPower(
-            activity.clocks,
-            events,
-            internal,
-            switching,
-            leakage,
-            inputs,
-            other,
-            agreement,
-            dict(sorted(blocks.items())),
-        )
+        return ScenarioPower(activity.clocks, events, internal, switching, leakage, inputs, other, agreement, blocks)
 
 
 def measure(
