@@ -14,14 +14,6 @@ from eskin.flow.asic.constraints import sdc
 from eskin.flow.asic.synthesis import Netlist
 from eskin.flow.liberty.library import Library
 
-START_NS = 1.0
-LONGEST_NS = 1e6
-WITHIN = 4e-6
-ROUNDS = 40
-"""The shortest period without a negative slack is bracketed by doubling, and the bracket is closed to ``WITHIN`` of it.
-Slacks mostly lie on a line, whose zero is looked at from a little above and a little below; every third time it is
-halved, since a slack is 0 for a wide range of periods where a latch borrows time."""
-
 PROGRESS = re.compile(r"^(\w+) <<(.*?)>>$", re.MULTILINE | re.DOTALL)
 SLACK = re.compile(r"(-?\d+\.\d+) +slack")
 STAGE = re.compile(r"^ +\S+ +(\d+\.\d+) +[v^] (\S+)/\S+ \((\w+)\)$", re.MULTILINE)
@@ -65,14 +57,7 @@ def analyse(netlist: Netlist, library: Library, constant: Collection[str] = ()) 
         raise InputError(f"the cell library {library.path} has no cell {missing[0]}; give corners of one library")
     for name in sorted(used):
         library.cells[name].check()  # OpenSTA has no sentence for a wrong table
-    script = opensta.TEMPLATES.get_template("timing.tcl").render(
-        top=netlist.top,
-        start=START_NS,
-        longest=LONGEST_NS,
-        rounds=ROUNDS,
-        within=WITHIN,
-        own=1e9 / netlist.config.clock_hz,
-    )
+    script = opensta.TEMPLATES.get_template("timing.tcl").render(top=netlist.top, own=1e9 / netlist.config.clock_hz)
     found = _run(script, netlist, library)
     setup, hold = map(float, found["OWN"].split())
     period, left = map(float, found["PERIOD"].split())
@@ -101,7 +86,8 @@ def _complaints(said: str, constant: Collection[str]) -> tuple[str, ...]:
 def _run(script: str, netlist: Netlist, library: Library) -> dict[str, str]:
     """Return the output of an OpenSTA script, by heading."""
     with tempfile.TemporaryDirectory() as name:
-        files = {"cells.lib": library.content, "netlist.v": netlist.text, "constraints.sdc": sdc(netlist, "$period")}
+        files: dict[str, str | bytes] = {"cells.lib": library.content, "netlist.v": netlist.text}
+        files["constraints.sdc"] = sdc(netlist, "$period")
         said, _ = opensta.run(script, Path(name), files)
     found = dict(PROGRESS.findall(said))
     if {"PERIOD", "PATH", "OWN", "SETUP"} - set(found):
