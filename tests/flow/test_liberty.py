@@ -156,7 +156,9 @@ def test_a_table_is_the_same_whichever_variable_comes_first(tmp_path: Path) -> N
     turned = turned.replace('("0.038, 0.434", "0.134, 0.53")', '("0.038, 0.134", "0.434, 0.53")')
     other = library_of(tmp_path, turned).cells["HOOT"].ways[0].delay[RISE]
     assert np.array_equal(plain.values, other.values)
-    slews, loads = np.array([0.02e-9, 0.3e-9]), np.array([0.2e-12, 0.05e-12])
+    slews, loads = np.array([0.02e-9, 0.3e-9, 1.0e-9]), np.array([0.2e-12, 0.05e-12, 0.001e-12])
+    wanted = [0.03 + 0.2 * slew + 4.0 * load for slew, load in zip(slews * 1e9, loads * 1e12, strict=True)]
+    assert plain.at(slews, loads) * 1e9 == pytest.approx(wanted)
     assert plain.at(slews, loads).tolist() == [other.at(slew, load) for slew, load in zip(slews, loads, strict=True)]
 
 
