@@ -48,7 +48,7 @@ def run(config: ReadoutConfig, name: str, out: Path, compare: bool, on_stage: Ca
     layout = Layout(made, area, library, known, stages)
     tries, placed = layout.route()
     on_stage(f"margin {tries[-1].margin:.2f}: {tries[-1].problem or 'routed, no violation'}")
-    comparison = layout.compare(placed) if compare and not tries[-1].problem else None
+    comparison = layout.compare(placed) if compare and placed and not tries[-1].problem else None
     macro = None
     if placed:
         _deliver(placed, f"{made.top}_r", folder, stages)
@@ -142,10 +142,8 @@ class Layout:
         problem = f"{len(rules.violations)} violations, {rules.violations[0]}" if rules.violations else ""
         return Try(margin, problem, said["width_um"], said["height_um"], rules)
 
-    def compare(self, placed: Path | None) -> Comparison | None:
+    def compare(self, placed: Path) -> Comparison:
         """Return the comparison of the layout with the circuit."""
-        if placed is None:
-            return None
         gds, text = placed / f"{self.top}.gds", self.circuit.spice(self.known, self.top)
         deck = checks.comparing((self.library / "lvs.lvs").read_text())
         ports = [transistors.SUPPLY, transistors.GROUND, *self.circuit.read_ports]
