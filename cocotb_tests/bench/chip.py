@@ -32,26 +32,15 @@ OF_A_BIN = "clock, class, overrun, stalls, sum of hidden potentials and spikes, 
 
 @dataclass(frozen=True)
 class ChipRun:
-    """Outputs of a chip during a scan.
+    """Outputs of a chip during a scan."""
 
-    Attributes
-    ----------
-    offered, taken, channel : int64 arrays, shape (events,)
-        Clocks from which an event waited, and in which the classifier took it; its channel.
-    left : int or None
-        Clock from which an event waits at the end of the run.
-    classes : list of list
-        ``OF_A_BIN`` at every ``class_valid``; evidence is a list.
-    spikes : int64 array, shape (spikes, 2)
-        Bin and neuron of every hidden spike.
-    """
-
+    # clock from which an event waited, clock in which the classifier took it, and its channel, each of shape (events,)
     offered: NDArray[np.int64]
     taken: NDArray[np.int64]
     channel: NDArray[np.int64]
-    left: int | None
-    classes: list[list[Any]]
-    spikes: NDArray[np.int64]
+    left: int | None  # clock from which an event waits at the end of the run
+    classes: list[list[Any]]  # ``OF_A_BIN`` at every ``class_valid``; evidence is a list
+    spikes: NDArray[np.int64]  # bin and neuron, shape (spikes, 2)
 
     @classmethod
     def read(cls, config: ClassifierConfig, folder: Path, left: int) -> ChipRun:

@@ -28,28 +28,15 @@ class Stimulus:
 
 @dataclass
 class Seen:
-    """Outputs of the classifier during a scan.
+    """Outputs of the classifier during a scan."""
 
-    Attributes
-    ----------
-    accepted : list of int
-        Clocks in which an event was taken.
-    hidden, outputs : list of (index, potential, spike)
-        Neurons in order of arrival.
-    classes : list of (clock, class, evidence)
-        At every ``class_valid``.
-    overrun : list of int
-        ``overrun`` in every clock.
-    stalled : list of int
-        ``stall_count`` in every clock.
-    """
-
-    accepted: list[int] = field(default_factory=list)
+    accepted: list[int] = field(default_factory=list)  # clocks in which an event was taken
+    # neurons in order of arrival
     hidden: list[tuple[int, int, int]] = field(default_factory=list)
     outputs: list[tuple[int, int, int]] = field(default_factory=list)
-    classes: list[tuple[int, int, list[int]]] = field(default_factory=list)
-    overrun: list[int] = field(default_factory=list)
-    stalled: list[int] = field(default_factory=list)
+    classes: list[tuple[int, int, list[int]]] = field(default_factory=list)  # at every ``class_valid``
+    overrun: list[int] = field(default_factory=list)  # ``overrun`` in every clock
+    stalled: list[int] = field(default_factory=list)  # ``stall_count`` in every clock
 
 
 class ClassifierBench:

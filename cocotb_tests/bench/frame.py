@@ -21,7 +21,6 @@ class SarAdc:
 
     Parameters
     ----------
-    config : FrameConfig
     timing : "fixed", "random" or "level"
         N + 1 clocks; 1 to 2 N clocks; or N + 1 clocks with ``adc_done`` and the code held until the next start.
     rng : random.Random

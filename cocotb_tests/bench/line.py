@@ -41,8 +41,6 @@ class Line:
 
     Parameters
     ----------
-    dut : cocotb handle
-    baud : int
     to_board, to_host : Spoil
         Changes of the bytes on the line.
     """
@@ -64,12 +62,10 @@ class Line:
 
         Parameters
         ----------
-        host : Popen
         pull_after : int, optional
             Number of bytes from the board after which the cable is unplugged.
         sender : coroutine, optional
             Begins when the host has begun to record; the host gets a Ctrl-C ``wait_bits`` bit times after its end.
-        wait_bits : int
         """
         listening = cocotb.start_soon(self._from_board())
         sending, begun = None, time.monotonic()

@@ -142,21 +142,12 @@ RULES = (
 
 @dataclass
 class Scoreboard:
-    """Scoreboard that compares the events of RTL and model, and counts equal ones.
-
-    Attributes
-    ----------
-    reproduce : str
-        Command that repeats the run.
-    breach : int
-        Clock and rule of the run's first breach of the protocol, as the harness gives them.
-    runs, clocks, events : int
-        Totals of the comparison so far.
-    """
+    """Scoreboard that compares the events of RTL and model, and counts equal ones."""
 
     config: ReadoutConfig
-    reproduce: str = ""
-    breach: int = 0
+    reproduce: str = ""  # command that repeats the run
+    breach: int = 0  # clock and rule of the run's first breach of the protocol, as the harness gives them
+    # totals of the comparison so far
     runs: int = 0
     clocks: int = 0
     events: int = 0
@@ -203,27 +194,16 @@ def breaches(errors: int, first: int) -> str:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A run whose stimulus and expected events were computed outside the simulator.
-
-    Attributes
-    ----------
-    name : str
-    clocks, outstanding : int
-        Its length, and the requests that wait at its end.
-    folder : str
-        Folder of its files.
-    draw : dict, optional
-        The fields of the ``Draw`` that it is of; no scenario then, and nothing need happen in it.
-    reproduce : str
-        Command that repeats its mismatch, if it has its own.
-    """
+    """A run whose stimulus and expected events were computed outside the simulator."""
 
     name: str
+    # its length, and the requests that wait at its end
     clocks: int
     outstanding: int
     folder: str
+    # the fields of the ``Draw`` that it is of; no scenario then, and nothing need happen in it
     draw: dict[str, Any] | None = None
-    reproduce: str = ""
+    reproduce: str = ""  # command that repeats its mismatch, if it has its own
 
     @property
     def expected(self) -> Events:

@@ -222,7 +222,6 @@ class LinkReference:
 
     Attributes
     ----------
-    state : "idle", "set up" or "request"
     address : AddressEvent or None
         The event on the address lines; None (all zero) after reset.
     """

@@ -131,19 +131,11 @@ def masks(config: ReadoutConfig, clocks: int, changes: int, rng: np.random.Gener
 
 @dataclass(frozen=True)
 class Scenario:
-    """A test run: name, stimulus, and number of outstanding requests at its end.
-
-    Attributes
-    ----------
-    name : str
-    stimulus : Stimulus
-    outstanding : int
-        Requests waiting in taxels or latch at the end of the run; 0 if all have left.
-    """
+    """A test run: name, stimulus, and number of outstanding requests at its end."""
 
     name: str
     stimulus: Stimulus
-    outstanding: int
+    outstanding: int  # requests waiting in taxels or latch at the end of the run; 0 if all have left
 
 
 CUT_OFF, FEW = "noise, cut off", "few taxels"
@@ -173,8 +165,6 @@ def scenarios(config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 30
 
     Parameters
     ----------
-    config : ReadoutConfig
-    seed : int
     ticks, limit : int
         Sample ticks, and the most clocks of a run.
     """

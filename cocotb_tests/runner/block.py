@@ -31,8 +31,6 @@ def cosimulate(
 
     Parameters
     ----------
-    config : Config
-    simulator : "icarus" or "verilator"
     top : str
         The block: ``eskin_taxel``, ``eskin_arbiter``, ``eskin_merge``, ...
     test : str

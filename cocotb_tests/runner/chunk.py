@@ -26,17 +26,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class PartResult:
-    """Result of one task.
-
-    Attributes
-    ----------
-    tally : Tally
-    files : dict of str to bytes
-        Event files by name.
-    """
+    """Result of one task."""
 
     tally: Tally
-    files: dict[str, bytes]
+    files: dict[str, bytes]  # event files by name
 
 
 def job_of(material: Material, names: Sequence[str], config: ReadoutConfig, program: Build, again: str) -> Job:

@@ -57,19 +57,10 @@ class Material(Protocol):
 
 @dataclass(frozen=True)
 class Textures:
-    """Scans of textures as inputs.
-
-    Attributes
-    ----------
-    data : Dataset
-    place : str or None
-        Path of the dataset, as typed by the user.
-    preset : str
-    start_row : float
-    """
+    """Scans of textures as inputs."""
 
     data: Dataset
-    place: str | None = None
+    place: str | None = None  # path of the dataset, as typed by the user
     preset: str = "physical"
     start_row: float = 0.0
 
@@ -113,17 +104,10 @@ class Textures:
 
 @dataclass(frozen=True)
 class Own:
-    """Recordings of a user as inputs.
-
-    Attributes
-    ----------
-    recordings : RecordingSet
-    place : Path
-        Path of their folder, as typed by the user.
-    """
+    """Recordings of a user as inputs."""
 
     recordings: RecordingSet
-    place: Path
+    place: Path  # path of their folder, as typed by the user
     preset: str = ""
     start_row: float = 0.0
 

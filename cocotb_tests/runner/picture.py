@@ -21,11 +21,8 @@ def draw(config: ReadoutConfig, name: str, samples: NDArray[Any], folder: Path, 
 
     Parameters
     ----------
-    config : ReadoutConfig
-    name : str
     samples : int array, shape (ticks, taxels)
         Codes that were played.
-    folder : Path
     texture : uint8 array, optional
         The image that was scanned.
     """

@@ -27,42 +27,23 @@ JOB = "ESKIN_JOB"
 
 @dataclass(frozen=True)
 class Job:
-    """The runs of one simulation.
+    """The runs of one simulation."""
 
-    Attributes
-    ----------
-    config : dict
-        Fields of the ReadoutConfig.
-    reproduce : str
-        The command that shows a mismatch again.
-    seed : int or None
-        Play the scenarios of this seed, if any.
-    scenarios : list of dict
-        These, as they were prepared.
-    dataset, preset, start_row, ticks
-        Scans: name of the dataset, preset (empty for samples), start row of the array in the image, and the largest
-        number of sample ticks of each scan (None for all).
-    played : dict of str to dict
-        The names of what is played, each with what its recording shall say of it: class, label, proof.
-    arrays : str
-        An .npz with an image, or with samples, for each name, under ``array/NAME``.
-    keep : str
-        Folder for the RTL's events, a file per scan; empty for none.
-    skip : list of str
-        The names for which the harness skips the clocks in which the readout is not awake, if it can.
-    """
-
-    config: dict[str, Any]
-    reproduce: str
-    seed: int | None = None
-    scenarios: list[dict[str, Any]] = field(default_factory=list)
+    config: dict[str, Any]  # fields of the ReadoutConfig
+    reproduce: str  # the command that shows a mismatch again
+    seed: int | None = None  # play the scenarios of this seed, if any
+    scenarios: list[dict[str, Any]] = field(default_factory=list)  # these, as they were prepared
+    # scans: name of the dataset, preset (empty for samples), start row of the array in the image, and the largest
+    # number of sample ticks of each scan (None for all)
     dataset: str = ""
     preset: str = ""
     start_row: float = 0.0
     ticks: int | None = None
+    # the names of what is played, each with what its recording shall say of it: class, label, proof
     played: dict[str, dict[str, Any]] = field(default_factory=dict)
-    arrays: str = ""
-    keep: str = ""
+    arrays: str = ""  # an .npz with an image, or with samples, for each name, under ``array/NAME``
+    keep: str = ""  # folder for the RTL's events, a file per scan; empty for none
+    # the names for which the harness skips the clocks in which the readout is not awake, if it can
     skip: list[str] = field(default_factory=list)
 
     def write(self, path: Path) -> None:

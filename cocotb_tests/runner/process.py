@@ -25,19 +25,13 @@ POLL_S = 0.2
 
 @dataclass
 class Tally:
-    """Totals of a comparison.
+    """Totals of a comparison."""
 
-    Attributes
-    ----------
-    runs, clocks, events : int
-        Runs, their clocks and events.
-    drained, cut : int
-        Runs that ended with nothing outstanding, and runs cut off while requests waited.
-    """
-
+    # runs, their clocks and events
     runs: int = 0
     clocks: int = 0
     events: int = 0
+    # runs that ended with nothing outstanding, and runs cut off while requests waited
     drained: int = 0
     cut: int = 0
 
@@ -66,8 +60,6 @@ def run_job(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, 
 
     Parameters
     ----------
-    program : Build
-    job : Job
     folder : Path
         Folder of the simulation and its log.
     on_run : callable, optional

@@ -37,23 +37,12 @@ MOST_IN_A_PART = 32
 
 @dataclass(frozen=True)
 class Plan:
-    """The inputs to simulate, and the folder for the events.
+    """The inputs to simulate, and the folder for the events."""
 
-    Attributes
-    ----------
-    config : ReadoutConfig
-        Configuration from the preset or the recordings.
-    material : Material
-    names : list of str
-        Names of the played material.
-    out : Path
-        Folder for the folder of this replay.
-    """
-
-    config: ReadoutConfig
+    config: ReadoutConfig  # configuration from the preset or the recordings
     material: Material
-    names: list[str]
-    out: Path
+    names: list[str]  # names of the played material
+    out: Path  # folder for the folder of this replay
 
     @property
     def array(self) -> str:

@@ -39,47 +39,20 @@ WAVE_TICKS = 200
 
 @dataclass(frozen=True)
 class Plan:
-    """The runs of every configuration.
-
-    Attributes
-    ----------
-    simulator : "verilator" or "icarus"
-    waves : bool
-        Whether a waveform is left.
-    seed : int
-        Seed of the scenarios.
-    scenarios : bool
-        Whether the scenarios are played.
-    material : Textures
-        The dataset.
-    textures : list of str
-        Names of the played textures.
-    ticks : int or None
-        Sample ticks of a scan at most.
-    out : Path
-        Folder for pictures and event files.
-    text : str
-        Verilog to play instead of the configuration's own: a netlist with its cells, or a user's readout.
-    again : str
-        Options for that text; empty without one.
-    macros : dict of str to str, optional
-        Further macros of the harness, for a user's readout.
-    command : str, optional
-        Command that simulates the text.
-    """
+    """The runs of every configuration."""
 
     simulator: Simulator
-    waves: bool
+    waves: bool  # whether a waveform is left
     seed: int
     scenarios: bool
     material: Textures
     textures: list[str]
-    ticks: int | None
-    out: Path
-    text: str = ""
-    again: str = ""
-    macros: dict[str, str] | None = None
-    command: str = "sim"
+    ticks: int | None  # sample ticks of a scan at most
+    out: Path  # folder for pictures and event files
+    text: str = ""  # Verilog to play instead of the configuration's own: a netlist with its cells, or a user's readout
+    again: str = ""  # options for that text; empty without one
+    macros: dict[str, str] | None = None  # further macros of the harness, for a user's readout
+    command: str = "sim"  # command that simulates the text
 
     def runs(self, config: ReadoutConfig) -> int:
         """Return the number of runs of a configuration."""
@@ -144,7 +117,6 @@ def with_dut(plan: Plan, config: ReadoutConfig, files: Sequence[Path], top: str)
 
     Parameters
     ----------
-    plan : Plan
     config : ReadoutConfig
         Of the golden model.
     files : sequence of Path
@@ -194,8 +166,6 @@ def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_st
 
     Parameters
     ----------
-    plan : Plan
-    config : ReadoutConfig
     on_run : callable
         Called with each finished run.
     on_stage : callable

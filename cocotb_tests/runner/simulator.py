@@ -80,7 +80,6 @@ class Build:
         Where it lies; one per top, configuration and simulator, reused while its sources are the same.
     top : str
         Top module.
-    simulator : "verilator" or "icarus"
     waves : bool
         Whether it leaves a waveform.
     on_tested : callable, optional
@@ -137,24 +136,12 @@ class Build:
 
 @dataclass(frozen=True)
 class Instruments:
-    """Instrumentation by Verilator, such as coverage counters.
+    """Instrumentation by Verilator, such as coverage counters."""
 
-    Attributes
-    ----------
-    flags : tuple of str
-        Flags of Verilator, instead of ``VERILATOR_FLAGS``.
-    text : callable
-        Returns the Verilog of a configuration.
-    harness : str
-        Text in front of the harness.
-    on_tested : callable
-        Called with the program and the folder of every run that passed.
-    """
-
-    flags: tuple[str, ...]
-    text: Callable[[Config], str]
-    harness: str
-    on_tested: Callable[[Build, Path], None]
+    flags: tuple[str, ...]  # flags of Verilator, instead of ``VERILATOR_FLAGS``
+    text: Callable[[Config], str]  # returns the Verilog of a configuration
+    harness: str  # text in front of the harness
+    on_tested: Callable[[Build, Path], None]  # called with the program and the folder of every run that passed
 
 
 _instruments: ContextVar[Instruments | None] = ContextVar("instruments", default=None)
@@ -185,8 +172,6 @@ def build(
 
     Parameters
     ----------
-    config : ReadoutConfig, FrameConfig, ClassifierConfig, ChipConfig or MergeConfig
-    simulator : "verilator" or "icarus"
     top : str
         ``harness`` (of the spiking readout), or a block of the readout, whose ports cocotb then drives itself.
     waves : bool
@@ -194,8 +179,8 @@ def build(
     bare : bool
         Leave all signals of the design public and driven from Python: slow, for benchmarks.
     hierarchical : bool, optional
-        Whether Verilator compiles one row of taxels as a library and places it, instead of the whole array flat; if not
-        said, from ``HIERARCHICAL_FROM`` taxels on. A waveform then shows the rows from outside.
+        Whether Verilator compiles one row of taxels as a library and places it, instead of the whole array flat; if
+        not said, from ``HIERARCHICAL_FROM`` taxels on. A waveform then shows the rows from outside.
     text : str
         Verilog to simulate instead of the configuration's own: its netlist, with the cells that it is made of.
     macros : dict of str to str, optional

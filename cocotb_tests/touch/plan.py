@@ -38,32 +38,16 @@ MOST_IN_A_PART = 40
 
 @dataclass(frozen=True)
 class Network:
-    """An integer network with the notes on its training.
-
-    Attributes
-    ----------
-    path : Path
-    weights : IntegerWeights
-    chip : ChipConfig
-        Chip with the readout of the training.
-    dataset : str or None
-    preset : str or None
-        Preset of the scans; None for recordings.
-    tested : dict of str to int
-        What the float network said of each image that it has not learned.
-    own : OwnReadout or None
-        How own recordings were taken.
-    wiring : dict or None
-        Skin and chosen taxels of the training, as for ``eskin.skin.textures.presets.preset``.
-    """
+    """An integer network with the notes on its training."""
 
     path: Path
     weights: IntegerWeights
-    chip: ChipConfig
+    chip: ChipConfig  # chip with the readout of the training
     dataset: str | None
-    preset: str | None
-    tested: dict[str, int]
-    own: OwnReadout | None
+    preset: str | None  # preset of the scans; None for recordings
+    tested: dict[str, int]  # what the float network said of each image that it has not learned
+    own: OwnReadout | None  # how own recordings were taken
+    # skin and chosen taxels of the training, as for ``eskin.skin.textures.presets.preset``
     wiring: dict[str, Any] | None
 
     @classmethod
@@ -89,21 +73,11 @@ class Network:
 
 @dataclass(frozen=True)
 class Plan:
-    """The inputs to simulate, and the networks.
-
-    Attributes
-    ----------
-    material : Material
-    networks : dict of str to Network
-        Networks by name of the image or recording.
-    again : str
-        The command that plays it again.
-    out : Path
-    """
+    """The inputs to simulate, and the networks."""
 
     material: Material
-    networks: dict[str, Network]
-    again: str
+    networks: dict[str, Network]  # networks by name of the image or recording
+    again: str  # the command that plays it again
     out: Path
 
     @property

@@ -18,32 +18,16 @@ JOB = "ESKIN_TOUCH_JOB"
 
 @dataclass(frozen=True)
 class Job:
-    """The scans of one simulation.
+    """The scans of one simulation."""
 
-    Attributes
-    ----------
-    network : str
-        File of the integer network.
-    config : dict
-        Fields of the ChipConfig.
-    played : dict of str to dict
-        The names of what is played, each with what its result shall say of it.
-    arrays : str
-        An .npz with the samples of each, under ``array/NAME``.
-    keep : str
-        Folder for the results, a file for each.
-    reproduce : str
-        The command that shows a mismatch again, without the name.
-    skip : list of str
-        The names for which the harness skips the clocks in which the chip is not awake, if it can.
-    """
-
-    network: str
-    config: dict[str, Any]
+    network: str  # file of the integer network
+    config: dict[str, Any]  # fields of the ChipConfig
+    # the names of what is played, each with what its result shall say of it
     played: dict[str, dict[str, Any]] = field(default_factory=dict)
-    arrays: str = ""
-    keep: str = ""
-    reproduce: str = ""
+    arrays: str = ""  # an .npz with the samples of each, under ``array/NAME``
+    keep: str = ""  # folder for the results, a file for each
+    reproduce: str = ""  # the command that shows a mismatch again, without the name
+    # the names for which the harness skips the clocks in which the chip is not awake, if it can
     skip: list[str] = field(default_factory=list)
 
     def write(self, path: Path) -> None:

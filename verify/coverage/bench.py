@@ -25,16 +25,10 @@ UNCOUNTED = "/* verilator coverage_off */\n"
 
 @dataclass
 class Counts:
-    """Coverage counts of several simulations.
-
-    Attributes
-    ----------
-    counts : dict of Construct to int
-    texts : dict of (str, str) to str
-        A Verilog text that holds it, for each module's name and digest.
-    """
+    """Coverage counts of several simulations."""
 
     counts: dict[Construct, int] = field(default_factory=dict)
+    # a Verilog text that holds it, for each module's name and digest
     texts: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def add(self, counted: str, verilog: str) -> None:

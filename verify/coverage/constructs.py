@@ -19,30 +19,16 @@ COUNT = re.compile(r"^C '(.*)' (\d+)$", re.MULTILINE)
 
 @dataclass(frozen=True, order=True)
 class Construct:
-    """A coverable construct in a module: a line, a branch, a condition, a toggle or a point.
+    """A coverable construct in a module: a line, a branch, a condition, a toggle or a point."""
 
-    Attributes
-    ----------
-    kind : str
-        ``line``, ``branch``, ``condition``, ``toggle`` or ``point``.
-    module : str
-    text : str
-        Digest of the module's text: designs in which it is the same share its constructs.
-    line, column : int
-        Within the module, from 1 on.
-    what : str
-        Which of the place's constructs: ``elsif``, ``cond_else``, ``sample[3]:0->1``.
-    source : str
-        The line of the text.
-    """
-
-    kind: str
+    kind: str  # ``line``, ``branch``, ``condition``, ``toggle`` or ``point``
     module: str
-    text: str
+    text: str  # digest of the module's text: designs in which it is the same share its constructs
+    # within the module, from 1 on
     line: int
     column: int
-    what: str
-    source: str
+    what: str  # which of the place's constructs: ``elsif``, ``cond_else``, ``sample[3]:0->1``
+    source: str  # the line of the text
 
     @property
     def signals(self) -> set[str]:
@@ -129,7 +115,6 @@ def with_points(verilog: str, points: Iterable[tuple[str, str, str]]) -> str:
 
     Parameters
     ----------
-    verilog : str
     points : iterable of (module, label, expression)
         An expression over names of the module, in Verilog, that holds at a rising edge of its clock where the point
         is reached.

@@ -23,24 +23,14 @@ from eskin.verify.coverage.boards.play import board, small_board
 
 @dataclass(frozen=True)
 class Run:
-    """A design and its stimuli.
-
-    Attributes
-    ----------
-    name : str
-    config : Config
-    player : callable
-        Simulates a configuration in Verilator, in a folder, and holds everything to a model.
-    small : bool
-        Part of the gate.
-    only : tuple of str
-        Modules whose constructs count, all if empty: others are there as they are in other runs, and played less.
-    """
+    """A design and its stimuli."""
 
     name: str
     config: Config | BoardConfig
+    # simulates a configuration in Verilator, in a folder, and holds everything to a model
     player: Callable[[Any, Path], object]
-    small: bool = False
+    small: bool = False  # part of the gate
+    # modules whose constructs count, all if empty: others are there as they are in other runs, and played less
     only: tuple[str, ...] = ()
 
     def play(self, folder: Path) -> None:

@@ -34,21 +34,12 @@ KINDS = ("line", "branch", "toggle", "condition")
 
 @dataclass
 class Reached:
-    """Coverage of several runs together.
+    """Coverage of several runs together."""
 
-    Attributes
-    ----------
-    counts : dict of Construct to int
-        How often, over all runs.
-    texts : dict of (str, str) to str
-        A Verilog text that holds it, for each module's name and digest.
-    points : dict of (str, str) to int
-        How often, for every functional point by its group and name.
-    runs : list of str
-    """
-
-    counts: dict[Construct, int] = field(default_factory=dict)
+    counts: dict[Construct, int] = field(default_factory=dict)  # how often, over all runs
+    # a Verilog text that holds it, for each module's name and digest
     texts: dict[tuple[str, str], str] = field(default_factory=dict)
+    # how often, for every functional point by its group and name
     points: dict[tuple[str, str], int] = field(default_factory=dict)
     runs: list[str] = field(default_factory=list)
 
@@ -77,16 +68,10 @@ class Reached:
 
 @dataclass
 class Verdict:
-    """Result of a coverage campaign.
-
-    Attributes
-    ----------
-    explained : dict of Construct to Waiver
-    problems : list of str
-        Points that are missing, constructs without a reason, reasons without a construct, proofs that failed.
-    """
+    """Result of a coverage campaign."""
 
     explained: dict[Construct, Waiver]
+    # points that are missing, constructs without a reason, reasons without a construct, proofs that failed
     problems: list[str]
 
 
@@ -95,7 +80,6 @@ def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], No
 
     Parameters
     ----------
-    runs : iterable of Run
     folder : Path
         What each run reached is kept there.
     on_run : callable

@@ -26,30 +26,17 @@ Names = str | tuple[str, ...]
 
 @dataclass(frozen=True)
 class Waiver:
-    """Reason why certain constructs are not covered.
+    """Reason why certain constructs are not covered."""
 
-    Attributes
-    ----------
-    kind : str or tuple of str
-        ``line``, ``branch``, ``toggle`` or ``condition``.
-    reason : str
-    module : str or tuple of str
-    signal : str or tuple of str
-        Signal of a toggle, also with its bit, ``fall[2]``, or its range, ``fall[3:0]``; signal or term of a condition,
-        ``remains[2]==1``; signal that a branch assigns.
-        ``*`` stands for any characters.
-    operator : str or tuple of str
-        Edge of a toggle (``1->0``), result of a condition (``=> 0``), branch (``cond_else``).
-    proof : bool
-        Whether it is proved of every construct by induction, in its module alone and for any inputs, that it is never
-        reached: a toggle's bit never changes, a condition never comes.
-    """
-
-    kind: Names
+    kind: Names  # ``line``, ``branch``, ``toggle`` or ``condition``
     reason: str
     module: Names = ()
+    # signal of a toggle, also with its bit, ``fall[2]``, or its range, ``fall[3:0]``; signal or term of a condition,
+    # ``remains[2]==1``; signal that a branch assigns. ``*`` stands for any characters
     signal: Names = ()
-    operator: Names = ()
+    operator: Names = ()  # edge of a toggle (``1->0``), result of a condition (``=> 0``), branch (``cond_else``)
+    # whether it is proved of every construct by induction, in its module alone and for any inputs, that it is never
+    # reached: a toggle's bit never changes, a condition never comes
     proof: bool = False
 
     def explains(self, construct: Construct) -> bool:

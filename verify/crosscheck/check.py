@@ -25,18 +25,12 @@ class Mismatch(AssertionError):
 
 @dataclass(frozen=True)
 class CxxrtlResult:
-    """Results of runs in CXXRTL that are equal to the golden model.
+    """Results of runs in CXXRTL that are equal to the golden model."""
 
-    Attributes
-    ----------
-    runs, clocks : int
-        Runs and their clocks.
-    events, of_texture : int
-        Events of all of them, and of the scan of a texture.
-    """
-
+    # runs and their clocks
     runs: int
     clocks: int
+    # events of all of them, and of the scan of a texture
     events: int
     of_texture: int
 

@@ -41,14 +41,9 @@ class Bench(Elaboratable):
 
     Parameters
     ----------
-    block : Block
     slow : int
-        Clocks that the receiver of a four-phase link takes to raise ACK, and to lower it. Its inputs ``ack_high`` and
-        ``ack_turned`` hold ACK high, and turn it over.
-
-    Attributes
-    ----------
-    inputs, outputs : list of Signal
+        Clocks that the receiver of a four-phase link takes to raise ACK, and to lower it. Its inputs ``ack_high``
+        and ``ack_turned`` hold ACK high, and turn it over.
     """
 
     def __init__(self, block: Block[Any], slow: int = 0) -> None:

@@ -26,23 +26,13 @@ PHASES = 200
 
 @dataclass(frozen=True)
 class Case:
-    """A test with one kind of hostile input.
-
-    Parameters
-    ----------
-    name : str
-    stated : str
-        What happens then.
-    holds : callable
-        Takes a configuration; returns in how many runs that was so, of how many.
-    link : str
-        The link that it is about; empty for both.
-    """
+    """A test with one kind of hostile input."""
 
     name: str
-    stated: str
+    stated: str  # what happens then
+    # takes a configuration; returns in how many runs that was so, of how many
     holds: Callable[[ReadoutConfig], tuple[int, int]]
-    link: str = ""
+    link: str = ""  # the link that it is about; empty for both
 
 
 def _play(

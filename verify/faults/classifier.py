@@ -33,19 +33,11 @@ WATCHED = ("event_ready", "class_valid", "class_index", "evidence", "overrun", "
 
 @dataclass(frozen=True)
 class Scans:
-    """Stimulus of a classifier: three scans.
-
-    Attributes
-    ----------
-    network : IntegerNetwork
-    inputs : dict of str to ndarray, shape (clocks, bits)
-        For the gates, ``RESET`` clocks of reset first.
-    starts, ends : list of int
-        Clocks of ``scan_start``, and those behind the last of each scan.
-    """
+    """Stimulus of a classifier: three scans."""
 
     network: IntegerNetwork
-    inputs: dict[str, NDArray[np.uint8]]
+    inputs: dict[str, NDArray[np.uint8]]  # for the gates, shape (clocks, bits), reset first
+    # clocks of ``scan_start``, and those behind the last of each scan
     starts: list[int]
     ends: list[int]
 

@@ -45,24 +45,14 @@ ON_THE_WAY = 6
 
 @dataclass(frozen=True)
 class Play:
-    """Stimulus of a readout with registers.
-
-    Attributes
-    ----------
-    stimulus : Stimulus
-    pins : list of Pins
-        Of every clock from the end of reset on.
-    upset, alone : range
-        Clocks in which flops are turned, and in which what is no setting must be as ever by itself.
-    written : int
-        From this clock on, after all registers were written anew, everything must be.
-    """
+    """Stimulus of a readout with registers."""
 
     stimulus: Stimulus
-    pins: list[Pins]
+    pins: list[Pins]  # of every clock from the end of reset on
+    # clocks in which flops are turned, and in which what is no setting must be as ever by itself
     upset: range
     alone: range
-    written: int
+    written: int  # from this clock on, after all registers were written anew, everything must be
 
 
 def upsets(config: ReadoutConfig, mode: int = 0, stride: int = 1, flops: str = HOST) -> Iterator[Upset]:

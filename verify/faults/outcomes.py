@@ -39,37 +39,24 @@ NOTHING, OWN, MOVED, CHANGED, WRITTEN, NEVER = CLASSES
 
 @dataclass(frozen=True)
 class Upset:
-    """One bit flip and its outcome.
-
-    Attributes
-    ----------
-    flop : str
-    clock : int
-    outcome : str
-        One of ``CLASSES``.
-    own_clocks, other_clocks : int
-        From the upset to the last clock in which events of its own taxel, or of others, differ; -1 if none does.
-    ticks : int
-        Sample ticks from the upset to the last that others answer by other events; -1 where they never do.
-    lost, added : int
-        Events of others that are missing, and that are too many; a wrong address is both. Under load they count what
-        other taxels did later or earlier, too.
-    may_stay : bool
-        Whether what was turned is a setting, or a transfer of one: then it may stay until it is written anew.
-    off : int
-        Steps by which the signals of other taxels are wrong for good where a receiver adds events up; -1 for encoders
-        whose reference depends on the way there.
-    """
+    """One bit flip and its outcome."""
 
     flop: str
     clock: int
-    outcome: str
+    outcome: str  # one of ``CLASSES``
+    # from the upset to the last clock in which events of its own taxel, or of others, differ; -1 if none does
     own_clocks: int = -1
     other_clocks: int = -1
+    # sample ticks from the upset to the last that others answer by other events; -1 where they never do
     ticks: int = -1
+    # events of others that are missing, and that are too many; a wrong address is both. Under load they count what
+    # other taxels did later or earlier, too
     lost: int = 0
     added: int = 0
+    # whether what was turned is a setting, or a transfer of one: then it may stay until it is written anew
     may_stay: bool = False
+    # steps by which the signals of other taxels are wrong for good where a receiver adds events up; -1 for encoders
+    # whose reference depends on the way there
     off: int = -1
 
     @property
@@ -87,7 +74,6 @@ def upsets(config: ReadoutConfig, calm: bool, slow: int = 0, stride: int = 1, fl
 
     Parameters
     ----------
-    config : ReadoutConfig
     calm : bool
         Which course is played.
     slow : int

@@ -22,7 +22,6 @@ def simulate(
 
     Parameters
     ----------
-    gates : Gates
     inputs : dict of str to ndarray
         Of every input port but the clock its bits, lowest first: shape (clocks, bits) for all runs alike, or
         (clocks, bits, LANES) with those of each run.

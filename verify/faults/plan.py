@@ -22,26 +22,14 @@ COURSES = ("host", "pattern of one", "pattern of all")
 
 @dataclass(frozen=True)
 class Trial:
-    """A design whose flops are flipped, one per run.
-
-    Parameters
-    ----------
-    config : ReadoutConfig, TilesConfig, FrameConfig or ClassifierConfig
-    calm : bool
-        Which scenario is played, see ``eskin.verify.faults.scenario``; only readouts without registers read it.
-    slow : int
-        Clocks that the receiver of a four-phase link takes for an edge of ACK.
-    stride : int
-        Clocks from one upset of a flop to the next.
-    mode : int
-        Of the test pattern, where there are registers.
-    """
+    """A design whose flops are flipped, one per run."""
 
     config: Config
+    # which scenario is played, see ``eskin.verify.faults.scenario``; only readouts without registers read it
     calm: bool = True
-    slow: int = 0
-    stride: int = 1
-    mode: int = 0
+    slow: int = 0  # clocks that the receiver of a four-phase link takes for an edge of ACK
+    stride: int = 1  # clocks from one upset of a flop to the next
+    mode: int = 0  # of the test pattern, where there are registers
 
     @property
     def name(self) -> str:

@@ -27,18 +27,11 @@ CODE = Needs(packages=("base", "model", "rtl", "verify.faults"))
 
 @dataclass
 class Tally:
-    """Counts of the outcomes for one block in one trial.
-
-    Attributes
-    ----------
-    outcomes : Counter of str
-    flops : set of str
-    own_clocks, other_clocks, ticks, lost, added, off : int
-        The most of any upset, see ``Upset``.
-    """
+    """Counts of the outcomes for one block in one trial."""
 
     outcomes: Counter[str] = field(default_factory=Counter)
     flops: set[str] = field(default_factory=set)
+    # the most of any upset, see ``Upset``
     own_clocks: int = -1
     other_clocks: int = -1
     ticks: int = -1
@@ -56,21 +49,11 @@ class Tally:
 
 @dataclass
 class Done:
-    """Results of a fault injection campaign.
+    """Results of a fault injection campaign."""
 
-    Attributes
-    ----------
-    blocks : list of dict
-        What came of the upsets of each block in each trial.
-    cases : list of dict
-        What came of each hostile case.
-    problems : list of str
-        What went beyond what is stated.
-    """
-
-    blocks: list[dict[str, Any]]
-    cases: list[dict[str, Any]]
-    problems: list[str]
+    blocks: list[dict[str, Any]]  # what came of the upsets of each block in each trial
+    cases: list[dict[str, Any]]  # what came of each hostile case
+    problems: list[str]  # what went beyond what is stated
 
 
 def problems_of(trial: Trial, upset: Upset) -> str:

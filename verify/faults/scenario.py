@@ -24,28 +24,15 @@ SWING = 5
 
 @dataclass(frozen=True)
 class Course:
-    """A stimulus, with the clocks in which flops are flipped and responses are compared.
+    """A stimulus, with the clocks in which flops are flipped and responses are compared."""
 
-    Attributes
-    ----------
-    stimulus : Stimulus
-        For the model.
-    inputs : dict of str to ndarray, shape (clocks, bits)
-        For the gates; ``RESET`` clocks more.
-    first, last : int
-        The clocks in which upsets happen, counted with those of reset, ``last`` not among them.
-    answer : int
-        The clock from which on all that differs is lasting.
-    ticks : ndarray of int, shape (ticks + 1,)
-        The beginning of the run, and the sample ticks before ``last``.
-    """
-
-    stimulus: Stimulus
-    inputs: dict[str, NDArray[np.uint8]]
+    stimulus: Stimulus  # for the model
+    inputs: dict[str, NDArray[np.uint8]]  # for the gates, shape (clocks, bits); ``RESET`` clocks more
+    # the clocks in which upsets happen, counted with those of reset, ``last`` not among them
     first: int
     last: int
-    answer: int
-    ticks: NDArray[np.int64]
+    answer: int  # the clock from which on all that differs is lasting
+    ticks: NDArray[np.int64]  # the beginning of the run, and the sample ticks before ``last``, shape (ticks + 1,)
 
 
 def course(config: ReadoutConfig, calm: bool, slow: int = 0, seed: int = 0) -> Course:
@@ -53,13 +40,11 @@ def course(config: ReadoutConfig, calm: bool, slow: int = 0, seed: int = 0) -> C
 
     Parameters
     ----------
-    config : ReadoutConfig
     calm : bool
-        Few taxels move with a tick, and all is silent before the next; else there is overload, the mask changes and the
-        sink stands still.
+        Few taxels move with a tick, and all is silent before the next; else there is overload, the mask changes and
+        the sink stands still.
     slow : int
         Clocks that the receiver, if any, takes for each edge of ACK.
-    seed : int
     """
     rng = np.random.default_rng(seed)
     per_event, gap = clocks_per_event(config, slow), gap_of(config, calm, slow)

@@ -33,7 +33,6 @@ class Bench(Elaboratable):
 
     Parameters
     ----------
-    checker : Checker
     clocked : bool
         Whether the block has a clock.
 

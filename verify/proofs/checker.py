@@ -22,20 +22,11 @@ Config = TypeVar("Config")
 
 @dataclass(frozen=True)
 class Property:
-    """A property: a sentence about a block that must always hold.
+    """A property: a sentence about a block that must always hold."""
 
-    Parameters
-    ----------
-    name : str
-        Snake case; the checker's outputs ``ok_NAME`` and ``seen_NAME`` are called after it.
-    meaning : str
-        The sentence.
-    applies : callable
-        Whether a configuration has anything that the property speaks of.
-    """
-
-    name: str
+    name: str  # snake case; the checker's outputs ``ok_NAME`` and ``seen_NAME`` are called after it
     meaning: str
+    # whether a configuration has anything that the property speaks of
     applies: Callable[[Any], bool] = lambda config: True
 
 
@@ -143,7 +134,6 @@ def cyclic(m: Module, asks: Any, taken: Any) -> tuple[Signal, Any]:
 
     Parameters
     ----------
-    m : Module
     asks, taken : Value(n)
         A bit each; at most one is taken.
     """

@@ -78,18 +78,11 @@ def stands_still(block: Block[Any], awake: int = 0, mutant: str = "") -> bool:
 
 @dataclass(frozen=True)
 class Clocked:
-    """Registers that receive a clock in an idle block.
+    """Registers that receive a clock in an idle block."""
 
-    Attributes
-    ----------
-    others : tuple of str
-        Registers that are clocked, and signals ``awake`` that are high, though nobody expects it: those of one case.
-    reached : bool
-        Whether all that are expected can be so in one and the same case.
-    """
-
+    # registers that are clocked, and signals ``awake`` that are high, though nobody expects it: those of one case
     others: tuple[str, ...]
-    reached: bool
+    reached: bool  # whether all that are expected can be so in one and the same case
 
 
 def clocked(
@@ -107,7 +100,6 @@ def clocked(
 
     Parameters
     ----------
-    block : Block
     expected : collection of str
         Registers and signals ``awake``, those of inner blocks by their paths: ``row_0.taxel_1.newest``.
     rest : mapping of str to int, optional

@@ -42,25 +42,12 @@ MAPPED_GATE = b".model netlist\n.inputs a b\n.outputs y\n.names a b y\n11 1\n.en
 
 @dataclass(frozen=True)
 class Verdict:
-    """Results of the solvers for a block.
+    """Results of the solvers for a block."""
 
-    Attributes
-    ----------
-    proved : frozenset of str
-        Properties that hold in every clock of every run.
-    failed : dict of str to int
-        Properties that fail, and in which clock at the latest search did so; the first clock is 0.
-    reached : dict of str to int
-        What properties speak of, and the first clock in which it can happen.
-    depth : int
-        Clocks of the bounded search.
-    seconds : float
-    """
-
-    proved: frozenset[str]
-    failed: dict[str, int]
-    reached: dict[str, int]
-    depth: int
+    proved: frozenset[str]  # properties that hold in every clock of every run
+    failed: dict[str, int]  # properties that fail, and in which clock at the latest search did so; the first clock is 0
+    reached: dict[str, int]  # what properties speak of, and the first clock in which it can happen
+    depth: int  # clocks of the bounded search
     seconds: float
 
 

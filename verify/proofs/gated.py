@@ -35,7 +35,6 @@ def prove_gated(config: Config, text: str = "") -> int:
 
     Parameters
     ----------
-    config : Config
     text : str
         Verilog to be proved, by default as delivered.
 

@@ -30,10 +30,6 @@ def write(results: list[Outcome], found: list[Hunt], path: Path, command: str, b
 
     Parameters
     ----------
-    results : list of Outcome
-    found : list of Hunt
-    path : Path
-    command : str
     block : str
         The block that was proved, if it was one alone: the file keeps its results of other blocks.
     """

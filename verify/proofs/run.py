@@ -24,34 +24,16 @@ DRAWN, MOST_DRAWS = 40, 12
 
 @dataclass
 class Outcome:
-    """The combined result of all proofs for one property of one block.
-
-    Attributes
-    ----------
-    block : str
-    property : Property
-    sizes : list of str
-        Configurations in which it was proved.
-    problems : list of str
-        Why it counts as failed; empty where it holds.
-    seconds : float
-        Of all proofs of its block: the solver takes the properties of a block together.
-    depth : int
-        Clocks of the deepest search for a failure.
-    reached : int or None
-        First clock in which what it speaks of happens, the least of all configurations.
-    mutants : int
-        Generated mutants by which it fails; 0 where none were drawn.
-    """
+    """The combined result of all proofs for one property of one block."""
 
     block: str
     property: Property
-    sizes: list[str] = field(default_factory=list)
-    problems: list[str] = field(default_factory=list)
-    seconds: float = 0.0
-    depth: int = 0
-    reached: int | None = None
-    mutants: int = 0
+    sizes: list[str] = field(default_factory=list)  # configurations in which it was proved
+    problems: list[str] = field(default_factory=list)  # why it counts as failed; empty where it holds
+    seconds: float = 0.0  # of all proofs of its block: the solver takes the properties of a block together
+    depth: int = 0  # clocks of the deepest search for a failure
+    reached: int | None = None  # first clock in which what it speaks of happens, the least of all configurations
+    mutants: int = 0  # generated mutants by which it fails; 0 where none were drawn
 
     def add(self, proof: Proof, verdict: Verdict) -> None:
         """Add the result for a configuration."""
@@ -97,7 +79,6 @@ def outcomes(verdicts: Iterable[tuple[Proof, Verdict]], whole: bool = True) -> l
 
     Parameters
     ----------
-    verdicts : iterable of (Proof, Verdict)
     whole : bool
         Whether all configurations are among them: then a property that none has is a failure.
     """
@@ -123,20 +104,12 @@ def closing_line(problems: Collection[list[str]]) -> str:
 
 @dataclass(frozen=True)
 class Hunt:
-    """Mutants of a block in one configuration, and the properties that each violates.
-
-    Attributes
-    ----------
-    block, size : str
-    seed : int
-        With which they were drawn.
-    mutants : dict of str to list of str
-        Failed properties by the arguments of Yosys' ``mutate``; none where the mutant survives.
-    """
+    """Mutants of a block in one configuration, and the properties that each violates."""
 
     block: str
     size: str
-    seed: int
+    seed: int  # with which they were drawn
+    # failed properties by the arguments of Yosys' ``mutate``; none where the mutant survives
     mutants: dict[str, list[str]]
 
     @property

@@ -29,26 +29,13 @@ SMALL_CLOCKS = 20_000
 
 @dataclass(frozen=True)
 class Plan:
-    """Parameters of a soak test.
+    """Parameters of a soak test."""
 
-    Attributes
-    ----------
-    seconds : float
-        After that no further run is begun, of this configuration or of another.
-    seed : int
-        The first.
-    clocks : int
-        Of each configuration.
-    simulator : "verilator" or "icarus"
-    folder : Path
-        Holds a file for every configuration that is done, and one for each that failed.
-    """
-
-    seconds: float
-    seed: int
-    clocks: int
+    seconds: float  # after that no further run is begun, of this configuration or of another
+    seed: int  # the first
+    clocks: int  # of each configuration
     simulator: Simulator
-    folder: Path
+    folder: Path  # holds a file for every configuration that is done, and one for each that failed
 
 
 class SoakFailed(Exception):  # the outcome that is looked for, not a defect of the program
@@ -76,7 +63,6 @@ def soak(plan: Plan, on_piece: Callable[[dict[str, Any]], None]) -> None:
 
     Parameters
     ----------
-    plan : Plan
     on_piece : callable
         Called with what each configuration came to.
 

@@ -61,18 +61,10 @@ def _prepare(draw: Draw, simulator: Simulator, place: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Failure:
-    """A run in which RTL and model differ.
-
-    Attributes
-    ----------
-    draw : Draw
-    clock : int
-        Of the first difference; the last clock where the text names none.
-    text : str
-    """
+    """A run in which RTL and model differ."""
 
     draw: Draw
-    clock: int
+    clock: int  # of the first difference; the last clock where the text names none
     text: str
 
 
@@ -114,7 +106,6 @@ def shrink(found: Failure, fails: Callable[[Draw], Failure | None], tries: int =
 
     Parameters
     ----------
-    found : Failure
     fails : callable
         Plays a draw.
     tries : int

@@ -12,23 +12,12 @@ Named = Iterator[tuple[str, str]]
 
 @dataclass(frozen=True)
 class Point:
-    """A condition that at least one simulation should reach.
+    """A condition that at least one simulation should reach."""
 
-    Attributes
-    ----------
-    group : str
-        Kind of readout, or block.
-    name : str
-    module : str
-        Whose names the expression speaks of.
-    expression : str
-        SystemVerilog, true at a rising edge of the clock where the point is reached.
-    """
-
-    group: str
+    group: str  # kind of readout, or block
     name: str
-    module: str
-    expression: str
+    module: str  # whose names the expression speaks of
+    expression: str  # SystemVerilog, true at a rising edge of the clock where the point is reached
 
     @property
     def label(self) -> str:
