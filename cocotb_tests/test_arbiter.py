@@ -23,10 +23,7 @@ Want = Callable[[int, int], bool]
 class RowsAgent:
     """Model of the taxel rows: drives request lines, and column lines of selected rows.
 
-    Attributes
-    ----------
-    requests : list of lists
-        The polarity of every pending request, None where there is none.
+    ``requests`` has the polarity of every pending request, None where there is none.
     """
 
     def __init__(self, config: ReadoutConfig, rng: random.Random) -> None:

@@ -84,19 +84,9 @@ class ChipBench:
 
         With ``skip`` the harness skips the clocks in which the chip is not awake, if it can (see harness.v).
 
-        Returns
-        -------
-        found : dict
-            The class after the last complete bin; ``ideal``, the class without waiting events and with exact bins; and
-            the counts of the run.
-        recorded : dict of arrays
-            Events (``taken``, ``channel``), hidden ``spikes`` (bin, neuron), clocks of the classes (``valid``) and
-            their ``evidence``.
-
-        Raises
-        ------
-        Mismatch
-            If RTL and models differ.
+        Return two dictionaries. The first has the class after the last complete bin; ``ideal``, the class without
+        waiting events and with exact bins; and the counts of the run. The second has arrays: events (``taken``,
+        ``channel``), hidden ``spikes`` (bin, neuron), clocks of the classes (``valid``) and their ``evidence``.
         """
         from eskin.model.readout import Stimulus, simulate
 

@@ -53,12 +53,7 @@ def noise(clocks: int, rng: random.Random) -> list[Pins]:
 def traffic(addresses: Sequence[int], words: Sequence[int], rng: random.Random, calm: bool = False) -> Iterator[Pins]:
     """Yield random correct and faulty SPI traffic without end.
 
-    Parameters
-    ----------
-    addresses, words : sequence of int
-        Usual addresses and words of the transfers.
-    calm : bool
-        Only whole transfers within the stated times.
+    ``addresses`` and ``words`` are usual ones; ``calm`` traffic has only whole transfers within the stated times.
     """
     while True:
         write = rng.random() < 0.6

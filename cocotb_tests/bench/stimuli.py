@@ -162,11 +162,6 @@ def scenarios(config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 30
     Every stimulus has another sink for every seed, and half of them switch taxels off and on during the run. A run ends
     ``MARGIN`` clocks after its last event, or at the latest after ``limit`` clocks. Large arrays have an additional run
     in which eight taxels change and then rest.
-
-    Parameters
-    ----------
-    ticks, limit : int
-        Sample ticks, and the most clocks of a run.
     """
     sinks = list(READY)
     for number, (name, make) in enumerate([*STIMULI.items(), *_more(config).items()]):

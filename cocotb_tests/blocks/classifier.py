@@ -120,13 +120,7 @@ async def given_scans(dut: Any) -> None:
 
 
 def play_scans(made: IntegerWeights, scans: NDArray[Any], simulator: Simulator, folder: Path) -> Counter[str]:
-    """Compare a network's RTL with the model on events, shape (scans, bins, inputs); return the counts.
-
-    Raises
-    ------
-    MismatchFound
-        If any potential, spike, class or clock differs from the model.
-    """
+    """Compare a network's RTL with the model on events, shape (scans, bins, inputs); return the counts."""
     folder.mkdir(parents=True, exist_ok=True)
     made.save(folder / "network.npz")
     np.save(folder / "scans.npy", scans)

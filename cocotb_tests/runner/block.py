@@ -29,20 +29,7 @@ def cosimulate(
 ) -> Counter[str]:
     """Run one cocotb test of a block and return its counts.
 
-    Parameters
-    ----------
-    top : str
-        The block: ``eskin_taxel``, ``eskin_arbiter``, ``eskin_merge``, ...
-    test : str
-        Name of the cocotb test.
-    folder : Path
-        Folder of the run and its log.
-    seed : int
-        Seed of all random numbers.
-    module : str
-        Module of the cocotb test; by default the test file of the block.
-    **more
-        Further parts of the job, for JSON.
+    The module of the test is by default the test file of the block ``top``; ``more`` are further parts of the job.
     """
     from eskin.cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
 

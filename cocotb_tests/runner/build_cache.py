@@ -31,10 +31,7 @@ KEPT_S = 3600
 def sources(places: Iterable[tuple[Any, str]]) -> str:
     """Return a digest of source files.
 
-    Parameters
-    ----------
-    places : iterable of (module, str)
-        Packages, and a pattern of the files in each.
+    Each place is a package and a pattern of files in it.
     """
     read = hashlib.sha256()
     for package, pattern in places:
@@ -107,12 +104,8 @@ def locked(folder: Path) -> Iterator[None]:
 def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
     """Create a temporary folder for this process; also remove those of killed processes.
 
-    Parameters
-    ----------
-    parent : Path
-        Made if need be. All folders in it whose names begin with a dot are such folders.
-    name : str
-        Note for people who find the folder.
+    All folders in ``parent`` whose names begin with a dot are such folders; ``name`` is a note for people who find
+    them.
     """
     cache.private_folder(parent)
     with contextlib.ExitStack() as mine:

@@ -66,15 +66,7 @@ def write_arrays(folder: Path, arrays: dict[str, NDArray[Any]]) -> Path:
 
 
 def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> PartResult:
-    """Run a job on this machine and return its event files; restart a crashed simulation.
-
-    Raises
-    ------
-    MismatchFound
-        If RTL and model differ.
-    InputError
-        If the simulation dies again and again.
-    """
+    """Run a job on this machine and return its event files; restart a crashed simulation."""
     program = build(ReadoutConfig.from_dict(job.config), "verilator")
 
     def play(running: Path) -> PartResult:
@@ -86,13 +78,7 @@ def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> PartResult:
 
 
 def until_it_lives(name: str, play: Callable[[Path], T]) -> T:
-    """Return the result of a simulation, restarted in a new folder after a crash.
-
-    Raises
-    ------
-    InputError
-        If it dies again and again.
-    """
+    """Return the result of a simulation, restarted in a new folder after a crash."""
     for _ in range(MOST_DEATHS + 1):
         with scratch_folder(BUILD / "run", name) as running:
             try:

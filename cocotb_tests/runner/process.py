@@ -44,10 +44,7 @@ class Tally:
 class MismatchFound(Exception):  # the outcome that is looked for, not a defect of the program
     """Raised if RTL and model differ, with the scoreboard's message.
 
-    Attributes
-    ----------
-    before : Tally
-        Runs of the same simulation that were equal.
+    ``before`` has the runs of the same simulation that were equal.
     """
 
     def __init__(self, text: str, before: Tally | None = None) -> None:
@@ -98,13 +95,7 @@ def follow(
     folder: Path,
     on_run: Callable[[dict[str, Any]], None] = lambda run: None,
 ) -> Tally:
-    """Start the cocotb test ``module`` in a folder, report each finished run, and return the totals.
-
-    Raises
-    ------
-    MismatchFound, InputError, AssertionError
-        Same as for ``run_job``.
-    """
+    """Start the cocotb test ``module`` in a folder, report each finished run, and return the totals."""
     progress, mismatch, refused = folder / "progress.jsonl", folder / "mismatch.txt", folder / "refused.txt"
     for old in (progress, mismatch, refused):
         old.unlink(missing_ok=True)

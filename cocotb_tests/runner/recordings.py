@@ -68,13 +68,7 @@ def check(simulator: str, count: int, ticks: int | None) -> None:
 
 
 def play(plan: OwnPlan, on_run: Callable[[Any], None]) -> Tally:
-    """Simulate the recordings, store the RTL's events, and draw the first recording.
-
-    Raises
-    ------
-    MismatchFound
-        If RTL and model differ.
-    """
+    """Simulate the recordings, store the RTL's events, and draw the first recording."""
     array = f"{plan.config.rows} x {plan.config.columns} taxels"
     with reported(f"building {array} for {plan.simulator}"):
         program = build(plan.config, plan.simulator, waves=plan.waves)
@@ -92,15 +86,7 @@ def play(plan: OwnPlan, on_run: Callable[[Any], None]) -> Tally:
 
 
 def play_samples(config: ReadoutConfig, codes: NDArray[np.int32], simulator: Simulator = "verilator") -> Events:
-    """Return the RTL's events for codes, shape (ticks, taxels), after comparison with the model.
-
-    Raises
-    ------
-    InputError
-        If a program that the simulator needs is not installed.
-    MismatchFound
-        If RTL and model differ.
-    """
+    """Return the RTL's events for codes, shape (ticks, taxels), after comparison with the model."""
     program, name = build(config, simulator), "signal"
 
     def play(folder: Path) -> Events:

@@ -115,11 +115,6 @@ def play(plan: Plan, missing: list[str], pool: WorkerPool, on_run: Callable[[], 
     """Simulate the missing inputs in parallel, store the events, and return the totals.
 
     The first run plays every clock. The others skip the clocks in which the readout is not awake.
-
-    Raises
-    ------
-    MismatchFound
-        If RTL and model differ; simulations that have not begun are left out.
     """
     make_folder(plan.out, f"{plan.place}/events")
     size = max(1, min(MOST_IN_A_PART, -(-len(missing) // pool.workers)))

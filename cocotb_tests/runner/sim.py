@@ -115,19 +115,8 @@ def plan(
 def with_dut(plan: Plan, config: ReadoutConfig, files: Sequence[Path], top: str) -> Plan:
     """Return a plan that simulates a user's readout instead of the RTL.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-        Of the golden model.
-    files : sequence of Path
-        All Verilog of the readout.
-    top : str
-        Its module with the ports of the delivered Verilog.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read, or a port is missing, has another direction or width, or is an unknown input.
+    ``files`` are all Verilog of the readout, and ``top`` is its module with the ports of the delivered Verilog. A port
+    that is missing, has another direction or width, or is an unknown input is an InputError.
     """
     text = "\n".join(map(read_verilog, files))
     found = ports_of(text, top)
@@ -164,19 +153,8 @@ def configuration_hint(config: ReadoutConfig) -> str:
 def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_stage: Callable[[str], None]) -> Tally:
     """Simulate all runs of a configuration, and return the totals.
 
-    Parameters
-    ----------
-    on_run : callable
-        Called with each finished run.
-    on_stage : callable
-        Called with what begins.
-
-    Raises
-    ------
-    MismatchFound
-        If RTL and model differ.
-    InputError
-        If a user's Verilog cannot be built or ends the simulation.
+    ``on_run`` is called with each finished run, and ``on_stage`` with what begins. A user's Verilog that cannot be
+    built, or that ends the simulation, is an InputError.
     """
     on_stage(f"building for {plan.simulator}")
     with reported(f"building {config.rows} x {config.columns} taxels for {plan.simulator}"):

@@ -74,16 +74,8 @@ class SimulationDied(AssertionError):  # it may be done again
 class Build:
     """A simulation program.
 
-    Attributes
-    ----------
-    folder : Path
-        Where it lies; one per top, configuration and simulator, reused while its sources are the same.
-    top : str
-        Top module.
-    waves : bool
-        Whether it leaves a waveform.
-    on_tested : callable, optional
-        Called with the program and the folder of every run that passed.
+    The folder is one per top, configuration and simulator, and is reused while its sources are the same. ``on_tested``
+    is called with the program and the folder of every run that passed.
     """
 
     def __init__(
@@ -100,10 +92,8 @@ class Build:
     def test(self, module: str, folder: Path, testcase: str | None = None, env: dict[str, str] | None = None) -> None:
         """Run the cocotb tests of a module.
 
-        Raises
-        ------
-        AssertionError
-            If one fails or none ran, with the end of the log; SimulationDied if the program left no results at all.
+        If a test fails or none ran, raise AssertionError with the end of the log; SimulationDied if there are no
+        results at all.
         """
         folder = folder.resolve()
         folder.mkdir(parents=True, exist_ok=True)

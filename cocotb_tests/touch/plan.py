@@ -219,13 +219,7 @@ def _own(network: Network, place: Path) -> Own:
 
 
 def choose(material: Material, names: Sequence[str], networks: Sequence[Network]) -> dict[str, Network]:
-    """Return for each name a network that was not trained on it.
-
-    Raises
-    ------
-    InputError
-        If there is none, or it was trained for other scans.
-    """
+    """Return for each name a network that was not trained on it."""
     for network in networks:
         if network.preset != (material.preset or None):
             raise InputError(
@@ -246,13 +240,7 @@ def choose(material: Material, names: Sequence[str], networks: Sequence[Network]
 
 
 def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> dict[str, bytes]:
-    """Run a job on this machine and return its result files; restart a crashed simulation.
-
-    Raises
-    ------
-    MismatchFound
-        If RTL and models differ.
-    """
+    """Run a job on this machine and return its result files; restart a crashed simulation."""
     program = build(ChipConfig.from_dict(job.config), "verilator")
 
     def play(running: Path) -> dict[str, bytes]:
@@ -268,13 +256,7 @@ def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> dict[str, bytes]:
 
 
 def play(plan: Plan, pool: WorkerPool, on_run: Callable[[], object]) -> None:
-    """Simulate the missing inputs in parallel, and store the results.
-
-    Raises
-    ------
-    MismatchFound
-        If RTL and models differ.
-    """
+    """Simulate the missing inputs in parallel, and store the results."""
     require_programs("verilator")
     for files in each(pool, play_part, plan.parts(pool.workers)):
         for name, content in files.items():

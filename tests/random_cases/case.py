@@ -87,13 +87,7 @@ class Case:
 
     @classmethod
     def from_json(cls, text: str) -> Case:
-        """Return the case for a line of JSON.
-
-        Raises
-        ------
-        InputError
-            If it is none.
-        """
+        """Return the case for a line of JSON."""
         try:
             case = cls(**json.loads(text))
             case.parts()[1].check(ReadoutConfig.from_dict(case.config))
@@ -224,12 +218,7 @@ class Search:
 def search(examples: int, seed: int, **fixed: Any) -> Search:
     """Draw cases until RTL and model differ, and shrink the failing case.
 
-    Parameters
-    ----------
-    examples : int
-        Cases that are drawn at most.
-    **fixed
-        Fields of the configuration that are not drawn.
+    ``fixed`` are fields of the configuration that are not drawn.
     """
     found = Search()
     rules = settings(

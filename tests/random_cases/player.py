@@ -36,13 +36,7 @@ class Design:
         self.played = False
 
     def play(self, stimulus: Stimulus) -> Events:
-        """Simulate a stimulus after a reset; return the events in order.
-
-        Raises
-        ------
-        Breach
-            If a link breaks its protocol.
-        """
+        """Simulate a stimulus after a reset; return the events in order."""
         stimulus.check(self.config)
         self.stimulus = stimulus
         self.driven: dict[str, int] = {}

@@ -58,10 +58,7 @@ class Counts:
 def counting(points: Callable[[Config], list[Point]]) -> Iterator[Counts]:
     """Build simulations with coverage counters, and yield the collected counts.
 
-    Parameters
-    ----------
-    points : callable
-        Gives the points of a configuration.
+    ``points`` returns the points of a configuration.
     """
     found = Counts()
 

@@ -83,15 +83,8 @@ def modules(verilog: str) -> list[Module]:
 def read(counts: str, verilog: str, file: str) -> dict[Construct, int]:
     """Return the number of times that each construct of a Verilog text was covered.
 
-    Parameters
-    ----------
-    counts : str
-        What Verilator left, ``coverage.dat``: lines ``C 'key' count``, the key made of names and values that are set
-        off by the characters 1 and 2.
-    verilog : str
-        The text.
-    file : str
-        Its name; what belongs to other files is left out.
+    ``counts`` is Verilator's ``coverage.dat``: lines ``C 'key' count``, whose key has names and values set off by the
+    characters 1 and 2. What belongs to another file than ``file`` is left out.
     """
     starts = {n: module for module in modules(verilog) for n in range(module.first, module.last + 1)}
     found: dict[Construct, int] = {}
@@ -113,11 +106,8 @@ def read(counts: str, verilog: str, file: str) -> dict[Construct, int]:
 def with_points(verilog: str, points: Iterable[tuple[str, str, str]]) -> str:
     """Return a Verilog text with cover statements added at the end of its modules.
 
-    Parameters
-    ----------
-    points : iterable of (module, label, expression)
-        An expression over names of the module, in Verilog, that holds at a rising edge of its clock where the point
-        is reached.
+    A point is (module, label, expression). The expression, over names of the module in Verilog, holds at a rising edge
+    of the clock where the point is reached.
     """
     put: dict[str, list[str]] = {}
     for module, label, expression in points:

@@ -78,17 +78,8 @@ class Verdict:
 def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], None]) -> Reached:
     """Simulate the runs without stored results; return the coverage of all runs.
 
-    Parameters
-    ----------
-    folder : Path
-        What each run reached is kept there.
-    on_run : callable
-        Called with the name of each run, its constructs and how many of them it reached.
-
-    Raises
-    ------
-    MismatchFound, AssertionError
-        If RTL and model differ.
+    The folder keeps what each run reached. ``on_run`` is called with the name of each run, its constructs, and how many
+    of them it reached.
     """
     folder.mkdir(parents=True, exist_ok=True)
     pieces, reached = Pieces(folder / "coverage.json", SOURCES), Reached()

@@ -54,13 +54,7 @@ def _fits(wanted: Names, names: Iterable[str]) -> bool:
 
 
 def waivers(text: str | None = None) -> list[Waiver]:
-    """Return the waivers in a text, by default those of the project.
-
-    Raises
-    ------
-    InputError
-        If one is not whole.
-    """
+    """Return the waivers in a text, by default those of the project."""
     listed: list[dict[str, Any]] = tomllib.loads(FILE.read_text() if text is None else text).get("waiver", [])
     for entry in listed:
         entry |= {name: tuple(value) for name, value in entry.items() if isinstance(value, list)}
@@ -95,14 +89,9 @@ def explained(
 def claim(construct: Construct, once: bool, verilog: str = "") -> str:
     """Return an expression that is never true if a construct is unreachable.
 
-    Parameters
-    ----------
-    construct : Construct
-        A toggle, a condition, or a branch of a choice.
-    once : bool
-        Of a toggle: whether its bit has become 1, as a bit that is always 1 does at the beginning of a simulation.
-    verilog : str
-        The text it stands in: a condition counts only where its statement is executed.
+    The construct is a toggle, a condition, or a branch of a choice. ``once`` says that the bit of a toggle has become
+    1, as a bit that is always 1 does at the beginning. A condition counts only where its statement in ``verilog`` is
+    executed.
     """
     if construct.kind == "toggle":
         bit = construct.what.partition(":")[0]
@@ -129,12 +118,7 @@ def chosen(line: str, column: int, other: bool) -> str:
 def guards(lines: Sequence[str], line: int, column: int) -> list[str]:
     """Return the condition of a statement in an always block, from its ``if`` and ``else if``.
 
-    Parameters
-    ----------
-    lines : sequence of str
-        Of the module.
-    line, column : int
-        From 1 on.
+    ``line`` and ``column`` of the module's lines count from 1 on.
     """
     first = next((n for n in range(line, 0, -1) if lines and lines[n - 1].startswith("  always @")), 0)
     if not first or any(";" in text for text in lines[first : line - 1] if not text.lstrip().startswith("if (")):

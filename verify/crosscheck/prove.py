@@ -45,14 +45,8 @@ class Compared:
 def campaign(proofs: list[Proof], grounds: list[Proof], out: Path | None) -> Iterator[Compared]:
     """Run both solvers on all blocks and then on mutants; yield the comparison of each.
 
-    Parameters
-    ----------
-    proofs : list of Proof
-        Blocks and configurations as they are.
-    grounds : list of Proof
-        Those of which mutants are searched: the first ``MUTANTS`` that ``make formal`` draws.
-    out : Path or None
-        File for the results. Finished comparisons are written beside it until ``write``: a stopped run goes on there.
+    The mutants are the first ``MUTANTS`` that ``make formal`` draws in each of ``grounds``. Finished comparisons are
+    written beside ``out`` until ``write``: a stopped run goes on there.
     """
     pieces = Pieces(out, VERSIONS)
 

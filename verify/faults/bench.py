@@ -39,11 +39,8 @@ ADC_CLOCKS = 3
 class Bench(Elaboratable):
     """The block under test with its environment.
 
-    Parameters
-    ----------
-    slow : int
-        Clocks that the receiver of a four-phase link takes to raise ACK, and to lower it. Its inputs ``ack_high``
-        and ``ack_turned`` hold ACK high, and turn it over.
+    The receiver of a four-phase link takes ``slow`` clocks to raise ACK, and to lower it. Its inputs ``ack_high`` and
+    ``ack_turned`` hold ACK high, and turn it over.
     """
 
     def __init__(self, block: Block[Any], slow: int = 0) -> None:

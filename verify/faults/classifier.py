@@ -49,11 +49,6 @@ def upsets(config: ClassifierConfig, stride: int = 1, flops: str = "") -> Iterat
     potentials, and "others changed" where they are not, and the next scan is right in every output and clock. It is
     "until written" where only a scan with weights loaded anew is, or where the core waits for a scan to begin. See
     ``eskin.verify.faults.outcomes.upsets``.
-
-    Raises
-    ------
-    UnlikeModel
-        If the run without upsets does not give the golden model's classes in their clocks.
     """
     gates, what = bench_gates(core.Classifier(config)), _scans(config)
     expected = _expected(config, what)

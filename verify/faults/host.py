@@ -61,21 +61,7 @@ def upsets(config: ReadoutConfig, mode: int = 0, stride: int = 1, flops: str = H
     An upset counts as *until written* if the readout is not as ever by itself, but is after the host has written all
     its registers once more and cleared the readout: in every event, and in every bit that is read back.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-        With registers and the stream link.
-    mode : int
-        Of the test pattern; 0 for the array.
-    stride : int
-        Clocks from one upset to the next.
-    flops : str
-        Pattern of the names of those that are turned.
-
-    Raises
-    ------
-    UnlikeModel
-        If the run without upsets does not give the events and the levels of MISO of the golden model.
+    ``mode`` is that of the test pattern, 0 for the array. ``flops`` is a pattern of the names of the flops.
     """
     gates, what = bench_gates(Readout(config)), _play(config, mode)
     inputs = inputs_of(config, what.stimulus) | _levels(what.pins)

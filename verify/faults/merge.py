@@ -26,11 +26,6 @@ def upsets(config: TilesConfig, stride: int = 1, flops: str = "") -> Iterator[Up
     Of a skin with relay stations it is one of those that is upset. Every event of a tile has a number of its own, so
     what is lost and what is added is known one by one. Before the last load tile 0 alone sends an event: then its turn
     is the same in all runs. See ``eskin.verify.faults.outcomes.upsets``.
-
-    Raises
-    ------
-    UnlikeModel
-        If the run without upsets does not give the events of the golden model.
     """
     # A relay station does what the merge of a single tile does.
     block = relay.Relay(config) if config.relays else rtl_merge.Merge(config)

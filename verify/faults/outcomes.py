@@ -72,21 +72,8 @@ class UnlikeModel(AssertionError):
 def upsets(config: ReadoutConfig, calm: bool, slow: int = 0, stride: int = 1, flops: str = "") -> Iterator[Upset]:
     """Flip every flop of a readout in every clock of a window, one per run; yield the outcomes.
 
-    Parameters
-    ----------
-    calm : bool
-        Which course is played.
-    slow : int
-        Of the receiver.
-    stride : int
-        Clocks from one upset to the next.
-    flops : str
-        Pattern of the names of those that are turned.
-
-    Raises
-    ------
-    UnlikeModel
-        If the run without upsets does not give the events of the golden model.
+    ``stride`` is the number of clocks from one upset to the next, and ``flops`` a pattern of the names of the flops.
+    UnlikeModel is raised if the run without upsets does not give the events of the golden model.
     """
     gates, played = bench_gates(Readout(config), slow), course(config, calm, slow)
     expected = simulate_model(config, played.stimulus)

@@ -20,13 +20,9 @@ def simulate(
 ) -> dict[str, NDArray[np.int64]]:
     """Simulate ``LANES`` runs in parallel; return every output port as a number, shape (clocks, runs).
 
-    Parameters
-    ----------
-    inputs : dict of str to ndarray
-        Of every input port but the clock its bits, lowest first: shape (clocks, bits) for all runs alike, or
-        (clocks, bits, LANES) with those of each run.
-    upsets : ndarray of int64, shape (upsets, 3)
-        Clock, flop and run, in rising order of clocks: the flop's value is turned just before that clock.
+    ``inputs`` has the bits of every input port but the clock, lowest first: shape (clocks, bits) for all runs alike, or
+    (clocks, bits, LANES). ``upsets``, shape (upsets, 3), has clock, flop and run in rising order of clocks: the flop's
+    value is turned just before that clock.
     """
     clocks = len(next(iter(inputs.values())))
     rows, nets = [], []
@@ -62,11 +58,7 @@ def upset_runs(
 ) -> Iterator[tuple[list[tuple[int, int]], dict[str, NDArray[np.int64]]]]:
     """Simulate a bit flip of each given flop in each given clock, one per run; run 0 has no bit flip.
 
-    Yields
-    ------
-    part : list of (clock, flop)
-        Upsets of the runs 1, 2, ...
-    outputs : dict of str to ndarray, shape (clocks, runs)
+    Yield the upsets (clock, flop) of the runs 1, 2, ..., and the outputs, each of shape (clocks, runs).
     """
     flops = list(flops)
     todo = [(clock, flop) for clock in clocks for flop in flops]

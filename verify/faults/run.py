@@ -129,15 +129,8 @@ def meet(config: ReadoutConfig) -> Iterator[dict[str, Any]]:
 def campaign(small: bool, out: Path | None, tell: Callable[[str], None]) -> Done:
     """Run all fault injection trials and all tests with hostile inputs.
 
-    Parameters
-    ----------
-    small : bool
-        Only a few.
-    out : Path or None
-        File for the results. Beside it each piece is kept as it comes, until ``write``: a campaign that was stopped
-        goes on behind them, unless the code has changed.
-    tell : callable
-        Takes a line for each piece.
+    Each piece is kept beside ``out`` as it comes, until ``write``: a campaign that was stopped goes on behind them,
+    unless the code has changed. ``tell`` takes a line for each piece.
     """
     pieces = Pieces(out, version(CODE))
     done = Done([], [], [])

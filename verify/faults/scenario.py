@@ -38,13 +38,8 @@ class Course:
 def course(config: ReadoutConfig, calm: bool, slow: int = 0, seed: int = 0) -> Course:
     """Return a stimulus for a configuration.
 
-    Parameters
-    ----------
-    calm : bool
-        Few taxels move with a tick, and all is silent before the next; else there is overload, the mask changes and
-        the sink stands still.
-    slow : int
-        Clocks that the receiver, if any, takes for each edge of ACK.
+    In a calm course few taxels move with a tick, and all is silent before the next; else there is overload, the mask
+    changes and the sink stands still. ``slow`` is the number of clocks that a receiver takes for each edge of ACK.
     """
     rng = np.random.default_rng(seed)
     per_event, gap = clocks_per_event(config, slow), gap_of(config, calm, slow)

@@ -33,15 +33,10 @@ class Property:
 class Checker(Block[Config]):
     """Checker of one block.
 
-    Attributes
-    ----------
-    watch : In(bits)
-        Index of the taxel that is looked at, any one of them, for good; absent where it is not needed.
-    ok_NAME, seen_NAME : Out(1)
-        The property holds in this clock; what it speaks of happens in this clock, so that it is not vacuous.
-    holds_NAME : Out(1)
-        An assumption about what is around the block holds in this clock. A bench guarantees it (``drive``), or the
-        properties that need it hold as long as it held (they say so); simulation checks it where the block is at work.
+    ``ok_NAME``: the property holds in this clock. ``seen_NAME``: its case happens in this clock, so that it is not
+    vacuous. ``holds_NAME``: an assumption about what is around the block holds in this clock. A bench guarantees it
+    (``drive``), or the properties that need it hold as long as it held (they say so); simulation checks it where the
+    block is at work.
     """
 
     block: ClassVar[type[Any]]
@@ -132,10 +127,7 @@ def bit_of(word: Any, index: Signal) -> Any:
 def cyclic(m: Module, asks: Any, taken: Any) -> tuple[Signal, Any]:
     """Return the last chosen index, and whether the current choice violates round-robin order.
 
-    Parameters
-    ----------
-    asks, taken : Value(n)
-        A bit each; at most one is taken.
+    Of the bits ``taken`` at most one is high.
     """
     number = len(taken)
     last = Signal(number, init=1 << (number - 1))

@@ -46,14 +46,8 @@ PATH = re.compile(r"\\([^.\\]+)\.")
 def stands_still(block: Block[Any], awake: int = 0, mutant: str = "") -> bool:
     """Return True if all registers and memories of a block are stable while ``awake`` is low, except in reset.
 
-    Parameters
-    ----------
-    block : Block
-        One with a signal ``awake``, or with parts that have one: then all of these are low.
-    awake : int
-        The value of these signals; for 1 the answer tells whether anything can change at all.
-    mutant : str
-        RTLIL that takes the place of the block's own.
+    The block has a signal ``awake``, or parts that have one: then all of these are low. With ``awake`` 1 the answer
+    tells whether anything can change at all. ``mutant`` is RTLIL that takes the place of the block's own.
     """
     top = block.module_name
     module = _flat(block, TO_FLOPS, mutant)
@@ -98,18 +92,9 @@ def clocked(
     A block is at rest where no register of it would change. A register gets a clock where its enable is high, and so is
     ``awake`` of every block that it is in, as far as these have such a signal.
 
-    Parameters
-    ----------
-    expected : collection of str
-        Registers and signals ``awake``, those of inner blocks by their paths: ``row_0.taxel_1.newest``.
-    rest : mapping of str to int, optional
-        Inputs with which the block is at rest; the others have any value.
-    then : mapping of str to int, optional
-        Inputs that have other values in the clock that is looked at.
-    held : mapping of str to int, optional
-        Registers that have a value, and not any.
-    mutant : str
-        RTLIL that takes the place of the block's own.
+    ``expected`` are registers and signals ``awake``, those of inner blocks by their paths: ``row_0.taxel_1.newest``.
+    The block is at rest with the inputs ``rest``; ``then`` are inputs that have other values in the clock that is
+    looked at, and ``held`` registers that have one value. ``mutant`` is RTLIL that takes the place of the block's own.
     """
     before = dict(rest or {})
     module = _flat(block, TO_ENABLES, mutant)

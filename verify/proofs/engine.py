@@ -60,18 +60,8 @@ def solve(
 ) -> Verdict:
     """Search for counterexamples and covered cases, then prove the properties.
 
-    Parameters
-    ----------
-    checker : Checker
-        Properties, block and configuration.
-    depth : int
-        Clocks of the bounded search.
-    limit_s : int
-        Seconds for the proof of properties that did not fail; 0 leaves the proof out.
-    blocks : callable
-        Returns the RTLIL of the block.
-    cases : bool
-        Whether the search looks for covered cases too, which takes most of its time.
+    The search has ``depth`` clocks, and takes most of its time for covered ``cases``. The proof of properties that did
+    not fail takes ``limit_s`` seconds at most; 0 leaves it out. ``blocks`` returns the RTLIL of the block.
     """
     started = time.monotonic()
     text, bench = design(checker, blocks)

@@ -77,10 +77,7 @@ class Outcome:
 def outcomes(verdicts: Iterable[tuple[Proof, Verdict]], whole: bool = True) -> list[Outcome]:
     """Return the result for every property of every block.
 
-    Parameters
-    ----------
-    whole : bool
-        Whether all configurations are among them: then a property that none has is a failure.
+    If the ``whole`` plan was proved, a property that no configuration has is a failure.
     """
     found: dict[tuple[str, str], Outcome] = {}
     for proof, verdict in verdicts:
@@ -152,15 +149,7 @@ def hunts(block: str, proofs: Iterable[Proof], pieces: Pieces) -> Iterator[Hunt]
 
 
 def judge(results: list[Outcome], found: Iterable[Hunt]) -> None:
-    """Count the mutants that violate each property; a property violated by too few mutants fails.
-
-    Parameters
-    ----------
-    results : list of Outcome
-        Of all properties of a block.
-    found : iterable of Hunt
-        All hunts in the block.
-    """
+    """Count the mutants that violate each property; a property violated by too few mutants fails."""
     of = {outcome.property.name: outcome for outcome in results}
     drawn = 0
     for one in found:

@@ -60,15 +60,6 @@ def soak(plan: Plan, on_piece: Callable[[dict[str, Any]], None]) -> None:
     """Test random configurations until the time is over.
 
     A configuration that the end of the time has cut off keeps the runs that are done, and goes on there.
-
-    Parameters
-    ----------
-    on_piece : callable
-        Called with what each configuration came to.
-
-    Raises
-    ------
-    SoakFailed
     """
     folder = make_folder(plan.folder, "pieces")
     _pieces(plan.folder)  # a damaged one is told before the work
@@ -153,13 +144,7 @@ def _pieces(folder: Path) -> list[dict[str, Any]]:
 
 
 def summary(folder: Path) -> dict[str, Any]:
-    """Return the totals of a folder, of the current and of other sources together.
-
-    Raises
-    ------
-    InputError
-        If a file is damaged.
-    """
+    """Return the totals of a folder, of the current and of other sources together."""
     pieces = _pieces(folder)
     mismatches = len(list((folder / "mismatches").glob("*.txt")))
     total = {name: sum(piece[name] for piece in pieces) for name in ("runs", "clocks", "events")}

@@ -34,13 +34,7 @@ def command(draw: Draw, simulator: Simulator) -> str:
 
 
 def play(draws: Sequence[Draw], simulator: Simulator, on_run: Callable[[Any], None] | None = None) -> Tally:
-    """Simulate random runs of one configuration, and return the comparison totals.
-
-    Raises
-    ------
-    MismatchFound
-        If RTL and model differ; its text ends with the command that shows it again.
-    """
+    """Simulate random runs of one configuration, and return the comparison totals."""
     config = draws[0].config
     program = build(config, simulator)
     with scratch_folder(BUILD / "run", "soak") as folder:
@@ -102,15 +96,7 @@ SIMPLER: dict[str, tuple[Any, ...]] = {
 
 
 def shrink(found: Failure, fails: Callable[[Draw], Failure | None], tries: int = 60) -> Failure:
-    """Return a smaller run that still fails, with every parameter simplified.
-
-    Parameters
-    ----------
-    fails : callable
-        Plays a draw.
-    tries : int
-        Draws that are played at most.
-    """
+    """Return a smaller run that still fails, with every parameter simplified."""
     room, best = max(found.clock + 2, 200), _cut(found, fails)
     for name, values in SIMPLER.items():
         for value in values:

@@ -16,12 +16,8 @@ from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, 
 class ArbiterChecker(Checker[ReadoutConfig]):
     """Checker of the arbiter and of the requests of all taxels.
 
-    Attributes
-    ----------
-    request, polarity : In(rows * columns)
-        What every taxel asks for, selected or not.
-    watch, rival : In(bits)
-        Two taxels, any, for good.
+    ``request`` and ``polarity`` have a bit for every taxel, selected or not. ``watch`` and ``rival`` are any two
+    taxels, for good.
     """
 
     block = Arbiter

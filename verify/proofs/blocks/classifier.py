@@ -26,12 +26,8 @@ MEMORIES = ("eskin_input_weights", "eskin_recurrent_weights", "eskin_neuron_weig
 class _ClassifierChecker(Checker[ClassifierConfig]):
     """Common checker of the classifier; the words of the memories are free in every clock.
 
-    Attributes
-    ----------
-    watch : In(bits)
-        A row of weights, any, for good; below ``hidden`` also the neuron of that number.
-    rival : In(bits)
-        A class, any, for good; its lowest bits also number a word of a row.
+    ``watch`` is any row of weights, for good; below ``hidden`` also the neuron of that number. ``rival`` is any class,
+    for good; its lowest bits also number a word of a row.
     """
 
     block = Classifier

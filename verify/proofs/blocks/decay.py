@@ -18,10 +18,7 @@ from eskin.verify.proofs.checker import Checker, Property, before
 class DecayChecker(Checker[ReadoutConfig]):
     """Checker of decay ticks with a fixed period.
 
-    Attributes
-    ----------
-    watch : In(bits)
-        A row, any, for good.
+    ``watch`` is any row, for good.
     """
 
     block: ClassVar[type[Any]] = DecayTicks

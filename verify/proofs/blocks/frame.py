@@ -15,10 +15,7 @@ from eskin.verify.proofs.checker import Checker, Property, before, implies
 class FrameChecker(Checker[FrameConfig]):
     """Checker of the frame readout; ADC and sink are free.
 
-    Attributes
-    ----------
-    watch : In(bits)
-        A bit of a frame's words, any, for good.
+    ``watch`` is any bit of a frame's words, for good.
     """
 
     block = FrameReadout

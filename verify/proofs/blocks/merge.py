@@ -19,10 +19,7 @@ DEPTH = 2
 class MergeChecker(Checker[TilesConfig]):
     """Checker of the merge; the event streams of the tiles are free.
 
-    Attributes
-    ----------
-    watch, rival : In(bits)
-        Two tiles, any, for good.
+    ``watch`` and ``rival`` are any two tiles, for good.
     """
 
     block = Merge

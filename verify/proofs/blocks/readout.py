@@ -23,11 +23,6 @@ class ReadoutChecker(Checker[ReadoutConfig]):
 
     A step is a move of the reference, where the ports show it (``shows_steps``). Else it is the taxel's own decision:
     ``TaxelChecker`` proves that the reference moves with it.
-
-    Attributes
-    ----------
-    watch : In(bits)
-        Index of the taxel, constant.
     """
 
     block = Readout

@@ -25,10 +25,7 @@ from eskin.verify.proofs.checker import Checker, Property, before, implies
 class RegistersChecker(Checker[ReadoutConfig]):
     """Checker of the register file; bus and counted signals are free.
 
-    Attributes
-    ----------
-    watch : In(bits)
-        A register, any, for good; and a bit of the mask.
+    ``watch`` is any register, for good; and a bit of the mask.
     """
 
     block: ClassVar[type[RegisterFile]] = RegisterFile
