@@ -8,7 +8,7 @@ import random
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, overload
+from typing import Any, Literal, TypeVar, overload
 
 from cocotb.triggers import Timer
 
@@ -16,6 +16,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.tiles.config import config_of
 
 C = TypeVar("C")
+Simulator = Literal["verilator", "icarus"]
 JOB = "ESKIN_BLOCK_JOB"
 """Environment variable with the job of a block-level test, as JSON."""
 

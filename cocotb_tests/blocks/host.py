@@ -9,21 +9,17 @@ import random
 from collections import Counter
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cocotb
 import numpy as np
 
-from eskin.cocotb_tests.bench.block import JOB, Block, Checker, job, report
+from eskin.cocotb_tests.bench.block import JOB, Block, Checker, Simulator, job, report
 from eskin.cocotb_tests.bench.spi import Timing, any_word, traffic, waveform
 from eskin.cocotb_tests.runner.simulator import build
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.fields import SETTABLE
 from eskin.model.registers.description import Register, registers
-
-if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
-
 
 CLOCKS = 6000
 

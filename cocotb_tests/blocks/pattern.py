@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cocotb
 
 from eskin.cocotb_tests.bench.block import Block, Checker, job, report
-from eskin.cocotb_tests.runner.block import cosimulate
-from eskin.model.config import ReadoutConfig
 from eskin.model.registers import pattern
-
-if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 CLOCKS = 2500
 
@@ -57,8 +50,3 @@ async def pattern_follows_its_model(dut: Any) -> None:
         await block.edge()
         pattern.advance(state, now, (config.rows, config.columns), restart, taken)
     report(check.counts)
-
-
-def play(config: ReadoutConfig, simulator: Simulator, test: str, folder: Path, seed: int) -> Counter[str]:
-    """Run a cocotb test of this file and return its counts."""
-    return cosimulate(config, simulator, "eskin_pattern", test, folder, seed, __name__)

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cocotb
 
 from eskin.cocotb_tests.bench.block import Block, Checker, job, report
 from eskin.cocotb_tests.bench.spi import any_word
-from eskin.cocotb_tests.runner.block import cosimulate
-from eskin.model.config import ReadoutConfig
 from eskin.model.registers.description import registers
 from eskin.model.registers.file import RegisterFile, Write
-
-if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
-
 
 CLOCKS = 1500
 
@@ -61,8 +53,3 @@ async def file_follows_its_model(dut: Any) -> None:
         if rst:
             file.reset()
     report(check.counts)
-
-
-def play(config: ReadoutConfig, simulator: Simulator, test: str, folder: Path, seed: int) -> Counter[str]:
-    """Run a cocotb test of this file and return its counts."""
-    return cosimulate(config, simulator, "eskin_registers", test, folder, seed, __name__)

@@ -6,18 +6,14 @@ import json
 import random
 from collections import Counter, deque
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cocotb
 import numpy as np
 
-from eskin.cocotb_tests.bench.block import Block, Checker, Sink, job, report
+from eskin.cocotb_tests.bench.block import Block, Checker, Simulator, Sink, job, report
 from eskin.cocotb_tests.runner.block import cosimulate
 from eskin.model.tiles.config import TilesConfig
-
-if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
-
 
 FIELDS = ("row", "col", "polarity")
 

