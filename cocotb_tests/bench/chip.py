@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eskin.cocotb_tests.bench.block import signed_words
 from eskin.cocotb_tests.bench.readout import Bench, Mismatch, breaches
 from eskin.model.address_events import Events
 from eskin.model.classifier.chip import channels_of, clocks_of, events_of
@@ -50,7 +51,7 @@ class ChipRun:
         classes = []
         for line in (folder / "classes.txt").read_text().splitlines():
             *numbers, word = line.split()
-            classes.append([*map(int, numbers), _signed(int(word, 16), config.classes, config.evidence_bits)])
+            classes.append([*map(int, numbers), signed_words(int(word, 16), config.classes, config.evidence_bits)])
         offered, taken, channel = events.T
         return cls(offered, taken, channel, left - 1 if left else None, classes, spikes)
 
@@ -195,8 +196,3 @@ def _same(what: str, expected: list[Any], got: list[Any], again: str) -> None:
     at = next((n for n, (a, b) in enumerate(zip(expected, got, strict=False)) if a != b), min(len(expected), len(got)))
     wanted, found = ([*some, "nothing"][min(at, len(some))] for some in (expected, got))
     raise Mismatch(f"{what}, number {at}: model {json.dumps(wanted)}, RTL {json.dumps(found)}\nreproduce: {again}")
-
-
-def _signed(word: int, count: int, bits: int) -> list[int]:
-    parts = [word >> number * bits & (1 << bits) - 1 for number in range(count)]
-    return [part - (part >> bits - 1 << bits) for part in parts]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from eskin.cocotb_tests.bench.block import Block, Checker
+from eskin.cocotb_tests.bench.block import Block, Checker, signed_words
 from eskin.model.classifier.config import ClassifierConfig, highest, lowest
 from eskin.model.classifier.file import neuron_image, weight_image
 from eskin.model.classifier.network import IntegerNetwork
@@ -86,16 +86,12 @@ class ClassifierBench:
                 spike = block.read(f"{name}_spike")
                 trace.append((block.read(f"{name}_index"), block.read_signed(f"{name}_potential"), spike))
         if block.read("class_valid"):
-            seen.classes.append((clock, block.read("class_index"), self._evidence()))
+            evidence = signed_words(block.read("evidence"), self.config.classes, self.config.evidence_bits)
+            seen.classes.append((clock, block.read("class_index"), evidence))
         elif seen.classes:
             winner = block.read("class_index")
             self.check.holds("ClassHeldBetweenBins", winner == seen.classes[-1][1], (winner, seen.classes[-1]))
         await block.edge()
-
-    def _evidence(self) -> list[int]:
-        bits, word = self.config.evidence_bits, self.block.read("evidence")
-        parts = [word >> number * bits & (1 << bits) - 1 for number in range(self.config.classes)]
-        return [part - (part >> bits - 1 << bits) for part in parts]
 
     def _compare(self, stimulus: Stimulus, seen: Seen, run: ClassifierRun) -> None:
         holds, counts, config = self.check.holds, self.check.counts, self.config

@@ -197,10 +197,9 @@ class Prepared:
     """A run whose stimulus and expected events were computed outside the simulator."""
 
     name: str
-    # its length, and the requests that wait at its end
     clocks: int
-    outstanding: int
     folder: str
+    outstanding: int = 0  # requests that wait at its end
     # the fields of the ``Draw`` that it is of; no scenario then, and nothing need happen in it
     draw: dict[str, Any] | None = None
     reproduce: str = ""  # command that repeats its mismatch, if it has its own

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import atomic_write
+from eskin.base.files import atomic_write, make_folder
 from eskin.base.workers.pool import MOST_DEATHS
 from eskin.cocotb_tests.runner.build_cache import BUILD, scratch_folder
 from eskin.cocotb_tests.runner.inputs import Material
@@ -50,7 +50,7 @@ def play_here(
     job: Job,
     arrays: dict[str, NDArray[Any]],
     folder: Path,
-    on_run: Callable[[dict[str, Any]], None] | None = None,
+    on_run: Callable[[dict[str, Any]], None] = lambda run: None,
 ) -> Tally:
     """Run a job in a folder, and return the totals."""
     arrays_at = write_arrays(folder, arrays)
@@ -75,6 +75,15 @@ def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> PartResult:
         return PartResult(tally, {name: (events / f"{name}.npz").read_bytes() for name in job.played})
 
     return until_it_lives("replay", play)
+
+
+def store(folder: Path, files: dict[str, bytes], on_run: Callable[[], object]) -> None:
+    """Write result files into a folder, each as a whole."""
+    for name, content in files.items():
+        make_folder(folder, Path(name).parent)
+        with atomic_write(folder / f"{name}.npz") as file:
+            file.write(content)
+        on_run()
 
 
 def until_it_lives(name: str, play: Callable[[Path], T]) -> T:

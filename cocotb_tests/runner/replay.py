@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from eskin.base.errors import InputError
-from eskin.base.files import atomic_write, make_folder
+from eskin.base.files import make_folder
 from eskin.base.workers.cluster import Needs
 from eskin.base.workers.pool import WorkerPool, each
-from eskin.cocotb_tests.runner.chunk import job_of, play_part
+from eskin.cocotb_tests.runner.chunk import job_of, play_part, store
 from eskin.cocotb_tests.runner.inputs import Material, Textures, chosen
 from eskin.cocotb_tests.runner.player import Job
 from eskin.cocotb_tests.runner.process import Tally
@@ -123,11 +123,7 @@ def play(plan: Plan, missing: list[str], pool: WorkerPool, on_run: Callable[[], 
     jobs = ((plan.job(names, every_clock=missing[0]), plan.material.arrays(names)) for names in parts)
     for played in each(pool, play_part, jobs):
         total += played.tally
-        for name, content in played.files.items():
-            make_folder(plan.events, Path(name).parent)
-            with atomic_write(plan.events / f"{name}.npz") as file:
-                file.write(content)
-            on_run()
+        store(plan.events, played.files, on_run)
     return total
 
 

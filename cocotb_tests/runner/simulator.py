@@ -71,23 +71,15 @@ class SimulationDied(AssertionError):  # it may be done again
     """Raised if a simulation crashed or was killed."""
 
 
+@dataclass(frozen=True, eq=False)
 class Build:
-    """A simulation program.
+    """A simulation program, in a folder for its top, configuration and simulator that is reused for equal sources."""
 
-    The folder is one per top, configuration and simulator, and is reused while its sources are the same. ``on_tested``
-    is called with the program and the folder of every run that passed.
-    """
-
-    def __init__(
-        self,
-        folder: Path,
-        top: str,
-        simulator: Simulator,
-        waves: bool,
-        on_tested: Callable[[Build, Path], None] | None = None,
-    ) -> None:
-        self.folder, self.top, self.simulator, self.waves = folder, top, simulator, waves
-        self.on_tested = on_tested
+    folder: Path
+    top: str
+    simulator: Simulator
+    waves: bool  # whether it leaves a waveform
+    on_tested: Callable[[Build, Path], None] | None = None  # called with the folder of every run that passed
 
     def test(self, module: str, folder: Path, testcase: str | None = None, env: dict[str, str] | None = None) -> None:
         """Run the cocotb tests of a module.
@@ -320,7 +312,11 @@ def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:
     """Return the macros and parameters of the harness for a configuration."""
     if isinstance(config, ChipConfig):
         defines, widths = shape(config.readout)
-        return defines | _chip_macros(config.classifier), widths | _chip_parameters(config.classifier)
+        network = config.classifier
+        defines |= {"CHIP": "1"} | ({"OUTPUT_SPIKES": "1"} if network.readout == "spikes" else {})
+        widths |= {parameter: len(getattr(Classifier(network), port)) for parameter, port in CHIP_WIDTHS.items()}
+        words = {"WEIGHT_WORDS": network.weight_words, "NEURON_WORDS": network.neuron_words}
+        return defines, widths | words | {"CLOCKS_PER_BIN": network.clocks_per_bin}
     assert isinstance(config, ReadoutConfig)
     macros = {
         "ANALOG": config.frontend == "analog",
@@ -344,14 +340,3 @@ def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:
         "BEYOND": int(config.encoder.strict),
     }
     return {name: "1" for name, on in macros.items() if on}, parameters
-
-
-def _chip_macros(config: ClassifierConfig) -> dict[str, str]:
-    return {"CHIP": "1"} | ({"OUTPUT_SPIKES": "1"} if config.readout == "spikes" else {})
-
-
-def _chip_parameters(config: ClassifierConfig) -> dict[str, int]:
-    ports = {name: len(getattr(Classifier(config), name)) for name in CHIP_WIDTHS.values()}
-    widths = {parameter: ports[name] for parameter, name in CHIP_WIDTHS.items()}
-    words = {"WEIGHT_WORDS": config.weight_words, "NEURON_WORDS": config.neuron_words}
-    return widths | words | {"CLOCKS_PER_BIN": config.clocks_per_bin}

@@ -14,10 +14,10 @@ from typing import Any
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import atomic_write, make_folder, read_arrays
+from eskin.base.files import make_folder, read_arrays
 from eskin.base.workers.pool import WorkerPool, each
 from eskin.cocotb_tests.bench.textures import large_enough
-from eskin.cocotb_tests.runner.chunk import until_it_lives, write_arrays
+from eskin.cocotb_tests.runner.chunk import store, until_it_lives, write_arrays
 from eskin.cocotb_tests.runner.inputs import Material, Own, Textures, chosen
 from eskin.cocotb_tests.runner.process import follow
 from eskin.cocotb_tests.runner.simulator import Build, build, require_programs
@@ -259,11 +259,7 @@ def play(plan: Plan, pool: WorkerPool, on_run: Callable[[], object]) -> None:
     """Simulate the missing inputs in parallel, and store the results."""
     require_programs("verilator")
     for files in each(pool, play_part, plan.parts(pool.workers)):
-        for name, content in files.items():
-            make_folder(plan.folder, Path(name).parent)
-            with atomic_write(plan.folder / f"{name}.npz") as file:
-                file.write(content)
-            on_run()
+        store(plan.folder, files, on_run)
 
 
 def result_of(path: Path) -> dict[str, Any]:

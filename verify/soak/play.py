@@ -9,17 +9,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from eskin.base.errors import InputError
 from eskin.cocotb_tests.bench.draw import MOST_TAXELS, Draw
-from eskin.cocotb_tests.bench.readout import Prepared, StimulusDriver
 from eskin.cocotb_tests.runner.build_cache import BUILD, scratch_folder
 from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 from eskin.cocotb_tests.runner.player import Job
-from eskin.cocotb_tests.runner.process import MismatchFound, Tally, run_job
+from eskin.cocotb_tests.runner.process import MismatchFound, Tally, prepare, run_job
 from eskin.cocotb_tests.runner.simulator import build
-from eskin.model.readout import simulate
 
 
 def command(draw: Draw, simulator: Simulator) -> str:
@@ -33,24 +29,19 @@ def command(draw: Draw, simulator: Simulator) -> str:
     return " ".join(words)
 
 
-def play(draws: Sequence[Draw], simulator: Simulator, on_run: Callable[[Any], None] | None = None) -> Tally:
+def play(draws: Sequence[Draw], simulator: Simulator, on_run: Callable[[Any], None] = lambda run: None) -> Tally:
     """Simulate random runs of one configuration, and return the comparison totals."""
     config = draws[0].config
     program = build(config, simulator)
     with scratch_folder(BUILD / "run", "soak") as folder:
-        prepared = [_prepare(draw, simulator, folder / str(number)) for number, draw in enumerate(draws)]
+        prepared = [_prepared(draw, simulator, folder / str(number)) for number, draw in enumerate(draws)]
         return run_job(program, Job(config.to_dict(), "", scenarios=prepared), folder, on_run)
 
 
-def _prepare(draw: Draw, simulator: Simulator, place: Path) -> dict[str, Any]:
-    """Write stimulus and expected events of a run into a folder; return the parameters of the testbench."""
-    place = place.resolve()
-    place.mkdir()
-    stimulus = draw.stimulus
-    StimulusDriver(draw.config, place).write(stimulus)
-    np.save(place / "expected.npy", simulate(draw.config, stimulus))
+def _prepared(draw: Draw, simulator: Simulator, place: Path) -> dict[str, Any]:
+    """Prepare a run in a folder."""
     name, again = f"seed {draw.seed}, run {draw.run}", command(draw, simulator)
-    return asdict(Prepared(name, draw.clocks, 0, str(place), asdict(draw), again))
+    return prepare(draw.config, name, draw.stimulus, place, draw=asdict(draw), reproduce=again)
 
 
 @dataclass(frozen=True)
