@@ -84,6 +84,32 @@ class Checker(Block[Config]):
         m.d.comb += getattr(self, f"holds_{name}").eq(holds)
         self._said.add(name)
 
+    @staticmethod
+    def count_up(m: Module, number: Signal, clears: Any, counts: Any, start: Any = 0) -> Signal:
+        """Count clocks from ``start`` in a signal; clearing comes first."""
+        with m.If(clears):
+            m.d.sync += number.eq(start)
+        with m.Elif(counts):
+            m.d.sync += number.eq(number + 1)
+        return number
+
+    @staticmethod
+    def unchanged(m: Module, valid: Any, ready: Any, payload: Value, names: tuple[str, str]) -> tuple[Value, Signal]:
+        """Return whether an offer that waits stays as it is, and whether one waits."""
+        waits = before(m, valid & ~ready, names[0])
+        same = payload == before(m, payload, names[1]) if len(payload) else Const(1)
+        return implies(waits, valid & same), waits
+
+    @staticmethod
+    def fair(m: Module, given: Any, asks: Any, other: Any) -> tuple[Any, Any]:
+        """Return whether one is never given twice while the other asks, and whether the other was owed its turn."""
+        due, waits = Signal(name="owed"), asks & ~other
+        with m.If(given):
+            m.d.sync += due.eq(waits)
+        with m.Elif(due):
+            m.d.sync += due.eq(waits)
+        return ~(due & given & asks & ~other), due & other
+
     def finish(self, m: Module) -> Module:
         """Return the module; raise an error for an undefined property or assumption."""
         left = {p.name for p in self.proved} | set(self.assumptions)

@@ -125,9 +125,8 @@ class ArbiterChecker(Checker[ReadoutConfig]):
 
     def _stream(self, m: Module) -> None:
         payload = Cat(getattr(self, n) for n in ("event_row", "event_col", "event_polarity") if self.has(n))
-        waits = before(m, self.event_valid & ~self.event_ready, "waits")
-        same = payload == before(m, payload, "payload") if len(payload) else Const(1)
-        self.promise(m, "payload_stable", implies(waits, self.event_valid & same), waits)
+        stable = self.unchanged(m, self.event_valid, self.event_ready, payload, ("waits", "payload"))
+        self.promise(m, "payload_stable", *stable)
 
     def _order(self, m: Module) -> None:
         asked, granted = self.row_request.any(), self.granted.any()
@@ -167,10 +166,7 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         self.promise(m, "exactly_one_event", implies(takes & latched, mine), takes & latched)
 
         ahead = Signal(range(columns + 1))
-        with m.If(takes):
-            m.d.sync += ahead.eq(0)
-        with m.Elif(leaves & (ahead != columns)):
-            m.d.sync += ahead.eq(ahead + 1)
+        self.count_up(m, ahead, takes, leaves & (ahead != columns))
         self.promise(m, "in_turn", implies(latched, ahead < columns), mine & (ahead == columns - 1))
 
         # Events that left since the request was raised, the one that leaves now not counted; kept when it is latched.
@@ -178,10 +174,7 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         after = Signal(range(bound + 2))
         m.d.comb += after.eq(waited + (leaves & (waited != bound)))
         m.d.sync += waited.eq(after & (requests & ~takes).replicate(len(after)))
-        with m.If(takes):
-            m.d.sync += kept.eq(after)
-        with m.Elif(leaves & (kept != bound)):
-            m.d.sync += kept.eq(kept + 1)
+        self.count_up(m, kept, takes, leaves & (kept != bound), start=after)
         late = (latched & (kept >= bound)) | (waited >= bound)
         self.promise(m, "no_starvation", ~late, mine & (kept == bound - 1))
 
@@ -196,14 +189,7 @@ class ArbiterChecker(Checker[ReadoutConfig]):
             return
         grants = Cat(grant.replicate(self.config.columns) for grant in self.granted)
         takes, rival = (bit_of(self.request & grants, taxel) for taxel in (self.watch, self.rival))
-        # The rival has asked all the time since the watched taxel was granted, and was not granted.
-        owed = Signal()
-        asks = bit_of(self.request, self.rival) & ~rival
-        with m.If(takes):
-            m.d.sync += owed.eq(asks)
-        with m.Elif(owed):
-            m.d.sync += owed.eq(asks)
-        self.promise(m, "fairness", ~(owed & takes & bit_of(self.request, self.rival) & ~rival), owed & rival)
+        self.promise(m, "fairness", *self.fair(m, takes, bit_of(self.request, self.rival), rival))
 
     def _names(self, taxel: Signal) -> Any:
         """Return whether the address of the event is that of a taxel."""

@@ -59,13 +59,9 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         }
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
-        count = Signal(range(self.config.events_per_bin + 1), name="events_of_bin")
-        full = count == self.config.events_per_bin
-        m.d.comb += self.event_valid.eq(free("event_valid", 1) & ~full)
-        with m.If(self.bin_end | self.scan_start):
-            m.d.sync += count.eq(0)
-        with m.Elif(self.event_valid & self.event_ready):
-            m.d.sync += count.eq(count + 1)
+        events = Signal(range(self.config.events_per_bin + 1), name="events_of_bin")
+        m.d.comb += self.event_valid.eq(free("event_valid", 1) & ~(events == self.config.events_per_bin))
+        self.count_up(m, events, self.bin_end | self.scan_start, self.event_valid & self.event_ready)
         return {"event_valid"}
 
     def _look(self, m: Module) -> None:
@@ -74,10 +70,7 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         clears = config.hidden + config.classes + 2
         self.taken = self.event_valid & self.event_ready
         events = Signal(range(config.events_per_bin + 2))
-        with m.If(self.bin_end | self.scan_start):
-            m.d.sync += events.eq(0)
-        with m.Elif(self.taken & (events <= config.events_per_bin)):
-            m.d.sync += events.eq(events + 1)
+        self.count_up(m, events, self.bin_end | self.scan_start, self.taken & (events <= config.events_per_bin))
         self.suppose(m, "events_fit", events <= config.events_per_bin)
         self.left = Signal(range(clears + 1), init=clears)
         m.d.sync += self.left.eq(Mux(self.scan_start, clears, self.left - (self.left != 0)))
@@ -115,12 +108,8 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
 
     def _count(self, m: Module, more: Value, ends: Value, most: int, name: str) -> Signal:
         """Return the number of additions in a bin, counted up to one above the limit."""
-        count = Signal(range(most + 2), name=name)
-        with m.If(ends | self.scan_start):
-            m.d.sync += count.eq(0)
-        with m.Elif(more & (count <= most)):
-            m.d.sync += count.eq(count + 1)
-        return count
+        added = Signal(range(most + 2), name=name)
+        return self.count_up(m, added, ends | self.scan_start, more & (added <= most))
 
 
 class ScheduleChecker(_ClassifierChecker):
@@ -227,16 +216,10 @@ class ScheduleChecker(_ClassifierChecker):
         config = self.config
         most = config.groups + 2 * self._longest + config.hidden + config.classes + 2
         waits = Signal(range(most + 2))
-        with m.If(self.event_ready | self.bin_end | self.scan_start):
-            m.d.sync += waits.eq(0)
-        with m.Elif(waits <= most):
-            m.d.sync += waits.eq(waits + 1)
+        self.count_up(m, waits, self.event_ready | self.bin_end | self.scan_start, waits <= most)
         self.promise(m, "ready_in_time", waits <= most, self.event_ready & (waits > config.hidden))
         stalls = Signal(STALL_BITS)
-        with m.If(self.scan_start):
-            m.d.sync += stalls.eq(0)
-        with m.Elif(self.event_valid & ~self.event_ready & ~stalls.all()):
-            m.d.sync += stalls.eq(stalls + 1)
+        self.count_up(m, stalls, self.scan_start, self.event_valid & ~self.event_ready & ~stalls.all())
         self.promise(m, "stalls_counted", self.stall_count == stalls, stalls != 0)
 
 

@@ -58,10 +58,7 @@ class FrameChecker(Checker[FrameConfig]):
         self.promise(m, "taxels_in_order", selected, self.adc_start & row[-1] & column[-1])
         self.promise(m, "one_conversion_each", implies(self.adc_start, scan & ~converting), self.adc_start)
         waited = Signal(range(settle + 6))
-        with m.If(~scan | converting):
-            m.d.sync += waited.eq(0)
-        with m.Elif(waited != settle + 5):
-            m.d.sync += waited.eq(waited + 1)
+        self.count_up(m, waited, ~scan | converting, waited != settle + 5)
         self.promise(m, "settled", implies(self.adc_start, waited >= settle), self.adc_start & (waited == settle))
         stuck = Signal(range(settle + 6))
         m.d.sync += stuck.eq(
@@ -107,6 +104,5 @@ class FrameChecker(Checker[FrameConfig]):
         behind = Signal(range(6))
         m.d.sync += behind.eq((behind + (behind != 5)) & ((into != out) & self.word_ready & ~ends).replicate(3))
         self.promise(m, "frame_completes", behind < 4, (into != out) & ends)
-        waits = before(m, self.word_valid & ~self.word_ready, "waits")
         word = Cat(self.word_data, self.word_sync)
-        self.promise(m, "word_stable", implies(waits, self.word_valid & (word == before(m, word, "word"))), waits)
+        self.promise(m, "word_stable", *self.unchanged(m, self.word_valid, self.word_ready, word, ("waits", "word")))

@@ -152,10 +152,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
             bound = (self.config.rows + 1) * self.config.columns + 2
             clocks = Signal(range(bound + 2))
             waiting = (now != 0) & self.event_ready & ~event
-            with m.If(event | (now == 0)):
-                m.d.sync += clocks.eq(0)
-            with m.Elif(waiting & (clocks <= bound)):
-                m.d.sync += clocks.eq(clocks + 1)
+            self.count_up(m, clocks, event | (now == 0), waiting & (clocks <= bound))
             self.promise(
                 m, "leaves_in_time", implies(steady, clocks < bound), event & steady & (clocks >= self.config.columns)
             )
@@ -163,18 +160,12 @@ class ReadoutChecker(Checker[ReadoutConfig]):
     def _masked(self, m: Module, enable: Signal, event: Signal) -> None:
         most = 1 if self.config.link == "stream" else 2
         left = Signal(range(most + 2))
-        with m.If(enable):
-            m.d.sync += left.eq(0)
-        with m.Elif(event & (left <= most)):
-            m.d.sync += left.eq(left + 1)
+        self.count_up(m, left, enable, event & (left <= most))
         self.promise(m, "masked_is_silent", left <= most, ~enable & (left == most))
         if self.config.link == "stream":
             bound = self.config.columns + 1
             clocks = Signal(range(bound + 1))
-            with m.If(enable):
-                m.d.sync += clocks.eq(0)
-            with m.Elif(self.event_ready & (clocks != bound)):
-                m.d.sync += clocks.eq(clocks + 1)
+            self.count_up(m, clocks, enable, self.event_ready & (clocks != bound))
             self.promise(m, "masked_for_good", implies(~enable & (clocks == bound), ~event), ~enable & event)
 
 

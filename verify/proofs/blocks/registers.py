@@ -146,14 +146,12 @@ class RegistersChecker(Checker[ReadoutConfig]):
             for field in register.fields:
                 if field.kind == "counter":
                     bits = min(field.width, self.block.counter_bits)
-                    count = Signal(bits, name=f"{register.name}_count")
-                    with m.If(self.clear):
-                        m.d.sync += count.eq(0)
-                    with m.Elif(getattr(self, register.signal(field) + COUNTS) & (count != (1 << bits) - 1)):
-                        m.d.sync += count.eq(count + 1)
+                    number = Signal(bits, name=f"{register.name}_count")
+                    counts = getattr(self, register.signal(field) + COUNTS)
+                    self.count_up(m, number, self.clear, counts & (number != (1 << bits) - 1))
                     here = self.address == register.address
-                    right.append(implies(here, self.read_data == count))
-                    seen.append(here & (count == 3))
+                    right.append(implies(here, self.read_data == number))
+                    seen.append(here & (number == 3))
         self.promise(m, "counted_once", Cat(right).all(), Cat(seen).any())
 
 
@@ -268,7 +266,7 @@ class HostChecker(Checker[ReadoutConfig]):
 
     def _at(self, address: Value, words: dict[str, Signal]) -> tuple[Value, Value]:
         """Return the word at an address, and whether a counter is there."""
-        counters = {register.key for register, _ in self._fields("counter")}
+        counters = [register.key for register, _ in self._fields("counter")]
         addresses = {register.key: register.address for register in registers(self.config)}
         found = [words[key] & (address == place).replicate(WORD_BITS) for key, place in addresses.items()]
         return or_tree(found), Cat(address == addresses[key] for key in counters).any()
