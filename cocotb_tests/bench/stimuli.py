@@ -89,16 +89,8 @@ SINK_PERIOD = 4096
 """Clocks, or edges of REQ, after which the pattern of a sink repeats."""
 
 
-def _ready_always(rng: np.random.Generator) -> NDArray[np.uint8]:
-    return np.ones(SINK_PERIOD, np.uint8)
-
-
 def _ready_random(rng: np.random.Generator) -> NDArray[np.uint8]:
     return (rng.random(SINK_PERIOD) < 0.6).astype(np.uint8)
-
-
-def _ready_slow(rng: np.random.Generator) -> NDArray[np.uint8]:
-    return (np.arange(SINK_PERIOD) % 7 == 6).astype(np.uint8)
 
 
 def _ready_stuck(rng: np.random.Generator) -> NDArray[np.uint8]:
@@ -108,7 +100,12 @@ def _ready_stuck(rng: np.random.Generator) -> NDArray[np.uint8]:
     return ready
 
 
-READY = {"always": _ready_always, "random": _ready_random, "slow": _ready_slow, "stuck": _ready_stuck}
+READY: dict[str, Callable[[np.random.Generator], NDArray[np.uint8]]] = {
+    "always": lambda rng: np.ones(SINK_PERIOD, np.uint8),
+    "random": _ready_random,
+    "slow": lambda rng: (np.arange(SINK_PERIOD) % 7 == 6).astype(np.uint8),
+    "stuck": _ready_stuck,
+}
 """Sinks of the stream link: event_ready per clock."""
 
 

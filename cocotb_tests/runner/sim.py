@@ -104,7 +104,9 @@ def plan(
         raise InputError(f"textures and seed must be at least 0 and ticks at least 1, not {textures}, {seed}, {ticks}")
     data = open_dataset(dataset or "embedded")
     material = Textures(data, dataset or "embedded")
-    picked = [data[number].name for number in _one_of_each_class(data.labels, textures)]
+    labels = data.labels
+    of_each_class = sorted(range(len(labels)), key=lambda i: (sum(labels[:i] == labels[i]), labels[i]))
+    picked = [data[number].name for number in of_each_class[:textures]]
     if only is not None:
         picked = [named(material, only)]
     if ticks is None and (waves or simulator == "icarus"):
@@ -186,9 +188,3 @@ def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_st
         draw(config, name, plan.samples(config, name), plan.out / place, plan.image(config, name))
     on_stage("done")
     return tally
-
-
-def _one_of_each_class(labels: Any, count: int) -> list[int]:
-    """Return the indices of textures from alternating classes."""
-    order = sorted(range(len(labels)), key=lambda i: (sum(labels[:i] == labels[i]), labels[i]))
-    return order[:count]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -118,18 +118,13 @@ def judge(reached: Reached, listed: list[Waiver], whole: bool = True) -> Verdict
     for construct, waiver in found.items():
         if waiver.proof:
             key = construct.module, construct.text
-            claims.setdefault(key, {})[construct] = claim(construct, _became_1(reached, construct), reached.texts[key])
+            rise = replace(construct, what=f"{construct.what.partition(':')[0]}:0->1")
+            became_1 = reached.counts.get(rise, 0) > 0
+            claims.setdefault(key, {})[construct] = claim(construct, became_1, reached.texts[key])
     for (module, text), of_module in claims.items():
         failed = unproved(reached.texts[module, text], module, of_module)
         problems += [f"reason not proved: {construct.said}" for construct in failed]
     return Verdict(found, problems)
-
-
-def _became_1(reached: Reached, construct: Construct) -> bool:
-    """Return True if a simulation set the bit of a toggle construct to 1."""
-    bit = construct.what.partition(":")[0]
-    rise = Construct(**{**asdict(construct), "what": f"{bit}:0->1"})
-    return reached.counts.get(rise, 0) > 0
 
 
 def closing_line(reached: Reached, verdict: Verdict) -> str:

@@ -86,19 +86,14 @@ def upsets(config: ReadoutConfig, calm: bool, slow: int = 0, stride: int = 1, fl
         yield from _judged(config, gates, (played, calm), codes, part)
 
 
-def own_taxel(config: ReadoutConfig, flop: str) -> int:
-    """Return the taxel of a flop, or ``NOBODY`` for a shared flop."""
-    place = TAXEL.match(flop)
-    return int(place[1]) * config.columns + int(place[2]) if place else NOBODY
-
-
 def _judged(
     config: ReadoutConfig, gates: Gates, run: tuple[Course, bool], codes: NDArray[np.int16], part: list[tuple[int, int]]
 ) -> Iterator[Upset]:
     """Return the outcomes of runs by comparison with run 0, which has no bit flip."""
     played, calm = run
     names = [name_of(gates, flop) for _, flop in part]
-    own = np.array([own_taxel(config, name) for name in names])
+    places = [TAXEL.match(name) for name in names]
+    own = np.array([int(at[1]) * config.columns + int(at[2]) if at else NOBODY for at in places])
     good, runs = codes[:, :1], codes[:, 1:]
     differs = runs != good
     of_own = (_taxel(runs) == own) | (_taxel(good) == own)
@@ -119,7 +114,8 @@ def _judged(
     wrong = np.abs(net[1::2] - net[::2])
     kept = np.all(played.stimulus.enable, axis=0, keepdims=True).T  # a mask puts a reference back
     counts = kept & (np.arange(config.taxels)[:, None] != own)
-    off = (wrong * counts).sum(axis=0) if adds_up(config) else np.full(len(part), -1)
+    adds_up = config.has_polarity and not config.encoder.leaks and not config.closes  # by one fixed step per event
+    off = (wrong * counts).sum(axis=0) if adds_up else np.full(len(part), -1)
     for lane, (name, (clock, _)) in enumerate(zip(names, part, strict=True)):
         lost, added = int(-others[:, lane].clip(max=0).sum()), int(others[:, lane].clip(min=0).sum())
         own_differ = OWN if own_last[lane] >= 0 else NOTHING
@@ -132,11 +128,6 @@ def _answers(config: ReadoutConfig, codes: NDArray[np.int16], played: Course) ->
     """Return the events after each sample tick by taxel and polarity, shape (2 * taxels, ticks, runs)."""
     codes = codes[: played.last]
     return np.stack([np.add.reduceat(codes == kind, played.ticks, axis=0) for kind in range(2 * config.taxels)])
-
-
-def adds_up(config: ReadoutConfig) -> bool:
-    """Return True if the reference moves by one fixed step per ON or OFF event."""
-    return config.has_polarity and not config.encoder.leaks and not config.closes
 
 
 def slack(config: ReadoutConfig) -> int:

@@ -115,19 +115,15 @@ def _masks(config: ReadoutConfig) -> Named:
         "disabled for a single clock",
         any_of(f"{t}.enable && !$past({t}.enable) && $past({t}.enable, 2)" for *_, t in taxels),
     )
+    crossed = "({0}.above || {0}.below)" if config.has_polarity else "{0}.above"
     yield (
         "disabled in the clock in which it would ask",
         any_of(
-            f"!{t}.enable && $past({t}.enable && !{t}.pending && !{t}.asks) && {_crossed(config, t)}"
-            for *_, t in taxels
+            f"!{t}.enable && $past({t}.enable && !{t}.pending && !{t}.asks) && {crossed.format(t)}" for *_, t in taxels
         ),
     )
     yield "all taxels disabled", "!rst && taxel_enable == 0"
     yield "one taxel alone enabled", "!rst && $onehot(taxel_enable)"
-
-
-def _crossed(config: ReadoutConfig, taxel: str) -> str:
-    return f"({taxel}.above || {taxel}.below)" if config.has_polarity else f"{taxel}.above"
 
 
 def _resets(config: ReadoutConfig) -> Named:

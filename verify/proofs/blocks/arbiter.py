@@ -135,7 +135,7 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         wraps = granted & (self.granted <= last)
         self.promise(m, "row_order", ~jumps, wraps & asked)
         if self.config.columns > 1:
-            row = self.event_row if self.has("event_row") else Const(0)
+            row, _ = self._address
             goes_on = before(m, self.event_valid & self.event_ready & ~granted, "goes_on") & self.event_valid
             again = goes_on & before(m, self.event_valid, "valid")
             rises = (self.event_col > before(m, self.event_col, "column")) & (row == before(m, row, "row"))
@@ -149,7 +149,8 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         requests, grants = bit_of(self.request, self.watch), Cat(grant.replicate(columns) for grant in self.granted)
         takes = requests & bit_of(grants, self.watch)
         leaves = self.event_valid & self.event_ready
-        named = self.event_valid & self._names(self.watch)
+        row, column = self._address
+        named = self.event_valid & (row * self.config.columns + column == self.watch)
         mine = leaves & named
         latched = Signal()
         m.d.sync += latched.eq(takes | (latched & ~mine))
@@ -162,7 +163,8 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         with m.If(~latched & ~requests | mine):
             m.d.sync += clocks.eq(0)
         self.promise(m, "leaves_in_time", clocks != bound, mine & (clocks >= columns))
-        self.promise(m, "address_correct", implies(named, latched) & self._exists(), named)
+        exists = ~self.event_valid | ((row < self.config.rows) & (column < self.config.columns))
+        self.promise(m, "address_correct", implies(named, latched) & exists, named)
         self.promise(m, "exactly_one_event", implies(takes & latched, mine), takes & latched)
 
         ahead = Signal(range(columns + 1))
@@ -191,14 +193,9 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         takes, rival = (bit_of(self.request & grants, taxel) for taxel in (self.watch, self.rival))
         self.promise(m, "fairness", *self.fair(m, takes, bit_of(self.request, self.rival), rival))
 
-    def _names(self, taxel: Signal) -> Any:
-        """Return whether the address of the event is that of a taxel."""
-        row = self.event_row if self.has("event_row") else Const(0)
-        column = self.event_col if self.has("event_col") else Const(0)
-        return row * self.config.columns + column == taxel
-
-    def _exists(self) -> Any:
-        """Return whether the address of the event belongs to the array."""
-        row = self.event_row if self.has("event_row") else Const(0)
-        column = self.event_col if self.has("event_col") else Const(0)
-        return ~self.event_valid | ((row < self.config.rows) & (column < self.config.columns))
+    @property
+    def _address(self) -> tuple[Any, Any]:
+        """Row and column of the event."""
+        fields = ("event_row", "event_col")
+        row, column = (getattr(self, name) if self.has(name) else Const(0) for name in fields)
+        return row, column

@@ -87,7 +87,7 @@ class MergeChecker(Checker[TilesConfig]):
         """Track the events of one tile: those in the merge, and the offered event."""
         tiles = self.config.tiles
         given = bit_of(taken, self.watch)
-        mine = leaves & self._names(self.watch)
+        mine = leaves & (self._tile() == self.watch)
         inside = Signal(range(DEPTH + 2))
         m.d.sync += inside.eq(inside + given - mine)
         payload = (
@@ -130,10 +130,6 @@ class MergeChecker(Checker[TilesConfig]):
 
     def _tile(self) -> Any:
         return self.event_tile if self.has("event_tile") else Const(0, 1)
-
-    def _names(self, tile: Signal) -> Any:
-        """Return whether the offered event comes from a tile."""
-        return self._tile() == tile
 
 
 class RelayChecker(Checker[TilesConfig]):

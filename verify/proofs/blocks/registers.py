@@ -48,7 +48,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
     def elaborate(self, platform: Any) -> Module:
         m = Module()
         found = registers(self.config)
-        self._words(m, [register for register in found if _settings(register)])
+        self._words(m, [register for register in found if all(field.kind == "setting" for field in register.fields)])
         self._fixed(m, found)
         self._mask(m, [register for register in found if register.name.startswith("mask")])
         self._pulses(m, found)
@@ -58,7 +58,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
     def _words(self, m: Module, found: list[Register]) -> None:
         """Track the word of the watched register, and check every setting."""
         address, reset, described, allowed = (
-            self._of_watched(list(values))
+            or_tree([value & (self.watch == i).replicate(len(value)) for i, value in enumerate(values)])
             for values in (
                 (Const(r.address, WORD_BITS) for r in found),
                 (Const(r.reset, WORD_BITS) for r in found),
@@ -80,10 +80,6 @@ class RegistersChecker(Checker[ReadoutConfig]):
                     ranges.append((value >= field.least) & (value <= field.most))
                     moved.append(value != field.reset)
         self.promise(m, "always_in_range", Cat(ranges).all(), Cat(moved).any())
-
-    def _of_watched(self, values: list[Value]) -> Value:
-        """Return the value of the watched register."""
-        return or_tree([value & (self.watch == i).replicate(len(value)) for i, value in enumerate(values)])
 
     def _allowed(self, register: Register) -> Value:
         """Return whether the write data are allowed in a register."""
@@ -192,7 +188,8 @@ class HostChecker(Checker[ReadoutConfig]):
 
         bits = before(m, value["resolution_bits"], "bits")
         begun = before(m, Const(1, 1), "begun")
-        step = Cat((begun & (bits == n)) | (~begun & (n == self.config.resolution)) for n in self._resolutions)
+        highest = self.config.resolution
+        step = Cat((begun & (bits == n)) | (~begun & (n == highest)) for n in range(highest, 0, -1))
         good, moved = self.step == step, ~self.step[0]
         for name in SETTINGS:
             if self.has(name):
@@ -226,11 +223,6 @@ class HostChecker(Checker[ReadoutConfig]):
     def _transfers(self, m: Module) -> Any:
         """Return the words that the host writes, with their addresses."""
         return Transfers(m, self, self.block.slave())
-
-    @property
-    def _resolutions(self) -> range:
-        """Resolutions in the order of the bits of ``step``."""
-        return range(self.config.resolution, 0, -1)
 
     def _fields(self, kind: str) -> list[tuple[Register, Any]]:
         return [(r, field) for r in registers(self.config) for field in r.fields if field.kind == kind]
@@ -297,7 +289,3 @@ class ShortHostChecker(HostChecker):
     """Checker of the host interface with short addresses and words."""
 
     block = ShortHost
-
-
-def _settings(register: Register) -> bool:
-    return all(field.kind == "setting" for field in register.fields)
