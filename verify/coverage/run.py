@@ -127,13 +127,23 @@ def judge(reached: Reached, listed: list[Waiver], whole: bool = True) -> Verdict
     return Verdict(found, problems)
 
 
+def _of_kinds(reached: Reached, verdict: Verdict) -> dict[str, dict[str, int]]:
+    """Return how many constructs of each kind there are, were reached, and have a reason why they were not."""
+    found = {}
+    for kind in KINDS:
+        own = reached.of(kind)
+        found[kind] = {
+            "total": len(own),
+            "reached": sum(reached.counts[construct] > 0 for construct in own),
+            "explained": sum(construct in verdict.explained for construct in own),
+        }
+    return found
+
+
 def closing_line(reached: Reached, verdict: Verdict) -> str:
     """Return the final message of ``make coverage``."""
-    parts = []
-    for kind, word in zip(KINDS, ("lines", "branches", "toggles", "conditions"), strict=True):
-        own = reached.of(kind)
-        done = sum(reached.counts[construct] > 0 or construct in verdict.explained for construct in own)
-        parts.append(f"{done:,} of {len(own):,} {word}")
+    words = zip(_of_kinds(reached, verdict).values(), ("lines", "branches", "toggles", "conditions"), strict=True)
+    parts = [f"{own['reached'] + own['explained']:,} of {own['total']:,} {word}" for own, word in words]
     hit = sum(count > 0 for count in reached.points.values())
     told = f"{', '.join(parts)} ({len(verdict.explained):,} explained)"
     return f"coverage: {told}, {hit:,} of {len(reached.points):,} points"
@@ -141,14 +151,6 @@ def closing_line(reached: Reached, verdict: Verdict) -> str:
 
 def summary(reached: Reached, verdict: Verdict) -> dict[str, Any]:
     """Return the result as a dictionary for JSON."""
-    constructs = {}
-    for kind in KINDS:
-        own = reached.of(kind)
-        constructs[kind] = {
-            "total": len(own),
-            "reached": sum(reached.counts[construct] > 0 for construct in own),
-            "explained": sum(construct in verdict.explained for construct in own),
-        }
     reasons: dict[str, dict[str, Any]] = {}
     for waiver in verdict.explained.values():
         line = reasons.setdefault(waiver.reason, {"constructs": 0, "proved": waiver.proof})
@@ -161,7 +163,7 @@ def summary(reached: Reached, verdict: Verdict) -> dict[str, Any]:
     modules = Counter(construct.module for construct in reached.counts)
     return {
         "result": closing_line(reached, verdict),
-        "constructs": constructs,
+        "constructs": _of_kinds(reached, verdict),
         "modules": dict(sorted(modules.items())),
         "reasons": reasons,
         "points": groups,
