@@ -6,8 +6,8 @@ import contextlib
 import json
 import os
 import re
-from collections.abc import AsyncIterator, Iterator
-from dataclasses import asdict, dataclass, field
+from collections.abc import AsyncIterator, Callable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +29,7 @@ JOB = "ESKIN_JOB"
 class Job:
     """The runs of one simulation."""
 
-    config: dict[str, Any]  # fields of the ReadoutConfig
+    config: dict[str, Any]  # fields of the ReadoutConfig, or of the ChipConfig
     reproduce: str  # the command that shows a mismatch again
     seed: int | None = None  # play the scenarios of this seed, if any
     scenarios: list[dict[str, Any]] = field(default_factory=list)  # these, as they were prepared
@@ -45,10 +45,7 @@ class Job:
     keep: str = ""  # folder for the RTL's events, a file per scan; empty for none
     # the names for which the harness skips the clocks in which the readout is not awake, if it can
     skip: list[str] = field(default_factory=list)
-
-    def write(self, path: Path) -> None:
-        """Write the job to a JSON file."""
-        path.write_text(json.dumps(asdict(self)))
+    network: str = ""  # file of the integer network of a chip
 
 
 @dataclass(frozen=True)
@@ -93,16 +90,27 @@ def _samples_of(job: Job, config: ReadoutConfig, image: Any) -> tuple[Any, dict[
 
 
 @contextlib.contextmanager
-def told_to_the_caller() -> Iterator[None]:
-    """Write the message of a mismatch to mismatch.txt, and that of an input error to refused.txt."""
-    try:
-        yield
-    except Mismatch as mismatch:
-        Path("mismatch.txt").write_text(str(mismatch))
-        raise
-    except InputError as refused:
-        Path("refused.txt").write_text(str(refused))
-        raise
+def given_job() -> Iterator[tuple[Job, Callable[[dict[str, Any]], None]]]:
+    """Yield the job, and a function that writes a finished run to progress.jsonl.
+
+    The message of a mismatch goes to mismatch.txt, and that of an input error to refused.txt.
+    """
+    parent = os.getppid()
+    with Path("progress.jsonl").open("w", buffering=1) as progress:
+
+        def tell(run: dict[str, Any]) -> None:
+            progress.write(json.dumps(run) + "\n")
+            if os.getppid() != parent:  # who asked for this was killed
+                raise SystemExit(1)
+
+        try:
+            yield Job(**json.loads(Path(os.environ[JOB]).read_text())), tell
+        except Mismatch as mismatch:
+            Path("mismatch.txt").write_text(str(mismatch))
+            raise
+        except InputError as refused:
+            Path("refused.txt").write_text(str(refused))
+            raise
 
 
 async def _play_scenarios(bench: Bench, job: Job, config: ReadoutConfig) -> AsyncIterator[dict[str, Any]]:
@@ -142,13 +150,9 @@ async def _play_scans(bench: Bench, job: Job, config: ReadoutConfig) -> AsyncIte
 @cocotb.test()
 async def play(dut: Any) -> None:
     """Play all runs of a job, compare them with the model, and write progress to progress.jsonl."""
-    job = Job(**json.loads(Path(os.environ[JOB]).read_text()))
-    config = ReadoutConfig.from_dict(job.config)
-    bench = Bench(dut, config, Path.cwd())
-    parent = os.getppid()
-    with Path("progress.jsonl").open("w", buffering=1) as progress, told_to_the_caller():
+    with given_job() as (job, tell):
+        config = ReadoutConfig.from_dict(job.config)
+        bench = Bench(dut, config, Path.cwd())
         for played in (_play_scenarios, _play_scans):
             async for told in played(bench, job, config):
-                progress.write(json.dumps(told) + "\n")
-                if os.getppid() != parent:  # who asked for this was killed
-                    raise SystemExit(1)
+                tell(told)

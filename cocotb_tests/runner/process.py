@@ -80,10 +80,8 @@ def run_job(
     with refusing_a_full_disk(folder):
         if job.seed is not None:
             job = dataclasses.replace(job, scenarios=_scenarios(job, folder / "scenarios"))
-        job.write(folder / "job.json")
-        environment = {JOB: str((folder / "job.json").resolve())}
         try:
-            return follow(program, "eskin.cocotb_tests.runner.player", environment, folder, on_run)
+            return follow(program, "eskin.cocotb_tests.runner.player", job, folder, on_run)
         finally:
             shutil.rmtree(folder / "scenarios", ignore_errors=True)
 
@@ -91,19 +89,21 @@ def run_job(
 def follow(
     program: Build,
     module: str,
-    environment: dict[str, str],
+    job: Job,
     folder: Path,
     on_run: Callable[[dict[str, Any]], None] = lambda run: None,
 ) -> Tally:
-    """Start the cocotb test ``module`` in a folder, report each finished run, and return the totals."""
+    """Start the cocotb test ``module`` with a job in a folder, report each finished run, and return the totals."""
     progress, mismatch, refused = folder / "progress.jsonl", folder / "mismatch.txt", folder / "refused.txt"
     for old in (progress, mismatch, refused):
         old.unlink(missing_ok=True)
+    path = (folder / "job.json").resolve()
+    path.write_text(json.dumps(asdict(job)))
     failure: list[BaseException] = []
 
     def simulate() -> None:
         try:
-            program.test(module, folder, "play", environment)
+            program.test(module, folder, "play", {JOB: str(path)})
         except BaseException as error:
             failure.append(error)
 

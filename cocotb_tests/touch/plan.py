@@ -19,9 +19,9 @@ from eskin.base.workers.pool import WorkerPool, each
 from eskin.cocotb_tests.bench.textures import large_enough
 from eskin.cocotb_tests.runner.chunk import store, until_it_lives, write_arrays
 from eskin.cocotb_tests.runner.inputs import Material, Own, Textures, chosen
+from eskin.cocotb_tests.runner.player import Job
 from eskin.cocotb_tests.runner.process import follow
 from eskin.cocotb_tests.runner.simulator import Build, build, require_programs
-from eskin.cocotb_tests.touch.player import JOB, Job
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
@@ -140,7 +140,7 @@ class Plan:
             }
             for name in names
         }
-        return Job(str(network.path.resolve()), network.chip.to_dict(), played, reproduce=self.again)
+        return Job(network.chip.to_dict(), self.again, played=played, network=str(network.path.resolve()))
 
     def _samples(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
         arrays = self.material.arrays(names)
@@ -248,8 +248,7 @@ def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> dict[str, bytes]:
         for name in job.played:
             make_folder(keep, Path(name).parent)
         full = dataclasses.replace(job, arrays=str(write_arrays(running, arrays)), keep=str(keep))
-        full.write(running / "job.json")
-        follow(program, "eskin.cocotb_tests.touch.player", {JOB: str(running / "job.json")}, running)
+        follow(program, "eskin.cocotb_tests.touch.player", full, running)
         return {name: (keep / f"{name}.npz").read_bytes() for name in job.played}
 
     return until_it_lives("touch", play)
