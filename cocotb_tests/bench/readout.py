@@ -227,13 +227,10 @@ class Bench:
         With ``skip`` the harness skips the clocks in which the readout is not awake, if it can (see harness.v).
         """
         self.driver.write(stimulus)
-        self.dut.skipping.value = int(skip and bool(stimulus.ready.all()))
-        events, errors = await self._go()
-        self.dut.skipping.value = 0
-        return events, errors
+        return await self._go(skip and bool(stimulus.ready.all()))
 
-    async def _go(self) -> tuple[Events, int]:
-        errors = await self._done()
+    async def _go(self, skip: bool = False) -> tuple[Events, int]:
+        errors = await self._done(skip)
         try:
             if errors == STUCK:
                 raise Mismatch("the request stays high or unknown in reset, so no run can begin")
@@ -241,7 +238,8 @@ class Bench:
         except Mismatch as problem:
             raise Mismatch(f"{problem}; reproduce: {self.scoreboard.reproduce}") from None
 
-    async def _done(self) -> int:
+    async def _done(self, skip: bool) -> int:
+        self.dut.skipping.value = int(skip)
         self.dut.go.value = int(self.dut.done.value) + 1
         await ValueChange(self.dut.done)
         self.scoreboard.breach = int(self.dut.breach.value)
@@ -253,10 +251,7 @@ class Bench:
         With ``skip`` the harness skips the clocks in which the chip is not awake, if it can (see harness.v).
         """
         self.driver.write(stimulus)
-        self.dut.skipping.value = int(skip)
-        errors = await self._done()
-        self.dut.skipping.value = 0
-        return errors
+        return await self._done(skip)
 
     async def check(self, name: str, stimulus: Stimulus, skip: bool = False) -> Events:
         """Play a stimulus and compare RTL and model; return the events; ``skip`` as for ``play``."""

@@ -202,8 +202,3 @@ def inside(gates: Gates, pattern: str = "") -> list[int]:
     """Return the indices of the block's own flops whose names match a pattern."""
     own = re.compile(rf"({DUT}\.|(?={TIMER}\.)){pattern}")
     return [number for number, name in enumerate(gates.flops) if own.match(name)]
-
-
-def name_of(gates: Gates, flop: int) -> str:
-    """Return the name of a flop of a block."""
-    return gates.flops[flop].removeprefix(f"{DUT}.")

@@ -16,7 +16,7 @@ from eskin.model.readout import Stimulus
 from eskin.model.registers.description import WORD_BYTES, Register, registers
 from eskin.model.registers.spi import HIGH_CLOCKS, LOW_CLOCKS, LOW_CLOCKS_TO_READ, Pins, transfer
 from eskin.rtl.readout import Readout
-from eskin.verify.faults.bench import bench_gates, inside, name_of
+from eskin.verify.faults.bench import bench_gates, inside
 from eskin.verify.faults.outcomes import (
     CHANGED,
     MOVED,
@@ -83,8 +83,7 @@ def upsets(config: ReadoutConfig, mode: int = 0, stride: int = 1, flops: str = H
         stays = np.abs(left_alone).max(axis=0) > near
         stops = np.abs(left_alone.sum(axis=0)) > near
         never = misread[written].any(axis=0) | (np.abs(_more(config, codes[written])).max(axis=0) > slack(config))
-        for lane, (clock, flop) in enumerate(part, 1):
-            name = name_of(gates, flop)
+        for lane, (clock, name) in enumerate(part, 1):
             passes = CHANGED if changed[lane] else MOVED if last[lane] >= 0 else NOTHING
             outcome = NEVER if never[lane] else WRITTEN if stays[lane] else passes
             if TRANSFER.match(name):

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from eskin.model.config import ReadoutConfig
 from eskin.model.readout import simulate as simulate_model
 from eskin.rtl.readout import Readout
-from eskin.verify.faults.bench import bench_gates, inside, name_of
-from eskin.verify.faults.gate_design import Gates
+from eskin.verify.faults.bench import bench_gates, inside
 from eskin.verify.faults.parallel import last_clock, upset_runs
 from eskin.verify.faults.scenario import Course, codes_of, course, events_of
 
@@ -83,16 +82,15 @@ def upsets(config: ReadoutConfig, calm: bool, slow: int = 0, stride: int = 1, fl
         found = events_of(config, codes[:, 0])
         if not len(expected) or not np.array_equal(found[: len(expected)], expected):
             raise UnlikeModel(f"{config.encoding}, {config.link}: the gates do not give the model's events")
-        yield from _judged(config, gates, (played, calm), codes, part)
+        yield from _judged(config, (played, calm), codes, part)
 
 
 def _judged(
-    config: ReadoutConfig, gates: Gates, run: tuple[Course, bool], codes: NDArray[np.int16], part: list[tuple[int, int]]
+    config: ReadoutConfig, run: tuple[Course, bool], codes: NDArray[np.int16], part: list[tuple[int, str]]
 ) -> Iterator[Upset]:
     """Return the outcomes of runs by comparison with run 0, which has no bit flip."""
     played, calm = run
-    names = [name_of(gates, flop) for _, flop in part]
-    places = [TAXEL.match(name) for name in names]
+    places = [TAXEL.match(flop) for _, flop in part]
     own = np.array([int(at[1]) * config.columns + int(at[2]) if at else NOBODY for at in places])
     good, runs = codes[:, :1], codes[:, 1:]
     differs = runs != good
@@ -116,7 +114,7 @@ def _judged(
     counts = kept & (np.arange(config.taxels)[:, None] != own)
     adds_up = config.has_polarity and not config.encoder.leaks and not config.closes  # by one fixed step per event
     off = (wrong * counts).sum(axis=0) if adds_up else np.full(len(part), -1)
-    for lane, (name, (clock, _)) in enumerate(zip(names, part, strict=True)):
+    for lane, (clock, name) in enumerate(part):
         lost, added = int(-others[:, lane].clip(max=0).sum()), int(others[:, lane].clip(min=0).sum())
         own_differ = OWN if own_last[lane] >= 0 else NOTHING
         outcome = NEVER if never[lane] else CHANGED if lost or added else MOVED if other_last[lane] >= 0 else own_differ

@@ -117,6 +117,10 @@ class Checker(Block[Config]):
             raise AssertionError(f"{type(self).__name__} says nothing of {', '.join(sorted(left - self._said))}")
         return m
 
+    def port(self, name: str) -> Any:
+        """Return an input or output of the checker, 0 if the configuration lacks it."""
+        return getattr(self, name) if self.has(name) else Const(0)
+
     def has(self, name: str) -> bool:
         """Return True if the checker has an input or output of that name."""
         return name in self.signature.members

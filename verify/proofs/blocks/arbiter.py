@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, ClassVar
 
-from amaranth.hdl import Cat, Const, Module, Signal
+from amaranth.hdl import Cat, Module, Signal
 from amaranth.lib.wiring import In
 
 from eskin.model.config import ReadoutConfig
@@ -135,7 +135,7 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         wraps = granted & (self.granted <= last)
         self.promise(m, "row_order", ~jumps, wraps & asked)
         if self.config.columns > 1:
-            row, _ = self._address
+            row = self.port("event_row")
             goes_on = before(m, self.event_valid & self.event_ready & ~granted, "goes_on") & self.event_valid
             again = goes_on & before(m, self.event_valid, "valid")
             rises = (self.event_col > before(m, self.event_col, "column")) & (row == before(m, row, "row"))
@@ -149,7 +149,7 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         requests, grants = bit_of(self.request, self.watch), Cat(grant.replicate(columns) for grant in self.granted)
         takes = requests & bit_of(grants, self.watch)
         leaves = self.event_valid & self.event_ready
-        row, column = self._address
+        row, column = self.port("event_row"), self.port("event_col")
         named = self.event_valid & (row * self.config.columns + column == self.watch)
         mine = leaves & named
         latched = Signal()
@@ -192,10 +192,3 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         grants = Cat(grant.replicate(self.config.columns) for grant in self.granted)
         takes, rival = (bit_of(self.request & grants, taxel) for taxel in (self.watch, self.rival))
         self.promise(m, "fairness", *self.fair(m, takes, bit_of(self.request, self.rival), rival))
-
-    @property
-    def _address(self) -> tuple[Any, Any]:
-        """Row and column of the event."""
-        fields = ("event_row", "event_col")
-        row, column = (getattr(self, name) if self.has(name) else Const(0) for name in fields)
-        return row, column

@@ -145,8 +145,7 @@ class ScheduleChecker(_ClassifierChecker):
         group = self.rival[: config.row_bits]
         real = (group < config.groups) & (self.watch < config.hidden + config.inputs)
         adds = self.lane_0_add_valid & (self.read == Cat(group, self.watch)) & real
-        channel = self.event_channel if config.channel_bits else Const(0)
-        arrives = self.taken & (channel + config.hidden == self.watch) & real
+        arrives = self.taken & (self.port("event_channel") + config.hidden == self.watch) & real
         owed = Signal(3)
         with m.If(self.scan_start):
             m.d.sync += owed.eq(0)

@@ -118,8 +118,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         config = self.config
         event = Signal(name="event_leaves")
         if config.link == "stream":
-            row = self.event_row if self.has("event_row") else Const(0)
-            column = self.event_col if self.has("event_col") else Const(0)
+            row, column = self.port("event_row"), self.port("event_col")
             leaves = self.event_valid & self.event_ready
             polarity = self.event_polarity if config.has_polarity else None
         else:
