@@ -31,11 +31,6 @@ class Block:
     Everything has a fixed place within a clock, so that all simulators behave equally: inputs change with the falling
     edge, settle, are checked, and only then comes the rising edge. A clock takes two time steps, and inputs that keep
     their values are not written, because steps and writes are most of the time of a run.
-
-    Attributes
-    ----------
-    time : int
-        Clocks since the simulation began.
     """
 
     HALF_PS = 5_000
@@ -45,7 +40,7 @@ class Block:
         self.pins: dict[str, Any] = {}
         self.driven: dict[str, int] = {}
         self.settled = False
-        self.time = 0
+        self.time = 0  # clocks since the simulation began
         self.dut.clk.value = 0
 
     def pin(self, name: str) -> Any:

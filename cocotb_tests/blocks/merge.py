@@ -51,17 +51,7 @@ class MergeReference:
 
 
 class MergeBench:
-    """A merge with tiles, sink and reference model, and a log for the golden model.
-
-    Attributes
-    ----------
-    offers : list
-        Event offered by each tile, or None.
-    first_offered, given : list of lists
-        Events of each tile, with the clocks in which they were first offered.
-    taken, ready, left : list
-        Clocks in which events were taken; the sink's ready in every clock; clock, tile and payload of what left.
-    """
+    """A merge with tiles, sink and reference model, and a log for the golden model."""
 
     def __init__(self, dut: Any, config: TilesConfig, rng: random.Random, tiles: int) -> None:
         self.config, self.rng, self.tiles = config, rng, tiles
@@ -74,11 +64,11 @@ class MergeBench:
     def clear(self) -> None:
         """Clear the log for a new run."""
         self.offers: list[Payload | None] = [None] * self.tiles
-        self.first_offered: list[list[int]] = [[] for _ in range(self.tiles)]
+        self.first_offered: list[list[int]] = [[] for _ in range(self.tiles)]  # clocks of the events given
         self.given: list[list[Payload]] = [[] for _ in range(self.tiles)]
-        self.taken: list[int] = []
-        self.ready: list[int] = []
-        self.left: list[tuple[int, int, Payload]] = []
+        self.taken: list[int] = []  # clocks
+        self.ready: list[int] = []  # in every clock
+        self.left: list[tuple[int, int, Payload]] = []  # clock, tile and payload
         self.reference.reset()
 
     def event(self) -> Payload:

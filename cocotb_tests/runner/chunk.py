@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,14 +21,6 @@ from eskin.cocotb_tests.runner.simulator import Build, SimulationDied, build
 from eskin.model.config import ReadoutConfig
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class PartResult:
-    """Result of one task."""
-
-    tally: Tally
-    files: dict[str, bytes]  # event files by name
 
 
 def job_of(material: Material, names: Sequence[str], config: ReadoutConfig, program: Build, again: str) -> Job:
@@ -65,14 +56,14 @@ def write_arrays(folder: Path, arrays: dict[str, NDArray[Any]]) -> Path:
     return path
 
 
-def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> PartResult:
-    """Run a job on this machine and return its event files; restart a crashed simulation."""
+def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> tuple[Tally, dict[str, bytes]]:
+    """Run a job on this machine and return totals and event files; restart a crashed simulation."""
     program = build(ReadoutConfig.from_dict(job.config), "verilator")
 
-    def play(running: Path) -> PartResult:
+    def play(running: Path) -> tuple[Tally, dict[str, bytes]]:
         events = running / "events"
         tally = play_here(program, dataclasses.replace(job, keep=str(events.resolve())), arrays, running)
-        return PartResult(tally, {name: (events / f"{name}.npz").read_bytes() for name in job.played})
+        return tally, {name: (events / f"{name}.npz").read_bytes() for name in job.played}
 
     return until_it_lives("replay", play)
 

@@ -121,9 +121,9 @@ def play(plan: Plan, missing: list[str], pool: WorkerPool, on_run: Callable[[], 
     parts = [missing[at : at + size] for at in range(0, len(missing), size)]
     total = Tally()
     jobs = ((plan.job(names, every_clock=missing[0]), plan.material.arrays(names)) for names in parts)
-    for played in each(pool, play_part, jobs):
-        total += played.tally
-        store(plan.events, played.files, on_run)
+    for tally, files in each(pool, play_part, jobs):
+        total += tally
+        store(plan.events, files, on_run)
     return total
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import astuple, dataclass, field
@@ -27,14 +28,13 @@ UNCOUNTED = "/* verilator coverage_off */\n"
 class Counts:
     """Coverage counts of several simulations."""
 
-    counts: dict[Construct, int] = field(default_factory=dict)
+    counts: Counter[Construct] = field(default_factory=Counter)
     # a Verilog text that holds it, for each module's name and digest
     texts: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def add(self, counted: str, verilog: str) -> None:
         """Add the coverage counts of one simulation."""
-        for construct, count in read(counted, verilog, TEXT).items():
-            self.counts[construct] = self.counts.get(construct, 0) + count
+        self.counts.update(read(counted, verilog, TEXT))
         plain = POINT.sub("", verilog)
         self.texts |= {(module.name, module.digest): plain for module in modules(plain)}
 
@@ -50,7 +50,7 @@ class Counts:
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Counts:
         """Return the counts for a dictionary written by ``to_dict``."""
-        counts = {Construct(*fields): count for *fields, count in content["constructs"]}
+        counts = Counter({Construct(*fields): count for *fields, count in content["constructs"]})
         return cls(counts, {(name, own): content["texts"][at] for name, own, at in content["modules"]})
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,14 +81,14 @@ def modules(verilog: str) -> list[Module]:
     return found
 
 
-def read(counts: str, verilog: str, file: str) -> dict[Construct, int]:
+def read(counts: str, verilog: str, file: str) -> Counter[Construct]:
     """Return the number of times that each construct of a Verilog text was covered.
 
     ``counts`` is Verilator's ``coverage.dat``: lines ``C 'key' count``, whose key has names and values set off by the
     characters 1 and 2. What belongs to another file than ``file`` is left out.
     """
     starts = {n: module for module in modules(verilog) for n in range(module.first, module.last + 1)}
-    found: dict[Construct, int] = {}
+    found: Counter[Construct] = Counter()
     for key, count in COUNT.findall(counts):
         fields = dict(FIELD.findall(key))
         if Path(fields["f"]).name != file:
@@ -99,7 +100,7 @@ def read(counts: str, verilog: str, file: str) -> dict[Construct, int]:
         own = Construct(
             kind, module.name, module.digest, number - module.first + 1, int(fields["n"]), fields["o"], source
         )
-        found[own] = found.get(own, 0) + int(count)
+        found[own] += int(count)
     return found
 
 

@@ -36,11 +36,11 @@ KINDS = ("line", "branch", "toggle", "condition")
 class Reached:
     """Coverage of several runs together."""
 
-    counts: dict[Construct, int] = field(default_factory=dict)  # how often, over all runs
+    counts: Counter[Construct] = field(default_factory=Counter)  # how often, over all runs
     # a Verilog text that holds it, for each module's name and digest
     texts: dict[tuple[str, str], str] = field(default_factory=dict)
     # how often, for every functional point by its group and name
-    points: dict[tuple[str, str], int] = field(default_factory=dict)
+    points: Counter[tuple[str, str]] = field(default_factory=Counter)
     runs: list[str] = field(default_factory=list)
 
     def add(self, name: str, counts: Counts, wanted: Iterable[Point]) -> None:
@@ -51,11 +51,10 @@ class Reached:
             if construct.kind == "point":
                 by_label[construct.what] += count
             else:
-                self.counts[construct] = self.counts.get(construct, 0) + count
+                self.counts[construct] += count
         self.texts |= counts.texts
         for point in wanted:
-            key = point.group, point.name
-            self.points[key] = self.points.get(key, 0) + by_label[f"point_{point.label}"]
+            self.points[point.group, point.name] += by_label[f"point_{point.label}"]
 
     def of(self, kind: str) -> list[Construct]:
         """Return all constructs of a kind."""
@@ -88,7 +87,8 @@ def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], No
         key = [run.name, _fields(run.config), [asdict(point) for point in wanted]]
         counts = Counts.from_dict(pieces.of(digest(key), partial(_played, run, folder)))
         if run.only:
-            counts.counts = {c: n for c, n in counts.counts.items() if c.kind == "point" or c.module in run.only}
+            kept = {c: n for c, n in counts.counts.items() if c.kind == "point" or c.module in run.only}
+            counts.counts = Counter(kept)
         reached.add(run.name, counts, wanted)
         own = [count for construct, count in counts.counts.items() if construct.kind != "point"]
         on_run(run.name, len(own), sum(count > 0 for count in own))
@@ -119,7 +119,7 @@ def judge(reached: Reached, listed: list[Waiver], whole: bool = True) -> Verdict
         if waiver.proof:
             key = construct.module, construct.text
             rise = replace(construct, what=f"{construct.what.partition(':')[0]}:0->1")
-            became_1 = reached.counts.get(rise, 0) > 0
+            became_1 = reached.counts[rise] > 0
             claims.setdefault(key, {})[construct] = claim(construct, became_1, reached.texts[key])
     for (module, text), of_module in claims.items():
         failed = unproved(reached.texts[module, text], module, of_module)

@@ -85,13 +85,17 @@ class Checker(Block[Config]):
         self._said.add(name)
 
     @staticmethod
-    def count_up(m: Module, number: Signal, clears: Any, counts: Any, start: Any = 0) -> Signal:
-        """Count clocks from ``start`` in a signal; clearing comes first."""
+    def keep(m: Module, value: Signal, clears: Any, when: Any, new: Any, start: Any = 0) -> Signal:
+        """Set a register to ``start`` if it is cleared, else to a new value when there is one."""
         with m.If(clears):
-            m.d.sync += number.eq(start)
-        with m.Elif(counts):
-            m.d.sync += number.eq(number + 1)
-        return number
+            m.d.sync += value.eq(start)
+        with m.Elif(when):
+            m.d.sync += value.eq(new)
+        return value
+
+    def count_up(self, m: Module, number: Signal, clears: Any, counts: Any, start: Any = 0) -> Signal:
+        """Count clocks from ``start`` in a signal; clearing comes first."""
+        return self.keep(m, number, clears, counts, number + 1, start)
 
     @staticmethod
     def unchanged(m: Module, valid: Any, ready: Any, payload: Value, names: tuple[str, str]) -> tuple[Value, Signal]:
@@ -100,14 +104,10 @@ class Checker(Block[Config]):
         same = payload == before(m, payload, names[1]) if len(payload) else Const(1)
         return implies(waits, valid & same), waits
 
-    @staticmethod
-    def fair(m: Module, given: Any, asks: Any, other: Any) -> tuple[Any, Any]:
+    def fair(self, m: Module, given: Any, asks: Any, other: Any) -> tuple[Any, Any]:
         """Return whether one is never given twice while the other asks, and whether the other was owed its turn."""
         due, waits = Signal(name="owed"), asks & ~other
-        with m.If(given):
-            m.d.sync += due.eq(waits)
-        with m.Elif(due):
-            m.d.sync += due.eq(waits)
+        self.keep(m, due, given, due, waits, start=waits)
         return ~(due & given & asks & ~other), due & other
 
     def finish(self, m: Module) -> Module:

@@ -86,10 +86,7 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         self.output = self.output_valid | self.clears
         turns = self.spike | self.output
         self.turn = Signal(range(max(config.classes, 2)))
-        with m.If(self.scan_start):
-            m.d.sync += self.turn.eq(0)
-        with m.Elif(turns):
-            m.d.sync += self.turn.eq(Mux(self.turn == config.classes - 1, 0, self.turn + 1))
+        self.keep(m, self.turn, self.scan_start, turns, Mux(self.turn == config.classes - 1, 0, self.turn + 1))
 
     def _added(self, m: Module, neuron: Any, name: str) -> tuple[Value, Value, Signal, Signal]:
         """Return whether a neuron gets a weight, whether it is preset, and the rows and events added in this bin."""
@@ -267,11 +264,7 @@ class SumsChecker(_ClassifierChecker):
     def _begun(self, m: Module, begins: Value, name: str) -> Signal:
         """Return whether a given condition has occurred since the start of the scan."""
         begun = Signal(name=f"{name}_begun")
-        with m.If(self.scan_start):
-            m.d.sync += begun.eq(0)
-        with m.Elif(begins):
-            m.d.sync += begun.eq(1)
-        return begun
+        return self.keep(m, begun, self.scan_start, begins, 1)
 
     def _neurons(self, m: Module, added: list[tuple[Value, Value, Signal, Signal]]) -> None:
         config = self.config
@@ -357,10 +350,7 @@ class SumsChecker(_ClassifierChecker):
             rest = stays = _leaked(rest, leak)
             if synapse.shift:
                 stays = _leaked(total, synapse)
-                with m.If(self.scan_start):
-                    m.d.sync += rested.eq(0)
-                with m.Elif(self.output & own):
-                    m.d.sync += rested.eq(Mux(self.clears, 0, rest))
+                self.keep(m, rested, self.scan_start, self.output & own, Mux(self.clears, 0, rest))
                 rested_there = self._in_turn(self.rest_ring, bits, number, passed) == rested
             exact = Signal(signed(bits + SPARE_BITS), name=f"output_sum_{number}")
             m.d.comb += exact.eq(Mux(self.output, Mux(self.clears, 0, stays) + bias, total + weight))
@@ -395,21 +385,14 @@ class SumsChecker(_ClassifierChecker):
     def _passed(self, m: Module) -> Signal:
         """Return the next class of the evidence, which turns with the outputs alone and not with spikes."""
         passed = Signal.like(self.turn)
-        with m.If(self.scan_start):
-            m.d.sync += passed.eq(0)
-        with m.Elif(self.output):
-            m.d.sync += passed.eq(Mux(passed == self.config.classes - 1, 0, passed + 1))
-        return passed
+        following = Mux(passed == self.config.classes - 1, 0, passed + 1)
+        return self.keep(m, passed, self.scan_start, self.output, following)
 
     def _gathered(self, m: Module, gained: Value, shown: Value, name: str) -> Signal:
         """Return the sum of what a class gained since the scan began, limited to the bits of evidence."""
         evidence = Signal(signed(self.config.evidence_bits), name=name)
         more, _ = _limited(evidence + gained, self.config.evidence_bits, True)
-        with m.If(self.scan_start):
-            m.d.sync += evidence.eq(0)
-        with m.Elif(shown):
-            m.d.sync += evidence.eq(more)
-        return evidence
+        return self.keep(m, evidence, self.scan_start, shown, more)
 
     def _in_turn(self, ring: Value, bits: int, number: int, turn: Signal) -> Value:
         """Return the word of a class in a ring after a number of rotations."""
