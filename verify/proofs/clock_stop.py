@@ -146,12 +146,17 @@ def clocked(
     return Clocked(tuple(name for name in high if name not in expected), "SAT solving finished - model found" in said)
 
 
-def _flat(block: Block[Any], script: str, mutant: str) -> Any:
-    """Return a block as one flat module of simple Yosys cells and flops."""
+def rtlil_of(block: Block[Any]) -> str:
+    """Return the RTLIL of a block and of the blocks within it."""
     made = RtlilModules(async_reset=False)
     made.add(block)
+    return made.text
+
+
+def _flat(block: Block[Any], script: str, mutant: str) -> Any:
+    """Return a block as one flat module of simple Yosys cells and flops."""
     top = block.module_name
-    return json.loads(yosys.run(script.format(top=top), mutant or made.text, "flops.json"))["modules"][top]
+    return json.loads(yosys.run(script.format(top=top), mutant or rtlil_of(block), "flops.json"))["modules"][top]
 
 
 def _flops(module: Any, kinds: tuple[str, ...]) -> list[tuple[str, Any]]:
