@@ -50,18 +50,9 @@ WATCHED = 'exec 3<&0 </dev/null; (read -r _ <&3; kill -KILL 0) >/dev/null 2>&1 &
 """Runs a command; all processes of its group are killed when what writes to its standard input ends."""
 
 
-def run_watched(
-    command: Sequence[str],
-    cwd: os.PathLike[str] | str,
-    env: dict[str, str],
-    log: TextIO | None,
-    limit_s: float | None = None,
-) -> int | None:
-    """Run a command and return its exit code, or None after a timeout.
-
-    The command and all its child processes die with this process.
-    """
-    with subprocess.Popen(
+def run_watched(command: Sequence[str], cwd: os.PathLike[str] | str, env: dict[str, str], log: TextIO | None) -> int:
+    """Run a command, whose processes all die with this process, and return its exit code."""
+    return subprocess.call(
         ["sh", "-c", WATCHED, "sh", *command],
         cwd=cwd,
         env=env,
@@ -69,14 +60,7 @@ def run_watched(
         stdout=log,
         stderr=None if log is None else subprocess.STDOUT,
         start_new_session=True,
-    ) as process:
-        try:
-            return process.wait(limit_s)
-        except subprocess.TimeoutExpired:
-            assert process.stdin is not None
-            process.stdin.close()
-            process.wait()
-            return None
+    )
 
 
 class CachingVerilator(VerilatorRunner):

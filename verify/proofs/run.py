@@ -115,12 +115,12 @@ class Hunt:
         return sum(bool(failed) for failed in self.mutants.values())
 
 
-def hunt(proof: Proof, seed: int, count: int = DRAWN) -> Hunt:
+def hunt(proof: Proof, seed: int) -> Hunt:
     """Generate mutants of a block in one configuration, and find the properties that each violates."""
     checker = proof.checker(proof.config)
     found = {
         mutant.name: sorted(solve(checker, proof.depth, 0, mutant.instead, cases=False).failed)
-        for mutant in mutants(checker, count, seed)
+        for mutant in mutants(checker, DRAWN, seed)
     }
     return Hunt(proof.block, proof.size, seed, found)
 
