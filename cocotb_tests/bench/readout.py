@@ -200,9 +200,8 @@ class Prepared:
     clocks: int
     folder: str
     outstanding: int = 0  # requests that wait at its end
-    # the fields of the ``Draw`` that it is of; no scenario then, and nothing need happen in it
-    draw: dict[str, Any] | None = None
-    reproduce: str = ""  # command that repeats its mismatch, if it has its own
+    draw: dict[str, Any] | None = None  # fields of the ``Draw`` of a soak run, which may have no event
+    reproduce: str = ""  # command that repeats a mismatch, if not that of the job
 
     @property
     def expected(self) -> Events:

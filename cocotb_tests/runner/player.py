@@ -30,20 +30,20 @@ class Job:
     """The runs of one simulation."""
 
     config: dict[str, Any]  # fields of the ReadoutConfig, or of the ChipConfig
-    reproduce: str  # the command that shows a mismatch again
+    reproduce: str  # command that repeats a mismatch
     seed: int | None = None  # play the scenarios of this seed, if any
-    scenarios: list[dict[str, Any]] = field(default_factory=list)  # these, as they were prepared
+    scenarios: list[dict[str, Any]] = field(default_factory=list)  # prepared scenarios
     # scans: name of the dataset, preset (empty for samples), start row of the array in the image, and the largest
     # number of sample ticks of each scan (None for all)
     dataset: str = ""
     preset: str = ""
     start_row: float = 0.0
     ticks: int | None = None
-    # the names of what is played, each with what its recording shall say of it: class, label, proof
+    # metadata for the recording of each input, by name: class, label, proof
     played: dict[str, dict[str, Any]] = field(default_factory=dict)
-    arrays: str = ""  # an .npz with an image, or with samples, for each name, under ``array/NAME``
+    arrays: str = ""  # .npz with an image or samples for each input, under ``array/NAME``
     keep: str = ""  # folder for the RTL's events, a file per scan; empty for none
-    # the names for which the harness skips the clocks in which the readout is not awake, if it can
+    # inputs for which the harness may skip the clocks in which nothing is awake
     skip: list[str] = field(default_factory=list)
     network: str = ""  # file of the integer network of a chip
 

@@ -40,7 +40,7 @@ class Case:
     off: list[tuple[int, list[int]]] = field(default_factory=list)
     ready: list[int] = field(default_factory=lambda: [1])  # ``event_ready``, repeated
     ack_delay: list[int] = field(default_factory=lambda: [1])  # in 1/8 clock, repeated
-    # what the comparators say in the first clocks, 1 for above, 2 for below; empty: what the signal tells them
+    # decisions of the comparators in the first clocks, 1 for above, 2 for below; if empty, those of the signal
     decisions: list[list[int]] = field(default_factory=list)
 
     @property
@@ -187,7 +187,7 @@ def cases(draw: st.DrawFn, **fixed: Any) -> Case:
 class Search:
     """Result of a search."""
 
-    examples: int = 0  # cases that were played, those of the shrinking among them
+    examples: int = 0  # cases that were played, including shrinking
     case: Case | None = None  # the smallest in which RTL and model differ
     # the last configurations, elaborated: most of what a shrinking tries differs in the stimulus alone
     designs: dict[str, Design] = field(default_factory=dict)

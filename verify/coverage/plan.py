@@ -27,10 +27,9 @@ class Run:
 
     name: str
     config: Config | BoardConfig
-    # simulates a configuration in Verilator, in a folder, and holds everything to a model
-    player: Callable[[Any, Path], object]
+    player: Callable[[Any, Path], object]  # simulates a configuration in a folder, and compares it with a model
     small: bool = False  # part of the gate
-    # modules whose constructs count, all if empty: others are there as they are in other runs, and played less
+    # modules whose constructs count; all modules if empty
     only: tuple[str, ...] = ()
 
     def play(self, folder: Path) -> None:

@@ -36,11 +36,10 @@ KINDS = ("line", "branch", "toggle", "condition")
 class Reached:
     """Coverage of several runs together."""
 
-    counts: Counter[Construct] = field(default_factory=Counter)  # how often, over all runs
+    counts: Counter[Construct] = field(default_factory=Counter)  # over all runs
     # a Verilog text that holds it, for each module's name and digest
     texts: dict[tuple[str, str], str] = field(default_factory=dict)
-    # how often, for every functional point by its group and name
-    points: Counter[tuple[str, str]] = field(default_factory=Counter)
+    points: Counter[tuple[str, str]] = field(default_factory=Counter)  # by group and name
     runs: list[str] = field(default_factory=list)
 
     def add(self, name: str, counts: Counts, wanted: Iterable[Point]) -> None:

@@ -29,10 +29,10 @@ class Case:
     """A test with one kind of hostile input."""
 
     name: str
-    stated: str  # what happens then
-    # takes a configuration; returns in how many runs that was so, of how many
+    stated: str  # documented behaviour
+    # returns the number of runs with this behaviour, and the number of runs
     holds: Callable[[ReadoutConfig], tuple[int, int]]
-    link: str = ""  # the link that it is about; empty for both
+    link: str = ""  # link that the test needs; empty for any
 
 
 def _play(

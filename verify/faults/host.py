@@ -49,10 +49,10 @@ class Play:
 
     stimulus: Stimulus
     pins: list[Pins]  # of every clock from the end of reset on
-    # clocks in which flops are turned, and in which what is no setting must be as ever by itself
+    # clocks in which flops are flipped, and in which all but settings must have recovered
     upset: range
     alone: range
-    written: int  # from this clock on, after all registers were written anew, everything must be
+    written: int  # clock from which on everything must have recovered: all registers were written again
 
 
 def upsets(config: ReadoutConfig, mode: int = 0, stride: int = 1, flops: str = HOST) -> Iterator[Upset]:

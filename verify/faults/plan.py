@@ -25,8 +25,7 @@ class Trial:
     """A design whose flops are flipped, one per run."""
 
     config: Config
-    # which scenario is played, see ``eskin.verify.faults.scenario``; only readouts without registers read it
-    calm: bool = True
+    calm: bool = True  # low load, see ``eskin.verify.faults.scenario``; for readouts without registers
     slow: int = 0  # clocks that the receiver of a four-phase link takes for an edge of ACK
     stride: int = 1  # clocks from one upset of a flop to the next
     mode: int = 0  # of the test pattern, where there are registers

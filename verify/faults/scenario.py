@@ -31,7 +31,7 @@ class Course:
     # the clocks in which upsets happen, counted with those of reset, ``last`` not among them
     first: int
     last: int
-    answer: int  # the clock from which on all that differs is lasting
+    answer: int  # clock from which on every difference is lasting
     ticks: NDArray[np.int64]  # the beginning of the run, and the sample ticks before ``last``, shape (ticks + 1,)
 
 

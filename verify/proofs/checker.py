@@ -26,8 +26,7 @@ class Property:
 
     name: str  # snake case; the checker's outputs ``ok_NAME`` and ``seen_NAME`` are called after it
     meaning: str
-    # whether a configuration has anything that the property speaks of
-    applies: Callable[[Any], bool] = lambda config: True
+    applies: Callable[[Any], bool] = lambda config: True  # whether a configuration has this property
 
 
 class Checker(Block[Config]):

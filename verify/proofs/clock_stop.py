@@ -74,9 +74,9 @@ def stands_still(block: Block[Any], awake: int = 0, mutant: str = "") -> bool:
 class Clocked:
     """Registers that receive a clock in an idle block."""
 
-    # registers that are clocked, and signals ``awake`` that are high, though nobody expects it: those of one case
+    # registers that are unexpectedly clocked, and signals ``awake`` that are unexpectedly high, in one case
     others: tuple[str, ...]
-    reached: bool  # whether all that are expected can be so in one and the same case
+    reached: bool  # whether all expected ones can be so in a single case
 
 
 def clocked(

@@ -45,8 +45,8 @@ class Verdict:
     """Results of the solvers for a block."""
 
     proved: frozenset[str]  # properties that hold in every clock of every run
-    failed: dict[str, int]  # properties that fail, and in which clock at the latest search did so; the first clock is 0
-    reached: dict[str, int]  # what properties speak of, and the first clock in which it can happen
+    failed: dict[str, int]  # properties that fail, and the clock of the failure; the first clock is 0
+    reached: dict[str, int]  # properties whose case can happen, and the first clock in which it does
     depth: int  # clocks of the bounded search
     seconds: float
 

@@ -37,9 +37,9 @@ class Proof:
 
     checker: type[Checker[Any]]  # block and properties
     config: Any
-    depth: int  # clocks of the search for failures, and for what the properties speak of
+    depth: int  # clocks of the search for failures and covered cases
     small: bool = False  # part of the gate
-    hunts: bool = False  # planted bugs are looked for in it
+    hunts: bool = False  # whether mutants are generated and tested
 
     @property
     def block(self) -> str:

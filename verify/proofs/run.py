@@ -28,12 +28,12 @@ class Outcome:
 
     block: str
     property: Property
-    sizes: list[str] = field(default_factory=list)  # configurations in which it was proved
-    problems: list[str] = field(default_factory=list)  # why it counts as failed; empty where it holds
-    seconds: float = 0.0  # of all proofs of its block: the solver takes the properties of a block together
+    sizes: list[str] = field(default_factory=list)  # configurations in which the property was proved
+    problems: list[str] = field(default_factory=list)  # reasons why the property counts as failed
+    seconds: float = 0.0  # of the whole block: the solver takes its properties together
     depth: int = 0  # clocks of the deepest search for a failure
-    reached: int | None = None  # first clock in which what it speaks of happens, the least of all configurations
-    mutants: int = 0  # generated mutants by which it fails; 0 where none were drawn
+    reached: int | None = None  # first clock in which its case happens in any configuration
+    mutants: int = 0  # generated mutants that violate the property
 
     def add(self, proof: Proof, verdict: Verdict) -> None:
         """Add the result for a configuration."""
@@ -105,7 +105,7 @@ class Hunt:
 
     block: str
     size: str
-    seed: int  # with which they were drawn
+    seed: int  # seed of the mutants
     # failed properties by the arguments of Yosys' ``mutate``; none where the mutant survives
     mutants: dict[str, list[str]]
 

@@ -31,8 +31,8 @@ SMALL_CLOCKS = 20_000
 class Plan:
     """Parameters of a soak test."""
 
-    seconds: float  # after that no further run is begun, of this configuration or of another
-    seed: int  # the first
+    seconds: float  # time after which no further run begins
+    seed: int  # first seed
     clocks: int  # of each configuration
     simulator: Simulator
     folder: Path  # holds a file for every configuration that is done, and one for each that failed

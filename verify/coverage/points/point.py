@@ -16,7 +16,7 @@ class Point:
 
     group: str  # kind of readout, or block
     name: str
-    module: str  # whose names the expression speaks of
+    module: str  # module whose names the expression uses
     expression: str  # SystemVerilog, true at a rising edge of the clock where the point is reached
 
     @property

@@ -34,8 +34,8 @@ class Now:
     # those of this clock
     reference: Value
     half_width: Value
-    asks: Value  # it decides, and a comparator says so, on the scale or off it
-    acts: Value  # it raises an event at the end of this clock
+    asks: Value  # the taxel decides, and a comparator is high, on the scale or off it
+    acts: Value  # the taxel raises an event at the end of this clock
     up: Value  # direction of the step
     then: Value  # the reference after this clock, as an integer of more bits than the scale
 
