@@ -173,6 +173,13 @@ def job(read: Any = config_of) -> tuple[Any, random.Random]:
     return read(fields["config"]), random.Random(fields["seed"])
 
 
+def begin(dut: Any) -> tuple[Any, random.Random, Block, Checker]:
+    """Return configuration, random generator, block and checker of a test."""
+    config, rng = job()
+    block = Block(dut)
+    return config, rng, block, Checker(block)
+
+
 def report(counts: Counter[str]) -> None:
     """Write the check counts for pytest."""
     Path("counts.json").write_text(json.dumps(counts))

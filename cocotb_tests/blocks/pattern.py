@@ -6,7 +6,7 @@ from typing import Any
 
 import cocotb
 
-from eskin.cocotb_tests.bench.block import Block, Checker, job, report
+from eskin.cocotb_tests.bench.block import begin, report
 from eskin.model.registers import pattern
 
 CLOCKS = 2500
@@ -15,9 +15,7 @@ CLOCKS = 2500
 @cocotb.test()
 async def pattern_follows_its_model(dut: Any) -> None:
     """Play every mode at several rates, with early, late and spurious grants."""
-    config, rng = job()
-    block = Block(dut)
-    check = Checker(block)
+    config, rng, block, check = begin(dut)
     state, now = pattern.new_state(), pattern.Pattern()
     block.drive(restart=0, granted=0, **now._asdict())
     await block.reset()

@@ -6,7 +6,7 @@ from typing import Any
 
 import cocotb
 
-from eskin.cocotb_tests.bench.block import Block, Checker, job, report
+from eskin.cocotb_tests.bench.block import begin, report
 from eskin.cocotb_tests.bench.spi import any_word
 from eskin.model.registers.description import registers
 from eskin.model.registers.file import RegisterFile, Write
@@ -17,9 +17,7 @@ CLOCKS = 1500
 @cocotb.test()
 async def file_follows_its_model(dut: Any) -> None:
     """Write words in and out of range to every address, with random counter inputs."""
-    config, rng = job()
-    block = Block(dut)
-    check = Checker(block)
+    config, rng, block, check = begin(dut)
     file = RegisterFile(config)
     found = registers(config)
     counters = [r.signal(f) for r in found for f in r.fields if f.kind == "counter"]

@@ -8,7 +8,7 @@ from typing import Any
 import cocotb
 from cocotb.triggers import Timer
 
-from eskin.cocotb_tests.bench.block import Block, Checker, job, report
+from eskin.cocotb_tests.bench.block import Block, begin, report
 from eskin.cocotb_tests.bench.spi import any_word, next_address, traffic
 from eskin.model.registers.description import WORD_BITS
 from eskin.model.registers.spi import HIGH_CLOCKS, LEAD_CLOCKS, LOW_CLOCKS, LOW_CLOCKS_TO_READ, Pins, SpiSlave, transfer
@@ -24,9 +24,7 @@ def drive(block: Block, pins: Pins) -> None:
 @cocotb.test()
 async def slave_follows_its_model(dut: Any) -> None:
     """Play complete and aborted transfers, glitches on CS, random edges, and resets."""
-    config, rng = job()
-    block = Block(dut)
-    check = Checker(block)
+    config, rng, block, check = begin(dut)
     slave = SpiSlave()
     drive(block, Pins())
     block.drive(read_data=0)
@@ -92,9 +90,7 @@ class Host:
 @cocotb.test()
 async def host_of_another_clock_reads_what_it_wrote(dut: Any) -> None:
     """Write and read random words of a memory behind the slave, and compare them."""
-    _, rng = job()
-    block = Block(dut)
-    check = Checker(block)
+    _, rng, block, check = begin(dut)
     drive(block, Pins())
     block.drive(read_data=0)
     await block.reset()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -23,6 +24,12 @@ class Point:
     def label(self) -> str:
         """Name of the point for Verilator, equal in all designs of a group."""
         return re.sub(r"\W+", "_", f"{self.group} {self.name}")
+
+
+def points_of(group: str, module: str, *found: Named) -> Iterator[Point]:
+    """Yield named expressions over one module as points of a group."""
+    for name, expression in itertools.chain(*found):
+        yield Point(group, name, module, expression)
 
 
 def any_of(terms: Iterable[str]) -> str:

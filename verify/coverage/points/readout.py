@@ -6,17 +6,16 @@ from collections.abc import Iterator
 
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.link import requests
-from eskin.verify.coverage.points.point import Named, Point, any_of, began
+from eskin.verify.coverage.points.point import Named, Point, any_of, began, points_of
 
 
 def readout(config: ReadoutConfig) -> Iterator[Point]:
-    """Yield the coverage points of a readout."""
+    """Return the coverage points of a readout."""
     group = f"{config.encoding} {config.frontend} {config.link}"
     if config.decide_every == "sample":
         group += " by the sample"
-    for part in (_holds, _arbiter, _taxel, _masks, _resets, _link, _ends, _window, _leak):
-        for name, expression in part(config):
-            yield Point(group, name, "eskin_readout", expression)
+    parts = (_holds, _arbiter, _taxel, _masks, _resets, _link, _ends, _window, _leak)
+    return points_of(group, "eskin_readout", *(part(config) for part in parts))
 
 
 def some(config: ReadoutConfig, expression: str) -> str:

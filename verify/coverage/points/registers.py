@@ -7,24 +7,17 @@ from collections.abc import Iterator
 from eskin.model.config import ReadoutConfig
 from eskin.model.registers import description
 from eskin.model.registers.description import Field, Register
-from eskin.verify.coverage.points.point import Named, Point, began
+from eskin.verify.coverage.points.point import Named, Point, began, points_of
 from eskin.verify.coverage.points.readout import some
 
 
 def registers(config: ReadoutConfig) -> Iterator[Point]:
     """Yield the coverage points of a readout with registers, and of the host interface."""
     group = f"registers {config.encoding}"
-    for register in description.registers(config):
-        for name, expression in _register(register):
-            yield Point(group, name, "eskin_registers", expression)
-    for name, expression in _file(config):
-        yield Point(group, name, "eskin_registers", expression)
-    for name, expression in _pattern(config):
-        yield Point(f"test pattern {config.encoding}", name, "eskin_pattern", expression)
-    for name, expression in _spi():
-        yield Point("spi", name, "eskin_spi", expression)
-    for name, expression in _array(config):
-        yield Point(f"{group} {config.frontend}", name, "eskin_readout", expression)
+    yield from points_of(group, "eskin_registers", *map(_register, description.registers(config)), _file(config))
+    yield from points_of(f"test pattern {config.encoding}", "eskin_pattern", _pattern(config))
+    yield from points_of("spi", "eskin_spi", _spi())
+    yield from points_of(f"{group} {config.frontend}", "eskin_readout", _array(config))
 
 
 def _plain(register: Register) -> str:
