@@ -90,11 +90,11 @@ def _stamp(text: str) -> str:
 
 
 @contextlib.contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Lock a folder against other processes."""
-    handle = os.open(folder, os.O_RDONLY)
+def locked(path: Path, flags: int = os.O_RDONLY, wait: bool = True) -> Iterator[None]:
+    """Lock a file or folder against other processes; raise BlockingIOError if another has it and nobody shall wait."""
+    handle = os.open(path, flags)
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX)
+        fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
         yield
     finally:
         os.close(handle)
@@ -111,21 +111,12 @@ def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
     with contextlib.ExitStack() as mine:
         with locked(parent):  # or another would find the folder before it is locked
             for left in parent.glob(".*/"):
-                _remove_if_abandoned(left)
+                with contextlib.suppress(OSError), locked(left, os.O_RDONLY | os.O_NOFOLLOW, wait=False):
+                    shutil.rmtree(left, ignore_errors=True)  # no living process holds it
             folder = Path(tempfile.mkdtemp(prefix=f".{name}.", dir=parent))
             mine.enter_context(locked(folder))
         mine.callback(shutil.rmtree, folder, ignore_errors=True)
         yield folder
-
-
-def _remove_if_abandoned(folder: Path) -> None:
-    with contextlib.suppress(OSError):  # a living process holds it
-        handle = os.open(folder, os.O_RDONLY | os.O_NOFOLLOW)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            shutil.rmtree(folder, ignore_errors=True)
-        finally:
-            os.close(handle)
 
 
 def trim(folder: Path, limit: int = MOST_BYTES) -> None:

@@ -53,11 +53,6 @@ class Outcome:
         else:
             self.sizes.append(proof.size)
 
-    def finish(self) -> None:
-        """Mark a property that no configuration uses as failed."""
-        if not self.sizes and not self.problems:
-            self.problems.append("no proof has it")
-
     def to_dict(self) -> dict[str, Any]:
         """Return the result as an entry of the report."""
         return {
@@ -88,7 +83,8 @@ def outcomes(verdicts: Iterable[tuple[Proof, Verdict]], whole: bool = True) -> l
             if item.name in applies:
                 found[proof.block, item.name].add(proof, verdict)
     for outcome in found.values():
-        outcome.finish()
+        if not outcome.sizes and not outcome.problems:
+            outcome.problems.append("no proof has it")
     return list(found.values())
 
 

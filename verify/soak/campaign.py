@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import time
 from collections import Counter
@@ -15,7 +14,7 @@ from typing import Any
 from eskin.base.files import atomic_write, make_folder, origin, write_json
 from eskin.base.shapes import read_shaped
 from eskin.cocotb_tests.bench.draw import Draw
-from eskin.cocotb_tests.runner.build_cache import SOURCES
+from eskin.cocotb_tests.runner.build_cache import SOURCES, locked
 from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 from eskin.cocotb_tests.runner.process import MismatchFound
 from eskin.verify.soak.play import Failure, failure, failure_of, play, shrink
@@ -122,14 +121,11 @@ def _kept(plan: Plan, found: Failure) -> str:
 @contextlib.contextmanager
 def _claimed(piece: Path, plan: Plan) -> Iterator[bool]:
     """Yield True if a configuration has runs left and no other process tests it; keep others away meanwhile."""
-    handle = os.open(piece.with_suffix(".lock"), os.O_RDWR | os.O_CREAT)
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield _kept_piece(piece).get("clocks", 0) < plan.clocks
+        with locked(piece.with_suffix(".lock"), os.O_RDWR | os.O_CREAT, wait=False):
+            yield _kept_piece(piece).get("clocks", 0) < plan.clocks
     except BlockingIOError:
         yield False
-    finally:
-        os.close(handle)
 
 
 def _kept_piece(piece: Path) -> dict[str, Any]:
