@@ -148,9 +148,10 @@ def implies(condition: Any, then: Any) -> Value:
     return ~Value.cast(condition).bool() | Value.cast(then).bool()
 
 
-def bit_of(word: Any, index: Signal) -> Any:
-    """Return the bit of a word at an index, 0 beyond its end."""
-    return Array([*word, *[Const(0, 1)] * ((1 << len(index)) - len(word))])[index]
+def pick(values: Any, index: Signal) -> Any:
+    """Return the value at an index, or the bit of a word; 0 beyond the last."""
+    nothing = Const(0, len(Value.cast(values[0])))
+    return Array([*values, *[nothing] * ((1 << len(index)) - len(values))])[index]
 
 
 def cyclic(m: Module, asks: Any, taken: Any) -> tuple[Signal, Any]:

@@ -10,7 +10,7 @@ from amaranth.lib.wiring import In
 
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.arbiter import Arbiter
-from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, bit_of, cyclic, implies, within
+from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, cyclic, implies, pick, within
 
 
 class ArbiterChecker(Checker[ReadoutConfig]):
@@ -146,8 +146,8 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         """Track the requests of one taxel until their events leave."""
         columns = self.config.columns
         bound = (self.config.rows + 1) * columns
-        requests, grants = bit_of(self.request, self.watch), Cat(grant.replicate(columns) for grant in self.granted)
-        takes = requests & bit_of(grants, self.watch)
+        requests, grants = pick(self.request, self.watch), Cat(grant.replicate(columns) for grant in self.granted)
+        takes = requests & pick(grants, self.watch)
         leaves = self.event_valid & self.event_ready
         row, column = self.port("event_row"), self.port("event_col")
         named = self.event_valid & (row * self.config.columns + column == self.watch)
@@ -183,12 +183,12 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         if self.config.has_polarity:
             polarity = Signal()
             with m.If(takes):
-                m.d.sync += polarity.eq(bit_of(self.polarity, self.watch))
+                m.d.sync += polarity.eq(pick(self.polarity, self.watch))
             self.promise(m, "polarity_kept", implies(named & latched, self.event_polarity == polarity), named)
 
     def _fairness(self, m: Module) -> None:
         if self.config.rows == 1:
             return
         grants = Cat(grant.replicate(self.config.columns) for grant in self.granted)
-        takes, rival = (bit_of(self.request & grants, taxel) for taxel in (self.watch, self.rival))
-        self.promise(m, "fairness", *self.fair(m, takes, bit_of(self.request, self.rival), rival))
+        takes, rival = (pick(self.request & grants, taxel) for taxel in (self.watch, self.rival))
+        self.promise(m, "fairness", *self.fair(m, takes, pick(self.request, self.rival), rival))

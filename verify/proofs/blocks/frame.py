@@ -9,7 +9,7 @@ from amaranth.lib.wiring import In
 
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl.frame import FrameReadout
-from eskin.verify.proofs.checker import Checker, Property, before, implies
+from eskin.verify.proofs.checker import Checker, Property, before, implies, pick
 
 
 class FrameChecker(Checker[FrameConfig]):
@@ -94,10 +94,7 @@ class FrameChecker(Checker[FrameConfig]):
             sent = Array([*(self.adc_code[place % bits] for place in places), *padding])[self.watch]
             m.d.sync += kept[into].eq(sent)
         real = self.watch < codes
-        due = (
-            self.word_valid
-            & Array([*(number == place // width for place in places), *[Const(0, 1)] * len(padding)])[self.watch]
-        )
+        due = self.word_valid & pick([number == place // width for place in places], self.watch)
         shown = Array([*(self.word_data[place % width] for place in places), *padding])[self.watch]
         self.promise(m, "words_carry_codes", implies(due, shown == (kept[out] & real)), due & shown)
         self.promise(m, "sync_on_first", implies(self.word_valid, self.word_sync == (number == 0)), ends)

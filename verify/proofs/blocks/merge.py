@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal
+from amaranth.hdl import Cat, Const, Module, Mux, Signal
 from amaranth.lib.wiring import In
 
 from eskin.model.tiles.config import TilesConfig
 from eskin.rtl.tiles.merge import Merge
 from eskin.rtl.tiles.relay import Relay
-from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, bit_of, cyclic, implies, within
+from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, cyclic, implies, pick, within
 
 DEPTH = 2
 """Events that a merge, or a relay station, holds at most."""
@@ -86,13 +86,11 @@ class MergeChecker(Checker[TilesConfig]):
     def _watched(self, m: Module, taken: Any, leaves: Any, kept: Any, offers: list[Any]) -> None:
         """Track the events of one tile: those in the merge, and the offered event."""
         tiles = self.config.tiles
-        given = bit_of(taken, self.watch)
+        given = pick(taken, self.watch)
         mine = leaves & (self._tile() == self.watch)
         inside = Signal(range(DEPTH + 2))
         m.d.sync += inside.eq(inside + given - mine)
-        payload = (
-            Array([*offers, *[offers[0]] * ((1 << len(self.watch)) - tiles)])[self.watch] if len(offers[0]) else None
-        )
+        payload = pick(offers, self.watch) if len(offers[0]) else None
         right: Any = inside != 0
         if payload is not None:
             oldest, newest = (Signal(len(offers[0]), name=name) for name in ("oldest", "newest"))
@@ -106,7 +104,7 @@ class MergeChecker(Checker[TilesConfig]):
 
         # Events that left since the watched tile's was offered, the one that leaves now not counted.
         bound = tiles + DEPTH
-        waits = bit_of(self.tile_valid & ~self.tile_ready, self.watch)
+        waits = pick(self.tile_valid & ~self.tile_ready, self.watch)
         waited, kept_count = Signal(range(bound + 1)), Signal(range(bound + 1))
         after = Signal(range(bound + 1))
         m.d.comb += after.eq(waited + (leaves & (waited != bound)))
@@ -117,8 +115,8 @@ class MergeChecker(Checker[TilesConfig]):
         self.promise(m, "no_starvation", implies(kept, ~late), mine & (inside == 1) & (kept_count == bound - 1))
 
         if tiles > 1:
-            other = bit_of(taken, self.rival)
-            self.promise(m, "fairness", *self.fair(m, given, bit_of(self.tile_valid, self.rival), other))
+            other = pick(taken, self.rival)
+            self.promise(m, "fairness", *self.fair(m, given, pick(self.tile_valid, self.rival), other))
 
     def _payload(self, stream: str, index: int, with_tile: bool = False) -> Any:
         """Return the payload of a tile's stream or of the merged stream."""

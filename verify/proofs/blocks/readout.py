@@ -10,7 +10,7 @@ from amaranth.lib.wiring import In
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.link import requests
 from eskin.rtl.readout import Readout
-from eskin.verify.proofs.checker import Checker, Property, before, implies
+from eskin.verify.proofs.checker import Checker, Property, before, implies, pick
 
 
 def shows_steps(config: ReadoutConfig) -> bool:
@@ -61,7 +61,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         m = Module()
         config = self.config
         enable = Signal()
-        m.d.comb += enable.eq(self._pick([*self.taxel_enable], 0))
+        m.d.comb += enable.eq(pick([*self.taxel_enable], self.watch))
         event, polarity = self._event(m)
         step, up = self._steps_at_ports(m, enable) if shows_steps(config) else self._steps_within(m)
         self._queue(m, enable, step, up, event, polarity)
@@ -82,7 +82,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         found = {}
         for wire in ("asks", "moves", "polarity"):
             own = [getattr(self, name) for name in self.places(self.config) if name.startswith(f"{wire}_")]
-            found[wire] = self._pick(own, 0) if own else Const(1)
+            found[wire] = pick(own, self.watch) if own else Const(1)
         return before(m, found["asks"] & found["moves"], "decided"), found["polarity"]
 
     def _steps_at_ports(self, m: Module, enable: Signal) -> tuple[Any, Any]:
@@ -90,7 +90,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         config = self.config
         reference = Signal(signed(config.sample_bits), name="u")
         words = [self.reference_code[i * config.sample_bits :][: config.sample_bits] for i in range(config.taxels)]
-        m.d.comb += reference.eq(self._pick(words, 0).as_signed())
+        m.d.comb += reference.eq(pick(words, self.watch).as_signed())
         old, on = before(m, reference, "u"), before(m, enable, "enable")
         known = before(m, Const(1, 1), "known")
         step = Signal()
@@ -107,11 +107,6 @@ class ReadoutChecker(Checker[ReadoutConfig]):
             off & (old != config.reference_reset),
         )
         return step, reference > old
-
-    def _pick(self, values: list[Any], default: int) -> Any:
-        """Return the signal of the watched taxel."""
-        spare = (1 << len(self.watch)) - len(values)
-        return Array([*values, *[Const(default, len(values[0]))] * spare])[self.watch]
 
     def _event(self, m: Module) -> tuple[Signal, Any]:
         """Return whether an event of the watched taxel leaves in this clock, and its polarity."""
