@@ -76,7 +76,8 @@ class ChipBench:
         self.dut, self.config, self.folder = dut, config, folder
         self.network = dataclasses.replace(network, config=config.classifier)
         self.bench = Bench(dut, config.readout, folder)
-        write_weights(self.network, folder)
+        for name, image in (("weights", weight_image(self.network)), ("neurons", neuron_image(self.network))):
+            (folder / f"{name}.hex").write_text("".join(f"{word:x}\n" for word in image))
 
     async def check(
         self, samples: NDArray[Any], again: str, skip: bool = False
@@ -144,12 +145,6 @@ def network_of(chip: ChipConfig) -> IntegerNetwork:
         rng.integers(-20, 20, config.hidden),
         rng.integers(-20, 20, config.classes),
     )
-
-
-def write_weights(network: IntegerNetwork, folder: Path) -> None:
-    """Write both memory images for the harness."""
-    for name, image in (("weights", weight_image(network)), ("neurons", neuron_image(network))):
-        (folder / f"{name}.hex").write_text("".join(f"{word:x}\n" for word in image))
 
 
 def hold(config: ChipConfig, network: IntegerNetwork, stimulus: Stimulus, run: ChipRun, again: str) -> ClassifierRun:
