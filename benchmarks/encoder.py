@@ -22,7 +22,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from measure import JsonFile, new_app, spread, versions, write
+from measure import JsonFile, spread, versions, write
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt
 
@@ -40,26 +40,13 @@ Codes = NDArray[np.int16]
 
 @dataclass
 class Candidate:
-    """A function to time.
-
-    Attributes
-    ----------
-    name : str
-    call : callable
-        Does the work once.
-    taxel_samples : int
-        What it handles.
-    events : callable or None
-        Returns the number of events of the last call.
-    seconds : list of float
-        One entry for every round.
-    """
+    """A function to time."""
 
     name: str
     call: Callable[[], Any]
-    taxel_samples: int
-    events: Callable[[], int] | None = None
-    seconds: list[float] = field(default_factory=list)
+    taxel_samples: int  # samples of one call
+    events: Callable[[], int] | None = None  # returns the number of events of the last call
+    seconds: list[float] = field(default_factory=list)  # one for every round
 
 
 def texture_like(samples: int, signals: int, config: ReadoutConfig, seed: int) -> Codes:
@@ -159,10 +146,6 @@ def summary(candidate: Candidate, copy: Candidate, events: int | None) -> dict[s
     }
 
 
-app = new_app()
-
-
-@app.command()
 def main(
     json_file: JsonFile = None,
     signals: Annotated[int, typer.Option(min=1, help="taxels side by side (240 images of 64)")] = 15_360,
@@ -206,4 +189,4 @@ def main(
 
 
 if __name__ == "__main__":
-    app()
+    typer.run(main)

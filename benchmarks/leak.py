@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from encoder import texture_like
-from measure import JsonFile, new_app, write
+from measure import JsonFile, write
 from numba import njit
 
 from eskin.model.config import ReadoutConfig
@@ -77,10 +77,6 @@ def moving_inputs(resolution: int, shift: int, period: int, ticks: int) -> float
     return 100 * (integers / floats - 1)
 
 
-app = new_app()
-
-
-@app.command()
 def main(
     json_file: JsonFile = None,
     ticks: Annotated[int, typer.Option(min=1000, help="leaks, or samples, of every input")] = 200_000,
@@ -102,4 +98,4 @@ def main(
 
 
 if __name__ == "__main__":
-    app()
+    typer.run(main)

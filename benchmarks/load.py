@@ -22,7 +22,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from measure import JsonFile, new_app, write
+from measure import JsonFile, write
 from numba import njit
 from numpy.typing import NDArray
 
@@ -41,15 +41,8 @@ OURS, FIXED, FLAT, TREE, GREEDY = range(5)
 def choose(kind: int, pending: Any, last: int, toggles: Any, columns: int) -> int:
     """Return the taxel chosen by an arbiter that sends one event per clock, or -1.
 
-    Parameters
-    ----------
-    kind : int
-    pending : ndarray of bool, shape (taxels,)
-    last : int
-        The taxel taken last.
-    toggles : ndarray of int64, shape (taxels,)
-        For every node of the tree, from 1 on, the side that goes first; changed in place.
-    columns : int
+    ``pending``, ``last``: requests, shape (taxels,), and taxel of the last choice.
+    ``toggles``: shape (taxels,); for every node of the tree, from 1 on, the side that goes first; changed in place.
     """
     n = len(pending)
     if kind == GREEDY:
@@ -85,17 +78,9 @@ def choose(kind: int, pending: Any, last: int, toggles: Any, columns: int) -> in
 def serve(kind: int, due: Any, first: Any, clocks: int, state: Any, rows: Any) -> Any:
     """Return the clocks of request and transfer of every event.
 
-    Parameters
-    ----------
-    kind : int
-        Of ``ARBITERS``.
-    due : ndarray of int64, shape (events,)
-        Clocks at which the taxels have an event, rising, taxel after taxel.
-    first : ndarray of int64, shape (taxels + 1,)
-        Where the events of each taxel begin.
-    clocks : int
-    state, rows : ndarray
-        Of ``eskin.model.arbiter``, after reset.
+    ``due``: clocks at which the taxels have an event, rising, taxel after taxel; shape (events,).
+    ``first``: index of the first event of each taxel; shape (taxels + 1,).
+    ``state``, ``rows``: of ``eskin.model.arbiter``, after reset.
 
     Returns
     -------
@@ -205,10 +190,6 @@ def run(load: Load, kind: int, side: int, clocks: int) -> dict[str, Any]:
     }
 
 
-app = new_app()
-
-
-@app.command()
 def main(
     json_file: JsonFile = None,
     clocks: Annotated[int, typer.Option(min=1000, help="clocks of every load")] = 50_000,
@@ -233,4 +214,4 @@ def main(
 
 
 if __name__ == "__main__":
-    app()
+    typer.run(main)

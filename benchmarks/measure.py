@@ -34,11 +34,6 @@ def _writable(path: Path | None) -> Path | None:
 JsonFile = Annotated[Path | None, typer.Option("--json", callback=_writable, help="write the numbers to this file")]
 
 
-def new_app() -> typer.Typer:
-    """Return the command line of a benchmark."""
-    return typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-
-
 def write(path: Path | None, name: str, options: str, content: dict[str, Any]) -> None:
     """Write a result with its command, commit and date, if the user named a file, and print the path."""
     if path is not None:

@@ -27,7 +27,7 @@ from typing import Annotated, Any
 
 import torch
 import typer
-from measure import JsonFile, new_app, versions, write
+from measure import JsonFile, versions, write
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -66,9 +66,6 @@ class SpikeModule(nn.Module):
         return Spike.apply(x)
 
 
-# -- candidates --------------------------------------------------------------------------------------
-
-
 def ours(rule: NeuronRule, function: Callable[..., Tensor], **options: Any) -> Forward:
     """Return two layers of this project with a given implementation."""
     zeros, ones = torch.zeros(HIDDEN), torch.ones(HIDDEN)
@@ -82,23 +79,18 @@ def ours(rule: NeuronRule, function: Callable[..., Tensor], **options: Any) -> F
 
 def norse() -> Forward:
     """Return recurrent and feed-forward integrate-and-fire steps of Norse."""
-    from norse.torch.functional.iaf import (
-        IAFFeedForwardState,
-        IAFParameters,
-        IAFState,
-        iaf_feed_forward_step,
-        iaf_step,
-    )
+    from norse.torch.functional import iaf
 
-    p = IAFParameters(method="super", alpha=torch.tensor(1.0))
+    p = iaf.IAFParameters(method="super", alpha=torch.tensor(1.0))
 
     def forward(x: Tensor, w_in: Tensor, w_rec: Tensor, w_out: Tensor) -> tuple[Tensor, Tensor]:
         zeros = torch.zeros(x.shape[1], HIDDEN)
-        state, out_state = IAFState(zeros, zeros), IAFFeedForwardState(torch.zeros(x.shape[1], CLASSES))
+        state = iaf.IAFState(zeros, zeros)
+        out_state = iaf.IAFFeedForwardState(torch.zeros(x.shape[1], CLASSES))
         spikes, outputs = [], []
         for now in x.unbind():
-            s, state = iaf_step(now, state, w_in, w_rec, p)
-            o, out_state = iaf_feed_forward_step(functional.linear(s, w_out), out_state, p)
+            s, state = iaf.iaf_step(now, state, w_in, w_rec, p)
+            o, out_state = iaf.iaf_feed_forward_step(functional.linear(s, w_out), out_state, p)
             spikes.append(s)
             outputs.append(o)
         return torch.stack(spikes), torch.stack(outputs)
@@ -175,25 +167,14 @@ CANDIDATES: dict[str, tuple[Callable[[], Forward], NeuronRule, bool]] = {
 """How to make each, the rule it must equal, and whether it is one that the kernel is to beat."""
 
 
-# -- a training step ---------------------------------------------------------------------------------
-
-
 @dataclass
 class Step:
-    """A network in training.
-
-    Attributes
-    ----------
-    forward : Forward
-    x, labels : shapes (steps, batch, inputs), (batch,)
-    seconds : list of float
-        CPU time of every round.
-    """
+    """A network in training."""
 
     forward: Forward
-    x: Tensor
-    labels: Tensor
-    seconds: list[float] = field(default_factory=list)
+    x: Tensor  # shape (steps, batch, inputs)
+    labels: Tensor  # shape (batch,)
+    seconds: list[float] = field(default_factory=list)  # CPU time of every round
     weights: list[nn.Parameter] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -296,9 +277,6 @@ def resident_kib(name: str) -> int:
     return next(int(line.split()[1]) for line in lines if line.startswith(name + ":"))
 
 
-# -- the command -------------------------------------------------------------------------------------
-
-
 def measure(steps: int, batch: int, rate: float, rounds: int, memory: bool) -> dict[str, Any]:
     """Return the results of all installed candidates for one sequence length."""
     x, labels = make_input(steps, batch, rate)
@@ -339,17 +317,7 @@ def measure(steps: int, batch: int, rate: float, rounds: int, memory: bool) -> d
         "spikes_per_step": results["plain torch loop"]["spikes"][0] / (steps * batch * HIDDEN),
         "limit_cpu_s": {"median": statistics.median(limit), "least": min(limit), "all": limit},
         "candidates": results,
-        "fastest_library": fastest_library(results),
     }
-
-
-def fastest_library(results: dict[str, dict[str, Any]]) -> dict[str, Any] | None:
-    """Return the fastest other candidate, and its time relative to the kernel's."""
-    libraries = {name: found["cpu_s"]["median"] for name, found in results.items() if found["library"]}
-    if not libraries:
-        return None
-    name = min(libraries, key=libraries.__getitem__)
-    return {"name": name, "times_the_kernel": libraries[name] / results["this project, kernel"]["cpu_s"]["median"]}
 
 
 def print_table(report: dict[str, Any]) -> None:
@@ -364,14 +332,8 @@ def print_table(report: dict[str, Any]) -> None:
         median = 1e3 * found["cpu_s"]["median"]
         print(f"{name:36}{median:10.1f}{found['times_the_limit']:10.2f}{memory:>10}  {found['equal']}")
     print(f"{'matrix products alone':36}{1e3 * report['limit_cpu_s']['median']:10.1f}{1:10.2f}")
-    if (library := report["fastest_library"]) is not None:
-        print(f"fastest library: {library['name']}, {library['times_the_kernel']:.1f} times the kernel")
 
 
-app = new_app()
-
-
-@app.command()
 def main(
     json_file: JsonFile = None,
     steps: Annotated[list[int] | None, typer.Option(min=2, help="time steps, repeatable [200, 400]")] = None,
@@ -413,4 +375,4 @@ def main(
 
 
 if __name__ == "__main__":
-    app()
+    typer.run(main)

@@ -26,7 +26,7 @@ from typing import Annotated, Any
 import cocotb
 import numpy as np
 import typer
-from measure import RESULTS, measured, new_app, write
+from measure import RESULTS, measured, write
 
 from eskin.cocotb_tests.bench.readout import Bench
 from eskin.cocotb_tests.bench.textures import large_enough, scan
@@ -53,7 +53,7 @@ LARGEST_SKIN = 4096
 TRAVEL_PX = 15
 """How far the skin slides."""
 
-app = new_app()
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 # -- inside the simulator ----------------------------------------------------------------------------

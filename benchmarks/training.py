@@ -16,7 +16,7 @@ from typing import Annotated, Any
 
 import torch
 import typer
-from measure import JsonFile, new_app, spread, write
+from measure import JsonFile, spread, write
 
 from eskin.snn.data.scans import Split
 from eskin.snn.experiments.experiment import Experiment
@@ -57,10 +57,6 @@ def ratios(marks: list[dict[str, float]], part: str) -> dict[str, float]:
     )
 
 
-app = new_app()
-
-
-@app.command()
 def main(
     json_file: JsonFile = None,
     epochs: Annotated[int, typer.Option(min=3, help="epochs of the training")] = 20,
@@ -94,4 +90,4 @@ def main(
 
 
 if __name__ == "__main__":
-    app()
+    typer.run(main)

@@ -29,7 +29,7 @@ from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
 from eskin.skin.encode import IMAGE_SUFFIXES, preparation_of, read_image
-from eskin.skin.recordings.options import FINGER
+from eskin.skin.recordings.options import FINGER, Scale
 from eskin.skin.recordings.trained_on import network_of
 from eskin.skin.samples import ARRAY_SUFFIXES
 from eskin.skin.textures.dataset import EMBEDDED
@@ -62,7 +62,7 @@ class Show:
     network: IntegerWeights | None  # without a network, events are shown and no class
     names: list[str]  # in the order in which they are played
     load: Load
-    scale: float | None = None  # factor from the values of recordings to full scale
+    scale: Scale | None = None  # factor from the values of recordings to full scale, of all taxels or of each
     weights: Path | None = None  # file of the network, unless it is the project's own
 
     @property

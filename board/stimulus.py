@@ -98,10 +98,9 @@ def recording_of(
 def recordings_of(weights: IntegerWeights, readout: ReadoutConfig, place: Path) -> RecordingSet:
     """Return a user's recordings, prepared as in the training."""
     from eskin.skin.recordings.folder import read_set
-    from eskin.skin.recordings.options import Preparation
-    from eskin.skin.recordings.trained_on import EVERY_FIELD
+    from eskin.skin.recordings.trained_on import EVERY_FIELD, OwnReadout
 
     said = weights.notes["training"]["recordings"]
     if said is None:
         raise InputError("these weights were trained on textures; leave --data out, or train on recordings")
-    return read_set(place, Preparation(**said["prepared"], scale=repr(said["scale"])), readout, EVERY_FIELD)
+    return read_set(place, OwnReadout.from_dict(said).options, readout, EVERY_FIELD)

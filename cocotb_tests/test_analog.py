@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from eskin.cocotb_tests.blocks.analog import CLOCKS, run
 from eskin.model.config import ReadoutConfig
-
-if TYPE_CHECKING:
-    pass
-
 
 BASE = ReadoutConfig(rows=2, columns=3, frontend="analog", resolution=3, window_period=2, leak_period=3, leak_shift=3)
 CONFIGS = {

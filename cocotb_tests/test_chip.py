@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +13,11 @@ from eskin.cocotb_tests.bench.block import Block, Checker, job, report
 from eskin.cocotb_tests.bench.classifier import load_words
 from eskin.cocotb_tests.blocks.classifier import random_network
 from eskin.cocotb_tests.runner.block import cosimulate
-from eskin.cocotb_tests.test_verilog import lint
+from eskin.cocotb_tests.test_verilog import delivered
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.run import simulate
 from eskin.model.config import ReadoutConfig
-from eskin.rtl.delivery import write
 
 
 def chip(rows: int, columns: int, channels: int, hidden: int, **own: Any) -> ChipConfig:
@@ -48,7 +46,6 @@ async def bins_begin_anew(dut: Any) -> None:
     for number in range(SCANS):
         if number % 4:
             block.drive(scan_start=1)
-            await block.settle()
             await block.edge()
             block.drive(scan_start=0)
         else:
@@ -80,10 +77,7 @@ def test_a_chip_is_what_its_fields_say() -> None:
 
 
 def test_the_files_of_a_chip_are_clean_and_agree(tmp_path: Path) -> None:
-    paths = write(CHIPS[0], tmp_path)
-    assert [path.name for path in paths] == [f"eskin_chip.{suffix}" for suffix in ("v", "sdc", "json", "core")]
-    assert lint(paths[0]) == ""
-    described = json.loads(paths[2].read_text())
+    _, _, described = delivered(CHIPS[0], tmp_path)
     assert ChipConfig.from_dict(described["configuration"]) == CHIPS[0]
     assert described["clock_hz"] == CHIPS[0].readout.clock_hz
     widths = {port["name"]: port["width"] for port in described["ports"]}

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from eskin.cocotb_tests.blocks.classifier import SCANS, cosimulate
 from eskin.model.classifier.config import ClassifierConfig
-
-if TYPE_CHECKING:
-    pass
-
 
 PROPERTIES = (
     "EveryEventTakenInItsClock",

@@ -13,10 +13,10 @@ import pytest
 
 from eskin.cocotb_tests.blocks.classifier import random_network
 from eskin.cocotb_tests.test_classifier import CONFIGS, SYNAPTIC, name
-from eskin.cocotb_tests.test_verilog import lint
+from eskin.cocotb_tests.test_verilog import delivered
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.file import IntegerWeights
-from eskin.rtl.delivery import ports, write
+from eskin.rtl.delivery import ports
 
 TOP = "eskin_classifier"
 PAPERS = ClassifierConfig(floor=-256, out_floor=-256)
@@ -24,23 +24,15 @@ PAPERS = ClassifierConfig(floor=-256, out_floor=-256)
 
 @pytest.mark.parametrize("config", [CONFIGS[1], CONFIGS[5], CONFIGS[7], SYNAPTIC[0], PAPERS], ids=name)
 def test_files_are_clean_complete_and_agree(config: ClassifierConfig, tmp_path: Path) -> None:
-    write(config, tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == [f"{TOP}.{s}" for s in ("core", "json", "sdc", "v")]
-    assert lint(tmp_path / f"{TOP}.v") == ""
-    text = (tmp_path / f"{TOP}.v").read_text()
-    assert "initial" not in text
-    assert not re.search(r"'[bh][0-9a-f]*x", text)
+    text, _, described = delivered(config, tmp_path)
     bits = {}
     for module in re.findall(r"^module .*?^endmodule", text, re.MULTILINE | re.DOTALL):
         parts = re.findall(r"^  reg (?:\[(\d+):0\] )?memory\w* \[(\d+):0\];", module, re.MULTILINE)
         bits[re.split(r"\W", module)[1]] = sum((int(high or 0) + 1) * (int(last) + 1) for high, last in parts)
     assert sum(count for name, count in bits.items() if name.endswith("_weights")) == config.memory_bits
     assert bits.get("eskin_potentials", 0) == (config.hidden * config.membrane_bits if config.synapse_shift else 0)
-    described = json.loads((tmp_path / f"{TOP}.json").read_text())
     assert ClassifierConfig.from_dict(described["configuration"]) == config
     assert described["clock_hz"] == config.clock_hz
-    constraints = (tmp_path / f"{TOP}.sdc").read_text()
-    assert all(port["name"] in constraints for port in described["ports"] if port["name"] != "rst")
 
 
 def test_ports_are_those_of_the_contract() -> None:
@@ -62,6 +54,10 @@ def test_command_writes_the_classifier_of_a_file(tmp_path: Path) -> None:
     described = json.loads((tmp_path / "out" / f"{TOP}.json").read_text())
     assert ClassifierConfig.from_dict(described["configuration"]) == config.replace(reset="async")
     assert "| `reset` | async |" in (tmp_path / "out" / f"{TOP}_datasheet.md").read_text()
+    array = ["--chip", "--rows", "1", "--columns", str(config.inputs)]
+    subprocess.run([*command, str(tmp_path / "chip"), *array], check=True, capture_output=True)
+    described = json.loads((tmp_path / "chip" / "eskin_chip.json").read_text())["configuration"]
+    assert (described["rows"], described["columns"]) == (1, config.inputs)
     done = subprocess.run([*command, str(tmp_path / "no"), "--rows", "3"], capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "--rows has no effect with --classifier alone: add --chip, or leave one of the two out" in done.stderr

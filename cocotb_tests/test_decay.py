@@ -8,7 +8,7 @@ from typing import Any
 import cocotb
 import pytest
 
-from eskin.cocotb_tests.bench.block import Block, Checker, job, report
+from eskin.cocotb_tests.bench.block import begin, report
 from eskin.cocotb_tests.runner.block import cosimulate
 from eskin.model.config import ReadoutConfig
 
@@ -18,9 +18,7 @@ CLOCKS = 1000
 @cocotb.test()
 async def decay_ticks_at_its_phases(dut: Any) -> None:
     """Play dense and rare sample ticks with resets between them."""
-    config, rng = job()
-    block = Block(dut)
-    check = Checker(block)
+    config, rng, block, check = begin(dut)
     period = config.leak_period
     phases = sorted({row * period // config.rows for row in range(config.rows)})
     block.drive(tick=0, period=period, restart=0)  # the last two where registers set them

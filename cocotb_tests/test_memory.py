@@ -35,7 +35,6 @@ async def memory_is_a_list(dut: Any) -> None:
     content = [rng.getrandbits(len(block.pin("write_data"))) for _ in range(words)]
     for address, word in enumerate(content):
         block.drive(read_valid=0, write_valid=1, write_address=address, write_data=word)
-        await block.settle()
         await block.edge()
     read = None
     for _ in range(CLOCKS):

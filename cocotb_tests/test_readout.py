@@ -100,30 +100,16 @@ def test_rtl_equals_model_with_receptive_fields_and_in_a_large_array(config: Rea
     play(config, build(config, "icarus"), tmp_path, seed=1)
 
 
-@pytest.mark.parametrize(
-    "config",
-    [
-        ReadoutConfig(rows=5, columns=9, encoding="cw-lcs", window_period=3, link="four_phase"),
-    ],
-    ids=name,
-)
-def test_verilator_sees_the_same_as_icarus(
-    config: ReadoutConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_verilator_sees_the_same_as_icarus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # Runs this short take less time than optimising them; replays in other tests are of optimised programs.
     monkeypatch.setattr(runners, "OPTIMISE", "-O0")
+    config = ReadoutConfig(rows=5, columns=9, encoding="cw-lcs", window_period=3, link="four_phase")
     play(config, build(config, "verilator"), tmp_path)
 
 
-@pytest.mark.parametrize(
-    "config",
-    [ReadoutConfig(rows=4, columns=4, encoding="cw-lcs", window_period=3, frontend="analog", reset="async")],
-    ids=name,
-)
-def test_an_array_built_row_by_row_is_the_same(
-    config: ReadoutConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_array_built_row_by_row_is_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runners, "OPTIMISE", "-O0")
+    config = ReadoutConfig(rows=4, columns=4, encoding="cw-lcs", window_period=3, frontend="analog", reset="async")
     program = build(config, "verilator", hierarchical=True)
     assert (program.folder / "Veskin_row" / "libeskin_row.a").exists()
     play(config, program, tmp_path)

@@ -79,12 +79,6 @@ class TaxelBench:
             if self.config.closes:
                 self.check.equal("half_width", reference.half_width, block.read("half_width"), state)
 
-    def compare_reset(self) -> None:
-        """Compare all outputs with the reference during a reset."""
-        if self.config.reset == "async":
-            self.reference.reset()
-        self.compare(True)
-
     async def clock(self, *, enable: bool, granted: bool, sample: int | None, rst: bool = False) -> None:
         """Drive the inputs, compare the outputs, and generate a clock edge."""
         config, block, reference = self.config, self.block, self.reference
@@ -151,7 +145,9 @@ class TaxelBench:
         """Pulse rst between two clock edges, which affects only asynchronous resets."""
         self.block.drive(rst=1, enable=1, granted=0)
         await self.block.settle()
-        self.compare_reset()
+        if self.config.reset == "async":
+            self.reference.reset()
+        self.compare(True)
         self.block.drive(rst=0)
         await self.block.settle()
         self.compare(True)

@@ -21,7 +21,7 @@ from eskin.model.encoders import registry
 from eskin.model.registers.export import c_header, page
 from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.delivery import constraints, core, description, ports, write
-from eskin.rtl.verilog import verilog
+from eskin.rtl.verilog import Config, top_block, verilog
 
 ENCODINGS = registry.NAMES
 ASYNCHRONOUS = ("aer_ack", "spi_sck", "spi_cs_n", "spi_mosi")
@@ -38,7 +38,7 @@ def with_registers() -> list[ReadoutConfig]:
     ]
 
 
-def extremes() -> list[dict[str, object]]:
+def extremes() -> list[ReadoutConfig]:
     """Return configurations with every encoder at the limits of its fields.
 
     Every encoder meets several widths and both front ends.
@@ -61,10 +61,11 @@ def extremes() -> list[dict[str, object]]:
     ]
     # Decay ticks: all rows in one phase, several rows in each, and a phase for every row.
     phases = [(64, 1, 1), (5, 1, 2), (3, 5, 3)]
-    return fields + [
+    fields += [
         {"encoding": "nlcs", "rows": rows, "columns": columns, "leak_period": period}
         for rows, columns, period in phases
     ]
+    return [ReadoutConfig.from_dict(one) for one in fields]
 
 
 def with_fields() -> list[ReadoutConfig]:
@@ -87,17 +88,48 @@ def lint(path: Path, *more: Path) -> str:
     return said
 
 
-@pytest.mark.parametrize("config", [*breadth(), *with_registers(), *with_fields()], ids=name)
+def declared(text: str, top: str) -> dict[str, tuple[str, int]]:
+    """Return direction and width of the ports that a module declares."""
+    module = text[text.index(f"module {top}(") :]
+    module = module[: module.index("endmodule")]
+    found = re.findall(r"^  (input|output) (?:wire|reg) (?:signed )?(?:\[(\d+):0\] )?(\w+);", module, re.MULTILINE)
+    return {port: (way, int(high or 0) + 1) for way, high, port in found}
+
+
+def delivered(config: Config, folder: Path) -> tuple[str, str, dict[str, Any]]:
+    """Write the files of a design; check that they are clean and agree; return Verilog, constraints and description."""
+    top = top_block(config).module_name
+    written = write(config, folder)
+    assert written == [folder / f"{top}.{suffix}" for suffix in ("v", "sdc", "json", "core")]
+    assert set(folder.iterdir()) == set(written)
+    assert lint(written[0]) == ""
+    text, constraints, described = (path.read_text() for path in written[:3])
+    assert "initial" not in text
+    assert not re.search(r"'[bh][0-9a-f]*x", text)
+    said = json.loads(described)
+    assert said["top"] == top
+    assert said["configuration"] == config.to_dict()
+    assert declared(text, top) == {port["name"]: (port["direction"], port["width"]) for port in said["ports"]}
+    assert all(port["name"] in constraints for port in said["ports"] if port["name"] != "rst")
+    return text, constraints, said
+
+
+def written_in_two_processes(folder: Path, *options: str) -> Path:
+    """Run the command twice with other hashes; check that it writes equal files; return a folder of them."""
+    command = [sys.executable, "-m", "eskin", "verilog", *options, "-o"]
+    first, second = (folder / seed for seed in ("1", "2"))
+    for out in (first, second):
+        subprocess.run([*command, str(out)], check=True, capture_output=True, env={"PYTHONHASHSEED": out.name})
+    assert {path.name: path.read_bytes() for path in first.iterdir()} == {
+        path.name: path.read_bytes() for path in second.iterdir()
+    }
+    return first
+
+
+@pytest.mark.parametrize("config", [*breadth(), *with_registers(), *with_fields(), *extremes()], ids=name)
 def test_lint_is_clean(config: ReadoutConfig, tmp_path: Path) -> None:
     path = tmp_path / "eskin_readout.v"
     path.write_text(verilog_text(config))
-    assert lint(path) == ""
-
-
-@pytest.mark.parametrize("fields", extremes(), ids=lambda fields: "-".join(str(value) for value in fields.values()))
-def test_lint_is_clean_at_the_ends_of_the_ranges(fields: dict[str, object], tmp_path: Path) -> None:
-    path = tmp_path / "eskin_readout.v"
-    path.write_text(verilog_text(ReadoutConfig.from_dict(fields)))
     assert lint(path) == ""
 
 
@@ -110,18 +142,8 @@ def test_a_skin_and_its_merge_are_delivered_as_the_readout_is(
     down: int, across: int, encoding: Any, relays: int, alone: bool, tmp_path: Path
 ) -> None:
     skin = TilesConfig.of(ReadoutConfig(rows=2, columns=1, encoding=encoding), down, across, relays)
-    config = MergeConfig(skin) if alone else skin
-    top = "eskin_merge" if alone else "eskin_tiles"
-    written = write(config, tmp_path)
-    assert [path.name for path in written] == [f"{top}.{suffix}" for suffix in ("v", "sdc", "json", "core")]
-    assert lint(written[0]) == ""
-    text = written[0].read_text()
-    listed = {p["name"]: (p["direction"], p["width"]) for p in json.loads(written[2].read_text())["ports"]}
-    head = text[text.index(f"module {top}(") :]
-    found = re.findall(
-        r"^  (input|output) (?:wire|reg) (?:\[(\d+):0\] )?(\w+);", head[: head.index("endmodule")], re.MULTILINE
-    )
-    assert {n: (way, int(high or 0) + 1) for way, high, n in found} == listed
+    text, constraints, _ = delivered(MergeConfig(skin) if alone else skin, tmp_path)
+    listed = declared(text, "eskin_merge" if alone else "eskin_tiles")
     assert listed["event_tile"] == ("output", skin.tile_bits)
     assert alone or listed["sample_valid"] == ("input", skin.tiles if relays else 1)
     assert not alone or listed["tile_ready"] == ("output", skin.tiles)
@@ -129,7 +151,7 @@ def test_a_skin_and_its_merge_are_delivered_as_the_readout_is(
     assert len(re.findall(r"^  eskin_relay relay_\d_\d \(", text, re.MULTILINE)) == (
         0 if alone else relays * skin.tiles
     )
-    timed = re.findall(r"^set_\w+_delay .*\{(.*)\}\]$", written[1].read_text(), re.MULTILINE)
+    timed = re.findall(r"^set_\w+_delay .*\{(.*)\}\]$", constraints, re.MULTILINE)
     assert {pin.removesuffix("[*]") for pins in timed for pin in pins.split()} == {*listed} - {"clk"}
 
 
@@ -203,30 +225,18 @@ def test_without_registers_the_text_does_not_speak_of_them() -> None:
 
 def test_text_is_stable_from_one_process_to_the_next(tmp_path: Path) -> None:
     config = ReadoutConfig(rows=3, columns=5, encoding="cw-lcs")
-    command = [sys.executable, "-m", "eskin", "verilog", "--rows", "3", "--columns", "5", "--encoding", "cw-lcs"]
-    for seed in ("1", "2"):
-        subprocess.run(
-            [*command, "-o", str(tmp_path / seed)], check=True, capture_output=True, env={"PYTHONHASHSEED": seed}
-        )
-    for suffix in ("v", "sdc", "json", "core"):
-        first, second = ((tmp_path / seed / f"eskin_readout.{suffix}").read_bytes() for seed in ("1", "2"))
-        assert first == second
+    out = written_in_two_processes(tmp_path, "--rows", "3", "--columns", "5", "--encoding", "cw-lcs")
     texts = {"v": verilog(config), "sdc": constraints(config), "json": description(config) + "\n", "core": core(config)}
     for suffix, text in texts.items():
-        assert (tmp_path / "1" / f"eskin_readout.{suffix}").read_text() == text
+        assert (out / f"eskin_readout.{suffix}").read_text() == text
 
 
 @pytest.mark.parametrize("config", [*breadth(), *with_registers()], ids=name)
 def test_port_list_is_that_of_the_module(config: ReadoutConfig) -> None:
     described = json.loads(description(config))
     assert described["configuration"] == config.to_dict()
-    text = verilog_text(config)
-    top = text[text.index("module eskin_readout(") :]
-    found = re.findall(
-        r"^  (input|output) (?:wire|reg) (?:\[(\d+):0\] )?(\w+);", top[: top.index("endmodule")], re.MULTILINE
-    )
-    listed = {p["name"]: (p["direction"], p["width"]) for p in described["ports"]}
-    assert {n: (way, int(high or 0) + 1) for way, high, n in found} == listed
+    listed = declared(verilog_text(config), "eskin_readout")
+    assert listed == {p["name"]: (p["direction"], p["width"]) for p in described["ports"]}
     assert list(listed)[:2] == ["clk", "rst"]
     if config.taxels == 1 and not config.has_polarity:
         assert "aer_addr" not in listed

@@ -8,7 +8,7 @@ from typing import Any
 import cocotb
 import pytest
 
-from eskin.cocotb_tests.bench.block import Block, Checker, job, report
+from eskin.cocotb_tests.bench.block import begin, report
 from eskin.cocotb_tests.runner.block import cosimulate
 from eskin.model.config import ReadoutConfig
 
@@ -40,9 +40,7 @@ class WindowReference:
 @cocotb.test()
 async def window_follows_its_reference(dut: Any) -> None:
     """Play phases from quiet to busy, with resets."""
-    config, rng = job()
-    block = Block(dut)
-    check = Checker(block)
+    config, rng, block, check = begin(dut)
     reference = WindowReference(config)
     block.drive(open=0, tick=0)
     await block.reset()

@@ -35,13 +35,7 @@ def cells() -> Iterator[tuple[bool, str]]:
 
 
 def run(pictures: Path) -> str:
-    """Run all cells, write their pictures into a folder, and return the page.
-
-    Parameters
-    ----------
-    pictures : Path
-        Folder, created if it does not exist. The page always links to ``figures/tutorial``.
-    """
+    """Run all cells, write their pictures into a folder, and return the page, which links to ``figures/tutorial``."""
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 

@@ -25,22 +25,13 @@ GENERIC_FLOP = re.compile(r"\$_S?DFF\w*_")
 
 @dataclass(frozen=True)
 class Gates:
-    """Cell counts of a readout.
+    """Cell counts of a readout."""
 
-    Attributes
-    ----------
-    flops, gates : int
-        Flip-flops, and combinational cells, of the whole array.
-    taxels : int
-        Taxels of the array.
-    area_um2 : float or None
-        Cell area, with a liberty file; no wires, no clock tree.
-    """
-
+    # flops, gates: flip-flops, and combinational cells, of the whole array
     flops: int
     gates: int
     taxels: int
-    area_um2: float | None
+    area_um2: float | None  # cell area, with a liberty file; no wires, no clock tree
 
     def to_dict(self) -> dict[str, float | None]:
         """Return the counts, in total and per taxel, as a dictionary."""
@@ -56,21 +47,9 @@ class Gates:
 
 
 def count_gates(config: Config, taxels: int, liberty: Path | None = None) -> Gates:
-    """Return the cell counts of a readout synthesised with Yosys.
+    """Return the cell counts of a readout synthesised with Yosys, without the weight memories of a classifier.
 
-    Parameters
-    ----------
-    config : ReadoutConfig, FrameConfig or ClassifierConfig
-        Of a classifier the memories of weights are left out.
-    taxels : int
-        Taxels of its array; 1 for a classifier.
-    liberty : Path, optional
-        Cell library; without one, generic two-input gates are counted.
-
-    Raises
-    ------
-    InputError
-        If the library cannot be read, is no liberty file, or Yosys cannot map the readout to its cells.
+    Without a cell library, generic two-input gates are counted. A classifier has 1 taxel.
     """
     library = None if liberty is None else read(liberty)
     text = _statistics(config, library)

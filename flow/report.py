@@ -30,32 +30,17 @@ SWITCHED_OFF = "simulation is switched off (POWER=0)"
 
 @dataclass(frozen=True)
 class Report:
-    """All results of a synthesis run.
-
-    Attributes
-    ----------
-    name : str
-    netlist : Netlist
-    cells : dict of str to Counter
-        Cells of each kind, by block; all rows together are the block ``row``.
-    structure : Structure
-    equivalence : Equivalence
-    timing : dict of str to Timing
-        By corner.
-    more : dict
-        What is measured on the netlist in simulation, energy for instance; parts of the report as they are.
-    unmeasured : str
-        Why that is missing, if it is.
-    """
+    """All results of a synthesis run."""
 
     name: str
     netlist: Netlist
-    cells: dict[str, Counter[str]]
+    cells: dict[str, Counter[str]]  # by block, then kind; all rows together are the block ``row``
     structure: Structure
     equivalence: Equivalence
     timing: dict[str, Timing]
+    # further entries of the report, from simulation
     more: dict[str, Any] = field(default_factory=dict)
-    unmeasured: str = SWITCHED_OFF
+    unmeasured: str = SWITCHED_OFF  # reason why power is not measured
 
     def area_um2(self, block: str = "") -> float:
         """Return the cell area of a block, or of all blocks, without wires, clock tree and fill."""
@@ -197,24 +182,12 @@ def run(
 ) -> Report:
     """Return the results of synthesis, proof, structural checks, timing and power for a readout.
 
-    Parameters
-    ----------
-    config : ReadoutConfig or FrameConfig
-    corners : dict of str to Path
-        Liberty files; ``typical`` is the one that is mapped to.
-    name : str
-        Of the run; one is made of the configuration where it is empty.
-    on_stage : callable
-        Called with what begins.
-    power : bool
-        Whether power is measured, in simulation.
-    delivered : bool
-        Start from the Verilog of ``eskin verilog --clock-gates``, as a user's flow does.
-
-    Raises
-    ------
-    InputError
-        If a program is missing or a library does not do.
+    ``corners``: Liberty files by corner; synthesis uses ``typical``.
+    ``name``: folder of the run; empty for a name from the configuration.
+    ``on_stage``: called with the name of each stage.
+    ``power``: measure the power in simulation.
+    ``delivered``: start from the Verilog of ``eskin verilog --clock-gates``, as a user's flow does.
+    Raises InputError if a program is missing or a library lacks cells.
     """
     opensta.check_program()
     libraries = {corner: read(path) for corner, path in corners.items()}

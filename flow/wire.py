@@ -22,18 +22,11 @@ WITHIN_UM = 20.0
 
 @dataclass(frozen=True)
 class Wire:
-    """Resistance and capacitance of a wire per length.
-
-    Attributes
-    ----------
-    ohm_per_um, farad_per_um : float
-    within_um : float
-        Length of the wire to a pin in the same block.
-    """
+    """Resistance and capacitance of a wire per length."""
 
     ohm_per_um: float = OHM_PER_UM
     farad_per_um: float = FARAD_PER_UM
-    within_um: float = WITHIN_UM
+    within_um: float = WITHIN_UM  # length of the wire to a pin in the same block
 
     def __post_init__(self) -> None:
         for option, value, most in (("--ohm", self.ohm_per_um, 1e3), ("--farad", self.farad_per_um, 1e-12)):

@@ -22,20 +22,8 @@ Events = NDArray[Any]
 
 
 def make_events(t: ArrayLike, row: ArrayLike, column: ArrayLike, polarity: ArrayLike = True) -> Events:
-    """Return an event array made from arrays of clocks, rows, columns and polarities.
-
-    Parameters
-    ----------
-    t, row, column, polarity : array_like, shape (events,) or scalar
-        Clock, row (y), column (x) and polarity (True = ON) of each event.
-
-    Returns
-    -------
-    ndarray of EVENT_DTYPE, shape (events,)
-    """
-    t, row, column, polarity = np.broadcast_arrays(
-        np.atleast_1d(t), np.asarray(row), np.asarray(column), np.asarray(polarity)
-    )
+    """Return an event array for clocks, rows (y), columns (x) and polarities (True = ON), arrays or scalars."""
+    t, row, column, polarity = np.broadcast_arrays(np.atleast_1d(t), row, column, polarity)
     events = np.empty(t.shape, EVENT_DTYPE)
     events["t"], events["x"], events["y"], events["p"] = t, column, row, polarity
     return events
@@ -61,9 +49,12 @@ def check_events(events: Events, config: ReadoutConfig, duration_clocks: int) ->
         raise InputError(f"duration_clocks must not be negative, not {duration_clocks}")
     if not len(events):
         return
-    limits = {"t": (duration_clocks, "the duration in clocks"), "x": (config.columns, "columns")}
-    limits["y"] = (config.rows, "rows")
-    for name, (limit, what) in limits.items():
+    limits = (
+        ("t", duration_clocks, "the duration in clocks"),
+        ("x", config.columns, "columns"),
+        ("y", config.rows, "rows"),
+    )
+    for name, limit, what in limits:
         column = events[name]
         if wrong := np.flatnonzero((column < 0) | (column >= limit)).tolist():
             raise InputError(f"event {wrong[0]} has {name} = {column[wrong[0]]}, outside 0..{limit - 1} ({what})")

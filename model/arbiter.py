@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 ZERO, ONE = np.uint64(0), np.uint64(1)
 
-# Words of the arbiter's state: the burst latch with its columns and their polarities, the rows behind the latch's row,
-# that row, the columns that it held at first, and the rows with a request.
+# Words of the arbiter's state: columns in the burst latch, their polarities, the rows behind the latched row, the
+# latched row, the columns that were latched, and the rows with a request.
 WAITING, SIGNS, BEHIND, ROW, TAKEN, REQUESTS = range(6)
 
 
@@ -48,14 +48,9 @@ def without_lowest(bits: np.uint64) -> np.uint64:
 
 @njit(cache=True)
 def next_row(requests: np.uint64, behind: np.uint64) -> int:
-    """Return the row to grant next: round robin, starting behind the last granted row.
+    """Return the row to grant next: the first requesting row behind the last granted row, else the first of all.
 
-    Parameters
-    ----------
-    requests : uint64
-        Requesting rows, not 0.
-    behind : uint64
-        Rows behind the one last granted; 0 after reset.
+    ``requests`` is not 0. ``behind`` are the rows behind the last granted row; 0 after reset.
     """
     later = requests & behind
     return lowest(later if later != ZERO else requests)

@@ -8,7 +8,7 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, get_args, get_type_hints
+from typing import Any, Literal, Self, get_args, get_type_hints
 
 from eskin.base.errors import InputError
 from eskin.base.files import read_json
@@ -51,19 +51,8 @@ SPECIFICATION = "docs/specification.md, section"
 def parameter(default: Any, unit: str, source: str, meaning: str, option: str = "", values: str = "") -> Any:
     """Return a dataclass field with its unit, source, help text and command-line option.
 
-    Parameters
-    ----------
-    default : number, str or None
-    unit : str
-        Empty for a pure number and a choice.
-    source : str
-        Source of the parameter or its default.
-    meaning : str
-        One line, as ``--help`` prints it.
-    option : str
-        Name of the command-line option, by default the field's name without its unit.
-    values : str
-        Values in the help of the option, if the type of the field does not list them.
+    ``unit`` is empty for a pure number and a choice. ``option`` is by default the field's name without its unit.
+    ``values`` stand in the help of the option if the type of the field does not list them.
     """
     metadata = {"unit": unit, "source": source, "meaning": meaning, "option": option, "values": values}
     return field(default=default, metadata=metadata)
@@ -76,7 +65,62 @@ def option_of(field: dataclasses.Field[Any]) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReadoutConfig:
+class Configuration:
+    """Base of configuration classes: checks of the fields, copies, and dictionaries."""
+
+    noun = ("a configuration", "configuration")
+    """The configuration in sentences about all of it and about one field."""
+
+    def _check_types(self, but: Collection[str] = ()) -> None:
+        """Check the types of all fields; an int becomes a float where a float is meant."""
+        hints = get_type_hints(type(self))
+        for name in (one.name for one in dataclasses.fields(self) if one.name not in but):
+            hint, value = hints[name], getattr(self, name)
+            choices = get_args(hint)
+            if choices and isinstance(choices[0], str):
+                if value not in choices:
+                    raise InputError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
+            elif hint is float and type(value) is int and abs(value) < 2**53:
+                object.__setattr__(self, name, float(value))
+            elif type(value) not in (choices or (hint,)):
+                raise InputError(f"{name} must be of type {getattr(hint, '__name__', 'int or None')}, not {value!r}")
+
+    def _check_range(self, name: str, low: int, high: int, high_name: str = "") -> None:
+        value = getattr(self, name)
+        if not low <= value <= high:
+            bound = f"{high_name} = {high}" if high_name else f"{high}"
+            raise InputError(f"{name} must be in {low}..{bound}, not {value}")
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a validated copy with changed fields."""
+        self._check_names(changes)
+        return dataclasses.replace(self, **changes)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as a dictionary."""
+        return dataclasses.asdict(self)
+
+    def to_json(self) -> str:
+        """Return the configuration as JSON text."""
+        return json.dumps(self.to_dict(), indent=2)
+
+    @classmethod
+    def from_dict(cls, fields: Any) -> Self:
+        """Return the configuration for a dictionary; raise an error for unknown fields."""
+        if not isinstance(fields, dict):
+            raise InputError(f"{cls.noun[0]} must be a JSON object, not {type(fields).__name__}")
+        cls._check_names(fields)
+        return cls(**fields)
+
+    @classmethod
+    def _check_names(cls, names: Collection[str]) -> None:
+        known = {field.name for field in dataclasses.fields(cls)}
+        if unknown := sorted(set(names) - known):
+            raise InputError(f"unknown {cls.noun[1]} field {unknown[0]!r}; known fields are {', '.join(sorted(known))}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadoutConfig(Configuration):
     """All parameters of one readout; immutable, validated, convertible to JSON.
 
     Parameters
@@ -112,11 +156,6 @@ class ReadoutConfig:
         Whether resolution, leak, window, mask and more can be set at run time, up to the built values.
     fields : "own", "neighbours", "both", "settable", or a list
         Receptive fields: samples that the encoder of a taxel sees (``model.encoders.fields``); settable with registers.
-
-    Raises
-    ------
-    InputError
-        If a value is of the wrong type, out of range, or does not fit another.
 
     Examples
     --------
@@ -165,8 +204,7 @@ class ReadoutConfig:
     )
 
     def __post_init__(self) -> None:
-        for name, hint in get_type_hints(type(self)).items():
-            self._check_type(name, hint)
+        self._check_types(but=("fields",))
         self._check_array()
         object.__setattr__(self, "fields", parse(self.fields, self.taxels))
         self._check_range("sample_bits", 3, 24)
@@ -184,7 +222,7 @@ class ReadoutConfig:
             raise InputError(
                 f"sample_rate_hz must be in {MIN_RATE_HZ:g}..{MAX_RATE_HZ:g} hertz, not {self.sample_rate_hz!r}"
             )
-        # A reference stands on a level of its encoder.
+        # The reference is always on a level of the encoder.
         self._check_range("reference_reset", self.encoder.lowest(self), self.full_scale - 1)
         if self.reference_reset % self.grid:
             raise InputError(
@@ -203,24 +241,6 @@ class ReadoutConfig:
     def _check_array(self) -> None:
         self._check_range("rows", 1, MAX_SIDE)
         self._check_range("columns", 1, MAX_SIDE)
-
-    def _check_type(self, name: str, hint: Any) -> None:
-        value = getattr(self, name)
-        if name == "fields":
-            return  # checked behind the array
-        if choices := get_args(hint):
-            if value not in choices:
-                raise InputError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
-        elif hint is float and type(value) is int and abs(value) < 2**53:
-            object.__setattr__(self, name, float(value))
-        elif type(value) is not hint:
-            raise InputError(f"{name} must be of type {hint.__name__}, not {value!r}")
-
-    def _check_range(self, name: str, low: int, high: int, high_name: str = "") -> None:
-        value = getattr(self, name)
-        if not low <= value <= high:
-            bound = f"{high_name} = {high}" if high_name else f"{high}"
-            raise InputError(f"{name} must be in {low}..{bound}, not {value}")
 
     # -- derived numbers -------------------------------------------------------------------------
 
@@ -337,21 +357,15 @@ class ReadoutConfig:
 
         A coarse leak (small leak_shift) removes events, by about a quarter of its step, and a short period approximates
         tau badly. The method takes the leak_shift from 1 to 6 with the smallest sum of both errors. ``tau_s`` of the
-        result is the exact time constant of its integers.
+        result is the exact time constant of its integers. If none comes within 5 % of ``tau_s``, the error names the
+        nearest time constants that do.
 
         Parameters
         ----------
         tau_s, ts_s : float
             Wanted time constant and sample period in seconds.
-        encoding : str
-            Name of an encoder that leaks.
         **parameters
             All other fields of the configuration but sample_rate_hz, leak_shift and leak_period.
-
-        Raises
-        ------
-        InputError
-            If no leak_shift and leak_period come within 5 % of tau_s; it names the nearest time constants that do.
         """
         for name, value in (("tau", tau_s), ("sample period", ts_s)):
             if not (math.isfinite(value) and value > 0):
@@ -373,34 +387,17 @@ class ReadoutConfig:
                 f"tau {tau_s:g} s is not reachable with a sample period of {ts_s:g} s; the nearest is {nearest} s"
             )
         _, shift, period = min(candidates)
-        return cls(
-            encoding=encoding,
-            sample_rate_hz=1.0 / ts_s,
-            leak_shift=shift,
-            leak_period=period,
-            **parameters,
-        )
-
-    def replace(self, **changes: Any) -> ReadoutConfig:
-        """Return a validated copy with changed fields."""
-        self._check_names(changes)
-        return dataclasses.replace(self, **changes)
+        return cls(encoding=encoding, sample_rate_hz=1 / ts_s, leak_shift=shift, leak_period=period, **parameters)
 
     def chosen(self, field: str, **values: Any) -> Any:
-        """Return the entry of a table for the value of a field; raise an error if the table has no entry.
-
-        Raises
-        ------
-        InputError
-            If the field has a value that is not among the names; whoever asked does not know it yet.
-        """
+        """Return the entry of a table for the value of a field; raise InputError if the table has no entry."""
         if (value := getattr(self, field)) not in values:
             raise InputError(f"{field} {value!r} is unknown here; known values are {', '.join(values)}")
         return values[value]
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as a dictionary, without unused registers and receptive fields."""
-        fields = dataclasses.asdict(self)
+        fields = super().to_dict()
         if self.registers == "none":
             del fields["registers"]
         if self.fields == "own":
@@ -409,26 +406,8 @@ class ReadoutConfig:
             fields["fields"] = [one.to_dict() for one in self.fields]
         return fields
 
-    def to_json(self) -> str:
-        """Return the configuration as JSON text."""
-        return json.dumps(self.to_dict(), indent=2)
-
     @classmethod
-    def from_dict(cls, fields: Any) -> ReadoutConfig:
-        """Return the configuration for a dictionary; raise an error for unknown fields."""
-        if not isinstance(fields, dict):
-            raise InputError(f"a configuration must be a JSON object, not {type(fields).__name__}")
-        cls._check_names(fields)
-        return cls(**fields)
-
-    @classmethod
-    def _check_names(cls, fields: dict[str, Any]) -> None:
-        known = {field.name for field in dataclasses.fields(cls)}
-        if unknown := sorted(set(fields) - known):
-            raise InputError(f"unknown configuration field {unknown[0]!r}; known fields are {', '.join(sorted(known))}")
-
-    @classmethod
-    def from_json(cls, text: str) -> ReadoutConfig:
+    def from_json(cls, text: str) -> Self:
         """Return the configuration for JSON text."""
         try:
             fields = json.loads(text)
@@ -437,20 +416,15 @@ class ReadoutConfig:
         return cls.from_dict(fields)
 
     @classmethod
-    def load(cls, path: str | Path) -> ReadoutConfig:
+    def load(cls, path: str | Path) -> Self:
         """Return the configuration from a JSON file: a configuration file, or the description beside the Verilog."""
         return cls.of_file(Path(path))[0]
 
     @classmethod
-    def of_file(cls, path: Path, beside: Collection[str] = ()) -> tuple[ReadoutConfig, dict[str, Any]]:
+    def of_file(cls, path: Path, beside: Collection[str] = ()) -> tuple[Self, dict[str, Any]]:
         """Return the configuration from a JSON file, and a dictionary of all fields in the file.
 
-        Fields ``beside`` those of this class, which another configuration has, may stand in it too.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read or contains no configuration; the sentence names the file.
+        The file may also have fields of another configuration, which ``beside`` lists.
         """
         content = read_json(path, "the configuration", dict)
         fields = content["configuration"] if {"configuration", "ports"} <= set(content) else content

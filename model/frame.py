@@ -5,7 +5,7 @@ This is the golden model of ``rtl/frame.py``, without bit slices.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -42,29 +42,7 @@ class Outputs(NamedTuple):
 
 
 class FrameModel:
-    """State of the frame readout, updated at each rising edge.
-
-    Attributes
-    ----------
-    taxel : int
-        Index r * columns + c of the taxel at the ADC; -1 between frames.
-    countdown : int
-        Clocks that the multiplexer still needs to settle.
-    converting : bool
-        True during a conversion.
-    held : tuple of int, or None
-        The sample on its way to the packer: (taxel, code).
-    bits, fill : int
-        Bits of the frame that do not make a word yet, and how many.
-    opening : bool
-        The next word is the first of its frame.
-    flush : bool
-        The frame has ended; its last bits make a word by themselves.
-    word, valid, sync : int, bool, bool
-        The output word.
-    overrun : bool
-        A frame_start was missed in the clock before.
-    """
+    """State of the frame readout, updated at each rising edge."""
 
     def __init__(self, config: FrameConfig) -> None:
         self.config = config
@@ -72,10 +50,15 @@ class FrameModel:
 
     def reset(self) -> None:
         """Set all registers to their state after reset."""
-        self.taxel, self.countdown, self.converting, self.overrun = -1, 0, False, False
-        self.held: tuple[int, int] | None = None
-        self.bits, self.fill, self.opening, self.flush = 0, 0, False, False
-        self.word, self.valid, self.sync = 0, False, False
+        self.taxel = -1  # index r * columns + c of the taxel at the ADC; -1 between frames
+        self.countdown = 0  # clocks that the multiplexer still needs to settle
+        self.converting = False
+        self.overrun = False  # a frame_start was missed in the clock before
+        self.held: tuple[int, int] | None = None  # the sample on its way to the packer: taxel and code
+        self.bits, self.fill = 0, 0  # bits of the frame that do not make a word yet, and how many
+        self.opening = False  # the next word is the first of its frame
+        self.flush = False  # the frame has ended; its last bits make a word by themselves
+        self.word, self.valid, self.sync = 0, False, False  # the output word
 
     @property
     def idle(self) -> bool:
@@ -176,24 +159,15 @@ class FrameStimulus:
     ready: NDArray[np.uint8] = field(default_factory=lambda: np.ones(1, np.uint8))
 
     @classmethod
-    def from_samples(
-        cls,
-        config: FrameConfig,
-        samples: NDArray[np.integer],
-        *,
-        conversion: NDArray[np.int64] | None = None,
-        ready: NDArray[np.uint8] | None = None,
-        drain: int = 0,
-    ) -> FrameStimulus:
-        """Return a stimulus with one frame per row of samples at the frame rate."""
+    def from_samples(cls, config: FrameConfig, samples: NDArray[np.integer], *, drain: int = 0) -> FrameStimulus:
+        """Return a stimulus with one frame per row of samples at the frame rate, and ``drain`` clocks at the end."""
         start = np.arange(len(samples), dtype=np.int64) * config.clocks_per_frame
         return cls(
             samples=np.asarray(samples),
             sample_clock=start,
             frame_clock=start,
             clocks=len(samples) * config.clocks_per_frame + drain,
-            conversion=np.array([config.adc_clocks]) if conversion is None else np.asarray(conversion, np.int64),
-            ready=np.ones(1, np.uint8) if ready is None else np.asarray(ready, np.uint8),
+            conversion=np.array([config.adc_clocks]),
         )
 
     def check(self, config: FrameConfig) -> None:
@@ -239,10 +213,10 @@ def simulate(config: FrameConfig, stimulus: FrameStimulus) -> FrameRun:
     words: list[tuple[int, int, int]] = []
     starts: list[tuple[int, int]] = []
     overruns: list[int] = []
-    conversions = _cycled(stimulus.conversion)
+    conversions = itertools.cycle(stimulus.conversion.tolist())
     frames = iter([*stimulus.frame_clock.tolist(), -1])
     next_frame, tick, done_at, code = next(frames), -1, -1, 0
-    for t, ready in zip(range(stimulus.clocks), _cycled(stimulus.ready), strict=False):
+    for t, ready in zip(range(stimulus.clocks), itertools.cycle(stimulus.ready.tolist()), strict=False):
         while tick + 1 < len(codes) and stimulus.sample_clock[tick + 1] <= t:
             tick += 1
         outputs = model.outputs
@@ -263,10 +237,3 @@ def simulate(config: FrameConfig, stimulus: FrameStimulus) -> FrameRun:
         np.array(overruns, np.int64),
         model.idle,
     )
-
-
-def _cycled(pattern: NDArray[np.integer]) -> Iterator[int]:
-    """Yield the values of a pattern repeatedly without end."""
-    values = pattern.tolist()
-    while True:
-        yield from values

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Any
 
 from eskin.base.errors import InputError
@@ -15,15 +16,7 @@ MAX_CLOCKS = 1024
 
 FRAME = "docs/reference/frame.md"
 
-SHARED_FIELDS = (
-    "rows",
-    "columns",
-    "sample_bits",
-    "resolution",
-    "reset",
-    "sample_rate_hz",
-    "clocks_per_sample",
-)
+SHARED_FIELDS = ("rows", "columns", "sample_bits", "resolution", "reset", "sample_rate_hz", "clocks_per_sample")
 """Fields of ReadoutConfig that mean the same in both readouts; the others belong to the spiking one."""
 
 
@@ -45,11 +38,6 @@ class FrameConfig:
     conversion_clocks : int or None
         Clocks from ``adc_start`` to ``adc_done``, 1..1024, assumed for the clock frequency; the hardware accepts any
         number. None means N + 1: one decision per clock, then the code.
-
-    Raises
-    ------
-    InputError
-        If a value is of the wrong type, out of range, or does not fit another.
     """
 
     readout: ReadoutConfig = field(default_factory=ReadoutConfig)
@@ -80,35 +68,13 @@ class FrameConfig:
 
     # -- shared with the spiking readout ---------------------------------------------------------
 
-    @property
-    def rows(self) -> int:
-        """Rows of taxels."""
-        return self.readout.rows
-
-    @property
-    def columns(self) -> int:
-        """Columns of taxels."""
-        return self.readout.columns
-
-    @property
-    def taxels(self) -> int:
-        """M, number of taxels."""
-        return self.readout.taxels
-
-    @property
-    def sample_bits(self) -> int:
-        """W, bits of the signed sample at the ADC input."""
-        return self.readout.sample_bits
-
-    @property
-    def resolution(self) -> int:
-        """N, bits of an ADC code."""
-        return self.readout.resolution
-
-    @property
-    def reset(self) -> str:
-        """Reset style of the flip-flops, "sync" or "async"."""
-        return self.readout.reset
+    rows = property(attrgetter("readout.rows"), doc="Rows of taxels.")
+    columns = property(attrgetter("readout.columns"), doc="Columns of taxels.")
+    taxels = property(attrgetter("readout.taxels"), doc="M, number of taxels.")
+    sample_bits = property(attrgetter("readout.sample_bits"), doc="W, bits of the signed sample at the ADC input.")
+    resolution = property(attrgetter("readout.resolution"), doc="N, bits of an ADC code.")
+    reset = property(attrgetter("readout.reset"), doc='Reset style of the flip-flops, "sync" or "async".')
+    frame_rate_hz = property(attrgetter("readout.sample_rate_hz"), doc="Frames per second, the rate of a taxel.")
 
     # -- derived numbers -------------------------------------------------------------------------
 
@@ -126,11 +92,6 @@ class FrameConfig:
     def words_per_frame(self) -> int:
         """Output words per frame."""
         return -(-self.taxels * self.resolution // self.word_bits)
-
-    @property
-    def frame_rate_hz(self) -> float:
-        """Frames per second, equal to the sample rate of a taxel."""
-        return self.readout.sample_rate_hz
 
     @property
     def clocks_per_frame(self) -> int:

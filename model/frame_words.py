@@ -13,19 +13,7 @@ from eskin.model.frame_config import FrameConfig
 
 
 def adc_code(config: FrameConfig, samples: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Return the ADC codes of samples: the upper N of W bits, rounded down.
-
-    Parameters
-    ----------
-    config : FrameConfig
-    samples : integer ndarray, any shape
-        -2**(W-1) .. 2**(W-1) - 1.
-
-    Returns
-    -------
-    ndarray of int64, same shape
-        -2**(N-1) .. 2**(N-1) - 1.
-    """
+    """Return the signed ADC codes of samples of any shape: the upper N of W bits, rounded down."""
     values = np.asarray(samples, np.int64)
     high = config.readout.full_scale
     if values.size and not -high <= values.min() <= values.max() < high:
@@ -38,15 +26,8 @@ def adc_code(config: FrameConfig, samples: NDArray[np.integer]) -> NDArray[np.in
 def pack(config: FrameConfig, codes: NDArray[np.integer]) -> NDArray[np.uint64]:
     """Return the output words of frames, packed from the lowest bit; every frame starts a new word.
 
-    Parameters
-    ----------
-    config : FrameConfig
-    codes : integer ndarray, shape (frames, taxels)
-        ADC codes, signed or their N bits.
-
-    Returns
-    -------
-    ndarray of uint64, shape (frames, words_per_frame)
+    ``codes``, shape (frames, taxels), are ADC codes, signed or their N bits. The words have the shape (frames,
+    words_per_frame).
     """
     values = np.asarray(codes, np.int64)
     if values.ndim != 2 or values.shape[1] != config.taxels:
@@ -63,24 +44,10 @@ def pack(config: FrameConfig, codes: NDArray[np.integer]) -> NDArray[np.uint64]:
 
 
 def unpack(config: FrameConfig, words: NDArray[np.integer], sync: NDArray[Any] | None = None) -> NDArray[np.int64]:
-    """Return the signed ADC codes packed in output words.
+    """Return the signed ADC codes packed in output words, shape (frames, taxels).
 
-    Parameters
-    ----------
-    config : FrameConfig
-    words : integer ndarray, shape (frames, words_per_frame), or (words,) with ``sync``
-        A stream may stop within a frame: that frame is left out.
-    sync : ndarray of bool, shape (words,), optional
-        ``word_sync`` of every word of a stream.
-
-    Returns
-    -------
-    ndarray of int64, shape (frames, taxels)
-
-    Raises
-    ------
-    InputError
-        If the words have another shape, or frames do not begin where ``sync`` says, or do not end in zeros.
+    ``words`` have the shape (frames, words_per_frame), or (words,) with their ``sync``. An incomplete frame at the end
+    of a stream is left out. Frames that do not begin at a ``sync``, or do not end in zeros, raise InputError.
     """
     values, length = np.asarray(words, np.uint64), config.words_per_frame
     if sync is not None:

@@ -24,38 +24,19 @@ COUNTED = {TAKEN: ("events_count",), WAITED: ("stalls_count",), 0: ()}
 
 
 class HostRun(NamedTuple):
-    """Results of simulating a readout with registers.
-
-    Attributes
-    ----------
-    events : ndarray of EVENT_DTYPE, shape (events,)
-    miso, miso_enable : ndarray of uint8, shape (clocks,)
-        The pins before every rising edge.
-    stimulus : Stimulus
-        Inputs of the array: masks and settings from the registers.
-    """
+    """Results of simulating a readout with registers; pins, shape (clocks,), are those before every rising edge."""
 
     events: Events
     miso: NDArray[np.uint8]
     miso_enable: NDArray[np.uint8]
     stimulus: Stimulus
+    """Inputs of the array: masks and settings from the registers."""
 
 
 def play(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins]) -> HostRun:
-    """Simulate a readout with a stimulus and the SPI transfers of a host.
+    """Simulate a readout with ``registers="spi"``, its stimulus and the pins of a host in every clock.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-        With ``registers="spi"``.
-    stimulus : Stimulus
-        Stimulus with the masks of ``taxel_enable``, without settings.
-    pins : sequence of Pins, one for every clock
-
-    Raises
-    ------
-    InputError
-        If they do not fit the configuration or each other.
+    The stimulus has the masks of ``taxel_enable``, and no settings.
     """
     if len(pins) != stimulus.clocks:
         raise InputError(f"pins must be given for each of the {stimulus.clocks} clocks, not {len(pins)}")
@@ -81,7 +62,7 @@ def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins
     before: tuple[int, ...] = ()
     choices: list[NDArray[np.uint8]] = []
     choice_clocks: list[int] = []
-    # The select lines of an analog multiplexer are flops behind the register.
+    # An analog multiplexer gets its select lines from flops, one clock behind the register.
     selected = np.zeros(config.taxels, np.uint8)
     for clock, levels in enumerate(pins):
         signals = file.signals()
@@ -102,11 +83,11 @@ def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins
             masks.append(enabled)
             mask_clocks.append(clock)
         steady = (config.resolution - resolution, found.leak_shift, found.leak_period, found.window_period, *test)
-        anew = (int("test_mode" in file.told or clear), int("decay_period" in file.told or clear))
-        if steady != before or any(anew):
-            rows.append((clock, *steady, *anew))
+        restarts = (int("test_mode" in file.written or clear), int("decay_period" in file.written or clear))
+        if steady != before or any(restarts):
+            rows.append((clock, *steady, *restarts))
             before = steady
-        if "resolution_bits" in file.told:
+        if "resolution_bits" in file.written:
             resolution = found.resolution
         write = slave.write
         slave.clock(levels)

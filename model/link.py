@@ -32,17 +32,8 @@ def ready(state: NDArray[np.int64]) -> bool:
 def advance(state: NDArray[np.int64], clock: int, taken: bool, ack_delay: NDArray[np.int64]) -> bool:
     """Advance the link by a clock edge; return True if REQ rises.
 
-    Parameters
-    ----------
-    state : ndarray of int64, shape (7,)
-        Changed in place.
-    clock : int
-        The clock.
-    taken : bool
-        An event is taken in this clock.
-    ack_delay : ndarray of int64, shape (delays,)
-        Delays from each edge of REQ to the edge of ACK, in units of 1/8 clock, used cyclically. They are never a
-        multiple of 8, so ACK does not change at a clock edge.
+    ``taken`` is true if an event is taken in this clock. ``ack_delay`` are the delays from each edge of REQ to the edge
+    of ACK in 1/8 clock, used cyclically; never a multiple of 8, so ACK does not change at a clock edge.
     """
     if state[ACK_AT] == clock:
         state[ACK] = state[REQ]

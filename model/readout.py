@@ -1,7 +1,7 @@
 """Golden model of the RTL: a cycle-accurate simulation of taxel array, arbiter and link.
 
-The loop visits only the clocks in which something can change, which is exact: a taxel that decided for nothing
-decides so again until its sample, its reference or its window moves.
+The loop visits only the clocks in which something can change. This is exact: a taxel without an event decides the same
+again until its sample, its reference or its window moves.
 """
 
 from __future__ import annotations
@@ -85,23 +85,10 @@ class Stimulus:
         ready: NDArray[np.uint8] | None = None,
         ack_delay: NDArray[np.int64] | None = None,
     ) -> Stimulus:
-        """Return a stimulus of samples at a constant rate, with all taxels enabled.
+        """Return a stimulus of samples, shape (ticks, taxels), at a constant rate, with all taxels enabled.
 
-        Parameters
-        ----------
-        config : ReadoutConfig
-        samples : integer ndarray, shape (ticks, taxels)
-        clocks_per_sample : int, optional
-            By default ``config.clocks_per_sample``.
-        clocks : int, optional
-            Length of the run; by default one sample period for every sample.
-        ready, ack_delay : ndarray, optional
-            See the attributes; by default the sink is always ready, and ACK follows in 1/8 clock.
-
-        Raises
-        ------
-        InputError
-            If the samples are not integers, out of range, or of another shape.
+        By default the run ends one sample period after the last sample, the sink is always ready, and ACK follows in
+        1/8 clock.
         """
         period = config.clocks_per_sample if clocks_per_sample is None else clocks_per_sample
         samples = np.asarray(samples)
@@ -192,20 +179,7 @@ class State:
 def simulate(config: ReadoutConfig, stimulus: Stimulus) -> Events:
     """Return the address events of a readout, equal to those of the RTL.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-    stimulus : Stimulus
-
-    Returns
-    -------
-    ndarray of EVENT_DTYPE, shape (events,)
-        t is the clock of the transfer (stream) or of the edge that raises REQ (four-phase).
-
-    Raises
-    ------
-    InputError
-        If the stimulus does not fit the configuration.
+    t is the clock of the transfer (stream) or of the edge that raises REQ (four-phase).
 
     Examples
     --------
@@ -252,15 +226,8 @@ def state_at(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> State:
 class Parameters(NamedTuple):
     """The configuration as a tuple for the compiled loop.
 
-    Attributes
-    ----------
-    leaks, per_sample, digital, four_phase : bool
-        The reference leaks; one decision per sample tick; digital front end; four-phase link.
-    columns, leak_period : int
-    reset, top, bottom : int
-        The reference after reset, and the ends of the scale, in 2**-fraction_bits codes.
-    rule : NamedTuple
-        Rule of the encoder, with a host's settings.
+    ``reset``, ``top`` and ``bottom`` are the reference after reset and the ends of the scale in 2**-fraction_bits
+    codes. ``rule`` is the rule of the encoder, with a host's settings.
     """
 
     leaks: bool
@@ -314,17 +281,7 @@ class Inputs(NamedTuple):
 
 
 class Registers(NamedTuple):
-    """All registers of a readout except the decay tick counter.
-
-    Attributes
-    ----------
-    taxels : ndarray of ``taxel_dtype``, shape (taxels,)
-    rows : ndarray of ROW_DTYPE, shape (rows,)
-    latch : ndarray of uint64, shape (6,)
-        See ``eskin.model.arbiter``.
-    link : ndarray of int64, shape (7,)
-        See ``eskin.model.link``.
-    """
+    """All registers of a readout except the decay tick counter; see ``taxel_kernels``, ``arbiter`` and ``link``."""
 
     taxels: NDArray[np.void]
     rows: NDArray[np.void]
@@ -395,8 +352,8 @@ def _decisions(config: ReadoutConfig, stimulus: Stimulus) -> NDArray[np.uint8]:
 def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: Any) -> NDArray[np.int64]:
     """Simulate the readout; return the clock and 2 * taxel + polarity of every event, shape (events, 2).
 
-    Settings are None where there are none: without them the loop is compiled as if no host could be. ``traffic`` takes
-    what ``simulate_counted`` returns, if it has room.
+    Settings are None without a host: the compiled loop then has no code for settings. ``traffic`` takes the states that
+    ``simulate_counted`` returns, if it has room.
     """
     taxels, rows, latch, aer = r
     samples, sample_clock, clocks, enable_clock, enable, wants, ack_delay, phases, decisions, choice_clock, shown = s
@@ -409,12 +366,12 @@ def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: 
     while t < clocks:
         moved = testing = False
         if given_settings is not None:
-            moved, testing = settings.hear(host, given_settings, t, ticks, rows, latch)
+            moved, testing = settings.apply(host, given_settings, t, ticks, rows, latch)
             if moved:
                 p = _set(p, given_settings[host[settings.NUMBER] - 1])
                 settings.set_phases(phases, p.leak_period)
 
-        # A disabled taxel is reset; all decide once more, which changes nothing for the others.
+        # A mask resets the disabled taxels. All taxels decide once more, which changes nothing for the others.
         masked = changes < len(enable_clock) and enable_clock[changes] == t
         if masked:
             mask_rows(p, enable[changes], taxels, rows, latch)
@@ -489,25 +446,16 @@ def _set(p: Parameters, now: Any) -> Parameters:
         p.reset,
         p.top,
         p.bottom,
-        compiled.told(p.rule, now),
+        compiled.with_settings(p.rule, now),
     )
 
 
 @njit(inline="always")
 def decide(p: Any, y: int, todo: Any, tick: bool, leaks: bool, taxels: Any, rows: Any, latch: Any) -> bool:
-    """Compute the decisions of the taxels of a row; return True if a moved threshold requires another decision.
+    """Compute the decisions of the taxels of row y; return True if a moved threshold requires another decision.
 
-    Parameters
-    ----------
-    p : Parameters
-    y : int
-        The row.
-    todo : uint64
-        Its taxels, those that have no request or whose request is taken in this clock count.
-    tick, leaks : bool
-        True in the clock of a sample tick; true in the clock of a leak of the row.
-    taxels, rows, latch : ndarray
-        The registers.
+    Of the taxels in ``todo`` those decide that have no request, or whose request is taken in this clock. ``tick`` and
+    ``leaks`` are true in the clock of a sample tick, and of a leak of the row.
     """
     todo &= rows[y].active & ~rows[y].pending
     again = ZERO
@@ -558,6 +506,6 @@ def with_room(log: NDArray[Any], events: int) -> NDArray[Any]:
     if events < len(log):
         return log
     longer = np.empty((2 * len(log), 2), log.dtype)
-    for row in range(len(log)):  # to assign it whole, Numba would compile for seconds: the text of an error of shapes
+    for row in range(len(log)):  # an assignment of the whole array would take Numba seconds to compile
         longer[row, 0], longer[row, 1] = log[row, 0], log[row, 1]
     return longer

@@ -16,7 +16,6 @@ window closed or a reference leaked in the first decision. ``encode_timed`` mark
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -42,7 +41,7 @@ EVENT_LATENCY = 3
 """Clocks from ``sample_valid`` to the first event that it causes (docs/design/microarchitecture.md, Time)."""
 
 _BLOCK_BYTES = 2**20
-"""Samples handled at a time where counts are not kept: their counts stay in the cache."""
+"""Bytes of samples per block if the counts are only added up: the counts of a block stay in the cache."""
 
 
 # -- encoders ----------------------------------------------------------------------------------------
@@ -67,11 +66,6 @@ def encode(config: ReadoutConfig, samples: Samples, out: Counts | None = None) -
     int16 array, shape (ticks, taxels)
         Signed number of events; int32 only where one sample can cause more than 32,767 of them.
 
-    Raises
-    ------
-    InputError
-        If the samples have the wrong shape, type or range.
-
     Examples
     --------
     A step of 16 codes (N = 6, W = 12); the signal rises by three levels, rests, and falls by five:
@@ -92,50 +86,34 @@ def encode(config: ReadoutConfig, samples: Samples, out: Counts | None = None) -
             f"out must be of shape {samples.shape} and type {np.dtype(_count_dtype(config))}, "
             f"not {counts.shape} and {counts.dtype}"
         )
-    _Bank.reset(config, samples.shape[1]).run(samples, counts, None)
+    _run(config, samples, _reset(config, samples.shape[1]), 0, counts, _NO_FLAGS)
     return _silenced(config, counts)
 
 
 def encode_timed(config: ReadoutConfig, samples: Samples) -> tuple[Counts, Flags]:
-    """Return the event counts of each sample, and flags for events that start one clock late.
+    """Return the event counts as ``encode`` does, and bool flags of the same shape for events that start late.
 
-    Parameters
-    ----------
-    config, samples
-        Same as for ``encode``.
-
-    Returns
-    -------
-    counts : int16 or int32 array, shape (ticks, taxels)
-        Same as from ``encode``.
-    late : bool array, shape (ticks, taxels)
-        True if the first event is in the second decision of the tick, because the window closed or the
-        reference leaked in the first. Never true for LCS, nor with one decision per tick.
+    A flag is true if the first event is in the second decision of the tick, because the window closed or the reference
+    leaked in the first. It is never true for LCS, nor with one decision per tick.
     """
     samples = _check_samples(config, samples)
     counts = np.empty(samples.shape, _count_dtype(config))
     late = np.zeros(samples.shape, np.bool_)
-    _Bank.reset(config, samples.shape[1]).run(samples, counts, late)
+    _run(config, samples, _reset(config, samples.shape[1]), 0, counts, late)
     return _silenced(config, counts), _silenced(config, late)
 
 
 def count_events(config: ReadoutConfig, samples: Samples) -> NDArray[np.int64]:
-    """Return the total number of events of every taxel, shape (taxels,).
-
-    Parameters
-    ----------
-    config, samples
-        Same as for ``encode``.
-    """
+    """Return the total number of events of every taxel, shape (taxels,), for samples as in ``encode``."""
     samples = _check_samples(config, samples)
     ticks, taxels = samples.shape
-    bank = _Bank.reset(config, taxels)
+    state = _reset(config, taxels)
     totals = np.zeros(taxels, np.int64)
     block = max(1, min(_BLOCK_BYTES // max(1, taxels * samples.itemsize), 2**31 // config.most_events_per_tick - 1))
     counts = np.empty((min(block, ticks), taxels), _count_dtype(config))
     for start in range(0, ticks, block):
         part = samples[start : start + block]
-        bank.run(part, counts[: len(part)], None)
+        _run(config, part, state, start, counts[: len(part)], _NO_FLAGS)
         totals += kernels.magnitudes(counts[: len(part)])
     return _silenced(config, totals)
 
@@ -148,17 +126,8 @@ def uncontended_events(config: ReadoutConfig, counts: Counts, late: Flags | None
 
     The j-th event (from 0) of tick i has ``t = i * clocks_per_sample + 3 + j``, one clock more where late.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-        Gives the addresses and the clocks per sample.
-    counts, late : arrays, shape (ticks, config.taxels)
-        Result of ``encode_timed``. ``late`` may be omitted if it is never true.
-
-    Returns
-    -------
-    ndarray of EVENT_DTYPE, shape (events,)
-        Sorted by t, then by taxel index.
+    ``counts`` and ``late``, shape (ticks, config.taxels), are the result of ``encode_timed``. ``late`` may be omitted
+    if it is never true. The events are sorted by t, then by taxel index.
     """
     counts, delay = _check_counts(config, counts, late, needed=config.encoder.late)
     if counts.shape[1] != config.taxels:
@@ -180,20 +149,8 @@ def uncontended_events(config: ReadoutConfig, counts: Counts, late: Flags | None
 def counts_of_events(config: ReadoutConfig, events: Events, ticks: int) -> tuple[Counts, Flags]:
     """Return the counts and late flags of address events, the inverse of ``uncontended_events``.
 
-    Events that had to wait for the link count for the tick in which they left, if that is one of ``ticks``.
-
-    Parameters
-    ----------
-    config : ReadoutConfig
-        Gives the addresses and the clocks per sample.
-    events : ndarray of EVENT_DTYPE, shape (events,)
-        Events in order of transfer.
-    ticks : int
-        Number of sample ticks.
-
-    Returns
-    -------
-    counts, late : int32 and bool arrays, shape (ticks, config.taxels)
+    Events that had to wait for the link count for the tick in which they left, if that is one of ``ticks``. The arrays
+    have the shape (ticks, config.taxels).
     """
     counts = np.zeros((ticks, config.taxels), np.int32)
     late = np.zeros((ticks, config.taxels), np.bool_)
@@ -215,17 +172,9 @@ def decode(config: ReadoutConfig, counts: Counts, late: Flags | None = None) -> 
 
     No event moves the reference off the scale: a late event that would do so has no effect.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-        The encoder.
-    counts, late : arrays, shape (ticks, taxels)
-        Result of ``encode_timed`` or ``counts_of_events``. ``late`` only matters for CW-LCS that decides every clock.
-
-    Returns
-    -------
-    float64 array, shape (ticks, taxels)
-        Exact values in codes. ``error_bound`` limits the distance to the samples.
+    ``counts`` and ``late``, shape (ticks, taxels), are the result of ``encode_timed`` or ``counts_of_events``. ``late``
+    only matters for an encoder with ``timed`` that decides every clock. The reconstruction has the same shape, in
+    codes, and is exact: ``error_bound`` limits its distance to the samples.
     """
     encoder = config.encoder
     counts, delay = _check_counts(config, counts, late, needed=encoder.timed)
@@ -256,41 +205,22 @@ def slope_limit(config: ReadoutConfig) -> float:
 _NO_FLAGS = np.zeros((0, 0), np.bool_)
 
 
-@dataclass
-class _Bank:
-    """The state of all taxels between two ticks.
+def _reset(config: ReadoutConfig, taxels: int) -> tuple[NDArray[Any], ...]:
+    """Return the state of all taxels after reset, as for ``Encoder.ticks``."""
+    encoder = config.encoder
+    start = config.reference_reset // config.grid << encoder.fraction_bits(config)
+    starts = (start, *(0 for _ in encoder.state))
+    return tuple(np.full(taxels, value, encoder.state_dtype(config)) for value in starts)
 
-    Attributes
-    ----------
-    state : tuple of arrays, shape (taxels,)
-        State of all taxels, as for ``Encoder.ticks``.
-    tick : int
-        Ticks since reset.
-    """
 
-    config: ReadoutConfig
-    state: tuple[NDArray[Any], ...]
-    tick: int = 0
-
-    @classmethod
-    def reset(cls, config: ReadoutConfig, taxels: int) -> _Bank:
-        """Return the state of all taxels after reset."""
-        encoder = config.encoder
-        start = config.reference_reset // config.grid << encoder.fraction_bits(config)
-        starts = (start, *(0 for _ in encoder.state))
-        return cls(config, tuple(np.full(taxels, value, encoder.state_dtype(config)) for value in starts))
-
-    def run(self, x: NDArray[Any], counts: Counts, late: Flags | None) -> None:
-        """Encode the samples x, shape (ticks, taxels), into counts and optional late flags.
-
-        Raises InputError afterwards if a sample is out of range.
-        """
-        rule, flags = self.config.encoder.rule(self.config), late if late is not None else _NO_FLAGS
-        phases, timed = _phases(self.config), late is not None
-        seen = kernels.ticks(rule, x, self.state, phases, self.tick, counts, flags, timed)
-        if seen >= self.config.full_scale:
-            _refuse_range(self.config, x)
-        self.tick += len(x)
+def _run(
+    config: ReadoutConfig, x: NDArray[Any], state: tuple[NDArray[Any], ...], tick: int, counts: Counts, late: Flags
+) -> None:
+    """Encode samples from a tick on into counts and, if ``late`` has room, flags; then check the samples' range."""
+    rule, timed = config.encoder.rule(config), late is not _NO_FLAGS
+    seen = kernels.ticks(rule, x, state, _phases(config), tick, counts, late, timed)
+    if seen >= config.full_scale:
+        _refuse_range(config, x)
 
 
 def _phases(config: ReadoutConfig) -> NDArray[np.int32]:
@@ -305,7 +235,7 @@ def _count_dtype(config: ReadoutConfig) -> type[np.signedinteger[Any]]:
 def _check_samples(config: ReadoutConfig, samples: Samples) -> NDArray[Any]:
     """Return samples after the receptive fields, as a C-ordered integer array.
 
-    ``_Bank.run`` checks the range of samples that pass through unchanged.
+    ``_run`` checks the range of samples that pass through unchanged.
     """
     samples = np.asarray(samples)
     if samples.ndim != 2:
@@ -314,16 +244,15 @@ def _check_samples(config: ReadoutConfig, samples: Samples) -> NDArray[Any]:
         raise InputError(
             f"samples must be integer codes, not {samples.dtype}; eskin.encode takes floats in full scales"
         )
-    if config.encoder.leaks and samples.shape[1] != config.taxels:
-        raise InputError(
-            f"samples must have one column for each of the {config.taxels} taxels, not {samples.shape[1]}, "
-            f"since every row leaks at its own phase"
-        )
-    if config.fields != "own" and samples.shape[1] != config.taxels:
-        raise InputError(
-            f"samples must have one column for each of the {config.taxels} taxels, not {samples.shape[1]}, "
-            f"since receptive fields add samples of the array"
-        )
+    for needs_all, reason in (
+        (config.encoder.leaks, "every row leaks at its own phase"),
+        (config.fields != "own", "receptive fields add samples of the array"),
+    ):
+        if needs_all and samples.shape[1] != config.taxels:
+            raise InputError(
+                f"samples must have one column for each of the {config.taxels} taxels, not {samples.shape[1]}, "
+                f"since {reason}"
+            )
     wanted = np.dtype(np.int16 if config.sample_bits <= 16 else np.int32)
     checked = np.ascontiguousarray(samples, dtype=wanted)
     if not np.can_cast(samples.dtype, wanted) or config.fields != "own":

@@ -33,14 +33,7 @@ def taxel_dtype(config: ReadoutConfig) -> np.dtype[np.void]:
 def decide(p: Any, taxel: Any, tick: bool, leaks: bool) -> tuple[bool, bool, bool]:
     """Compute one decision of a taxel; return ON, OFF, and whether a threshold moved without an event.
 
-    Parameters
-    ----------
-    p : Parameters
-        Parameters of ``eskin.model.readout``.
-    taxel : record of ``taxel_dtype``
-        Changed in place.
-    tick, leaks : bool
-        True in the clock of a sample tick; true in the clock of a leak of this taxel.
+    ``tick`` and ``leaks`` are true in the clock of a sample tick, and of a leak of this taxel.
     """
     on, off = steps(p, taxel) if tick or not p.per_sample else (False, False)
     moved = compiled.move(p.rule, taxel, on, off, tick, leaks)
@@ -52,7 +45,7 @@ def steps(p: Any, taxel: Any) -> tuple[bool, bool]:
     """Return whether a taxel steps up, and whether it steps down, limited by the full scale."""
     above, below = compiled.compare(p.rule, taxel)
     if taxel.given >= 0:
-        above, below = taxel.given & 1 != 0, taxel.given == 2  # where both say so, above counts
+        above, below = taxel.given & 1 != 0, taxel.given == 2  # if both are given, above counts
     reach = compiled.reach(p.rule, taxel)
     return above and taxel.u + reach <= p.top, below and taxel.u - reach >= p.bottom
 

@@ -89,17 +89,10 @@ def build_model(
 ) -> PowerModel:
     """Return the power model for given corrections and settings.
 
-    Parameters
-    ----------
-    corrections : frozenset of str
-    settings : sequence of str, optional
-        ``NAME=NUMBER`` each.
-    synthesis : sequence of Path, optional
-        Reports of the digital parts.
-    source : callable
-        Gives the event rates; asked only where a correction needs them.
-    sensor : PowerParameters, optional
-        A sensor that is not the published one: its bandwidth is that of the rates, unless a setting says it.
+    ``settings``: ``NAME=NUMBER`` each.
+    ``synthesis``: reports of the digital parts.
+    ``source``: returns the event rates; called only if a correction needs them.
+    ``sensor``: another sensor than the published one; its bandwidth is that of the rates, unless a setting gives it.
     """
     from eskin.power.equations import PowerModel
     from eskin.power.synthesis import load_reports

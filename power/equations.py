@@ -44,18 +44,10 @@ _EVEN = 1e-12  # relative difference of two totals below which it is rounding
 
 @dataclass(frozen=True)
 class TaxelRates:
-    """Event rates of an array, reduced to the sums that the power equations need.
+    """Event rates of an array, reduced to the sums that the power equations need."""
 
-    Attributes
-    ----------
-    population_hz : float array
-        Events/s of the whole array.
-    square_sum_hz2 : float array, same shape
-        Sum over the taxels of the square of each one's events/s.
-    """
-
-    population_hz: FloatArray
-    square_sum_hz2: FloatArray
+    population_hz: FloatArray  # events/s of the whole array
+    square_sum_hz2: FloatArray  # sum of the squared events/s of all taxels; same shape
 
     @classmethod
     def uniform(cls, population_hz: FloatArray, taxels: int) -> TaxelRates:
@@ -93,21 +85,11 @@ class FittedRates:
 
 @dataclass(frozen=True)
 class Breakdown:
-    """Power of the parts of a readout in watts, in the common shape of resolution, noise and tau.
+    """Power of the parts of a readout in watts, in the common shape of resolution, noise and tau."""
 
-    Attributes
-    ----------
-    afe : float array
-        Analog front end of the whole array.
-    converter_parts : dict of str to float array
-        Everything between AFE and pads, by part.
-    io : float array
-        Pads.
-    """
-
-    afe: FloatArray
-    converter_parts: dict[str, FloatArray]
-    io: FloatArray
+    afe: FloatArray  # analog front end of the whole array
+    converter_parts: dict[str, FloatArray]  # everything between AFE and pads, by part
+    io: FloatArray  # pads
 
     @property
     def converter(self) -> FloatArray:
@@ -133,52 +115,31 @@ class Breakdown:
 
 @dataclass(frozen=True)
 class Crossover:
-    """AFE noise at which a spiking readout and frames need equal power.
+    """AFE noise at which a spiking readout and frames need equal power."""
 
-    Attributes
-    ----------
-    noise_v_rms : float or None
-        AFE output noise in volts at which the totals are equal; None if they never are.
-    spikes_win : "above", "below", "always" or "never"
-        On which side of it spikes cost less.
-    """
-
-    noise_v_rms: float | None
-    spikes_win: Literal["above", "below", "always", "never"]
+    noise_v_rms: float | None  # AFE output noise in volts at which the totals are equal; None if they never are
+    spikes_win: Literal["above", "below", "always", "never"]  # side on which spikes cost less
 
 
 @dataclass(frozen=True, kw_only=True)
 class PowerModel:
     """The power model with a set of corrections.
 
-    Parameters
-    ----------
-    parameters : PowerParameters
-    corrections : frozenset of str
-        Keys of ``CORRECTIONS``; none is mode ``paper``, all of them mode ``consistent``.
-    measured : RateSource, optional
-        Event rates of the encoders on data; needed by correction ``event_rates``.
-    gates : mapping of str to SynthesisReport
-        Synthesis reports by readout, for correction ``digital``; without one, spiking logic takes the published
-        energy per event, and the frame sequencer nothing.
-
-    Raises
-    ------
-    InputError
-        If a correction is unknown, or ``event_rates`` has no rates.
+    Raises InputError if a correction is unknown, or ``event_rates`` has no rates.
     """
 
     parameters: PowerParameters = field(default_factory=PowerParameters)
+    # keys of ``CORRECTIONS``; none is mode ``paper``, all of them mode ``consistent``
     corrections: frozenset[str] = frozenset()
-    measured: RateSource | None = None
+    measured: RateSource | None = None  # event rates of the encoders on data; needed by correction ``event_rates``
+    # synthesis reports by readout, for correction ``digital``; without one, spiking logic takes the published energy
+    # per event, and the frame sequencer nothing
     gates: Mapping[str, SynthesisReport] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_corrections(self.corrections)
         if "event_rates" in self.corrections and self.measured is None:
             raise InputError("correction event_rates needs measured rates; measure them or leave it out")
-
-    # -- results -----------------------------------------------------------------------------------
 
     def breakdown(
         self, readout: Readout, resolution: ArrayLike, noise_v_rms: ArrayLike, tau_s: ArrayLike = 0.2
@@ -246,8 +207,6 @@ class PowerModel:
             assert self.measured is not None
             source = self.measured
         return source.taxel_rates(readout, resolution, tau_s, self.parameters.taxels)
-
-    # -- equations ---------------------------------------------------------------------------------
 
     @property
     def bandwidth_hz(self) -> float:

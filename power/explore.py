@@ -15,19 +15,12 @@ from eskin.power.study import RESOLUTIONS, breakdowns
 
 @dataclass(frozen=True)
 class GivenRates:
-    """Event rates given by a user at one resolution, doubled for every further bit.
+    """Event rates given by a user at one resolution, doubled for every further bit."""
 
-    Attributes
-    ----------
-    lcs_hz, nlcs_hz : float
-        Events/s of the whole array, all taxels alike.
-    resolution : int
-        N to which they belong.
-    """
-
+    # lcs_hz, nlcs_hz: events/s of the whole array, all taxels alike
     lcs_hz: float
     nlcs_hz: float
-    resolution: int
+    resolution: int  # N of the rates
 
     def __post_init__(self) -> None:
         for rate in (self.lcs_hz, self.nlcs_hz):
@@ -49,12 +42,7 @@ def noise_resolution(parameters: PowerParameters, noise_v_rms: float) -> int:
 def explore_data(model: PowerModel, noise_v_rms: float, tau_s: float, least_resolution: int | None = None) -> Any:
     """Return the power of all readouts at all resolutions, and the cheapest choice.
 
-    Parameters
-    ----------
-    model : PowerModel
-    noise_v_rms, tau_s : float
-    least_resolution : int, optional
-        The cheapest has at least this resolution; by default the finest that the noise allows.
+    ``least_resolution``: least resolution of the cheapest choice; by default the finest that the noise allows.
     """
     table = []
     for n in RESOLUTIONS:

@@ -31,10 +31,7 @@ class PowerParameters:
     ``eskin power --parameters`` prints them. The group from ``signal_bandwidth_hz`` on is used only by
     the correction that its meaning names.
 
-    Raises
-    ------
-    InputError
-        If a value is not a positive finite number, or out of the range of a ratio or a count.
+    Raises InputError if a value is not a positive finite number, or out of the range of a ratio or a count.
     """
 
     # The sensor and what is asked of it.

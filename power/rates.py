@@ -44,35 +44,20 @@ _DIGITS = 5  # significant digits of a stored rate
 
 @dataclass(frozen=True, eq=False)
 class RateTable:
-    """Table of mean event rates of every taxel over a dataset.
+    """Table of mean event rates of every taxel over a dataset."""
 
-    Attributes
-    ----------
-    dataset, preset : str
-        What was scanned and how (docs/guide/textures.md).
-    images : int
-        Number of images.
-    rows, columns : int
-        Array.
-    bandwidth_hz : float
-        Frequency below which 99 % of the power of the sensor's output lies, all taxels and images pooled.
-    resolutions : tuple of int
-        Resolutions N of the rates.
-    taus_s : tuple of float
-        N-LCS time constants of the rates, as asked for.
-    lcs_hz : float array, shape (resolutions, taxels)
-    nlcs_hz : float array, shape (taus, resolutions, taxels)
-        Events/s of every taxel, mean over the images.
-    """
-
+    # dataset, preset: what was scanned and how (docs/guide/textures.md)
     dataset: str
     preset: str
     images: int
     rows: int
     columns: int
+    # frequency below which 99 % of the power of the sensor's output lies, all taxels and images pooled
     bandwidth_hz: float
     resolutions: tuple[int, ...]
-    taus_s: tuple[float, ...]
+    taus_s: tuple[float, ...]  # N-LCS time constants of the rates, as asked for
+    # lcs_hz, nlcs_hz: events/s of every taxel, mean over the images; shapes (resolutions, taxels) and
+    # (taus, resolutions, taxels)
     lcs_hz: NDArray[np.float64]
     nlcs_hz: NDArray[np.float64]
 
@@ -90,8 +75,8 @@ class RateTable:
         wanted = np.asarray(resolution, int)
         if missing := sorted(set(wanted.ravel().tolist()) - set(self.resolutions)):
             raise InputError(
-                f"there are no measured event rates of {missing[0]} b, only of {_list(self.resolutions)}; "
-                f"measure them with eskin event-rates"
+                f"there are no measured event rates of {missing[0]} b, only of "
+                f"{', '.join(map(str, self.resolutions))}; measure them with eskin event-rates"
             )
         index = np.searchsorted(self.resolutions, wanted)
         scale = taxels / (self.rows * self.columns)
@@ -162,13 +147,6 @@ def _rounded(rates: NDArray[np.float64]) -> Any:
     return [float(f"{rate:.{_DIGITS}g}") for rate in rates]
 
 
-def _list(numbers: Sequence[int]) -> str:
-    return ", ".join(str(n) for n in numbers)
-
-
-# -- files -------------------------------------------------------------------------------------------
-
-
 def load_tables(path: Path = STORED) -> tuple[RateTable, ...]:
     """Return the rate tables from a file."""
     remedy = "write one with eskin event-rates"
@@ -209,9 +187,6 @@ def _rows_text(rows: list[list[float]], indent: int) -> str:
     return (",\n" + " " * indent).join(json.dumps(row).replace(".0,", ",").replace(".0]", "]") for row in rows)
 
 
-# -- measurement -------------------------------------------------------------------------------------
-
-
 def measure_table(
     dataset: Dataset,
     scan: Scan,
@@ -223,20 +198,8 @@ def measure_table(
 ) -> RateTable:
     """Return the event rates of every taxel for LCS and N-LCS, measured without contention.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        At least one image.
-    scan : Scan
-        Preset, from ``eskin.skin.textures.presets.preset``.
-    base : ReadoutConfig, optional
-        Array and sample rate; the default array by default.
-    resolutions, taus_s : sequences
-        What to measure.
-    pool : WorkerPool, optional
-        Who does the work, this process by default.
-    watch : Watch
-        Shows how far it is, image by image and sample rate by sample rate.
+    ``base``: array and sample rate; the default array by default.
+    ``pool``: workers; this process by default.
     """
     base = base or ReadoutConfig()
     configs, groups = _configurations(scan, base, resolutions, taus_s)

@@ -25,10 +25,7 @@ T = TypeVar("T")
 def published(readout: str, *, lcs: T, nlcs: T) -> T:
     """Return the given value for a readout with published equations: ``lcs`` or ``nlcs``.
 
-    Raises
-    ------
-    InputError
-        If the encoder has no published equations.
+    Raises InputError if the encoder has no published equations.
     """
     if readout not in SPIKING:
         raise InputError(f"the power model has equations of {' and '.join(SPIKING)} only, not of {readout}")
@@ -38,10 +35,7 @@ def published(readout: str, *, lcs: T, nlcs: T) -> T:
 def equations_of(encoding: str) -> Readout:
     """Return the readout whose power equations apply to an encoder.
 
-    Raises
-    ------
-    InputError
-        If there are none for it.
+    Raises InputError if the encoder has none.
     """
     if encoding not in EQUATIONS:
         raise InputError(f"the power model has equations of {', '.join(EQUATIONS)} only, not of {encoding}")

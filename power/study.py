@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from eskin.power.equations import PowerModel
-
-
 import math
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from eskin.power.equations import CORRECTIONS, PowerModel
 from eskin.power.parameters import MAX_RESOLUTION, MIN_RESOLUTION
@@ -102,9 +97,6 @@ def _ratios(model: PowerModel) -> Data:
     frame = model.breakdown("frame", bits, FIG7_NOISE_V).total
     ratio = {tau_key(tau): (model.breakdown("nlcs", bits, FIG7_NOISE_V, tau).total / frame).tolist() for tau in TAUS_S}
     return {"lcs": (model.breakdown("lcs", bits, FIG7_NOISE_V).total / frame).tolist(), "nlcs": ratio}
-
-
-# -- sensitivity -------------------------------------------------------------------------------------
 
 
 def sensitivity_models(model: PowerModel, other_rates: Mapping[str, RateTable]) -> dict[str, tuple[str, PowerModel]]:

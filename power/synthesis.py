@@ -30,46 +30,23 @@ MOST = {
 
 @dataclass(frozen=True, kw_only=True)
 class SynthesisReport:
-    """Area and power of the digital logic of one readout, without pads.
-
-    Parameters
-    ----------
-    readout : "nlcs", "lcs" or "frame"
-        Which readout the netlist is of.
-    rows, columns : int
-        Its array; leakage and clock power are scaled to other arrays by the number of taxels.
-    clock_hz : float
-        Clock at which it is meant to run.
-    area_um2 : float
-        Area of the cells in um^2.
-    leakage_w : float
-        Leakage in watts.
-    clock_power_w_per_hz : float
-        Power of clock tree and flops while nothing happens, per hertz of clock (J per clock).
-    energy_per_event_j : float
-        What one event adds, in joules; for ``frame``, one sample.
-    energy_per_lone_event_j : float
-        What an event adds where it is alone; 0 for the same. Between the two it goes by the share of busy clocks.
-    process : str
-        Technology, for the tables.
-    supply_v : float
-        Supply at which the report was made; powers are used as they are reported.
-    leak : "analog" or "digital"
-        Where the reference of N-LCS leaks: in the published analog filter, or in the netlist, which holds it as a
-        number. The power model then charges a DAC for it instead of the filter.
-    """
+    """Area and power of the digital logic of one readout, without pads."""
 
     readout: Readout
+    # rows, columns: leakage and clock power are scaled to other arrays by the number of taxels
     rows: int
     columns: int
     clock_hz: float
-    area_um2: float
+    area_um2: float  # cells only
     leakage_w: float
-    clock_power_w_per_hz: float
-    energy_per_event_j: float
+    clock_power_w_per_hz: float  # power of clock tree and flops while nothing happens, per hertz of clock (J per clock)
+    energy_per_event_j: float  # of an event in a stream of events; for ``frame``, of a sample
+    # of a single event; 0 for the same energy. The share of busy clocks interpolates between both energies
     energy_per_lone_event_j: float = 0.0
-    process: str = ""
-    supply_v: float = 1.0
+    process: str = ""  # technology, for the tables
+    supply_v: float = 1.0  # supply of the report; powers are not scaled
+    # place of the N-LCS leak: the published analog filter, or the netlist, for which the power model charges a DAC
+    # instead of the filter
     leak: Leak = "analog"
 
     def __post_init__(self) -> None:
@@ -94,13 +71,8 @@ class SynthesisReport:
     def power_w(self, taxels: int, event_rate_hz: Any) -> Any:
         """Return the digital power in watts, in the shape of the event rate.
 
-        Parameters
-        ----------
-        taxels : int
-            Array for which the power is wanted.
-        event_rate_hz : float or array
-            Events (or samples) per second of that array. One event takes a clock, so the clock is raised to the
-            rate where the rate is above it.
+        ``event_rate_hz``: events (or samples) per second of an array of ``taxels``. One event takes a clock, so the
+        clock is at least the event rate.
         """
         import numpy as np
 

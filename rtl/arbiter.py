@@ -15,8 +15,8 @@ from eskin.rtl.logic import encode, exclusive_prefix_or, or_tree
 class Arbiter(Block[ReadoutConfig]):
     """Word-serial arbiter with a burst latch.
 
-    A row is granted in the clock in which the latch is empty or gives its last event, so no clock is lost between
-    rows, nor between bursts of one row. ``event_valid`` and the payload come from the latch alone.
+    The arbiter grants a row in the clock in which the latch is empty or sends its last event. So it loses no clock
+    between rows or between bursts of a row. ``event_valid`` and the payload come from the latch alone.
 
     Latency: request at clock t, event at t + 1. Throughput: one event per clock. A request leaves within
     (rows + 1) * columns accepted events after it was raised.
@@ -26,7 +26,7 @@ class Arbiter(Block[ReadoutConfig]):
     row_request : In(rows)
         Rows with a request.
     column_request, column_polarity : In(rows * columns)
-        What the rows drive onto the column lines, row 0 in the least significant bits; 0 for rows not selected.
+        Column lines of all rows, row 0 in the least significant bits; 0 for rows that are not selected.
     select : Out(rows)
         The row (one-hot) that drives the column lines: the next one to be granted.
     granted : Out(rows)
@@ -58,7 +58,7 @@ class Arbiter(Block[ReadoutConfig]):
         m = Module()
         rows, columns = self.config.rows, self.config.columns
 
-        # The first requesting row behind the one last granted, else the first of all. The prefix OR gives both the
+        # The first requesting row behind the last granted row, else the first of all. The prefix OR gives both the
         # one-hot choice and, as a thermometer, the rows behind it: the mask of the next round.
         behind = Signal(rows - 1)
         candidates = Signal(rows)
@@ -90,7 +90,7 @@ class Arbiter(Block[ReadoutConfig]):
             self.event_valid.eq(waiting.any()),
             load.eq(~waiting.any() | (self.event_ready & ~rest.any())),
         ]
-        lines = [self.column_request[row * columns : (row + 1) * columns] for row in range(rows)]
+        lines = [self.column_request.word_select(row, columns) for row in range(rows)]
         with m.If(takes):
             m.d.sync += waiting.eq(or_tree(lines))
         with m.Elif(self.event_ready):
@@ -106,7 +106,7 @@ class Arbiter(Block[ReadoutConfig]):
             m.d.comb += self.event_col.eq(encode(first))
         if self.config.has_polarity:
             polarity = Signal(columns)
-            lines = [self.column_polarity[row * columns : (row + 1) * columns] for row in range(rows)]
+            lines = [self.column_polarity.word_select(row, columns) for row in range(rows)]
             with m.If(takes):
                 m.d.sync += polarity.eq(or_tree(lines))
             m.d.comb += self.event_polarity.eq((polarity & first).any())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, Generic, TypeVar
 
 from amaranth.back import rtlil
@@ -20,18 +21,12 @@ class Block(wiring.Component, Generic[Config]):
 
     Since all instances of a block in a readout are alike, its Verilog is emitted once, and its parents refer to
     it by name. Everywhere else (Amaranth's simulator, formal) it is an ordinary submodule.
-
-    Attributes
-    ----------
-    module_name : str
-        Name of the Verilog module.
-    config : Config
-        The parameter object.
     """
 
     module_name: str
+    """Name of the Verilog module."""
     config: Config
-    _MustUse__silence = True  # of many equal blocks one is elaborated: the others' warnings would be false
+    _MustUse__silence = True  # only one of many equal blocks is elaborated; warnings about the others would be false
 
     def __init__(self, config: Config, ports: dict[str, Any]) -> None:
         self.config = config
@@ -42,6 +37,11 @@ class Block(wiring.Component, Generic[Config]):
         port = getattr(self, name)
         inward = self.signature.members[name].flow is wiring.In
         m.d.comb += port.eq(outside) if inward else outside.eq(port)
+
+    def connect_all(self, m: Module, other: wiring.Component, names: Iterable[str]) -> None:
+        """Connect ports of this block to the ports of the same names of its parent, or of a neighbour."""
+        for name in names:
+            self.connect(m, name, getattr(other, name))
 
     def place(self, m: Module, name: str, platform: Any) -> None:
         """Add this block to a parent as submodule ``name``.
@@ -57,13 +57,7 @@ class Block(wiring.Component, Generic[Config]):
 
 
 class RtlilModules:
-    """Platform that collects the RTLIL of every distinct block during elaboration.
-
-    Parameters
-    ----------
-    async_reset : bool
-        Whether flops reset asynchronously.
-    """
+    """Platform that collects the RTLIL of every distinct block during elaboration."""
 
     def __init__(self, async_reset: bool) -> None:
         self.async_reset = async_reset
@@ -78,10 +72,7 @@ class RtlilModules:
     def add(self, block: Block[Any]) -> str:
         """Return the RTLIL text of a block, generated at first use.
 
-        Raises
-        ------
-        ValueError
-            If a block of another kind or configuration has the same module name: one of them would be lost.
+        A block of another kind or configuration must not have the same module name: one of them would be lost.
         """
         first = self.blocks.setdefault(block.module_name, block)
         if (type(first), first.config) != (type(block), block.config):

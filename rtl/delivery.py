@@ -55,10 +55,10 @@ PORTS = PORTS_OF_ALL | {
     "spi_miso": "to the host",
     "spi_miso_enable": "opens the pad of spi_miso: a transfer is under way",
 }
-"""What every port of the spiking readout means; fields in braces are those of the configuration."""
+"""Meaning of every port of the spiking readout; fields in braces are those of the configuration."""
 
 OUTSIDE = 0.2
-"""Share of the period that belongs to whatever drives an input or takes an output."""
+"""Share of the period for the logic that drives an input or takes an output."""
 
 DAC_OUT, DECISION_IN = 0.7, 0.7
 """Shares of a taxel's loop through its macros: references leave within 0.3 of a period, the DAC and the comparator have
@@ -92,8 +92,7 @@ MACRO_IN, MACRO_OUT = ("above", "below"), ("reference_code", "half_width")
 """Ports at the comparators and the DACs of the analog front end."""
 
 ASYNCHRONOUS = ("aer_ack", "spi_sck", "spi_cs_n", "spi_mosi")
-"""Ports that know nothing of the clock."""
-
+"""Inputs without a relation to the clock."""
 
 OF_TILES = "; those of a tile together, tile 0 in the least significant bits"
 
@@ -110,7 +109,7 @@ MERGE_PORTS = PORTS_OF_ALL | {
     "event_col": "column of the event within its tile",
     "event_polarity": "1 is ON, 0 is OFF",
 }
-"""What every port of the merge means."""
+"""Meaning of every port of the merge."""
 
 FRAME_PORTS = PORTS_OF_ALL | {
     "frame_start": "scan the array once; not heard during a scan",
@@ -125,7 +124,7 @@ FRAME_PORTS = PORTS_OF_ALL | {
     "word_sync": "first word of a frame",
     "frame_overrun": "the frame_start of the clock before was not heard",
 }
-"""What every port of the frame readout means."""
+"""Meaning of every port of the frame readout."""
 
 
 def _fields(config: ReadoutConfig) -> dict[str, Any]:

@@ -16,9 +16,10 @@ from eskin.rtl.logic import or_tree
 class FrameSequencer(Block[FrameConfig]):
     """Sequencer that connects one taxel after the other to the ADC and forwards the codes.
 
-    One-hot rings, shifted once a conversion, drive the switches: flops, so they cannot glitch. A conversion starts only
-    while no sample waits, so there is always room for its code and the ADC need not hold it. No upset of a flop stops
-    it for good: a ring that has lost its bit ends its row or frame, and two flops say that a conversion is under way.
+    One-hot rings of flops, shifted once per conversion, drive the switches, which therefore cannot glitch. A conversion
+    starts only while no sample waits, so there is always room for its code, and the ADC need not hold the code. An
+    upset of a flop never stops the scan for good: a ring that has lost its bit ends its row or frame, and two flops
+    together state that a conversion is running.
 
     Latency: ``frame_start`` at clock t, first ``adc_start`` at t + 1 + settle_clocks. Throughput: one taxel in
     settle_clocks + 1 + conversion clocks.
@@ -26,13 +27,13 @@ class FrameSequencer(Block[FrameConfig]):
     Attributes
     ----------
     frame_start : In(1)
-        Scan the array once; missed, and reported, while a scan is under way.
+        Scan the array once; during a scan the sequencer misses it and reports an overrun.
     row_select, column_select : Out(rows), Out(columns)
         The taxel at the ADC, one-hot; 0 between frames.
     adc_start : Out(1)
         High for one clock; the ADC samples at the edge that ends it.
     adc_done, adc_code : In(1), In(N)
-        The code is taken in the first clock after that with ``adc_done``, a pulse or a level.
+        The sequencer takes the code in the first clock after ``adc_start`` with ``adc_done``, a pulse or a level.
     sample_valid, sample_ready, sample_code, sample_first, sample_last
         The stream of codes, with the first and the last of a frame marked.
     frame_overrun : Out(1)
@@ -82,7 +83,7 @@ class FrameSequencer(Block[FrameConfig]):
             self.adc_start.eq(scanning & ~converting & (settling == 0) & ~held),
             row_ends.eq(~column[:-1].any()),
             frame_ends.eq(row_ends & ~row[:-1].any()),
-            converting.eq(started & ~resting),  # one of them alone would be waited for, and no code would come
+            converting.eq(started & ~resting),  # an upset of one flop must not make it wait for a code
             taken.eq(converting & self.adc_done),
             self.sample_valid.eq(held),
             self.sample_code.eq(code),
@@ -122,11 +123,11 @@ class FrameSequencer(Block[FrameConfig]):
 class FramePacker(Block[FrameConfig]):
     """Packer of N-bit codes into words without gaps; every frame starts a new word.
 
-    N and the word have a greatest common divisor g, and codes begin at multiples of it only, so the number of places
-    where one is put, and not the number of bits, makes the size of the shifter.
+    Codes begin only at multiples of the greatest common divisor of N and the word length. So the size of the shifter
+    depends on the number of these positions, not on the number of bits.
 
-    Latency: a code at clock t that fills a word, ``word_valid`` at t + 1; a last word that is not full one clock
-    later. Throughput: one code a clock.
+    Latency: a code at clock t that fills a word, ``word_valid`` at t + 1; a last word that is not full, one clock
+    later. Throughput: one code per clock.
 
     Attributes
     ----------
@@ -170,7 +171,7 @@ class FramePacker(Block[FrameConfig]):
                 m.d.sync += [valid.eq(1), word.eq(self.sample_code), sync.eq(begins)]
             return m
 
-        # In units of the grain: a code is put at ``fill``, what goes beyond the word stays for the next one.
+        # In units of the grain: a code is placed at ``fill``; bits beyond the word stay for the next word.
         rest = Signal(self.config.word_bits - self.grain)
         fill = Signal(range(units))
         placed = Signal(self.config.word_bits + self.config.resolution - self.grain)
@@ -228,12 +229,11 @@ class FrameReadout(Block[FrameConfig]):
         sequencer, packer = FrameSequencer(self.config), FramePacker(self.config)
         sequencer.place(m, "sequencer", platform)
         packer.place(m, "packer", platform)
-        for name in sample_ports(self.config, Out):
-            sequencer.connect(m, name, getattr(packer, name))
+        sequencer.connect_all(m, packer, sample_ports(self.config, Out))
         for name in self.signature.members:
             block = packer if name.startswith("word_") else sequencer
             block.connect(m, name, getattr(self, name))
-        # Nothing in here uses it: a clock gate may.
+        # No logic in this block uses the signal; a clock gate may.
         awake = Signal(attrs={"keep": 1})
         m.d.comb += awake.eq(sequencer.awake | packer.awake)
         return m

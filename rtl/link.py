@@ -39,14 +39,14 @@ class FourPhaseLink(Block[ReadoutConfig]):
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
-        # After reset ACK counts as high until it has been seen low, or a receiver that still holds it would be missed.
+        # After reset ACK counts as high until it has been seen low: a receiver may still hold it.
         ack_meta = Signal(init=1)
         ack_sync = Signal(init=1)
         m.d.sync += [ack_meta.eq(self.aer_ack), ack_sync.eq(ack_meta)]
 
         request = Signal()
         setup = Signal()
-        # While REQ is high ACK follows, and both flops hold it for two clocks after: no further state is needed.
+        # While REQ is high, ACK follows, and both flops hold ACK for two more clocks: no further state is needed.
         m.d.comb += self.event_ready.eq(~setup & ~request & ~ack_sync)
         m.d.sync += setup.eq(self.event_valid & self.event_ready)
         fields = [n for n in ("event_col", "event_row", "event_polarity") if n in self.signature.members]

@@ -19,15 +19,8 @@ def exclusive_prefix_or(bits: Sequence[ValueLike], m: Module | None = None, name
     """Return for every bit the OR of all lower bits, computed by a Brent-Kung network.
 
     Depth 2 log2(len), 2 len gates. The single bits that are set where the result is not are the first set ones;
-    behind the first set bit the result is a thermometer code.
-
-    Parameters
-    ----------
-    bits : sequence of ValueLike
-    m : Module, optional
-        Where the ORs of pairs, fours, eights ... of bits become signals, for the reader of the Verilog.
-    name : str
-        Of the bits: those signals are ``<name>_4_to_7`` and the like.
+    behind the first set bit the result is a thermometer code. In a given module the ORs of pairs, fours, eights ... of
+    bits become signals such as ``<name>_4_to_7``, for the reader of the Verilog.
     """
     values = [Value.cast(bit) for bit in bits]
     return _prefix_or(values, m, name, 2)
@@ -37,7 +30,7 @@ def _prefix_or(values: list[Value], m: Module | None, name: str, size: int) -> l
     if len(values) <= 1:
         return [Const(0, 1)] * len(values)
     pairs = [values[i] | values[i + 1] if i + 1 < len(values) else values[i] for i in range(0, len(values), 2)]
-    if m is not None and len(pairs) > 4:  # of fewer pairs each is used once, or is a bit of the result
+    if m is not None and len(pairs) > 4:  # otherwise each pair is used once, or is a bit of the result
         for i in range(1, len(values) // 2):
             group = Signal(name=f"{name}_{i * size}_to_{(i + 1) * size - 1}")
             m.d.comb += group.eq(pairs[i])

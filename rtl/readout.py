@@ -41,10 +41,10 @@ class Readout(Block[ReadoutConfig]):
     spi_sck, spi_cs_n, spi_mosi, spi_miso, spi_miso_enable
         Settings at run time (``registers="spi"``), see ``eskin.rtl.registers``.
     step_code : Out(half_width_bits)
-        D in codes, a register, for the comparators (analog front end with registers, where there is no half_width).
+        D in codes, a register, for the comparators (analog front end with registers and without half_width).
     field_select : Out(3 * rows * columns)
-        {both, neighbours, own} of every taxel, for the multiplexer of its sensor: registers, one-hot, or none where it
-        is off (``fields="settable"`` with the analog front end).
+        {both, neighbours, own} of every taxel, for the multiplexer of its sensor: registers, one-hot, or 0 if the
+        taxel is off (``fields="settable"`` with the analog front end).
     """
 
     module_name = "eskin_readout"
@@ -110,9 +110,9 @@ class Readout(Block[ReadoutConfig]):
             if host is not None:
                 m.d.comb += [getattr(row, name).eq(host.setting(name)) for name in settings(config)]
             for name in self.per_row:
-                row.connect(m, name, _slice(outer[name], index, len(getattr(row, name))))
+                row.connect(m, name, outer[name].word_select(index, len(getattr(row, name))))
 
-        # Nothing in here uses it: a clock gate may, with all but link and host, which listen to ACK and SPI.
+        # No logic in this block uses the signal. A clock gate may stop all but link and host, which hear ACK and SPI.
         awake = Signal(attrs={"keep": 1})
         m.d.comb += awake.eq(or_tree(stirs))
 
@@ -120,10 +120,8 @@ class Readout(Block[ReadoutConfig]):
         if config.handshake:
             sink = FourPhaseLink(config)
             sink.place(m, "link", platform)
-            for name in aer_ports(config):
-                sink.connect(m, name, getattr(self, name))
-        for name in event_ports(config, Out):
-            arbiter.connect(m, name, getattr(sink, name))
+            sink.connect_all(m, self, aer_ports(config))
+        arbiter.connect_all(m, sink, event_ports(config, Out))
         return m
 
     def _host(self, m: Module, arbiter: Arbiter, platform: Any) -> Host | None:
@@ -132,8 +130,7 @@ class Readout(Block[ReadoutConfig]):
             return None
         host = Host(self.config)
         host.place(m, "host", platform)
-        for name in PINS:
-            host.connect(m, name, getattr(self, name))
+        host.connect_all(m, self, PINS)
         m.d.comb += [
             host.taxel_enable.eq(self.taxel_enable),
             host.event_valid.eq(arbiter.event_valid),
@@ -180,15 +177,11 @@ def _request(m: Module, arbiter: Arbiter, row: Row, host: Host | None, index: in
         columns = columns | (host.column_request & (row.select & host.row_request[index]).replicate(config.columns))
     m.d.comb += [
         arbiter.row_request[index].eq(request),
-        _slice(arbiter.column_request, index, config.columns).eq(columns),
+        arbiter.column_request.word_select(index, config.columns).eq(columns),
     ]
     if config.has_polarity:
         polarity = row.column_polarity
-        if host is not None:  # a masked taxel's polarity is anything
+        if host is not None:  # the polarity of a masked taxel is arbitrary
             tested = host.column_polarity & row.select.replicate(config.columns)
             polarity = Mux(host.row_request[index], tested, polarity)
-        m.d.comb += _slice(arbiter.column_polarity, index, config.columns).eq(polarity)
-
-
-def _slice(signal: Any, index: int, width: int) -> Any:
-    return signal[index * width : (index + 1) * width]
+        m.d.comb += arbiter.column_polarity.word_select(index, config.columns).eq(polarity)

@@ -31,14 +31,9 @@ class StreamReadout(wiring.Component):
         Mask: 0 silences a taxel. All taxels are enabled where nothing drives it.
     spi_sck, spi_cs_n, spi_mosi, spi_miso, spi_miso_enable
         As ``Readout`` has them (``registers="spi"``).
-
-    Raises
-    ------
-    InputError
-        If the configuration has no samples (``frontend="analog"``) or no event stream (``link="four_phase"``).
     """
 
-    _MustUse__silence = True  # one that is refused is never elaborated: Amaranth's warning would hide the sentence
+    _MustUse__silence = True  # Amaranth's warning about a refused configuration would hide the error
 
     def __init__(self, config: ReadoutConfig) -> None:
         if config.frontend != "digital":
@@ -75,6 +70,5 @@ class StreamReadout(wiring.Component):
             self.events.valid.eq(readout.event_valid),
             readout.event_ready.eq(self.events.ready),
         ]
-        for name in self._same:
-            readout.connect(m, name, getattr(self, name))
+        readout.connect_all(m, self, self._same)
         return m

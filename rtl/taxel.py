@@ -30,19 +30,19 @@ def settings(config: ReadoutConfig) -> dict[str, Any]:
 class Taxel(Block[ReadoutConfig]):
     """One taxel: compares its sample with the thresholds, raises a request, and moves the reference.
 
-    A taxel is free while it has no request or its request is being taken; only a free one decides, so a request
-    may follow the old one without a bubble. While its request waits everything in it holds still.
+    A taxel is free while it has no request, or while its request is taken. Only a free taxel decides, so requests may
+    follow each other without a gap. While a request waits, no register of its taxel changes.
 
     Latency: sample at clock t, decision at t + 1, request visible at t + 2. Throughput: one event per clock.
 
     Attributes
     ----------
     enable : In(1)
-        Low silences the taxel in this clock and holds it in its reset state from the next on.
+        Low silences the taxel in this clock, and holds it in its reset state from the next clock on.
     tick : In(1)
-        Sample tick, the clock after ``sample_valid``; only where the taxel itself needs it.
+        Sample tick, the clock after ``sample_valid``; absent if the taxel does not need it.
     decay : In(1)
-        Leak in this clock, where the encoder leaks.
+        The reference leaks in this clock; absent if the encoder does not leak.
     sample, sample_valid : In(W), In(1)
         The newest code (digital front end).
     above, below : In(1)
@@ -51,17 +51,16 @@ class Taxel(Block[ReadoutConfig]):
     reference_code : Out(W)
         Signed, in sample codes, a register (analog front end).
     half_width : Out(half_width_bits)
-        h in sample codes, a register (analog front end); absent where it is always D.
+        h in sample codes, a register (analog front end); absent if it is always D.
     step, leak_shift, window_period : In
-        What a host sets (``registers="spi"``), if the encoder has it: D, one-hot in units of the D that was built, k,
-        and the ticks of the window.
+        Settings of a host (``registers="spi"``) that the encoder has: D, one-hot in units of the built D; k; and the
+        ticks of the window.
     granted : In(1)
         The request, if there is one, is taken in this clock.
     request, polarity : Out(1)
         The pending request and its polarity (1 is ON).
     stirs : Out(1)
-        Some register may change at the end of this clock, even if the request is not taken, there is no new sample and
-        no leak.
+        A register may change at the end of this clock, even without a grant, a new sample or a leak.
     """
 
     module_name = "eskin_taxel"
@@ -89,10 +88,9 @@ class Taxel(Block[ReadoutConfig]):
         )
 
     def elaborate(self, platform: Any) -> Module:
-        # All is in units of the grid of the encoder: the reference stands on it, so lower bits of a sample cannot
-        # change a decision.
-        # Few enables, so that few gates stop the clock: ``moves`` serves request, polarity and reference. Where it is
-        # high an enabled taxel is free, so what they become does not wait for the grant.
+        # All numbers are in units of the encoder's grid: the reference is on the grid, so lower bits of a sample cannot
+        # change a decision. Few enables need few clock gates: ``moves`` serves request, polarity and reference. While
+        # ``moves`` is high an enabled taxel is free, so their new values do not depend on the grant.
         m = Module()
         config = self.config
         own = Own(*(Signal(name=field.name) for field in fields(Own)))
@@ -186,8 +184,7 @@ class Row(Block[ReadoutConfig]):
             m.d.comb += [taxel.enable.eq(self.enable[column]), taxel.granted.eq(self.granted)]
             m.d.comb += [getattr(taxel, name).eq(getattr(self, name)) for name in self.shared]
             for name in self.per_taxel:
-                width = len(getattr(taxel, name))
-                taxel.connect(m, name, getattr(self, name)[column * width : (column + 1) * width])
+                taxel.connect(m, name, getattr(self, name).word_select(column, len(getattr(taxel, name))))
             requests.append(taxel.request)
             stirs.append(taxel.stirs)
             if self.config.has_polarity:

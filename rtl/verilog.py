@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from eskin.model import __version__
@@ -16,8 +17,8 @@ from eskin.rtl import yosys
 from eskin.rtl.block import Block, RtlilModules
 from eskin.rtl.classifier.chip import Chip
 from eskin.rtl.classifier.core import Classifier
-from eskin.rtl.classifier.lane import Limit
-from eskin.rtl.classifier.memory import InputMemory, RecurrentMemory
+from eskin.rtl.classifier.lane import Lane, Limit
+from eskin.rtl.classifier.memory import InputMemory, NeuronMemory, PotentialMemory, RecurrentMemory
 from eskin.rtl.encoders.fields import Fields
 from eskin.rtl.frame import FrameReadout
 from eskin.rtl.gates import clock_gates
@@ -26,13 +27,13 @@ from eskin.rtl.tiles.merge import Merge
 from eskin.rtl.tiles.skin import Skin
 
 Config = ReadoutConfig | FrameConfig | ClassifierConfig | ChipConfig | MergeConfig
-"""What is meant: ``eskin_readout``, ``eskin_frame_readout``, ``eskin_classifier``, ``eskin_chip`` or ``eskin_merge``.
+"""Configuration of ``eskin_readout``, ``eskin_frame_readout``, ``eskin_classifier``, ``eskin_chip`` or ``eskin_merge``.
 
-A ``TilesConfig``, which is a ``ReadoutConfig`` too, means ``eskin_tiles``.
+A ``TilesConfig``, which is a ``ReadoutConfig`` too, is the configuration of ``eskin_tiles``.
 """
 
 # Amaranth's RTLIL to readable Verilog: one always block per register with its reset and enable, no initial values.
-# In the classifier alone a vector is split into what drives its parts: some of them use only a few bits of one.
+# In the classifier alone, splitnets splits a vector by its drivers, because some logic uses only a few of its bits.
 # The order matters: Amaranth's own wires must be gone before opt_dff looks for the reset and enable of a register.
 YOSYS_SCRIPT = (
     "read_rtlil readout.il; delete t:$meminit_v2; hierarchy -check -top {top}; "
@@ -45,60 +46,33 @@ WAIVERS = {
     "DECLFILENAME": "all modules of the readout are in this one file",
     "WIDTHEXPAND": "a narrower operand is extended by its sign, as Verilog defines it",
 }
-"""Lint warnings that are waived in the whole file, each with the reason why it is meant."""
+"""Lint warnings that are waived in the whole file, each with its reason."""
 
 FRAME_WAIVERS = WAIVERS | {"WIDTHEXPAND": "a narrower operand is extended by zeros: all numbers are unsigned"}
 
 CLASSIFIER_WAIVERS = WAIVERS | {"CASEOVERLAP": "each condition of a case compares one state: at most one of them holds"}
 
-MEMORIES_WITHOUT_RESET = (
-    "eskin_input_weights",
-    "eskin_recurrent_weights",
-    "eskin_neuron_weights",
-    "eskin_potentials",
-    "eskin_lane",
-)
-
-UNUSED_RESET = "a memory has no reset"
-
-UNUSED_ADDRESS = "the memory has one word"
-
-UNUSED_AWAKE = "low in a clock at whose end no register changes: for a clock gate, should there be one"
-
-UNUSED_SAMPLE_BITS = "bits below the encoder's step can never change a decision: the taxel keeps the others"
-
-UNUSED_TAXEL = "no receptive field has that taxel"
-
-UNUSED_ENABLE = "a taxel without a receptive field is off"
-
-UNUSED_PRODUCT = "the bits below a leak's shift are cut off"
-
-UNUSED_WRITE_BITS = "no register has a field there"
+KINDS: dict[type, tuple[Callable[[Any], Block[Any]], str]] = {
+    ReadoutConfig: (Readout, "spiking e-skin readout"),
+    FrameConfig: (FrameReadout, "frame-based e-skin readout"),
+    ClassifierConfig: (Classifier, "classifier of a spiking e-skin readout"),
+    ChipConfig: (Chip, "spiking e-skin readout with its classifier"),
+    MergeConfig: (lambda config: Merge(config.skin), "merge of the events of spiking e-skin readouts"),
+    TilesConfig: (Skin, "spiking e-skin of tiles with the merge of their events"),
+}
+"""Top module of every kind of configuration, and what the design is."""
 
 
 def top_block(config: Config) -> Block[Any]:
     """Return the top module of a configuration."""
-    if isinstance(config, ClassifierConfig):
-        return Classifier(config)
-    if isinstance(config, ChipConfig):
-        return Chip(config)
-    if isinstance(config, MergeConfig):
-        return Merge(config.skin)
-    if isinstance(config, TilesConfig):
-        return Skin(config)
-    return FrameReadout(config) if isinstance(config, FrameConfig) else Readout(config)
+    return KINDS[type(config)][0](config)
 
 
 def verilog(config: Config, gated: bool = False) -> str:
     """Return the readout as plain Verilog-2005 text, with one module per distinct block.
 
-    The text depends on the configuration, ``gated``, and the pinned versions of Amaranth and Yosys only.
-
-    Parameters
-    ----------
-    config : Config
-    gated : bool
-        With the port ``test_enable`` and instances of ``eskin_clock_gate``, which is a text of its own (``BEHAVIOUR``).
+    The text depends on the configuration, ``gated``, and the pinned versions of Amaranth and Yosys only. With ``gated``
+    it has the port ``test_enable`` and instances of ``eskin_clock_gate``, which is a text of its own (``BEHAVIOUR``).
     """
     if gated:
         top = top_block(config)
@@ -135,15 +109,7 @@ def block_rtlil(block: Block[Any]) -> str:
 
 def what_is(config: Config) -> str:
     """Return a short description of a configuration."""
-    if isinstance(config, ClassifierConfig):
-        return "classifier of a spiking e-skin readout"
-    if isinstance(config, ChipConfig):
-        return "spiking e-skin readout with its classifier"
-    if isinstance(config, MergeConfig):
-        return "merge of the events of spiking e-skin readouts"
-    if isinstance(config, TilesConfig):
-        return "spiking e-skin of tiles with the merge of their events"
-    return f"{'frame-based' if isinstance(config, FrameConfig) else 'spiking'} e-skin readout"
+    return KINDS[type(config)][1]
 
 
 def header(config: Config, comment: str) -> str:
@@ -166,26 +132,35 @@ def _waive(text: str, config: Config) -> str:
         waivers = waivers | {"PINCONNECTEMPTY": "an output that nothing takes is left open"}
     for warning, reason in reversed(waivers.items()):
         text = yosys.waive(text, warning, reason)
+    for module, signal, why in _unused(text, config):
+        text = yosys.waive_signal(text, module, signal, "UNUSEDSIGNAL", why)
+    return text
+
+
+def _unused(text: str, config: Config) -> Iterator[tuple[str, str, str]]:
+    """Yield module and name of every signal that may be unused in a Verilog text, and the reason."""
+    awake = "low in a clock at whose end no register changes: for a clock gate, should there be one"
     readout = config.readout if isinstance(config, ChipConfig) else config
-    if isinstance(readout, ReadoutConfig | FrameConfig):
-        array = FrameReadout if isinstance(readout, FrameConfig) else Readout
-        text = yosys.waive_signal(text, array.module_name, "awake", "UNUSEDSIGNAL", UNUSED_AWAKE)
-    if isinstance(readout, ReadoutConfig) and readout.frontend == "digital" and readout.grid > 1:
-        text = yosys.waive_signal(text, "eskin_taxel", "sample", "UNUSEDSIGNAL", UNUSED_SAMPLE_BITS)
-    if isinstance(readout, ReadoutConfig) and is_off(readout).any():
-        text = yosys.waive_signal(text, Readout.module_name, "taxel_enable", "UNUSEDSIGNAL", UNUSED_ENABLE)
-    if isinstance(readout, ReadoutConfig) and readout.frontend == "digital" and unused(readout):
-        text = yosys.waive_signal(text, Fields.module_name, "sample", "UNUSEDSIGNAL", UNUSED_TAXEL)
-    if isinstance(readout, ReadoutConfig) and readout.registers != "none":
-        text = yosys.waive_signal(text, "eskin_registers", "write_data", "UNUSEDSIGNAL", UNUSED_WRITE_BITS)
-    if isinstance(config, ClassifierConfig | ChipConfig):
-        text = yosys.waive_signal(text, Classifier.module_name, "awake", "UNUSEDSIGNAL", UNUSED_AWAKE)
-        for module in MEMORIES_WITHOUT_RESET:
-            text = yosys.waive_signal(text, module, "rst", "UNUSEDSIGNAL", UNUSED_RESET)
-        network = config.classifier if isinstance(config, ChipConfig) else config
+    network = config.classifier if isinstance(config, ChipConfig) else config
+    if isinstance(readout, FrameConfig):
+        yield FrameReadout.module_name, "awake", awake
+    if isinstance(readout, ReadoutConfig):
+        yield Readout.module_name, "awake", awake
+        if readout.frontend == "digital" and readout.grid > 1:
+            why = "bits below the encoder's step can never change a decision: the taxel keeps the others"
+            yield "eskin_taxel", "sample", why
+        if is_off(readout).any():
+            yield Readout.module_name, "taxel_enable", "a taxel without a receptive field is off"
+        if readout.frontend == "digital" and unused(readout):
+            yield Fields.module_name, "sample", "no receptive field has that taxel"
+        if readout.registers != "none":
+            yield "eskin_registers", "write_data", "no register has a field there"
+    if isinstance(network, ClassifierConfig):
+        yield Classifier.module_name, "awake", awake
+        for block in (InputMemory, RecurrentMemory, NeuronMemory, PotentialMemory, Lane):
+            yield block.module_name, "rst", "a memory has no reset"
         for memory, words in ((InputMemory, network.input_words), (RecurrentMemory, network.recurrent_words)):
             for port in ("read_address", "write_address") if words == 1 else ():
-                text = yosys.waive_signal(text, memory.module_name, port, "UNUSEDSIGNAL", UNUSED_ADDRESS)
+                yield memory.module_name, port, "the memory has one word"
         for name in re.findall(r"^  wire .*\b(leak_product\w*);", text, re.MULTILINE):
-            text = yosys.waive_signal(text, "eskin_classifier", name, "UNUSEDSIGNAL", UNUSED_PRODUCT)
-    return text
+            yield Classifier.module_name, name, "the bits below a leak's shift are cut off"

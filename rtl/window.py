@@ -45,8 +45,8 @@ class ClosingWindow(Block[ReadoutConfig]):
     def elaborate(self, platform: Any) -> Module:
         m = Module()
         levels = 1 << self.config.closing_levels_log2
-        # What drives a DAC leaves a flop: for analog comparators the half-width itself is the counter. Otherwise it is
-        # the closing steps taken, which are a flop less.
+        # A DAC must be driven by flops: for analog comparators the half-width itself is the counter. Otherwise the
+        # counter is the number of closing steps, which takes a flop less.
         quiet = Signal(range(self.config.window_period))
         last = Signal()
         m.d.comb += last.eq(

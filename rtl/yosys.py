@@ -15,13 +15,7 @@ from eskin.rtl.text.fold import fold
 
 
 class YosysError(RuntimeError):
-    """Raised if Yosys fails.
-
-    Attributes
-    ----------
-    reason : str
-        Its own words, without "ERROR: ".
-    """
+    """Raised if Yosys fails; ``reason`` is its message, without "ERROR: "."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(f"Yosys failed on the readout: {reason}")
@@ -29,22 +23,10 @@ class YosysError(RuntimeError):
 
 
 def run(script: str, rtlil: str, result: str, files: Mapping[str, bytes] | None = None) -> str:
-    """Run a Yosys script and return the text of its output file.
+    """Run a Yosys script and return the text of its output file ``result``.
 
-    Parameters
-    ----------
-    script : str
-        Commands of Yosys, separated by semicolons; they find the given RTLIL in ``readout.il``.
-    rtlil : str
-    result : str
-        Name of the file that the script writes.
-    files : mapping of str to bytes, optional
-        Further files that lie beside it, by their names.
-
-    Raises
-    ------
-    YosysError
-        If the script fails.
+    The script finds the RTLIL in ``readout.il``, and further ``files`` under their names. If it fails, YosysError is
+    raised.
     """
     return run_for(script, rtlil, (result,), files)[result]
 

@@ -32,23 +32,15 @@ Model = Literal["cycle", "functional"]
 
 @dataclass(frozen=True)
 class Encoded:
-    """Events encoded from one input, with the encoded samples.
-
-    Parameters
-    ----------
-    recording : Recording
-    codes : int32 array, shape (ticks, taxels)
-    clipped : int
-        Samples beyond full scale.
-    notes : tuple of str
-        Assumptions about columns, units and rate of the input.
-    warnings : tuple of str
-    """
+    """Events encoded from one input, with the encoded samples."""
 
     recording: Recording
     codes: NDArray[np.int32]
+    """Shape (ticks, taxels)."""
     clipped: int
+    """Samples beyond full scale."""
     notes: tuple[str, ...] = ()
+    """Assumptions about columns, units and rate of the input."""
     warnings: tuple[str, ...] = ()
 
     def quality(self) -> Quality:
@@ -69,21 +61,13 @@ def encode_image(
 ) -> Encoded:
     """Return the events of an array that slides over an image.
 
-    Parameters
-    ----------
-    path : Path
-        One of ``IMAGE_SUFFIXES``.
-    config : ReadoutConfig
-        The preset sets its sample rate and clock.
-    preset_name : "physical" or "paper"
-    start_row : float
-        Image row of the array's top edge, in pixels.
-    model : "cycle" or "functional"
+    Raise InputError if the image cannot be read or is too small.
 
-    Raises
-    ------
-    InputError
-        If the image cannot be read or is too small.
+    - ``path``: one of ``IMAGE_SUFFIXES``.
+    - ``config``: the preset sets its sample rate and clock.
+    - ``preset_name``: "physical" or "paper".
+    - ``start_row``: image row of the array's top edge, in pixels.
+    - ``model``: "cycle" or "functional".
     """
     from eskin.skin.textures.presets import preset
 
@@ -103,29 +87,21 @@ def encode_samples(
 ) -> Encoded:
     """Return the events encoded from a file of samples, resampled and scaled if time stamps or options require it.
 
-    Parameters
-    ----------
-    path : Path
-        One of ``eskin.skin.samples.ARRAY_SUFFIXES``.
-    config : ReadoutConfig
-    given : collection of str
-        Fields of ``config`` that the user set; the others follow the recording.
-    prepared : mapping of str to object, optional
-        Fields of ``eskin.skin.recordings.options.Preparation`` that the user set.
-    model : "cycle" or "functional"
+    Raise InputError if the file cannot be read, its rate is unknown, or a code or a value without ``scale`` is out of
+    range.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, its rate is unknown, or a code or a value without ``scale`` is out of range.
+    - ``path``: one of ``eskin.skin.samples.ARRAY_SUFFIXES``.
+    - ``given``: fields of ``config`` that the user set; the others follow the recording.
+    - ``prepared``: fields of ``eskin.skin.recordings.options.Preparation`` that the user set.
+    - ``model``: "cycle" or "functional".
     """
     from eskin.skin.recordings.fitting import SLOW_HZ, with_clock, with_seconds
     from eskin.skin.textures.presets import quantise
 
     prepared = prepared or {}
     scale = prepared.get("scale")
-    percentile = scale is not None and scale.startswith("p")
-    if set(prepared) - {"scale"} or percentile or (path.suffix.lower() == ".csv" and _has_time(path)):
+    of_recordings = scale is not None and (scale.startswith("p") or "," in scale)
+    if set(prepared) - {"scale"} or of_recordings or (path.suffix.lower() == ".csv" and _has_time(path)):
         return _encode_prepared(path, config, given, prepared, model)
     samples = read_samples(path)
     if "sample_rate_hz" not in given:
@@ -142,7 +118,7 @@ def encode_samples(
         if scale is None:
             _check_full_scale(path, values, config)
         factor = _scale_factor(scale, values, config)
-        with np.errstate(over="ignore"):  # what overflows to infinity saturates, as all that is out of range
+        with np.errstate(over="ignore"):  # infinities from overflow saturate like other values out of range
             codes, clipped = quantise(values.astype(np.float64) * factor, config.sample_bits)
         metadata = {"input": "full scale", "scale": factor}
     if "clocks_per_sample" not in given and config.sample_rate_hz < SLOW_HZ:
@@ -157,10 +133,7 @@ def preparation_of(place: Path, config: ReadoutConfig, prepared: Mapping[str, An
     A folder has the baseline ``first`` and the scale ``max``. Without these options, integers in a file are codes and
     floats are in full scale.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or a code or a float without these options is out of range.
+    Raise InputError if the file cannot be read, or a code or a float without these options is out of range.
     """
     from eskin.skin.recordings.table import read_table
 
@@ -185,8 +158,8 @@ def _encode_prepared(
 
     options = preparation_of(path, config, prepared)
     found = read_set(path, options, config, given)
-    metadata = {"input": "recording", "scale": found.scale, "baseline": options.baseline}
     kept = found.said_of(found.sources[0])
+    metadata = {"input": "recording", "scale": kept["scale"], "baseline": options.baseline}
     metadata |= {name: kept[name] for name in ("columns", "start_s") if name in kept}
     made = _encoded(path, found.config, found.codes[0], found.clipped, model, metadata)
     return dataclasses.replace(made, notes=tuple(found.notes), warnings=tuple(found.warnings))

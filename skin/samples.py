@@ -33,21 +33,14 @@ _NOT_A_CODE = re.compile(rb"[.eEnN]")  # what only a floating-point number has: 
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples as stored in a file.
-
-    Attributes
-    ----------
-    values : integer or float array, shape (ticks, taxels) or (ticks, rows, columns)
-        Integers are codes, floats are in full scale (+-1.0).
-    rate_hz : float or None
-        Sampling rate, if the file contains one.
-    names : tuple of str
-        Names of the taxels, if a header has them.
-    """
+    """Samples as stored in a file."""
 
     values: NDArray[Any]
+    """Integers are codes, floats are in full scale (+-1.0). Shape (ticks, taxels) or (ticks, rows, columns)."""
     rate_hz: float | None = None
+    """Sampling rate, if the file contains one."""
     names: tuple[str, ...] = ()
+    """Names of the taxels, if a header has them."""
 
 
 def read_samples(path: Path) -> Samples:
@@ -57,10 +50,7 @@ def read_samples(path: Path) -> Samples:
     has one line per sample tick with values separated by commas, and optionally a header line. It contains codes if no
     number has a decimal point or an exponent.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or is not a finite numerical array of two or three dimensions.
+    Raise InputError if the file cannot be read, or is not a finite numerical array of two or three dimensions.
     """
     read = {".npy": _read_npy, ".npz": _read_npz, ".csv": _read_csv}.get(path.suffix.lower())
     if read is None:
@@ -128,18 +118,10 @@ def _read_csv(path: Path, data: bytes) -> Samples:
 def cells_of(path: Path, lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
     """Return the cells of every line of a table; a cell in double quotes may contain the delimiter.
 
-    Parameters
-    ----------
-    path : Path
-        Name of the table, for messages.
-    lines : sequence of str
-    delimiter : str or None
-        None: white space.
+    - ``path``: name of the table, for messages.
+    - ``delimiter``: None for white space.
 
-    Raises
-    ------
-    InputError
-        If the csv module cannot read the lines.
+    Raise InputError if the csv module cannot read the lines.
     """
     if delimiter is None:
         return [[cell.strip('"') for cell in line.split()] for line in lines]
@@ -183,24 +165,14 @@ def _check_values(path: Path, values: NDArray[Any]) -> None:
         raise InputError(f"{path} has {values[place]} at {list(place)}; replace what is not a finite number")
 
 
-# -- array size --------------------------------------------------------------------------------------
-
-
 def fit_array(values: NDArray[Any], rows: int, columns: int, size_given: bool) -> tuple[NDArray[Any], int, int]:
     """Return samples reshaped to (ticks, rows * columns), and the array size.
 
-    Parameters
-    ----------
-    values : array, shape (ticks, taxels) or (ticks, rows, columns)
-    rows, columns : int
-        Array size wanted.
-    size_given : bool
-        Whether the user chose it; if not, values of three dimensions bring their own.
+    Raise InputError if the values do not fit the array; the text suggests a size.
 
-    Raises
-    ------
-    InputError
-        If the values do not fit the array; the text suggests a size.
+    - ``values``: shape (ticks, taxels) or (ticks, rows, columns).
+    - ``rows``, ``columns``: array size wanted.
+    - ``size_given``: whether the user chose it; if not, values of three dimensions bring their own.
     """
     shape = values.shape[1:]
     flat = values.reshape(len(values), -1)
@@ -229,9 +201,6 @@ def _suggest_size(taxels: int) -> str:
     return f"no array of at most {MAX_SIDE} x {MAX_SIDE} has {taxels} taxels, so leave some out"
 
 
-# -- output ------------------------------------------------------------------------------------------
-
-
 def check_samples_path(path: Path) -> None:
     """Check the format and the folder of an output path before any work."""
     if path.suffix.lower() not in ARRAY_SUFFIXES:
@@ -250,15 +219,9 @@ def write_samples(
 
     The .npz also holds the sampling rate. The .csv has a header and twelve decimals.
 
-    Parameters
-    ----------
-    path : Path
-    values : float64 array, shape (ticks, taxels)
-    rate_hz : float
-    names : sequence of str
-        Names of the taxels; others than one for each taxel are not written.
-    start_s : float, optional
-        Time of the first sample in seconds; with it, .csv and .npz hold the time of every sample.
+    - ``values``: shape (ticks, taxels).
+    - ``names``: names of the taxels; others than one for each taxel are not written.
+    - ``start_s``: time of the first sample in seconds; with it, .csv and .npz hold the time of every sample.
     """
     check_samples_path(path)
     named = list(names) if len(names) == values.shape[1] else []

@@ -24,12 +24,8 @@ ROUNDS = 30
 def calibrate(network: nn.Module, scans: Tensor) -> None:
     """Set input scale and offset, and the biases of a spiking network in place, as configured.
 
-    Parameters
-    ----------
-    network : nn.Module
-        Network from ``build``. ``network.config`` receives the resulting numbers.
-    scans : shape (steps, scans, inputs)
-        Training scans; the same scans give the same numbers.
+    - ``network``: network from ``build``. ``network.config`` receives the resulting numbers.
+    - ``scans``: shape (steps, scans, inputs); training scans; the same scans give the same numbers.
     """
     config = network.config
     assert isinstance(config, NetworkConfig)

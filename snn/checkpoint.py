@@ -80,10 +80,7 @@ class OtherTraining(InputError):  # the sentence a user reads
 def load_checkpoint(path: Path, training: Training, key: str) -> None:
     """Restore the state of a training from a checkpoint.
 
-    Raises
-    ------
-    InputError
-        If the file is damaged, or was written by a training with other parameters, data or seed.
+    Raise InputError if the file is damaged, or was written by a training with other parameters, data or seed.
     """
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)

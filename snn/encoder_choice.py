@@ -1,10 +1,11 @@
-"""Choose encoder and resolution for recordings by the classes that a logistic regression finds from their events."""
+"""Choose encoder, resolution and scale of recordings by the classes that a logistic regression finds from events."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from eskin.model.encoders import registry
 from eskin.model.taxel import encode_timed
 from eskin.skin.recordings.fitting import RESOLUTIONS, Fit, with_seconds
 from eskin.skin.recordings.folder import negative_part_lost
+from eskin.skin.recordings.options import PER_TAXEL
 from eskin.skin.recordings.quality import MOST_CLOCKS
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.folds import matching, stratified_folds
@@ -25,13 +27,15 @@ MOST_JUDGED = 150
 INNER_FOLDS = 3
 
 SIZE = {"rows", "columns", "sample_bits", "sample_rate_hz", "clocks_per_sample"}
-FREE = {"resolution", "link", "frontend", "reset", "fields", *SIZE}
+FREE = {"resolution", "scale", "link", "frontend", "reset", "fields", *SIZE}
 """Fields that a user can give while the encoder is chosen: the others belong to one encoder, or follow from it."""
 
 
 @dataclass(frozen=True)
 class ByClasses(Fit):
     """Choice of encoder, resolution and full scale from the training recordings of one fold.
+
+    All taxels have a common scale, or each has its own.
 
     Attributes
     ----------
@@ -40,6 +44,8 @@ class ByClasses(Fit):
     test : str or None
         Pattern of the names of the test recordings, instead of a fold.
     """
+
+    other_scales: ClassVar[tuple[str, ...]] = (PER_TAXEL,)
 
     fold: int = 0
     folds: int = 6
@@ -59,35 +65,44 @@ class ByClasses(Fit):
         config: ReadoutConfig,
         given: Collection[str],
         classes: Sequence[str],
-        recordings: Sequence[NDArray[np.int32]],
+        recordings: Mapping[str, Sequence[NDArray[np.int32]]],
         progress: Callable[[], object],
-    ) -> tuple[ReadoutConfig, str]:
-        """Return the configuration with the lowest data rate among those that are as accurate as the best one.
+    ) -> tuple[ReadoutConfig, str, str]:
+        """Return configuration and scale with the lowest data rate among those that are as accurate as the best ones.
 
         That is at most one standard error below the best accuracy, by inner cross-validation of a logistic regression
         on event statistics. With fewer than two recordings of a class, ``Fit`` chooses.
         """
-        some = slice(None, None, -(-len(recordings) // MOST_JUDGED))
-        judged, labels = recordings[some], np.unique(classes[some], return_inverse=True)[1]
+        some = slice(None, None, -(-len(classes) // MOST_JUDGED))
+        labels = np.unique(classes[some], return_inverse=True)[1]
         inner = min(INNER_FOLDS, int(np.bincount(labels).min()))
         if inner < 2 or len(set(labels.tolist())) < 2:
-            return super().choose(config, given, classes, judged, progress)
-        seconds = sum(map(len, judged)) / config.sample_rate_hz
+            judged_of = {scale: codes[some] for scale, codes in recordings.items()}
+            return super().choose(config, given, classes, judged_of, progress)
         found = []
-        for tried in _candidates(config, given):
-            if "encoding" not in given and negative_part_lost(tried, judged):
-                continue
-            columns, events = _statistics(tried, judged)
-            accuracy = _accuracy(columns, labels, inner)
-            found.append((accuracy, events * tried.event_bits / seconds, tried))
-            progress()
+        for scale, codes in recordings.items():
+            judged = codes[some]
+            seconds = sum(map(len, judged)) / config.sample_rate_hz
+            for tried in _candidates(config, given):
+                if "encoding" not in given and negative_part_lost(tried, judged):
+                    continue
+                columns, events = _statistics(tried, judged)
+                accuracy = _accuracy(columns, labels, inner)
+                found.append((accuracy, events * tried.event_bits / seconds, tried, scale))
+                progress()
         best = max(accuracy for accuracy, *_ in found)
         error = math.sqrt(best * (1 - best) / len(labels))
-        accuracy, bps, chosen = min((one for one in found if one[0] >= best - error), key=lambda one: one[1])
-        return chosen.replace(clocks_per_sample=config.clocks_per_sample), (
-            f"encoder {chosen.encoding} with {chosen.resolution} b, {bps:.3g} bit/s: inner validation with a logistic "
-            f"regression on event statistics finds the class of {accuracy:.0%} of {len(labels)} training recordings, "
-            f"and of {best:.0%} with the best of {len(found)} settings; --encoding and --resolution choose others"
+        accuracy, bps, chosen, scale = min((one for one in found if one[0] >= best - error), key=lambda one: one[1])
+        of_taxels, others = "", "--encoding and --resolution"
+        if len(recordings) > 1:
+            of_taxels = " and a scale per taxel" if scale == PER_TAXEL else " and a common scale"
+            others = "--encoding, --resolution and --scale"
+        return (
+            chosen.replace(clocks_per_sample=config.clocks_per_sample),
+            scale,
+            f"encoder {chosen.encoding} with {chosen.resolution} b{of_taxels}, {bps:.3g} bit/s: inner validation with "
+            f"a logistic regression on event statistics finds the class of {accuracy:.0%} of {len(labels)} training "
+            f"recordings, and of {best:.0%} with the best of {len(found)} settings; {others} choose others",
         )
 
 

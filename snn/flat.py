@@ -39,10 +39,7 @@ def unflatten(kind: type[Config], fields: dict[str, Any]) -> Config:
 
     A whole number is taken for a float, and so is the text of a float that JSON has not, as "-inf".
 
-    Raises
-    ------
-    InputError
-        If a field is of the wrong type.
+    Raise InputError if a field is of the wrong type.
     """
     made: dict[str, Any] = {}
     for name, hint in get_type_hints(kind).items():

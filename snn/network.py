@@ -20,30 +20,20 @@ from eskin.snn.rounding import rounded_weights
 
 
 class Output(NamedTuple):
-    """Output of a network for a batch.
-
-    Attributes
-    ----------
-    logits : shape (scans, classes)
-        Go into the SoftMax.
-    penalty : shape ()
-        Penalty, added to the loss.
-    rate : float
-        Mean spikes per step and hidden neuron; of the baselines 0.
-    """
+    """Output of a network for a batch."""
 
     logits: Tensor
+    """Input of the SoftMax. Shape (scans, classes)."""
     penalty: Tensor
+    """Penalty, added to the loss. Shape ()."""
     rate: float
+    """Mean spikes per step and hidden neuron; of the baselines 0."""
 
 
 def build(config: NetworkConfig, seed: int, backend: Backend = "auto") -> nn.Module:
     """Return a network with weights initialised from a seed.
 
-    Raises
-    ------
-    MemoryError
-        If the network is too large.
+    Raise MemoryError if the network is too large.
     """
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
@@ -139,15 +129,8 @@ class SpikingNetwork(nn.Module):
     def _mean_membrane(self, s: Tensor, kept: Tensor, w_out: Tensor) -> Tensor:
         """Return the mean over time of leaky membranes, v <- decay v + current, shape (scans, classes).
 
-        A current counts in all later steps, with weights that depend on time alone. The spikes are therefore summed
-        over time before the product with ``w_out``.
-
-        Parameters
-        ----------
-        s : shape (steps, scans, hidden)
-        kept : shape (scans, hidden)
-            Factors of the spikes.
-        w_out : shape (classes, hidden)
+        A current counts in all later steps, with weights that depend on time alone. The spikes ``s`` (steps, scans,
+        hidden) are therefore summed over time before the product with ``w_out``; ``kept`` has their factors.
         """
         neurons = self.config.neurons
         _, decay = self.decays()

@@ -21,42 +21,30 @@ KINDS = ("spiking", *get_args(BaselineKind))
 
 @dataclass(frozen=True, kw_only=True)
 class SpikingConfig:
-    """Parameters of recurrent spiking neurons and output neurons; the defaults are those of the paper.
-
-    Parameters
-    ----------
-    hidden_rate, output_rate : float
-        If not 0, training starts from biases with which every hidden neuron fires this often per step, and the mean
-        input of every output neuron is this fraction of its threshold (``eskin.snn.calibration``).
-    decay, output_decay : float
-        Part of the membrane potential left after one step; 1 is the paper's neuron without leak.
-    synapse_decay, output_synapse_decay : float
-        Part of the synaptic current left after one step (NIR: CubaLIF); 0 for inputs that reach the membrane at once.
-    learn_decay : bool
-        Every neuron learns its decays, from those values on (below 1).
-    rule : NeuronRule
-    readout : "spikes" or "membrane"
-        The outputs fire and their spikes are added up; or their membranes do not fire and are averaged over time.
-    weight_bits : int
-        If not 0, the network computes with weights rounded to this many bits, like ``eskin quantise``, and gradients
-        pass through the rounding (straight-through).
-    rate_weight, rate_limit : float
-        Penalty: weight times the mean over hidden neurons of the square by which their mean spikes per step
-        exceed the limit.
-    """
+    """Parameters of recurrent spiking neurons and output neurons; the defaults are those of the paper."""
 
     hidden_rate: float = 0.0
     output_rate: float = 0.0
+    """If not 0, training starts from biases with which every hidden neuron fires this often per step, and the mean
+    input of every output neuron is this fraction of its threshold (``eskin.snn.calibration``)."""
     decay: float = 1.0
     output_decay: float = 1.0
+    """Part of the membrane potential left after one step; 1 is the paper's neuron without leak."""
     synapse_decay: float = 0.0
     output_synapse_decay: float = 0.0
+    """Part of the synaptic current left after one step (NIR: CubaLIF); 0 for inputs that reach the membrane at once."""
     learn_decay: bool = False
+    """Every neuron learns its decays, from those values on (below 1)."""
     rule: NeuronRule = field(default_factory=NeuronRule)
     readout: OutputMode = "spikes"
+    """The outputs fire and their spikes are added up; or their membranes do not fire and are averaged over time."""
     weight_bits: int = 0
+    """If not 0, the network computes with weights rounded to this many bits, like ``eskin quantise``, and gradients
+    pass through the rounding (straight-through)."""
     rate_weight: float = 0.0
     rate_limit: float = 0.0
+    """Penalty: weight times the mean over hidden neurons of the square by which their mean spikes per step exceed the
+    limit."""
 
     def __post_init__(self) -> None:
         if self.readout not in get_args(OutputMode):
@@ -80,21 +68,14 @@ class SpikingConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class BaselineConfig:
-    """Parameters of a network without spikes.
-
-    Parameters
-    ----------
-    kind : "rnn", "gru" or "cnn"
-        Recurrent with ReLU units (the paper's baseline), gated, or 1-D convolutional.
-    input_offset : float
-        Value subtracted from the inputs before scaling.
-    input_center : bool
-        Training sets the offset to the mean of its scans.
-    """
+    """Parameters of a network without spikes."""
 
     kind: BaselineKind = "rnn"
+    """Recurrent with ReLU units (the paper's baseline), gated, or 1-D convolutional."""
     input_offset: float = 0.0
+    """Value subtracted from the inputs before scaling."""
     input_center: bool = False
+    """Training sets the offset to the mean of its scans."""
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(BaselineKind):
@@ -109,33 +90,23 @@ class NetworkConfig:
     """All parameters of a network; immutable and validated.
 
     Fields of the units may stand beside the others: ``NetworkConfig(inputs=64, classes=6, decay=0.9)``.
-
-    Parameters
-    ----------
-    inputs, classes : int
-        Channels of a scan, and outputs.
-    hidden : int
-        Neurons or units of the hidden layer.
-    input_scale : float
-        Factor of the input.
-    input_rms : float
-        If not 0, training scales the input of its scans to this root mean square.
-    output_scale : float
-        Factor of the input of the SoftMax.
-    dropout : float
-        Probability with which a hidden neuron does not reach the outputs, during a whole training scan.
-    units : SpikingConfig or BaselineConfig
-        Configuration of the network's kind.
     """
 
     inputs: int
     classes: int
+    """Channels of a scan, and outputs."""
     hidden: int = 256
+    """Neurons or units of the hidden layer."""
     input_scale: float = 1.0
+    """Factor of the input."""
     input_rms: float = 0.0
+    """If not 0, training scales the input of its scans to this root mean square."""
     output_scale: float = 1.0
+    """Factor of the input of the SoftMax."""
     dropout: float = 0.0
+    """Probability with which a hidden neuron does not reach the outputs, during a whole training scan."""
     units: SpikingConfig | BaselineConfig = field(default_factory=SpikingConfig)
+    """Configuration of the network's kind."""
 
     def __post_init__(self) -> None:
         for name in ("inputs", "classes", "hidden"):
@@ -169,10 +140,7 @@ class NetworkConfig:
     def from_dict(cls, fields: Any) -> NetworkConfig:
         """Return the network configuration for flat fields; fields of other kinds are ignored.
 
-        Raises
-        ------
-        InputError
-            If a field is unknown, has the wrong type, or is out of range.
+        Raise InputError if a field is unknown, has the wrong type, or is out of range.
         """
         refuse_unknown(fields, FIELDS, "network")
         if missing := [name for name in ("inputs", "classes") if name not in fields]:

@@ -12,14 +12,14 @@ from eskin.skin.recordings.statistics import statistics
 from eskin.snn.data.scans import ScanData
 
 PENALTY = 1.0
-"""Half of it times the sum of all squared weights is added to the loss, as in scikit-learn with C = 1."""
+"""Half of this number times the sum of all squared weights is added to the loss (scikit-learn: C = 1)."""
 
 WORSE = 0.01
-"""Part of the recordings by which a network may fall behind the statistics of its events before that is printed."""
+"""Accuracy that a network may lack, compared with statistics of its events, before the command prints a warning."""
 
 
 LEAST_RATE = 1e-3
-"""Events of a step that are added before a logarithm."""
+"""Events per step that are added before a logarithm."""
 
 
 def event_statistics(data: ScanData) -> NDArray[np.float64]:
@@ -85,13 +85,8 @@ def references(
 ) -> dict[str, dict[str, Any]]:
     """Return the ``score`` of each baseline classifier on the test images.
 
-    Parameters
-    ----------
-    data : ScanData
-    learned, test : int64 arrays
-        Images.
-    signals : array, shape (images, columns), optional
-        Statistics of the signals behind the events.
+    - ``learned``, ``test``: images.
+    - ``signals``: shape (images, columns); statistics of the signals behind the events.
     """
     labels = data.image_labels
     columns = {"events": event_statistics(data)} | ({} if signals is None else {"signals": signals})

@@ -11,22 +11,16 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 _CANDIDATES = 2.0 ** -np.arange(0, 4, 0.125)
-"""Steps that are tried, as parts of the one that clips nothing: to 1/16 of it."""
+"""Steps that are tried, relative to the step that clips nothing, down to 1/16."""
 
 
 class Grid(NamedTuple):
-    """Quantisation grid of a matrix: integer multiples of a step up to a largest value.
-
-    Attributes
-    ----------
-    step : float
-        Value of an integer weight of 1.
-    largest : int
-        The largest multiple, to both sides.
-    """
+    """Quantisation grid of a matrix: integer multiples of a step up to a largest value."""
 
     step: float
+    """Value of an integer weight of 1."""
     largest: int
+    """The largest multiple, positive or negative."""
 
     def whole(self, values: NDArray[np.floating]) -> NDArray[np.int64]:
         """Return values as multiples of the step, rounded half to even and clipped."""

@@ -29,7 +29,7 @@ from eskin.snn.network_config import NetworkConfig
 from eskin.snn.training import DivergedError, Epoch, TrainConfig, Training
 
 CALIBRATION_SCANS = 128
-"""At most so many training scans, evenly spread, set the scale of the inputs and the first biases."""
+"""Most training scans that set input scale and first biases, evenly spread over all of them."""
 
 BATCH = 64
 """Scans that a trained network takes at once."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -30,38 +31,25 @@ SILENT, SATURATED = 1e-4, 0.5
 @takes_flat_fields
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig:
-    """Settings of a training; the paper uses Adam 1e-3, batches of 32, and up to 500 epochs.
-
-    Parameters
-    ----------
-    epochs, batch : int
-    learning_rate : float
-    weight_decay : float
-        Decoupled (AdamW) where not zero.
-    cosine : bool
-        The learning rate falls to zero along half a cosine; else it is constant.
-    clip : float
-        Largest norm of the gradient.
-    window_steps : int
-        The network learns windows of so many steps, drawn anew from the scans in every epoch; 0: whole scans.
-    windows : int
-        Windows of each scan in an epoch, however long the scan is.
-    balanced : bool
-        Every class weighs the same in the loss, however many scans it has.
-    augment : AugmentConfig
-        Random changes of every scan.
-    """
+    """Settings of a training; the paper uses Adam 1e-3, batches of 32, and up to 500 epochs."""
 
     epochs: int = 100
     batch: int = 32
     learning_rate: float = 1e-3
     weight_decay: float = 0.0
+    """Decoupled (AdamW) where not zero."""
     cosine: bool = False
+    """The learning rate falls to zero along half a cosine; else it is constant."""
     clip: float = 1.0
+    """Largest norm of the gradient."""
     window_steps: int = 0
+    """The network learns windows of so many steps, drawn anew from the scans in every epoch; 0: whole scans."""
     windows: int = 1
+    """Windows of each scan in an epoch, however long the scan is."""
     balanced: bool = False
+    """Every class weighs the same in the loss, however many scans it has."""
     augment: AugmentConfig = field(default_factory=AugmentConfig)
+    """Random changes of every scan."""
 
     def __post_init__(self) -> None:
         for name, least in (("epochs", 1), ("batch", 1), ("windows", 1), ("window_steps", 0)):
@@ -96,35 +84,31 @@ class TrainConfig:
         return self.learning_rate * (0.5 * (1 + math.cos(math.pi * epoch / self.epochs)) if self.cosine else 1.0)
 
 
+def parted(fields: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the fields of a network, and those of a training."""
+    known = hints_of(TrainConfig)
+    network = {name: value for name, value in fields.items() if name not in known}
+    return network, {name: value for name, value in fields.items() if name in known}
+
+
 @dataclass(frozen=True)
 class Epoch:
-    """Results of one epoch.
-
-    Attributes
-    ----------
-    number : int
-        Number, from 1.
-    loss : float
-        Mean cross-entropy over the training scans, penalty included.
-    accuracy : float
-        Accuracy on the training scans during the epoch.
-    held_out : float or None
-        Accuracy on the images that were held out for selection or display.
-    rate : float
-        Mean spikes per step and hidden neuron.
-    gradient : float
-        Largest norm of the gradient before clipping.
-    silent_outputs : int
-        Outputs that were 0 for all training scans: output neurons that never fired.
-    """
+    """Results of one epoch."""
 
     number: int
+    """Number, from 1."""
     loss: float
+    """Mean cross-entropy over the training scans, penalty included."""
     accuracy: float
+    """Accuracy on the training scans during the epoch."""
     held_out: float | None
+    """Accuracy on the images that were held out for selection or display."""
     rate: float
+    """Mean spikes per step and hidden neuron."""
     gradient: float
+    """Largest norm of the gradient before clipping."""
     silent_outputs: int = 0
+    """Outputs that were 0 for all training scans: output neurons that never fired."""
 
     def warnings(self, spiking: bool, classes: int) -> list[str]:
         """Return warnings about signs of divergence."""
@@ -143,21 +127,13 @@ class Epoch:
 
 @dataclass
 class Training:
-    """A network in training, with the complete state of a checkpoint.
-
-    Attributes
-    ----------
-    network : nn.Module
-    optimizer : Adam
-    history : list of Epoch
-    best : dict
-        Epoch and predictions of the epoch with the highest held-out accuracy, the latest among equals.
-    """
+    """A network in training, with the complete state of a checkpoint."""
 
     network: nn.Module
     optimizer: Adam
     history: list[Epoch] = field(default_factory=list)
     best: dict[str, Any] = field(default_factory=dict)
+    """Epoch and predictions of the epoch with the highest held-out accuracy, the latest among equals."""
 
 
 class DivergedError(InputError):

@@ -52,3 +52,24 @@ def write_skin(folder: Path, rate_hz: float = 35, taxels: int = 16, each: int = 
         for k in range(each):
             values = counts(kind, rate_hz, taxels, seed=10 * number + k)
             write_csv(folder / kind / f"{k}.csv", values, rate_hz, jitter_s)
+
+
+def write_uneven(folder: Path, each: int, amplitude: float = 1.0, first: int = 0) -> None:
+    """Write recordings whose class appears only in a taxel with a thousandth of the other taxel's range.
+
+    Parameters
+    ----------
+    folder : Path
+    each : int
+        Recordings of each class.
+    amplitude : float
+        Factor of all signals.
+    first : int
+        Number of the first recording of each class.
+    """
+    for kind, slope in (("slow", 1.0), ("fast", 4.0)):
+        for number in range(first, first + each):
+            random = np.random.default_rng([len(kind), ord(kind[0]), number])
+            loud, quiet = (np.abs((s * np.arange(400) / 100 + random.random()) % 2 - 1) for s in (2.0, slope))
+            values = np.rint(amplitude * np.stack([1e6 * loud, 1e3 * quiet], axis=1)).astype(np.int64)
+            write_csv(folder / kind / f"{number}.csv", values, rate_hz=100)

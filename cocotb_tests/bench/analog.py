@@ -16,24 +16,12 @@ FRACTION_BITS, SIGNAL_BITS_MORE = 4, 6
 
 @dataclass(frozen=True)
 class Comparators:
-    """Comparators with non-ideal parameters in 1/16 code; ideal by default.
+    """Comparators with non-ideal parameters in 1/16 code; ideal by default."""
 
-    Attributes
-    ----------
-    offset : ndarray of int64, shape (2, taxels), optional
-        Offsets of the comparators above, and of those below.
-    noise : int
-        Largest value of a noise that is even, and new in every clock.
-    hysteresis : int
-        Distance by which a signal must return before a high comparator falls.
-    seed : int
-        Seed of the noise, not 0.
-    """
-
-    offset: NDArray[np.int64] | None = None
-    noise: int = 0
-    hysteresis: int = 0
-    seed: int = 1
+    offset: NDArray[np.int64] | None = None  # of the comparators above and below, shape (2, taxels)
+    noise: int = 0  # largest value of a noise that is even, and new in every clock
+    hysteresis: int = 0  # distance by which a signal must return before a high comparator falls
+    seed: int = 1  # seed of the noise, not 0
 
     def write(self, config: ReadoutConfig, folder: Path, record: bool) -> None:
         """Write comparators.bin for the harness (see harness.v)."""

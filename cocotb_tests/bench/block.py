@@ -8,7 +8,7 @@ import random
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, overload
+from typing import Any, Literal, TypeVar, overload
 
 from cocotb.triggers import Timer
 
@@ -16,6 +16,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.tiles.config import config_of
 
 C = TypeVar("C")
+Simulator = Literal["verilator", "icarus"]
 JOB = "ESKIN_BLOCK_JOB"
 """Environment variable with the job of a block-level test, as JSON."""
 
@@ -30,11 +31,6 @@ class Block:
     Everything has a fixed place within a clock, so that all simulators behave equally: inputs change with the falling
     edge, settle, are checked, and only then comes the rising edge. A clock takes two time steps, and inputs that keep
     their values are not written, because steps and writes are most of the time of a run.
-
-    Attributes
-    ----------
-    time : int
-        Clocks since the simulation began.
     """
 
     HALF_PS = 5_000
@@ -44,7 +40,7 @@ class Block:
         self.pins: dict[str, Any] = {}
         self.driven: dict[str, int] = {}
         self.settled = False
-        self.time = 0
+        self.time = 0  # clocks since the simulation began
         self.dut.clk.value = 0
 
     def pin(self, name: str) -> Any:
@@ -146,6 +142,12 @@ def bits(values: Sequence[object]) -> int:
     return sum(1 << index for index, value in enumerate(values) if value)
 
 
+def signed_words(word: int, count: int, bits: int) -> list[int]:
+    """Return the signed numbers that are packed in a word, the first in the lowest bits."""
+    parts = [word >> number * bits & (1 << bits) - 1 for number in range(count)]
+    return [part - (part >> bits - 1 << bits) for part in parts]
+
+
 def payload(config: ReadoutConfig, row: int, column: int, polarity: bool) -> dict[str, int]:
     """Return the payload fields of an event, limited to existing ports."""
     fields = {"event_row": row, "event_col": column, "event_polarity": int(polarity)}
@@ -169,6 +171,13 @@ def job(read: Any = config_of) -> tuple[Any, random.Random]:
     """Return the configuration, which ``read`` makes from its fields, and the random generator of the test."""
     fields = json.loads(os.environ[JOB])
     return read(fields["config"]), random.Random(fields["seed"])
+
+
+def begin(dut: Any) -> tuple[Any, random.Random, Block, Checker]:
+    """Return configuration, random generator, block and checker of a test."""
+    config, rng = job()
+    block = Block(dut)
+    return config, rng, block, Checker(block)
 
 
 def report(counts: Counter[str]) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eskin.cocotb_tests.bench.block import signed_words
 from eskin.cocotb_tests.bench.readout import Bench, Mismatch, breaches
 from eskin.model.address_events import Events
 from eskin.model.classifier.chip import channels_of, clocks_of, events_of
@@ -32,26 +33,15 @@ OF_A_BIN = "clock, class, overrun, stalls, sum of hidden potentials and spikes, 
 
 @dataclass(frozen=True)
 class ChipRun:
-    """Outputs of a chip during a scan.
+    """Outputs of a chip during a scan."""
 
-    Attributes
-    ----------
-    offered, taken, channel : int64 arrays, shape (events,)
-        Clocks from which an event waited, and in which the classifier took it; its channel.
-    left : int or None
-        Clock from which an event waits at the end of the run.
-    classes : list of list
-        ``OF_A_BIN`` at every ``class_valid``; evidence is a list.
-    spikes : int64 array, shape (spikes, 2)
-        Bin and neuron of every hidden spike.
-    """
-
+    # clock from which an event waited, clock in which the classifier took it, and its channel, each of shape (events,)
     offered: NDArray[np.int64]
     taken: NDArray[np.int64]
     channel: NDArray[np.int64]
-    left: int | None
-    classes: list[list[Any]]
-    spikes: NDArray[np.int64]
+    left: int | None  # clock from which an event waits at the end of the run
+    classes: list[list[Any]]  # ``OF_A_BIN`` at every ``class_valid``; evidence is a list
+    spikes: NDArray[np.int64]  # bin and neuron, shape (spikes, 2)
 
     @classmethod
     def read(cls, config: ClassifierConfig, folder: Path, left: int) -> ChipRun:
@@ -61,7 +51,7 @@ class ChipRun:
         classes = []
         for line in (folder / "classes.txt").read_text().splitlines():
             *numbers, word = line.split()
-            classes.append([*map(int, numbers), _signed(int(word, 16), config.classes, config.evidence_bits)])
+            classes.append([*map(int, numbers), signed_words(int(word, 16), config.classes, config.evidence_bits)])
         offered, taken, channel = events.T
         return cls(offered, taken, channel, left - 1 if left else None, classes, spikes)
 
@@ -86,7 +76,8 @@ class ChipBench:
         self.dut, self.config, self.folder = dut, config, folder
         self.network = dataclasses.replace(network, config=config.classifier)
         self.bench = Bench(dut, config.readout, folder)
-        write_weights(self.network, folder)
+        for name, image in (("weights", weight_image(self.network)), ("neurons", neuron_image(self.network))):
+            (folder / f"{name}.hex").write_text("".join(f"{word:x}\n" for word in image))
 
     async def check(
         self, samples: NDArray[Any], again: str, skip: bool = False
@@ -95,19 +86,9 @@ class ChipBench:
 
         With ``skip`` the harness skips the clocks in which the chip is not awake, if it can (see harness.v).
 
-        Returns
-        -------
-        found : dict
-            The class after the last complete bin; ``ideal``, the class without waiting events and with exact bins; and
-            the counts of the run.
-        recorded : dict of arrays
-            Events (``taken``, ``channel``), hidden ``spikes`` (bin, neuron), clocks of the classes (``valid``) and
-            their ``evidence``.
-
-        Raises
-        ------
-        Mismatch
-            If RTL and models differ.
+        Return two dictionaries. The first has the class after the last complete bin; ``ideal``, the class without
+        waiting events and with exact bins; and the counts of the run. The second has arrays: events (``taken``,
+        ``channel``), hidden ``spikes`` (bin, neuron), clocks of the classes (``valid``) and their ``evidence``.
         """
         from eskin.model.readout import Stimulus, simulate
 
@@ -166,12 +147,6 @@ def network_of(chip: ChipConfig) -> IntegerNetwork:
     )
 
 
-def write_weights(network: IntegerNetwork, folder: Path) -> None:
-    """Write both memory images for the harness."""
-    for name, image in (("weights", weight_image(network)), ("neurons", neuron_image(network))):
-        (folder / f"{name}.hex").write_text("".join(f"{word:x}\n" for word in image))
-
-
 def hold(config: ChipConfig, network: IntegerNetwork, stimulus: Stimulus, run: ChipRun, again: str) -> ClassifierRun:
     """Compare a run with both models; raise Mismatch at the first difference.
 
@@ -216,8 +191,3 @@ def _same(what: str, expected: list[Any], got: list[Any], again: str) -> None:
     at = next((n for n, (a, b) in enumerate(zip(expected, got, strict=False)) if a != b), min(len(expected), len(got)))
     wanted, found = ([*some, "nothing"][min(at, len(some))] for some in (expected, got))
     raise Mismatch(f"{what}, number {at}: model {json.dumps(wanted)}, RTL {json.dumps(found)}\nreproduce: {again}")
-
-
-def _signed(word: int, count: int, bits: int) -> list[int]:
-    parts = [word >> number * bits & (1 << bits) - 1 for number in range(count)]
-    return [part - (part >> bits - 1 << bits) for part in parts]

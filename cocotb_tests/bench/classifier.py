@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from eskin.cocotb_tests.bench.block import Block, Checker
+from eskin.cocotb_tests.bench.block import Block, Checker, signed_words
 from eskin.model.classifier.config import ClassifierConfig, highest, lowest
 from eskin.model.classifier.file import neuron_image, weight_image
 from eskin.model.classifier.network import IntegerNetwork
@@ -28,28 +28,15 @@ class Stimulus:
 
 @dataclass
 class Seen:
-    """Outputs of the classifier during a scan.
+    """Outputs of the classifier during a scan."""
 
-    Attributes
-    ----------
-    accepted : list of int
-        Clocks in which an event was taken.
-    hidden, outputs : list of (index, potential, spike)
-        Neurons in order of arrival.
-    classes : list of (clock, class, evidence)
-        At every ``class_valid``.
-    overrun : list of int
-        ``overrun`` in every clock.
-    stalled : list of int
-        ``stall_count`` in every clock.
-    """
-
-    accepted: list[int] = field(default_factory=list)
+    accepted: list[int] = field(default_factory=list)  # clocks in which an event was taken
+    # neurons in order of arrival
     hidden: list[tuple[int, int, int]] = field(default_factory=list)
     outputs: list[tuple[int, int, int]] = field(default_factory=list)
-    classes: list[tuple[int, int, list[int]]] = field(default_factory=list)
-    overrun: list[int] = field(default_factory=list)
-    stalled: list[int] = field(default_factory=list)
+    classes: list[tuple[int, int, list[int]]] = field(default_factory=list)  # at every ``class_valid``
+    overrun: list[int] = field(default_factory=list)  # ``overrun`` in every clock
+    stalled: list[int] = field(default_factory=list)  # ``stall_count`` in every clock
 
 
 class ClassifierBench:
@@ -74,7 +61,6 @@ class ClassifierBench:
             self.check.counts["resets"] += 1
         else:
             self.block.drive(scan_start=1, bin_end=self.rng.getrandbits(1))  # which is then not heard
-            await self.block.settle()
             await self.block.edge()
             self.block.drive(scan_start=0, bin_end=0)
             self.check.counts["scan starts"] += 1
@@ -99,16 +85,12 @@ class ClassifierBench:
                 spike = block.read(f"{name}_spike")
                 trace.append((block.read(f"{name}_index"), block.read_signed(f"{name}_potential"), spike))
         if block.read("class_valid"):
-            seen.classes.append((clock, block.read("class_index"), self._evidence()))
+            evidence = signed_words(block.read("evidence"), self.config.classes, self.config.evidence_bits)
+            seen.classes.append((clock, block.read("class_index"), evidence))
         elif seen.classes:
             winner = block.read("class_index")
             self.check.holds("ClassHeldBetweenBins", winner == seen.classes[-1][1], (winner, seen.classes[-1]))
         await block.edge()
-
-    def _evidence(self) -> list[int]:
-        bits, word = self.config.evidence_bits, self.block.read("evidence")
-        parts = [word >> number * bits & (1 << bits) - 1 for number in range(self.config.classes)]
-        return [part - (part >> bits - 1 << bits) for part in parts]
 
     def _compare(self, stimulus: Stimulus, seen: Seen, run: ClassifierRun) -> None:
         holds, counts, config = self.check.holds, self.check.counts, self.config
@@ -162,6 +144,5 @@ async def load_words(block: Block, network: IntegerNetwork, rng: random.Random) 
     rng.shuffle(words)
     for neurons, address, word in words:
         block.drive(load_valid=1, load_neurons=neurons, load_address=address, load_data=word)
-        await block.settle()
         await block.edge()
     block.drive(load_valid=0, load_address=rng.getrandbits(8), load_data=rng.getrandbits(8))

@@ -39,23 +39,13 @@ Set = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Draw:
-    """A random run; a shorter run is a prefix of a longer one.
-
-    Attributes
-    ----------
-    seed : int
-    clocks : int
-    run : int
-        Number of the run of one configuration.
-    set : mapping
-        Parts that are not drawn: fields of the configuration, ``signal``, ``gap``, ``sink``, ``masks`` (how often
-        the mask changes in a thousand clocks), ``share`` (of the taxels that a mask enables, 0.7 if not set).
-    most_taxels : int
-    """
+    """A random run; a shorter run is a prefix of a longer one."""
 
     seed: int
     clocks: int = 400
-    run: int = 0
+    run: int = 0  # number of the run of one configuration
+    # parts that are not drawn: fields of the configuration, ``signal``, ``gap``, ``sink``, ``masks`` (how often the
+    # mask changes in a thousand clocks), ``share`` (of the taxels that a mask enables, 0.7 if not set)
     set: Set = field(default_factory=dict)
     most_taxels: int = MOST_TAXELS
 

@@ -19,13 +19,8 @@ from eskin.model.frame_words import adc_code, unpack
 class SarAdc:
     """Behavioural SAR ADC: samples at the end of ``adc_start``, then answers after a number of clocks.
 
-    Parameters
-    ----------
-    config : FrameConfig
-    timing : "fixed", "random" or "level"
-        N + 1 clocks; 1 to 2 N clocks; or N + 1 clocks with ``adc_done`` and the code held until the next start.
-    rng : random.Random
-        Source of randomness, also of the code while it is invalid.
+    The timing "fixed" takes N + 1 clocks, and "random" 1 to 2 N clocks. "level" takes N + 1 clocks, and holds
+    ``adc_done`` and the code until the next start. While no code is valid, the code is random.
     """
 
     TIMINGS = ("fixed", "random", "level")
@@ -71,13 +66,6 @@ class FrameBench:
 
     Independent of the model, the samples that the ADC took are collected, and in the end the received words must
     unpack to their codes: every one once and in order.
-
-    Attributes
-    ----------
-    words : list of (sync, data)
-        Words taken by the receiver since the last reset.
-    taken : list of (taxel, sample)
-        Values sampled by the ADC since the last reset.
     """
 
     def __init__(self, dut: Any, config: FrameConfig, rng: random.Random) -> None:

@@ -39,12 +39,7 @@ def as_it_is(number: int, byte: int) -> int | None:
 class Line:
     """Converter between bytes at a pseudo-terminal and the pins ``rx`` and ``tx`` of a board.
 
-    Parameters
-    ----------
-    dut : cocotb handle
-    baud : int
-    to_board, to_host : Spoil
-        Changes of the bytes on the line.
+    ``to_board`` and ``to_host`` change the bytes on the line.
     """
 
     def __init__(self, dut: Any, baud: int, to_board: Spoil = as_it_is, to_host: Spoil = as_it_is) -> None:
@@ -62,14 +57,8 @@ class Line:
     ) -> None:
         """Transfer bytes until the host program ends.
 
-        Parameters
-        ----------
-        host : Popen
-        pull_after : int, optional
-            Number of bytes from the board after which the cable is unplugged.
-        sender : coroutine, optional
-            Begins when the host has begun to record; the host gets a Ctrl-C ``wait_bits`` bit times after its end.
-        wait_bits : int
+        The cable is unplugged after ``pull_after`` bytes from the board. The coroutine ``sender`` begins when the host
+        has begun to record; the host gets a Ctrl-C ``wait_bits`` bit times after its end.
         """
         listening = cocotb.start_soon(self._from_board())
         sending, begun = None, time.monotonic()

@@ -142,21 +142,12 @@ RULES = (
 
 @dataclass
 class Scoreboard:
-    """Scoreboard that compares the events of RTL and model, and counts equal ones.
-
-    Attributes
-    ----------
-    reproduce : str
-        Command that repeats the run.
-    breach : int
-        Clock and rule of the run's first breach of the protocol, as the harness gives them.
-    runs, clocks, events : int
-        Totals of the comparison so far.
-    """
+    """Scoreboard that compares the events of RTL and model, and counts equal ones."""
 
     config: ReadoutConfig
-    reproduce: str = ""
-    breach: int = 0
+    reproduce: str = ""  # command that repeats the run
+    breach: int = 0  # clock and rule of the run's first breach of the protocol, as the harness gives them
+    # totals of the comparison so far
     runs: int = 0
     clocks: int = 0
     events: int = 0
@@ -203,27 +194,14 @@ def breaches(errors: int, first: int) -> str:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A run whose stimulus and expected events were computed outside the simulator.
-
-    Attributes
-    ----------
-    name : str
-    clocks, outstanding : int
-        Its length, and the requests that wait at its end.
-    folder : str
-        Folder of its files.
-    draw : dict, optional
-        The fields of the ``Draw`` that it is of; no scenario then, and nothing need happen in it.
-    reproduce : str
-        Command that repeats its mismatch, if it has its own.
-    """
+    """A run whose stimulus and expected events were computed outside the simulator."""
 
     name: str
     clocks: int
-    outstanding: int
     folder: str
-    draw: dict[str, Any] | None = None
-    reproduce: str = ""
+    outstanding: int = 0  # requests that wait at its end
+    draw: dict[str, Any] | None = None  # fields of the ``Draw`` of a soak run, which may have no event
+    reproduce: str = ""  # command that repeats a mismatch, if not that of the job
 
     @property
     def expected(self) -> Events:
@@ -248,13 +226,10 @@ class Bench:
         With ``skip`` the harness skips the clocks in which the readout is not awake, if it can (see harness.v).
         """
         self.driver.write(stimulus)
-        self.dut.skipping.value = int(skip and bool(stimulus.ready.all()))
-        events, errors = await self._go()
-        self.dut.skipping.value = 0
-        return events, errors
+        return await self._go(skip and bool(stimulus.ready.all()))
 
-    async def _go(self) -> tuple[Events, int]:
-        errors = await self._done()
+    async def _go(self, skip: bool = False) -> tuple[Events, int]:
+        errors = await self._done(skip)
         try:
             if errors == STUCK:
                 raise Mismatch("the request stays high or unknown in reset, so no run can begin")
@@ -262,7 +237,8 @@ class Bench:
         except Mismatch as problem:
             raise Mismatch(f"{problem}; reproduce: {self.scoreboard.reproduce}") from None
 
-    async def _done(self) -> int:
+    async def _done(self, skip: bool) -> int:
+        self.dut.skipping.value = int(skip)
         self.dut.go.value = int(self.dut.done.value) + 1
         await ValueChange(self.dut.done)
         self.scoreboard.breach = int(self.dut.breach.value)
@@ -274,10 +250,7 @@ class Bench:
         With ``skip`` the harness skips the clocks in which the chip is not awake, if it can (see harness.v).
         """
         self.driver.write(stimulus)
-        self.dut.skipping.value = int(skip)
-        errors = await self._done()
-        self.dut.skipping.value = 0
-        return errors
+        return await self._done(skip)
 
     async def check(self, name: str, stimulus: Stimulus, skip: bool = False) -> Events:
         """Play a stimulus and compare RTL and model; return the events; ``skip`` as for ``play``."""

@@ -40,19 +40,7 @@ Requests = Sequence[Sequence[bool | None]]
 
 
 class TaxelReference:
-    """Reference model of one taxel.
-
-    Attributes
-    ----------
-    sample : int
-        The newest sample, in codes (digital front end).
-    reference : int
-        u, in codes; for N-LCS in 2**-fraction_bits codes.
-    pending, polarity : bool
-        The request register, and the polarity of the last request.
-    closed, quiet_ticks : int
-        Closing steps taken off the half-width, and sample ticks since the last of them or the last event.
-    """
+    """Reference model of one taxel."""
 
     def __init__(self, config: ReadoutConfig) -> None:
         self.config = config
@@ -63,12 +51,12 @@ class TaxelReference:
 
     def reset(self) -> None:
         """Reset the taxel."""
-        self.sample = 0
-        self.reference = self.config.reference_reset * self.unit
+        self.sample = 0  # the newest, in codes (digital front end)
+        self.reference = self.config.reference_reset * self.unit  # in codes; for N-LCS in 2**-fraction_bits codes
         self.pending = False
-        self.polarity = False
-        self.closed = 0
-        self.quiet_ticks = 0
+        self.polarity = False  # of the last request
+        self.closed = 0  # closing steps taken off the half-width
+        self.quiet_ticks = 0  # sample ticks since the last closing step or event
 
     def request(self, enable: bool) -> bool:
         """Return the level of the request line."""
@@ -116,16 +104,8 @@ class TaxelReference:
     ) -> None:
         """Apply a rising edge.
 
-        Parameters
-        ----------
-        enable, tick, granted : bool
-            Mask bit, sample tick (the clock after ``sample_valid``), and whether the row is granted.
-        decay : bool
-            The sample tick is a decay tick of this row (N-LCS).
-        sample : int, optional
-            New sample, if ``sample_valid`` is high (digital front end).
-        decision : (bool, bool), optional
-            Whether the comparators find x >= upper and x < lower (analog front end).
+        ``tick`` is the sample tick, the clock after ``sample_valid``, and ``decay`` a decay tick of the row (N-LCS). A
+        new ``sample`` is for the digital front end. The analog one has a ``decision``: x >= upper, and x < lower.
         """
         if not enable:
             self.reset()
@@ -166,15 +146,7 @@ class TaxelReference:
 
 
 class ArbiterReference:
-    """Reference model of the arbiter: round robin over rows, one event per clock in rising column order.
-
-    Attributes
-    ----------
-    last : int or None
-        The row last granted.
-    latch : list of AddressEvent
-        The burst latch, next event first.
-    """
+    """Reference model of the arbiter: round robin over rows, one event per clock in rising column order."""
 
     def __init__(self, config: ReadoutConfig) -> None:
         self.config = config
@@ -182,8 +154,8 @@ class ArbiterReference:
 
     def reset(self) -> None:
         """Reset the arbiter."""
-        self.last: int | None = None
-        self.latch: list[AddressEvent] = []
+        self.last: int | None = None  # the row last granted
+        self.latch: list[AddressEvent] = []  # the next event first
 
     @property
     def event(self) -> AddressEvent | None:
@@ -218,14 +190,7 @@ class ArbiterReference:
 
 
 class LinkReference:
-    """Reference model of the four-phase link.
-
-    Attributes
-    ----------
-    state : "idle", "set up" or "request"
-    address : AddressEvent or None
-        The event on the address lines; None (all zero) after reset.
-    """
+    """Reference model of the four-phase link."""
 
     def __init__(self) -> None:
         self.reset()
@@ -233,7 +198,7 @@ class LinkReference:
     def reset(self) -> None:
         """Reset the link."""
         self.state: Literal["idle", "set up", "request"] = "idle"
-        self.address: AddressEvent | None = None
+        self.address: AddressEvent | None = None  # all lines are zero after reset
         self.flops = [True, True]  # of the synchroniser; the last one is what the link sees
 
     @property
@@ -262,10 +227,7 @@ class LinkReference:
 class ReceiverReference:
     """Reference model of an asynchronous receiver: ACK follows every edge of REQ after a delay.
 
-    Parameters
-    ----------
-    delays : sequence of int
-        Delays in 1/8 clock, used cyclically; never a multiple of 8.
+    The delays, in 1/8 clock, are used cyclically, and are never a multiple of 8.
     """
 
     def __init__(self, delays: Sequence[int]) -> None:
@@ -289,33 +251,20 @@ class ReceiverReference:
 
 
 class ReadoutReference:
-    """Reference model of array, arbiter and link.
-
-    Attributes
-    ----------
-    taxels : list of lists of TaxelReference
-        Rows of columns.
-    signal : list of lists of int
-        Input of the comparators: the field's signal of the last tick, for any mask (analog front end).
-    time, ticks : int
-        Clocks and sample ticks since reset.
-    raised, accepted : list of TimedEvent
-        Requests and the first clock in which they are high; events and the clock in which the sink, or the
-        four-phase link, took them from the arbiter.
-    """
+    """Reference model of array, arbiter and link."""
 
     def __init__(self, config: ReadoutConfig, ack_delay: Sequence[int] = (1,)) -> None:
         self.config = config
         self.fields = fields_of(config)
         self.taxels = [[TaxelReference(config) for _ in range(config.columns)] for _ in range(config.rows)]
-        self.signal = [[0] * config.columns for _ in range(config.rows)]
+        self.signal = [[0] * config.columns for _ in range(config.rows)]  # of the last tick, for analog comparators
         self.arbiter = ArbiterReference(config)
         self.link = LinkReference()
         self.receiver = ReceiverReference(ack_delay)
         self.tick = False
         self.time = self.ticks = 0
-        self.raised: list[TimedEvent] = []
-        self.accepted: list[TimedEvent] = []
+        self.raised: list[TimedEvent] = []  # requests, and the first clock in which they are high
+        self.accepted: list[TimedEvent] = []  # events, and the clock in which they left the arbiter
 
     def seen(self, sample: Sequence[int]) -> list[int]:
         """Return the inputs of the encoders: mean or sum of each field, rounded half to even, saturated."""
@@ -348,18 +297,10 @@ class ReadoutReference:
         ready: bool,
         decisions: Sequence[tuple[bool, bool]] | None = None,
     ) -> None:
-        """Apply a rising edge.
+        """Apply a rising edge with the inputs of all taxels, rows * columns long.
 
-        Parameters
-        ----------
-        sample : sequence of int, rows * columns long, or None
-            Codes of all taxels, if ``sample_valid`` is high.
-        enable : sequence of bool, rows * columns long
-            The mask.
-        ready : bool
-            ``event_ready``; a four-phase link has its own.
-        decisions : sequence of (bool, bool), rows * columns long, optional
-            Decisions of the comparators, above and below, if the signal does not determine them (analog front end).
+        ``sample`` has codes if ``sample_valid`` is high. ``ready`` is ``event_ready``; a four-phase link has its own.
+        ``decisions`` are those of the comparators, above and below, if the signal does not determine them.
         """
         sample = None if sample is None else self.seen(sample)
         enable = [on and bool(field.taxels) for on, field in zip(enable, self.fields, strict=True)]

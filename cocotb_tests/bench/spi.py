@@ -12,18 +12,12 @@ from eskin.model.registers.spi import GAP_CLOCKS, LAG_CLOCKS, LEAD_CLOCKS, Pins,
 
 @dataclass(frozen=True)
 class Timing:
-    """Timing of an SPI host in clocks of the readout.
+    """Timing of an SPI host in clocks of the readout."""
 
-    Attributes
-    ----------
-    high, low : int
-        SCK high and low.
-    lead, lag, gap : int
-        Delays from the fall of CS to SCK, from SCK to the rise of CS, and with CS high.
-    """
-
+    # SCK high and low
     high: int
     low: int
+    # delays from the fall of CS to SCK, from SCK to the rise of CS, and with CS high
     lead: int = LEAD_CLOCKS
     lag: int = LAG_CLOCKS
     gap: int = GAP_CLOCKS
@@ -59,13 +53,7 @@ def noise(clocks: int, rng: random.Random) -> list[Pins]:
 def traffic(addresses: Sequence[int], words: Sequence[int], rng: random.Random, calm: bool = False) -> Iterator[Pins]:
     """Yield random correct and faulty SPI traffic without end.
 
-    Parameters
-    ----------
-    addresses, words : sequence of int
-        Usual addresses and words of the transfers.
-    rng : Random
-    calm : bool
-        Only whole transfers within the stated times.
+    ``addresses`` and ``words`` are usual ones; ``calm`` traffic has only whole transfers within the stated times.
     """
     while True:
         write = rng.random() < 0.6

@@ -89,16 +89,8 @@ SINK_PERIOD = 4096
 """Clocks, or edges of REQ, after which the pattern of a sink repeats."""
 
 
-def _ready_always(rng: np.random.Generator) -> NDArray[np.uint8]:
-    return np.ones(SINK_PERIOD, np.uint8)
-
-
 def _ready_random(rng: np.random.Generator) -> NDArray[np.uint8]:
     return (rng.random(SINK_PERIOD) < 0.6).astype(np.uint8)
-
-
-def _ready_slow(rng: np.random.Generator) -> NDArray[np.uint8]:
-    return (np.arange(SINK_PERIOD) % 7 == 6).astype(np.uint8)
 
 
 def _ready_stuck(rng: np.random.Generator) -> NDArray[np.uint8]:
@@ -108,7 +100,12 @@ def _ready_stuck(rng: np.random.Generator) -> NDArray[np.uint8]:
     return ready
 
 
-READY = {"always": _ready_always, "random": _ready_random, "slow": _ready_slow, "stuck": _ready_stuck}
+READY: dict[str, Callable[[np.random.Generator], NDArray[np.uint8]]] = {
+    "always": lambda rng: np.ones(SINK_PERIOD, np.uint8),
+    "random": _ready_random,
+    "slow": lambda rng: (np.arange(SINK_PERIOD) % 7 == 6).astype(np.uint8),
+    "stuck": _ready_stuck,
+}
 """Sinks of the stream link: event_ready per clock."""
 
 
@@ -131,19 +128,11 @@ def masks(config: ReadoutConfig, clocks: int, changes: int, rng: np.random.Gener
 
 @dataclass(frozen=True)
 class Scenario:
-    """A test run: name, stimulus, and number of outstanding requests at its end.
-
-    Attributes
-    ----------
-    name : str
-    stimulus : Stimulus
-    outstanding : int
-        Requests waiting in taxels or latch at the end of the run; 0 if all have left.
-    """
+    """A test run: name, stimulus, and number of outstanding requests at its end."""
 
     name: str
     stimulus: Stimulus
-    outstanding: int
+    outstanding: int  # requests waiting in taxels or latch at the end of the run; 0 if all have left
 
 
 CUT_OFF, FEW = "noise, cut off", "few taxels"
@@ -170,13 +159,6 @@ def scenarios(config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 30
     Every stimulus has another sink for every seed, and half of them switch taxels off and on during the run. A run ends
     ``MARGIN`` clocks after its last event, or at the latest after ``limit`` clocks. Large arrays have an additional run
     in which eight taxels change and then rest.
-
-    Parameters
-    ----------
-    config : ReadoutConfig
-    seed : int
-    ticks, limit : int
-        Sample ticks, and the most clocks of a run.
     """
     sinks = list(READY)
     for number, (name, make) in enumerate([*STIMULI.items(), *_more(config).items()]):

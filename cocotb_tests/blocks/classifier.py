@@ -7,22 +7,19 @@ import os
 import random
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cocotb
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.cocotb_tests.bench.block import JOB, job, report
+from eskin.cocotb_tests.bench.block import JOB, Simulator, job, report
 from eskin.cocotb_tests.bench.classifier import ClassifierBench, Stimulus
 from eskin.cocotb_tests.runner import block
 from eskin.model.classifier.config import ClassifierConfig, highest, lowest
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.classifier.network import IntegerNetwork, State
 from eskin.model.classifier.run import first_ready, work_clocks
-
-if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 TOP = "eskin_classifier"
 SCANS = 120
@@ -120,13 +117,7 @@ async def given_scans(dut: Any) -> None:
 
 
 def play_scans(made: IntegerWeights, scans: NDArray[Any], simulator: Simulator, folder: Path) -> Counter[str]:
-    """Compare a network's RTL with the model on events, shape (scans, bins, inputs); return the counts.
-
-    Raises
-    ------
-    MismatchFound
-        If any potential, spike, class or clock differs from the model.
-    """
+    """Compare a network's RTL with the model on events, shape (scans, bins, inputs); return the counts."""
     folder.mkdir(parents=True, exist_ok=True)
     made.save(folder / "network.npz")
     np.save(folder / "scans.npy", scans)

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cocotb
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.cocotb_tests.bench.block import Sink, job, report
+from eskin.cocotb_tests.bench.block import Simulator, Sink, job, report
 from eskin.cocotb_tests.bench.frame import FrameBench, SarAdc
 from eskin.cocotb_tests.runner import block
 from eskin.model.frame import FrameStimulus, simulate
 from eskin.model.frame_config import FrameConfig
 from eskin.model.frame_words import adc_code, unpack
-
-if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 
 @cocotb.test()

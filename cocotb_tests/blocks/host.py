@@ -9,21 +9,17 @@ import random
 from collections import Counter
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cocotb
 import numpy as np
 
-from eskin.cocotb_tests.bench.block import JOB, Block, Checker, job, report
+from eskin.cocotb_tests.bench.block import JOB, Block, Simulator, begin, report
 from eskin.cocotb_tests.bench.spi import Timing, any_word, traffic, waveform
 from eskin.cocotb_tests.runner.simulator import build
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.fields import SETTABLE
 from eskin.model.registers.description import Register, registers
-
-if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
-
 
 CLOCKS = 6000
 
@@ -75,9 +71,7 @@ class Comparators:
 @cocotb.test()
 async def readout_follows_its_model(dut: Any) -> None:
     """Play a prepared run, and compare events, MISO and its pad enable with the model in every clock."""
-    config, _ = job()
-    block = Block(dut)
-    check = Checker(block)
+    config, _, block, check = begin(dut)
     with np.load(os.environ["ESKIN_HOST"]) as stored:
         played = {name: stored[name].tolist() for name in stored.files}
     samples = dict(zip(played["sample_clock"], played["samples"], strict=True))

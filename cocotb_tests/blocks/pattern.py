@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cocotb
 
-from eskin.cocotb_tests.bench.block import Block, Checker, job, report
-from eskin.cocotb_tests.runner.block import cosimulate
-from eskin.model.config import ReadoutConfig
+from eskin.cocotb_tests.bench.block import begin, report
 from eskin.model.registers import pattern
-
-if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 CLOCKS = 2500
 
@@ -22,9 +15,7 @@ CLOCKS = 2500
 @cocotb.test()
 async def pattern_follows_its_model(dut: Any) -> None:
     """Play every mode at several rates, with early, late and spurious grants."""
-    config, rng = job()
-    block = Block(dut)
-    check = Checker(block)
+    config, rng, block, check = begin(dut)
     state, now = pattern.new_state(), pattern.Pattern()
     block.drive(restart=0, granted=0, **now._asdict())
     await block.reset()
@@ -57,8 +48,3 @@ async def pattern_follows_its_model(dut: Any) -> None:
         await block.edge()
         pattern.advance(state, now, (config.rows, config.columns), restart, taken)
     report(check.counts)
-
-
-def play(config: ReadoutConfig, simulator: Simulator, test: str, folder: Path, seed: int) -> Counter[str]:
-    """Run a cocotb test of this file and return its counts."""
-    return cosimulate(config, simulator, "eskin_pattern", test, folder, seed, __name__)

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cocotb
 
-from eskin.cocotb_tests.bench.block import Block, Checker, job, report
+from eskin.cocotb_tests.bench.block import begin, report
 from eskin.cocotb_tests.bench.spi import any_word
-from eskin.cocotb_tests.runner.block import cosimulate
-from eskin.model.config import ReadoutConfig
 from eskin.model.registers.description import registers
 from eskin.model.registers.file import RegisterFile, Write
-
-if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
-
 
 CLOCKS = 1500
 
@@ -25,9 +17,7 @@ CLOCKS = 1500
 @cocotb.test()
 async def file_follows_its_model(dut: Any) -> None:
     """Write words in and out of range to every address, with random counter inputs."""
-    config, rng = job()
-    block = Block(dut)
-    check = Checker(block)
+    config, rng, block, check = begin(dut)
     file = RegisterFile(config)
     found = registers(config)
     counters = [r.signal(f) for r in found for f in r.fields if f.kind == "counter"]
@@ -51,7 +41,7 @@ async def file_follows_its_model(dut: Any) -> None:
         for name, value in file.signals().items():
             check.equal(name, value, block.read(name))
         for name in announced:
-            check.equal(f"{name}_written", name in file.told, block.read(f"{name}_written"))
+            check.equal(f"{name}_written", name in file.written, block.read(f"{name}_written"))
         check.counts["holes"] += address not in file.at
         check.counts["refused"] += write and address == register.address and not register.allows(word)
         check.counts["taken"] += write and address == register.address and register.allows(word)
@@ -61,8 +51,3 @@ async def file_follows_its_model(dut: Any) -> None:
         if rst:
             file.reset()
     report(check.counts)
-
-
-def play(config: ReadoutConfig, simulator: Simulator, test: str, folder: Path, seed: int) -> Counter[str]:
-    """Run a cocotb test of this file and return its counts."""
-    return cosimulate(config, simulator, "eskin_registers", test, folder, seed, __name__)

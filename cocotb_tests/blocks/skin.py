@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cocotb
 import numpy as np
 
-from eskin.cocotb_tests.bench.block import Block, bits, job, report
+from eskin.cocotb_tests.bench.block import Block, Simulator, bits, job, report
 from eskin.cocotb_tests.runner.block import cosimulate
 from eskin.model.address_events import make_events
 from eskin.model.tiles.config import TilesConfig
-
-if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 
 @cocotb.test()

@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 import random
-from collections import Counter
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cocotb
 from cocotb.triggers import Timer
 
-from eskin.cocotb_tests.bench.block import Block, Checker, job, report
+from eskin.cocotb_tests.bench.block import Block, begin, report
 from eskin.cocotb_tests.bench.spi import any_word, next_address, traffic
-from eskin.cocotb_tests.runner.block import cosimulate
-from eskin.model.config import ReadoutConfig
 from eskin.model.registers.description import WORD_BITS
 from eskin.model.registers.spi import HIGH_CLOCKS, LEAD_CLOCKS, LOW_CLOCKS, LOW_CLOCKS_TO_READ, Pins, SpiSlave, transfer
-
-if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
-
 
 CLOCKS = 6_000
 
@@ -32,9 +24,7 @@ def drive(block: Block, pins: Pins) -> None:
 @cocotb.test()
 async def slave_follows_its_model(dut: Any) -> None:
     """Play complete and aborted transfers, glitches on CS, random edges, and resets."""
-    config, rng = job()
-    block = Block(dut)
-    check = Checker(block)
+    config, rng, block, check = begin(dut)
     slave = SpiSlave()
     drive(block, Pins())
     block.drive(read_data=0)
@@ -100,9 +90,7 @@ class Host:
 @cocotb.test()
 async def host_of_another_clock_reads_what_it_wrote(dut: Any) -> None:
     """Write and read random words of a memory behind the slave, and compare them."""
-    _, rng = job()
-    block = Block(dut)
-    check = Checker(block)
+    _, rng, block, check = begin(dut)
     drive(block, Pins())
     block.drive(read_data=0)
     await block.reset()
@@ -133,8 +121,3 @@ async def host_of_another_clock_reads_what_it_wrote(dut: Any) -> None:
             found = await host.transfer(address, words, write=False)
             check.holds("ReadAsKept", found == [memory.get(place, 0xDEAD) for place in places], found)
     report(check.counts)
-
-
-def play(config: ReadoutConfig, simulator: Simulator, test: str, folder: Path, seed: int) -> Counter[str]:
-    """Run a cocotb test of this file and return its counts."""
-    return cosimulate(config, simulator, "eskin_spi", test, folder, seed, __name__)

@@ -5,52 +5,23 @@ from __future__ import annotations
 import json
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-from eskin.cocotb_tests.bench.block import JOB
+from eskin.cocotb_tests.bench.block import JOB, Simulator
 from eskin.model.tiles.config import MergeConfig, TilesConfig
-
-if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
-    from eskin.rtl.verilog import Config
-
-MERGE = "eskin_merge"
 
 
 def cosimulate(
-    config: Config,
-    simulator: Simulator,
-    top: str,
-    test: str,
-    folder: Path,
-    seed: int,
-    module: str = "",
-    **more: object,
+    config: Any, simulator: Simulator, top: str, test: str, folder: Path, seed: int, module: str = "", **more: object
 ) -> Counter[str]:
     """Run one cocotb test of a block and return its counts.
 
-    Parameters
-    ----------
-    config : Config
-    simulator : "icarus" or "verilator"
-    top : str
-        The block: ``eskin_taxel``, ``eskin_arbiter``, ``eskin_merge``, ...
-    test : str
-        Name of the cocotb test.
-    folder : Path
-        Folder of the run and its log.
-    seed : int
-        Seed of all random numbers.
-    module : str
-        Module of the cocotb test; by default the test file of the block.
-    **more
-        Further parts of the job, for JSON.
+    The module of the test is by default the test file of the block ``top``; ``more`` are further parts of the job.
     """
     from eskin.cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
 
     job = {"config": config.to_dict(), "seed": seed, **more}
-    source = MergeConfig(config) if isinstance(config, TilesConfig) and top == MERGE else config
-    build(source, simulator, top=top).test(
-        module or top.replace("eskin_", "eskin.cocotb_tests.test_"), folder, test, {JOB: json.dumps(job)}
-    )
+    source = MergeConfig(config) if isinstance(config, TilesConfig) and top == "eskin_merge" else config
+    module = module or top.replace("eskin_", "eskin.cocotb_tests.test_")
+    build(source, simulator, top=top).test(module, folder, test, {JOB: json.dumps(job)})
     return Counter(json.loads((folder / "counts.json").read_text()))

@@ -31,10 +31,7 @@ KEPT_S = 3600
 def sources(places: Iterable[tuple[Any, str]]) -> str:
     """Return a digest of source files.
 
-    Parameters
-    ----------
-    places : iterable of (module, str)
-        Packages, and a pattern of the files in each.
+    Each place is a package and a pattern of files in it.
     """
     read = hashlib.sha256()
     for package, pattern in places:
@@ -93,11 +90,11 @@ def _stamp(text: str) -> str:
 
 
 @contextlib.contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Lock a folder against other processes."""
-    handle = os.open(folder, os.O_RDONLY)
+def locked(path: Path, flags: int = os.O_RDONLY, wait: bool = True) -> Iterator[None]:
+    """Lock a file or folder against other processes; raise BlockingIOError if another has it and nobody shall wait."""
+    handle = os.open(path, flags)
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX)
+        fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
         yield
     finally:
         os.close(handle)
@@ -107,32 +104,19 @@ def locked(folder: Path) -> Iterator[None]:
 def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
     """Create a temporary folder for this process; also remove those of killed processes.
 
-    Parameters
-    ----------
-    parent : Path
-        Made if need be. All folders in it whose names begin with a dot are such folders.
-    name : str
-        Note for people who find the folder.
+    All folders in ``parent`` whose names begin with a dot are such folders; ``name`` is a note for people who find
+    them.
     """
     cache.private_folder(parent)
     with contextlib.ExitStack() as mine:
         with locked(parent):  # or another would find the folder before it is locked
             for left in parent.glob(".*/"):
-                _remove_if_abandoned(left)
+                with contextlib.suppress(OSError), locked(left, os.O_RDONLY | os.O_NOFOLLOW, wait=False):
+                    shutil.rmtree(left, ignore_errors=True)  # no living process holds it
             folder = Path(tempfile.mkdtemp(prefix=f".{name}.", dir=parent))
             mine.enter_context(locked(folder))
         mine.callback(shutil.rmtree, folder, ignore_errors=True)
         yield folder
-
-
-def _remove_if_abandoned(folder: Path) -> None:
-    with contextlib.suppress(OSError):  # a living process holds it
-        handle = os.open(folder, os.O_RDONLY | os.O_NOFOLLOW)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            shutil.rmtree(folder, ignore_errors=True)
-        finally:
-            os.close(handle)
 
 
 def trim(folder: Path, limit: int = MOST_BYTES) -> None:

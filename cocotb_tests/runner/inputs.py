@@ -8,9 +8,8 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from eskin import cocotb_tests, model, skin
@@ -22,54 +21,12 @@ from eskin.skin.recordings.folder import RecordingSet
 from eskin.skin.textures.dataset import Dataset, Texture
 
 
-class Material(Protocol):
-    """Interface of named images or samples for simulation."""
-
-    @property
-    def name(self) -> str:
-        """Name of the dataset or folder."""
-
-    @property
-    def preset(self) -> str:
-        """Preset of the scans; empty for recordings."""
-
-    @property
-    def start_row(self) -> float:
-        """Image row where the array starts."""
-
-    @property
-    def names(self) -> list[str]:
-        """Names of all images or recordings."""
-
-    @property
-    def again(self) -> list[str]:
-        """Make variables that select these inputs."""
-
-    def arrays(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-        """Return images, or codes of shape (ticks, taxels)."""
-
-    def said(self, names: Sequence[str]) -> dict[str, dict[str, Any]]:
-        """Return the metadata of each event file: class, label, preparation."""
-
-    def proof(self, name: str, program: Build) -> str:
-        """Return the digest stored in each event file."""
-
-
 @dataclass(frozen=True)
 class Textures:
-    """Scans of textures as inputs.
-
-    Attributes
-    ----------
-    data : Dataset
-    place : str or None
-        Path of the dataset, as typed by the user.
-    preset : str
-    start_row : float
-    """
+    """Scans of textures as inputs."""
 
     data: Dataset
-    place: str | None = None
+    place: str | None = None  # path of the dataset, as typed by the user
     preset: str = "physical"
     start_row: float = 0.0
 
@@ -108,22 +65,15 @@ class Textures:
 
     def proof(self, name: str, program: Build) -> str:
         """Return the digest stored in the event file of a texture."""
-        return _proof(program, self.texture(name), self.start_row)
+        return _proof(program, self.start_row, self.texture(name).load())
 
 
 @dataclass(frozen=True)
 class Own:
-    """Recordings of a user as inputs.
-
-    Attributes
-    ----------
-    recordings : RecordingSet
-    place : Path
-        Path of their folder, as typed by the user.
-    """
+    """Recordings of a user as inputs."""
 
     recordings: RecordingSet
-    place: Path
+    place: Path  # path of their folder, as typed by the user
     preset: str = ""
     start_row: float = 0.0
 
@@ -164,8 +114,10 @@ class Own:
 
     def proof(self, name: str, program: Build) -> str:
         """Return the digest stored in the event file of a recording."""
-        samples = np.ascontiguousarray(self.arrays([name])[name])
-        return _proof_of(program, hashlib.sha256(samples.tobytes()).hexdigest())
+        return _proof(program, self.start_row, self.arrays([name])[name])
+
+
+Material = Textures | Own
 
 
 # -- what of it is played ----------------------------------------------------------------------------
@@ -204,16 +156,11 @@ SOURCES = ((model, "**/*.py"), (skin, "textures/*.py"), (cocotb_tests, "bench/*.
 """Of the samples, the stimulus, the expected events, and the bench that compares them."""
 
 
-def _proof(program: Build, texture: Any, start_row: float = 0.0) -> str:
-    """Return a digest of simulation program, sources and image."""
+def _proof(program: Build, start_row: float, array: NDArray[Any]) -> str:
+    """Return a digest of simulation program, sources, and image or samples."""
     digest = hashlib.sha256(f"{program.folder.name} {start_row} {_sources()}".encode())
-    digest.update(texture.load().tobytes())
+    digest.update(array.tobytes())
     return digest.hexdigest()
-
-
-def _proof_of(program: Build, samples: str) -> str:
-    """Return a digest of simulation program, sources and samples."""
-    return hashlib.sha256(f"{program.folder.name} {samples} {_sources()}".encode()).hexdigest()
 
 
 @functools.cache

@@ -19,15 +19,7 @@ PICTURE = "raster.png"
 def draw(config: ReadoutConfig, name: str, samples: NDArray[Any], folder: Path, texture: Any = None) -> None:
     """Draw the events of RTL and model above each other, and write both event files.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-    name : str
-    samples : int array, shape (ticks, taxels)
-        Codes that were played.
-    folder : Path
-    texture : uint8 array, optional
-        The image that was scanned.
+    ``samples``, shape (ticks, taxels), are the codes that were played, and ``texture`` is the image that was scanned.
     """
     from eskin.skin.figures.raster import plot_comparison
 

@@ -6,8 +6,8 @@ import contextlib
 import json
 import os
 import re
-from collections.abc import AsyncIterator, Iterator
-from dataclasses import asdict, dataclass, field
+from collections.abc import AsyncIterator, Callable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,47 +27,25 @@ JOB = "ESKIN_JOB"
 
 @dataclass(frozen=True)
 class Job:
-    """The runs of one simulation.
+    """The runs of one simulation."""
 
-    Attributes
-    ----------
-    config : dict
-        Fields of the ReadoutConfig.
-    reproduce : str
-        The command that shows a mismatch again.
-    seed : int or None
-        Play the scenarios of this seed, if any.
-    scenarios : list of dict
-        These, as they were prepared.
-    dataset, preset, start_row, ticks
-        Scans: name of the dataset, preset (empty for samples), start row of the array in the image, and the largest
-        number of sample ticks of each scan (None for all).
-    played : dict of str to dict
-        The names of what is played, each with what its recording shall say of it: class, label, proof.
-    arrays : str
-        An .npz with an image, or with samples, for each name, under ``array/NAME``.
-    keep : str
-        Folder for the RTL's events, a file per scan; empty for none.
-    skip : list of str
-        The names for which the harness skips the clocks in which the readout is not awake, if it can.
-    """
-
-    config: dict[str, Any]
-    reproduce: str
-    seed: int | None = None
-    scenarios: list[dict[str, Any]] = field(default_factory=list)
+    config: dict[str, Any]  # fields of the ReadoutConfig, or of the ChipConfig
+    reproduce: str  # command that repeats a mismatch
+    seed: int | None = None  # play the scenarios of this seed, if any
+    scenarios: list[dict[str, Any]] = field(default_factory=list)  # prepared scenarios
+    # scans: name of the dataset, preset (empty for samples), start row of the array in the image, and the largest
+    # number of sample ticks of each scan (None for all)
     dataset: str = ""
     preset: str = ""
     start_row: float = 0.0
     ticks: int | None = None
+    # metadata for the recording of each input, by name: class, label, proof
     played: dict[str, dict[str, Any]] = field(default_factory=dict)
-    arrays: str = ""
-    keep: str = ""
+    arrays: str = ""  # .npz with an image or samples for each input, under ``array/NAME``
+    keep: str = ""  # folder for the RTL's events, a file per scan; empty for none
+    # inputs for which the harness may skip the clocks in which nothing is awake
     skip: list[str] = field(default_factory=list)
-
-    def write(self, path: Path) -> None:
-        """Write the job to a JSON file."""
-        path.write_text(json.dumps(asdict(self)))
+    network: str = ""  # file of the integer network of a chip
 
 
 @dataclass(frozen=True)
@@ -112,16 +90,27 @@ def _samples_of(job: Job, config: ReadoutConfig, image: Any) -> tuple[Any, dict[
 
 
 @contextlib.contextmanager
-def told_to_the_caller() -> Iterator[None]:
-    """Write the message of a mismatch to mismatch.txt, and that of an input error to refused.txt."""
-    try:
-        yield
-    except Mismatch as mismatch:
-        Path("mismatch.txt").write_text(str(mismatch))
-        raise
-    except InputError as refused:
-        Path("refused.txt").write_text(str(refused))
-        raise
+def given_job() -> Iterator[tuple[Job, Callable[[dict[str, Any]], None]]]:
+    """Yield the job, and a function that writes a finished run to progress.jsonl.
+
+    The message of a mismatch goes to mismatch.txt, and that of an input error to refused.txt.
+    """
+    parent = os.getppid()
+    with Path("progress.jsonl").open("w", buffering=1) as progress:
+
+        def tell(run: dict[str, Any]) -> None:
+            progress.write(json.dumps(run) + "\n")
+            if os.getppid() != parent:  # who asked for this was killed
+                raise SystemExit(1)
+
+        try:
+            yield Job(**json.loads(Path(os.environ[JOB]).read_text())), tell
+        except Mismatch as mismatch:
+            Path("mismatch.txt").write_text(str(mismatch))
+            raise
+        except InputError as refused:
+            Path("refused.txt").write_text(str(refused))
+            raise
 
 
 async def _play_scenarios(bench: Bench, job: Job, config: ReadoutConfig) -> AsyncIterator[dict[str, Any]]:
@@ -161,13 +150,9 @@ async def _play_scans(bench: Bench, job: Job, config: ReadoutConfig) -> AsyncIte
 @cocotb.test()
 async def play(dut: Any) -> None:
     """Play all runs of a job, compare them with the model, and write progress to progress.jsonl."""
-    job = Job(**json.loads(Path(os.environ[JOB]).read_text()))
-    config = ReadoutConfig.from_dict(job.config)
-    bench = Bench(dut, config, Path.cwd())
-    parent = os.getppid()
-    with Path("progress.jsonl").open("w", buffering=1) as progress, told_to_the_caller():
+    with given_job() as (job, tell):
+        config = ReadoutConfig.from_dict(job.config)
+        bench = Bench(dut, config, Path.cwd())
         for played in (_play_scenarios, _play_scans):
             async for told in played(bench, job, config):
-                progress.write(json.dumps(told) + "\n")
-                if os.getppid() != parent:  # who asked for this was killed
-                    raise SystemExit(1)
+                tell(told)

@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,24 +20,21 @@ from eskin.cocotb_tests.runner.player import JOB, Job
 from eskin.cocotb_tests.runner.simulator import Build
 from eskin.model.config import ReadoutConfig
 
+if TYPE_CHECKING:
+    from eskin.model.readout import Stimulus
+
 POLL_S = 0.2
 
 
 @dataclass
 class Tally:
-    """Totals of a comparison.
+    """Totals of a comparison."""
 
-    Attributes
-    ----------
-    runs, clocks, events : int
-        Runs, their clocks and events.
-    drained, cut : int
-        Runs that ended with nothing outstanding, and runs cut off while requests waited.
-    """
-
+    # runs, their clocks and events
     runs: int = 0
     clocks: int = 0
     events: int = 0
+    # runs that ended with nothing outstanding, and runs cut off while requests waited
     drained: int = 0
     cut: int = 0
 
@@ -50,10 +47,7 @@ class Tally:
 class MismatchFound(Exception):  # the outcome that is looked for, not a defect of the program
     """Raised if RTL and model differ, with the scoreboard's message.
 
-    Attributes
-    ----------
-    before : Tally
-        Runs of the same simulation that were equal.
+    ``before`` has the runs of the same simulation that were equal.
     """
 
     def __init__(self, text: str, before: Tally | None = None) -> None:
@@ -61,13 +55,13 @@ class MismatchFound(Exception):  # the outcome that is looked for, not a defect 
         self.before = before or Tally()
 
 
-def run_job(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, Any]], None] | None = None) -> Tally:
+def run_job(
+    program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, Any]], None] = lambda run: None
+) -> Tally:
     """Run a job in a simulator and return the totals.
 
     Parameters
     ----------
-    program : Build
-    job : Job
     folder : Path
         Folder of the simulation and its log.
     on_run : callable, optional
@@ -84,43 +78,32 @@ def run_job(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, 
     """
     folder.mkdir(parents=True, exist_ok=True)
     with refusing_a_full_disk(folder):
-        return _follow(program, job, folder, on_run or (lambda run: None))
-
-
-def _follow(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, Any]], None]) -> Tally:
-    """Start a job, report each finished run, and return the totals."""
-    if job.seed is not None:
-        job = dataclasses.replace(job, scenarios=_prepare(job, folder / "scenarios"))
-    job.write(folder / "job.json")
-    environment = {JOB: str((folder / "job.json").resolve())}
-    try:
-        return follow(program, "eskin.cocotb_tests.runner.player", environment, folder, on_run)
-    finally:
-        shutil.rmtree(folder / "scenarios", ignore_errors=True)
+        if job.seed is not None:
+            job = dataclasses.replace(job, scenarios=_scenarios(job, folder / "scenarios"))
+        try:
+            return follow(program, "eskin.cocotb_tests.runner.player", job, folder, on_run)
+        finally:
+            shutil.rmtree(folder / "scenarios", ignore_errors=True)
 
 
 def follow(
     program: Build,
     module: str,
-    environment: dict[str, str],
+    job: Job,
     folder: Path,
     on_run: Callable[[dict[str, Any]], None] = lambda run: None,
 ) -> Tally:
-    """Start the cocotb test ``module`` in a folder, report each finished run, and return the totals.
-
-    Raises
-    ------
-    MismatchFound, InputError, AssertionError
-        Same as for ``run_job``.
-    """
+    """Start the cocotb test ``module`` with a job in a folder, report each finished run, and return the totals."""
     progress, mismatch, refused = folder / "progress.jsonl", folder / "mismatch.txt", folder / "refused.txt"
     for old in (progress, mismatch, refused):
         old.unlink(missing_ok=True)
+    path = (folder / "job.json").resolve()
+    path.write_text(json.dumps(asdict(job)))
     failure: list[BaseException] = []
 
     def simulate() -> None:
         try:
-            program.test(module, folder, "play", environment)
+            program.test(module, folder, "play", {JOB: str(path)})
         except BaseException as error:
             failure.append(error)
 
@@ -151,18 +134,24 @@ def follow(
     return tally
 
 
-def _prepare(job: Job, folder: Path) -> list[dict[str, Any]]:
-    """Write stimulus and expected events of each scenario into a folder; return their description."""
+def _scenarios(job: Job, folder: Path) -> list[dict[str, Any]]:
+    """Prepare the scenarios of a job in a folder."""
     from eskin.cocotb_tests.bench.stimuli import scenarios
-    from eskin.model.readout import simulate
 
     assert job.seed is not None
     config = ReadoutConfig.from_dict(job.config)
-    prepared = []
-    for number, scenario in enumerate(scenarios(config, job.seed)):
-        place = (folder / str(number)).resolve()
-        place.mkdir(parents=True, exist_ok=True)
-        StimulusDriver(config, place).write(scenario.stimulus)
-        np.save(place / "expected.npy", simulate(config, scenario.stimulus))
-        prepared.append(asdict(Prepared(scenario.name, scenario.stimulus.clocks, scenario.outstanding, str(place))))
-    return prepared
+    return [
+        prepare(config, one.name, one.stimulus, folder / str(number), outstanding=one.outstanding)
+        for number, one in enumerate(scenarios(config, job.seed))
+    ]
+
+
+def prepare(config: ReadoutConfig, name: str, stimulus: Stimulus, place: Path, **own: Any) -> dict[str, Any]:
+    """Write stimulus and expected events of a run into a folder; return its description for a job."""
+    from eskin.model.readout import simulate
+
+    place = place.resolve()
+    place.mkdir(parents=True, exist_ok=True)
+    StimulusDriver(config, place).write(stimulus)
+    np.save(place / "expected.npy", simulate(config, stimulus))
+    return asdict(Prepared(name, stimulus.clocks, folder=str(place), **own))

@@ -30,26 +30,13 @@ from eskin.skin.recordings.quality import link_warning
 
 @dataclass(frozen=True)
 class OwnPlan:
-    """The recordings to simulate.
+    """The recordings to simulate."""
 
-    Attributes
-    ----------
-    material : Own
-        The recordings, with the configuration that suits them.
-    names : list of str
-        Names of the recordings to play.
-    simulator : "verilator" or "icarus"
-    waves : bool
-    ticks : int or None
-        Largest number of samples of each recording.
-    out : Path
-    """
-
-    material: Own
-    names: list[str]
+    material: Own  # the recordings, with the configuration that suits them
+    names: list[str]  # names of the recordings to play
     simulator: Simulator
     waves: bool
-    ticks: int | None
+    ticks: int | None  # largest number of samples of each recording
     out: Path
 
     @property
@@ -81,13 +68,7 @@ def check(simulator: str, count: int, ticks: int | None) -> None:
 
 
 def play(plan: OwnPlan, on_run: Callable[[Any], None]) -> Tally:
-    """Simulate the recordings, store the RTL's events, and draw the first recording.
-
-    Raises
-    ------
-    MismatchFound
-        If RTL and model differ.
-    """
+    """Simulate the recordings, store the RTL's events, and draw the first recording."""
     array = f"{plan.config.rows} x {plan.config.columns} taxels"
     with reported(f"building {array} for {plan.simulator}"):
         program = build(plan.config, plan.simulator, waves=plan.waves)
@@ -105,21 +86,7 @@ def play(plan: OwnPlan, on_run: Callable[[Any], None]) -> Tally:
 
 
 def play_samples(config: ReadoutConfig, codes: NDArray[np.int32], simulator: Simulator = "verilator") -> Events:
-    """Return the RTL's events for samples, after comparison with the model.
-
-    Parameters
-    ----------
-    config : ReadoutConfig
-    codes : int32 array, shape (ticks, taxels)
-    simulator : "verilator" or "icarus"
-
-    Raises
-    ------
-    InputError
-        If a program that the simulator needs is not installed.
-    MismatchFound
-        If RTL and model differ.
-    """
+    """Return the RTL's events for codes, shape (ticks, taxels), after comparison with the model."""
     program, name = build(config, simulator), "signal"
 
     def play(folder: Path) -> Events:

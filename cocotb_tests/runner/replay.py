@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from eskin.base.errors import InputError
-from eskin.base.files import atomic_write, make_folder
+from eskin.base.files import make_folder
 from eskin.base.workers.cluster import Needs
 from eskin.base.workers.pool import WorkerPool, each
-from eskin.cocotb_tests.runner.chunk import job_of, play_part
+from eskin.cocotb_tests.runner.chunk import job_of, play_part, store
 from eskin.cocotb_tests.runner.inputs import Material, Textures, chosen
 from eskin.cocotb_tests.runner.player import Job
 from eskin.cocotb_tests.runner.process import Tally
@@ -37,23 +37,12 @@ MOST_IN_A_PART = 32
 
 @dataclass(frozen=True)
 class Plan:
-    """The inputs to simulate, and the folder for the events.
+    """The inputs to simulate, and the folder for the events."""
 
-    Attributes
-    ----------
-    config : ReadoutConfig
-        Configuration from the preset or the recordings.
-    material : Material
-    names : list of str
-        Names of the played material.
-    out : Path
-        Folder for the folder of this replay.
-    """
-
-    config: ReadoutConfig
+    config: ReadoutConfig  # configuration from the preset or the recordings
     material: Material
-    names: list[str]
-    out: Path
+    names: list[str]  # names of the played material
+    out: Path  # folder for the folder of this replay
 
     @property
     def array(self) -> str:
@@ -126,24 +115,15 @@ def play(plan: Plan, missing: list[str], pool: WorkerPool, on_run: Callable[[], 
     """Simulate the missing inputs in parallel, store the events, and return the totals.
 
     The first run plays every clock. The others skip the clocks in which the readout is not awake.
-
-    Raises
-    ------
-    MismatchFound
-        If RTL and model differ; simulations that have not begun are left out.
     """
     make_folder(plan.out, f"{plan.place}/events")
     size = max(1, min(MOST_IN_A_PART, -(-len(missing) // pool.workers)))
     parts = [missing[at : at + size] for at in range(0, len(missing), size)]
     total = Tally()
     jobs = ((plan.job(names, every_clock=missing[0]), plan.material.arrays(names)) for names in parts)
-    for played in each(pool, play_part, jobs):
-        total += played.tally
-        for name, content in played.files.items():
-            make_folder(plan.events, Path(name).parent)
-            with atomic_write(plan.events / f"{name}.npz") as file:
-                file.write(content)
-            on_run()
+    for tally, files in each(pool, play_part, jobs):
+        total += tally
+        store(plan.events, files, on_run)
     return total
 
 

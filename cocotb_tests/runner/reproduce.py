@@ -10,7 +10,7 @@ from typing import Any
 
 from eskin.model.config import ReadoutConfig, option_of
 from eskin.model.frame_config import FrameConfig
-from eskin.skin.recordings.options import Preparation
+from eskin.skin.recordings.options import Preparation, Scale, scale_option
 
 
 def reproduce(config: ReadoutConfig, simulator: str, seed: int, command: str = "sim") -> str:
@@ -46,8 +46,8 @@ def _text(value: Any) -> str:
     return shlex.quote(json.dumps([one.to_dict() for one in value], separators=(",", ":")))
 
 
-def own_options(prepared: Preparation, scale: float) -> list[str]:
+def own_options(prepared: Preparation, scale: Scale) -> list[str]:
     """Return command-line options for the preparation of recordings."""
     names = {field.name: option_of(field) for field in dataclasses.fields(Preparation) if field.metadata}
-    chosen = prepared.chosen() | {"scale": repr(scale)}
+    chosen = prepared.chosen() | {"scale": scale_option(scale)}
     return [f"{names[name]}={shlex.quote(str(value))}" for name, value in chosen.items() if name in names]

@@ -39,47 +39,20 @@ WAVE_TICKS = 200
 
 @dataclass(frozen=True)
 class Plan:
-    """The runs of every configuration.
-
-    Attributes
-    ----------
-    simulator : "verilator" or "icarus"
-    waves : bool
-        Whether a waveform is left.
-    seed : int
-        Seed of the scenarios.
-    scenarios : bool
-        Whether the scenarios are played.
-    material : Textures
-        The dataset.
-    textures : list of str
-        Names of the played textures.
-    ticks : int or None
-        Sample ticks of a scan at most.
-    out : Path
-        Folder for pictures and event files.
-    text : str
-        Verilog to play instead of the configuration's own: a netlist with its cells, or a user's readout.
-    again : str
-        Options for that text; empty without one.
-    macros : dict of str to str, optional
-        Further macros of the harness, for a user's readout.
-    command : str, optional
-        Command that simulates the text.
-    """
+    """The runs of every configuration."""
 
     simulator: Simulator
-    waves: bool
+    waves: bool  # whether a waveform is left
     seed: int
     scenarios: bool
     material: Textures
     textures: list[str]
-    ticks: int | None
-    out: Path
-    text: str = ""
-    again: str = ""
-    macros: dict[str, str] | None = None
-    command: str = "sim"
+    ticks: int | None  # sample ticks of a scan at most
+    out: Path  # folder for pictures and event files
+    text: str = ""  # Verilog to play instead of the configuration's own: a netlist with its cells, or a user's readout
+    again: str = ""  # options for that text; empty without one
+    macros: dict[str, str] | None = None  # further macros of the harness, for a user's readout
+    command: str = "sim"  # command that simulates the text
 
     def runs(self, config: ReadoutConfig) -> int:
         """Return the number of runs of a configuration."""
@@ -131,7 +104,9 @@ def plan(
         raise InputError(f"textures and seed must be at least 0 and ticks at least 1, not {textures}, {seed}, {ticks}")
     data = open_dataset(dataset or "embedded")
     material = Textures(data, dataset or "embedded")
-    picked = [data[number].name for number in _one_of_each_class(data.labels, textures)]
+    labels = data.labels
+    of_each_class = sorted(range(len(labels)), key=lambda i: (sum(labels[:i] == labels[i]), labels[i]))
+    picked = [data[number].name for number in of_each_class[:textures]]
     if only is not None:
         picked = [named(material, only)]
     if ticks is None and (waves or simulator == "icarus"):
@@ -142,20 +117,8 @@ def plan(
 def with_dut(plan: Plan, config: ReadoutConfig, files: Sequence[Path], top: str) -> Plan:
     """Return a plan that simulates a user's readout instead of the RTL.
 
-    Parameters
-    ----------
-    plan : Plan
-    config : ReadoutConfig
-        Of the golden model.
-    files : sequence of Path
-        All Verilog of the readout.
-    top : str
-        Its module with the ports of the delivered Verilog.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read, or a port is missing, has another direction or width, or is an unknown input.
+    ``files`` are all Verilog of the readout, and ``top`` is its module with the ports of the delivered Verilog. A port
+    that is missing, has another direction or width, or is an unknown input is an InputError.
     """
     text = "\n".join(map(read_verilog, files))
     found = ports_of(text, top)
@@ -192,21 +155,8 @@ def configuration_hint(config: ReadoutConfig) -> str:
 def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_stage: Callable[[str], None]) -> Tally:
     """Simulate all runs of a configuration, and return the totals.
 
-    Parameters
-    ----------
-    plan : Plan
-    config : ReadoutConfig
-    on_run : callable
-        Called with each finished run.
-    on_stage : callable
-        Called with what begins.
-
-    Raises
-    ------
-    MismatchFound
-        If RTL and model differ.
-    InputError
-        If a user's Verilog cannot be built or ends the simulation.
+    ``on_run`` is called with each finished run, and ``on_stage`` with what begins. A user's Verilog that cannot be
+    built, or that ends the simulation, is an InputError.
     """
     on_stage(f"building for {plan.simulator}")
     with reported(f"building {config.rows} x {config.columns} taxels for {plan.simulator}"):
@@ -238,9 +188,3 @@ def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_st
         draw(config, name, plan.samples(config, name), plan.out / place, plan.image(config, name))
     on_stage("done")
     return tally
-
-
-def _one_of_each_class(labels: Any, count: int) -> list[int]:
-    """Return the indices of textures from alternating classes."""
-    order = sorted(range(len(labels)), key=lambda i: (sum(labels[:i] == labels[i]), labels[i]))
-    return order[:count]

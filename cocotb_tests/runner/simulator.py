@@ -71,40 +71,21 @@ class SimulationDied(AssertionError):  # it may be done again
     """Raised if a simulation crashed or was killed."""
 
 
+@dataclass(frozen=True, eq=False)
 class Build:
-    """A simulation program.
+    """A simulation program, in a folder for its top, configuration and simulator that is reused for equal sources."""
 
-    Attributes
-    ----------
-    folder : Path
-        Where it lies; one per top, configuration and simulator, reused while its sources are the same.
-    top : str
-        Top module.
-    simulator : "verilator" or "icarus"
-    waves : bool
-        Whether it leaves a waveform.
-    on_tested : callable, optional
-        Called with the program and the folder of every run that passed.
-    """
-
-    def __init__(
-        self,
-        folder: Path,
-        top: str,
-        simulator: Simulator,
-        waves: bool,
-        on_tested: Callable[[Build, Path], None] | None = None,
-    ) -> None:
-        self.folder, self.top, self.simulator, self.waves = folder, top, simulator, waves
-        self.on_tested = on_tested
+    folder: Path
+    top: str
+    simulator: Simulator
+    waves: bool  # whether it leaves a waveform
+    on_tested: Callable[[Build, Path], None] | None = None  # called with the folder of every run that passed
 
     def test(self, module: str, folder: Path, testcase: str | None = None, env: dict[str, str] | None = None) -> None:
         """Run the cocotb tests of a module.
 
-        Raises
-        ------
-        AssertionError
-            If one fails or none ran, with the end of the log; SimulationDied if the program left no results at all.
+        If a test fails or none ran, raise AssertionError with the end of the log; SimulationDied if there are no
+        results at all.
         """
         folder = folder.resolve()
         folder.mkdir(parents=True, exist_ok=True)
@@ -137,24 +118,12 @@ class Build:
 
 @dataclass(frozen=True)
 class Instruments:
-    """Instrumentation by Verilator, such as coverage counters.
+    """Instrumentation by Verilator, such as coverage counters."""
 
-    Attributes
-    ----------
-    flags : tuple of str
-        Flags of Verilator, instead of ``VERILATOR_FLAGS``.
-    text : callable
-        Returns the Verilog of a configuration.
-    harness : str
-        Text in front of the harness.
-    on_tested : callable
-        Called with the program and the folder of every run that passed.
-    """
-
-    flags: tuple[str, ...]
-    text: Callable[[Config], str]
-    harness: str
-    on_tested: Callable[[Build, Path], None]
+    flags: tuple[str, ...]  # flags of Verilator, instead of ``VERILATOR_FLAGS``
+    text: Callable[[Config], str]  # returns the Verilog of a configuration
+    harness: str  # text in front of the harness
+    on_tested: Callable[[Build, Path], None]  # called with the program and the folder of every run that passed
 
 
 _instruments: ContextVar[Instruments | None] = ContextVar("instruments", default=None)
@@ -185,8 +154,6 @@ def build(
 
     Parameters
     ----------
-    config : ReadoutConfig, FrameConfig, ClassifierConfig, ChipConfig or MergeConfig
-    simulator : "verilator" or "icarus"
     top : str
         ``harness`` (of the spiking readout), or a block of the readout, whose ports cocotb then drives itself.
     waves : bool
@@ -194,8 +161,8 @@ def build(
     bare : bool
         Leave all signals of the design public and driven from Python: slow, for benchmarks.
     hierarchical : bool, optional
-        Whether Verilator compiles one row of taxels as a library and places it, instead of the whole array flat; if not
-        said, from ``HIERARCHICAL_FROM`` taxels on. A waveform then shows the rows from outside.
+        Whether Verilator compiles one row of taxels as a library and places it, instead of the whole array flat; if
+        not said, from ``HIERARCHICAL_FROM`` taxels on. A waveform then shows the rows from outside.
     text : str
         Verilog to simulate instead of the configuration's own: its netlist, with the cells that it is made of.
     macros : dict of str to str, optional
@@ -345,7 +312,11 @@ def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:
     """Return the macros and parameters of the harness for a configuration."""
     if isinstance(config, ChipConfig):
         defines, widths = shape(config.readout)
-        return defines | _chip_macros(config.classifier), widths | _chip_parameters(config.classifier)
+        network = config.classifier
+        defines |= {"CHIP": "1"} | ({"OUTPUT_SPIKES": "1"} if network.readout == "spikes" else {})
+        widths |= {parameter: len(getattr(Classifier(network), port)) for parameter, port in CHIP_WIDTHS.items()}
+        words = {"WEIGHT_WORDS": network.weight_words, "NEURON_WORDS": network.neuron_words}
+        return defines, widths | words | {"CLOCKS_PER_BIN": network.clocks_per_bin}
     assert isinstance(config, ReadoutConfig)
     macros = {
         "ANALOG": config.frontend == "analog",
@@ -369,14 +340,3 @@ def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:
         "BEYOND": int(config.encoder.strict),
     }
     return {name: "1" for name, on in macros.items() if on}, parameters
-
-
-def _chip_macros(config: ClassifierConfig) -> dict[str, str]:
-    return {"CHIP": "1"} | ({"OUTPUT_SPIKES": "1"} if config.readout == "spikes" else {})
-
-
-def _chip_parameters(config: ClassifierConfig) -> dict[str, int]:
-    ports = {name: len(getattr(Classifier(config), name)) for name in CHIP_WIDTHS.values()}
-    widths = {parameter: ports[name] for parameter, name in CHIP_WIDTHS.items()}
-    words = {"WEIGHT_WORDS": config.weight_words, "NEURON_WORDS": config.neuron_words}
-    return widths | words | {"CLOCKS_PER_BIN": config.clocks_per_bin}

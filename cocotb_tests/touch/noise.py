@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from eskin.cocotb_tests.bench.textures import random_scan
+from eskin.cocotb_tests.runner.player import Job
 from eskin.cocotb_tests.runner.process import follow
 from eskin.cocotb_tests.runner.simulator import Simulator, build
-from eskin.cocotb_tests.touch.player import JOB, Job
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import highest, lowest
 from eskin.model.classifier.file import IntegerWeights
@@ -40,11 +40,10 @@ def play(
     samples = random_scan(chip.readout, 60, np.random.default_rng(2))
     samples = np.concatenate([samples, np.repeat(samples[-1:], 30, axis=0)])
     np.savez(folder / "arrays.npz", **dict.fromkeys(("array/noise", "array/skipped"), samples))  # type: ignore[arg-type]
-    places = [str(folder / name) for name in ("network.npz", "arrays.npz")]
+    weights, arrays = (str(folder / name) for name in ("network.npz", "arrays.npz"))
     runs: dict[str, dict[str, Any]] = {"noise": {}, "skipped": {}}
-    job = Job(places[0], chip.to_dict(), runs, places[1], str(folder), "again", ["skipped"])
-    job.write(folder / "job.json")
-    follow(build(chip, program, text=text), "eskin.cocotb_tests.touch.player", {JOB: str(folder / "job.json")}, folder)
+    job = Job(chip.to_dict(), "again", played=runs, arrays=arrays, keep=str(folder), skip=["skipped"], network=weights)
+    follow(build(chip, program, text=text), "eskin.cocotb_tests.touch.player", job, folder)
     with np.load(folder / "noise.npz") as found:
         assert len(found["taken"]) == json.loads(str(found["metadata"]))["events"]
         return dict(json.loads(str(found["metadata"])))

@@ -14,14 +14,14 @@ from typing import Any
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import atomic_write, make_folder, read_arrays
+from eskin.base.files import make_folder, read_arrays
 from eskin.base.workers.pool import WorkerPool, each
 from eskin.cocotb_tests.bench.textures import large_enough
-from eskin.cocotb_tests.runner.chunk import until_it_lives, write_arrays
+from eskin.cocotb_tests.runner.chunk import store, until_it_lives, write_arrays
 from eskin.cocotb_tests.runner.inputs import Material, Own, Textures, chosen
+from eskin.cocotb_tests.runner.player import Job
 from eskin.cocotb_tests.runner.process import follow
 from eskin.cocotb_tests.runner.simulator import Build, build, require_programs
-from eskin.cocotb_tests.touch.player import JOB, Job
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
@@ -38,32 +38,16 @@ MOST_IN_A_PART = 40
 
 @dataclass(frozen=True)
 class Network:
-    """An integer network with the notes on its training.
-
-    Attributes
-    ----------
-    path : Path
-    weights : IntegerWeights
-    chip : ChipConfig
-        Chip with the readout of the training.
-    dataset : str or None
-    preset : str or None
-        Preset of the scans; None for recordings.
-    tested : dict of str to int
-        What the float network said of each image that it has not learned.
-    own : OwnReadout or None
-        How own recordings were taken.
-    wiring : dict or None
-        Skin and chosen taxels of the training, as for ``eskin.skin.textures.presets.preset``.
-    """
+    """An integer network with the notes on its training."""
 
     path: Path
     weights: IntegerWeights
-    chip: ChipConfig
+    chip: ChipConfig  # chip with the readout of the training
     dataset: str | None
-    preset: str | None
-    tested: dict[str, int]
-    own: OwnReadout | None
+    preset: str | None  # preset of the scans; None for recordings
+    tested: dict[str, int]  # what the float network said of each image that it has not learned
+    own: OwnReadout | None  # how own recordings were taken
+    # skin and chosen taxels of the training, as for ``eskin.skin.textures.presets.preset``
     wiring: dict[str, Any] | None
 
     @classmethod
@@ -89,21 +73,11 @@ class Network:
 
 @dataclass(frozen=True)
 class Plan:
-    """The inputs to simulate, and the networks.
-
-    Attributes
-    ----------
-    material : Material
-    networks : dict of str to Network
-        Networks by name of the image or recording.
-    again : str
-        The command that plays it again.
-    out : Path
-    """
+    """The inputs to simulate, and the networks."""
 
     material: Material
-    networks: dict[str, Network]
-    again: str
+    networks: dict[str, Network]  # networks by name of the image or recording
+    again: str  # the command that plays it again
     out: Path
 
     @property
@@ -166,7 +140,7 @@ class Plan:
             }
             for name in names
         }
-        return Job(str(network.path.resolve()), network.chip.to_dict(), played, reproduce=self.again)
+        return Job(network.chip.to_dict(), self.again, played=played, network=str(network.path.resolve()))
 
     def _samples(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
         arrays = self.material.arrays(names)
@@ -245,13 +219,7 @@ def _own(network: Network, place: Path) -> Own:
 
 
 def choose(material: Material, names: Sequence[str], networks: Sequence[Network]) -> dict[str, Network]:
-    """Return for each name a network that was not trained on it.
-
-    Raises
-    ------
-    InputError
-        If there is none, or it was trained for other scans.
-    """
+    """Return for each name a network that was not trained on it."""
     for network in networks:
         if network.preset != (material.preset or None):
             raise InputError(
@@ -272,13 +240,7 @@ def choose(material: Material, names: Sequence[str], networks: Sequence[Network]
 
 
 def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> dict[str, bytes]:
-    """Run a job on this machine and return its result files; restart a crashed simulation.
-
-    Raises
-    ------
-    MismatchFound
-        If RTL and models differ.
-    """
+    """Run a job on this machine and return its result files; restart a crashed simulation."""
     program = build(ChipConfig.from_dict(job.config), "verilator")
 
     def play(running: Path) -> dict[str, bytes]:
@@ -286,28 +248,17 @@ def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> dict[str, bytes]:
         for name in job.played:
             make_folder(keep, Path(name).parent)
         full = dataclasses.replace(job, arrays=str(write_arrays(running, arrays)), keep=str(keep))
-        full.write(running / "job.json")
-        follow(program, "eskin.cocotb_tests.touch.player", {JOB: str(running / "job.json")}, running)
+        follow(program, "eskin.cocotb_tests.touch.player", full, running)
         return {name: (keep / f"{name}.npz").read_bytes() for name in job.played}
 
     return until_it_lives("touch", play)
 
 
 def play(plan: Plan, pool: WorkerPool, on_run: Callable[[], object]) -> None:
-    """Simulate the missing inputs in parallel, and store the results.
-
-    Raises
-    ------
-    MismatchFound
-        If RTL and models differ.
-    """
+    """Simulate the missing inputs in parallel, and store the results."""
     require_programs("verilator")
     for files in each(pool, play_part, plan.parts(pool.workers)):
-        for name, content in files.items():
-            make_folder(plan.folder, Path(name).parent)
-            with atomic_write(plan.folder / f"{name}.npz") as file:
-                file.write(content)
-            on_run()
+        store(plan.folder, files, on_run)
 
 
 def result_of(path: Path) -> dict[str, Any]:

@@ -3,52 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import cocotb
 
-from eskin.cocotb_tests.runner.player import told_to_the_caller
-
-JOB = "ESKIN_TOUCH_JOB"
-"""Environment variable that names the file with the job."""
-
-
-@dataclass(frozen=True)
-class Job:
-    """The scans of one simulation.
-
-    Attributes
-    ----------
-    network : str
-        File of the integer network.
-    config : dict
-        Fields of the ChipConfig.
-    played : dict of str to dict
-        The names of what is played, each with what its result shall say of it.
-    arrays : str
-        An .npz with the samples of each, under ``array/NAME``.
-    keep : str
-        Folder for the results, a file for each.
-    reproduce : str
-        The command that shows a mismatch again, without the name.
-    skip : list of str
-        The names for which the harness skips the clocks in which the chip is not awake, if it can.
-    """
-
-    network: str
-    config: dict[str, Any]
-    played: dict[str, dict[str, Any]] = field(default_factory=dict)
-    arrays: str = ""
-    keep: str = ""
-    reproduce: str = ""
-    skip: list[str] = field(default_factory=list)
-
-    def write(self, path: Path) -> None:
-        """Write the job to a JSON file."""
-        path.write_text(json.dumps(asdict(self)))
+from eskin.cocotb_tests.runner.player import given_job
 
 
 @cocotb.test()
@@ -61,9 +21,7 @@ async def play(dut: Any) -> None:
     from eskin.model.classifier.chip_config import ChipConfig
     from eskin.model.classifier.file import IntegerWeights
 
-    job = Job(**json.loads(Path(os.environ[JOB]).read_text()))
-    parent = os.getppid()
-    with Path("progress.jsonl").open("w", buffering=1) as progress, told_to_the_caller():
+    with given_job() as (job, tell):
         weights = IntegerWeights.load(Path(job.network))
         bench = ChipBench(dut, ChipConfig.from_dict(job.config), weights.network, Path.cwd())
         with np.load(job.arrays) as arrays:
@@ -72,6 +30,4 @@ async def play(dut: Any) -> None:
                 found, recorded = await bench.check(arrays[f"array/{name}"], again, skip)
                 recorded["metadata"] = np.array(json.dumps(said | found))
                 write_arrays(Path(job.keep) / f"{name}.npz", recorded, compressed=True)
-                progress.write(json.dumps({"name": name} | found) + "\n")
-                if os.getppid() != parent:  # who asked for this was killed
-                    raise SystemExit(1)
+                tell({"name": name} | found)

@@ -30,9 +30,9 @@ NO_ROOMS = {"eskin", "tests", "docs", "benchmarks", "out", "build", "dist"}
 ORANGE, GREEN = PALETTE["orange"], PALETTE["green"]
 
 
-def plane(title: str, width: float, height: float, inches: float = 0.5) -> tuple[Any, Axes]:
+def plane(title: str, width: float, height: float) -> tuple[Any, Axes]:
     """Return a figure with empty axes."""
-    figure = new_figure(inches * width, inches * height, title)
+    figure = new_figure(0.5 * width, 0.5 * height, title)
     axis = figure.add_subplot(xlim=(0, width), ylim=(0, height))
     axis.axis("off")
     return figure, axis

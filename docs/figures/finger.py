@@ -21,7 +21,7 @@ LEFT_OUT = dict(
 def main() -> None:
     """Draw the figure."""
     report = finger_report()
-    figure = new_figure(10.5, 4.4, "A real finger, seven fabrics: accuracy against data rate")
+    figure = new_figure(7.5, 4.0, "A real finger, seven fabrics: accuracy against data rate")
     panels = dict(zip(KINDS, figure.subplots(1, len(KINDS), sharey=True), strict=True))
     goals = dict(TARGETS.values())
     for kind, panel in panels.items():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from docs.tables.finger import finger_reached
+from docs.tables.finger import finger_played, finger_reached
 from docs.tables.power import power_rows
 from docs.tables.verification import replayed
 from docs.tables.write import filled, only, read, source, table
@@ -152,13 +152,8 @@ def frontier_pairs() -> None:
     rows = []
     for pair in data["pairs"]:
         a, b = (by_name[pair[which]] for which in ("first", "second"))
-        more = {
-            "of": NETWORKS[a["network"]],
-            "a": a,
-            "b": b,
-            "right": f"{sum(pair['only_first'])}, {sum(pair['only_second'])}",
-        }
-        rows.append(pair | more)
+        right = f"{sum(pair['only_first'])}, {sum(pair['only_second'])}"
+        rows.append(pair | {"of": NETWORKS[a["network"]], "a": a, "b": b, "right": right})
     table(
         "scan, network | A: LCS, taxels | kb/s | B: others, taxels | kb/s | B - A, points"
         " | only A right, only B right | McNemar p by seed",
@@ -263,13 +258,8 @@ def merits_latency() -> None:
         rows.append(pair | {"a": a, "b": b})
     one = "{X[accuracy]:100*.1f} % ({X[bootstrap_95][0]:100*.0f} to {X[bootstrap_95][1]:100*.0f})"
     table(
-        [
-            "time since the touch",
-            rows[0]["first"],
-            rows[0]["second"],
-            "images right with only the first, only the second",
-            "McNemar p",
-        ],
+        filled("time since the touch | {first} | {second}", rows[0])
+        + " | images right with only the first, only the second | McNemar p",
         rows,
         " | ".join(["{time_s:1e3*.0f} ms", one.replace("X", "a"), one.replace("X", "b")])
         + " | {only_first}, {only_second} | {p:p}",
@@ -308,12 +298,7 @@ def noise_power() -> None:
     one = "{X[accuracy]:100*.1f} % ({X[wilson_95][0]:100*.0f} to {X[wilson_95][1]:100*.0f}) | {X[rate_hz]:,.0f}"
     one += " | {X[power_w][total]:1e6*#3}"
     table(
-        [
-            "network",
-            "noise",
-            "images",
-            *(f"{mode}: {what}" for mode in modes for what in ("accuracy", "events/s", "uW")),
-        ],
+        "network | noise | images" + "".join(f" | {mode}: accuracy | {mode}: events/s | {mode}: uW" for mode in modes),
         rows.values(),
         " | ".join(["`{network}` | {noise_v:1e3*g} mV | {images}", *(one.replace("X", mode) for mode in modes)]),
     )
@@ -326,20 +311,18 @@ def touch() -> None:
     taxels = chip["rows"] * chip["columns"]
     seconds = report["clocks"] / (chip["sample_rate_hz"] * chip["clocks_per_sample"])
     bits = (taxels - 1).bit_length() + 1
-    values = (
-        report
-        | chip
-        | {
-            "taxels": taxels,
-            "bits": bits,
-            "sampled": taxels * chip["sample_rate_hz"] * chip["sample_bits"],
-            "rate": report["events"] / seconds,
-            "sent": report["events"] / seconds * bits,
-            "adds": report["additions"] / seconds,
-            "late": report["latency_clocks"] * seconds / report["clocks"],
-            "waiting": report["stalls"] / report["clocks"],
-        }
-    )
+    values = {
+        **report,
+        **chip,
+        "taxels": taxels,
+        "bits": bits,
+        "sampled": taxels * chip["sample_rate_hz"] * chip["sample_bits"],
+        "rate": report["events"] / seconds,
+        "sent": report["events"] / seconds * bits,
+        "adds": report["additions"] / seconds,
+        "late": report["latency_clocks"] * seconds / report["clocks"],
+        "waiting": report["stalls"] / report["clocks"],
+    }
     lines = """\
 samples | {taxels} x {sample_bits} b at {sample_rate_hz:1e-3*g} kHz | {sampled:1e-6*.1f} Mb/s
 address events | {rate:,.0f} events/s of {bits} b | {sent:1e-3*.0f} kb/s
@@ -376,6 +359,9 @@ def headline() -> None:
     reached = finger_reached()
     for name, of in (("lcs_6", "LCS 6 b"), ("nlcs_bipolar_5", "bipolar N-LCS 5 b"), ("frame_12_22_9", "frames")):
         rows.append(filled(finger, reached[name] | {"of": of}))
+    played = "[finger](docs/results/finger.md), other repetition, {name}, classified by the RTL |  | "
+    played += "{right} of {labelled} (float: {right_float}), {mismatches} mismatches"
+    rows.append(filled(played, finger_played()))
     rtl = "classified by the [RTL](docs/reference/classifier.md#from-touch-to-class)"
     rows.append(filled(f"{rtl}, weights of {{classifier_rec_bits}} b, one network per fold |  | ", chip["chip"]))
     more = {"stalled": chip["stalls"] / chip["clocks"]}

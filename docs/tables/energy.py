@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from docs.tables.write import digits, read, table
+from docs.tables.write import digits, filled, read, table
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.run import work_clocks
@@ -53,16 +53,8 @@ def chain(cells: str) -> dict[str, Any]:
 def at_rates(events_hz: float, bins_hz: float, spikes: float, clock_hz: float, taxels: int) -> dict[str, float]:
     """Return the power of readout and 128-128-6 network in IHP cells at given rates, in watts, in parts.
 
-    Leakage is that of the cells and macros. The rest of the power without events grows with the clock.
-
-    Parameters
-    ----------
-    events_hz, bins_hz : float
-        Events and bins per second.
-    spikes : float
-        Mean hidden spikes of a bin.
-    clock_hz : float
-    taxels : int
+    Leakage is that of cells and macros. The rest of the power without events grows with the clock. ``spikes`` is the
+    mean number of hidden spikes per bin.
     """
     config = ChipConfig.from_dict(read("docs/data/touch.json")["chip"]).classifier
     logic, readout = read("docs/data/asic/classifier-ihp.json"), read("docs/data/asic/lcs-digital-8x8-ihp.json")
@@ -109,43 +101,29 @@ def _part(events_j: float, ends_j: float, idle_w: float, events: float, second: 
 
 def energy_parts() -> None:
     """Print the parts of the energy of a decision."""
-    rows = []
-    for cells, name in CHIPS.items():
-        found = chain(cells)
-        for part, value in found["parts"].items():
-            rows.append(
-                [
-                    name,
-                    part,
-                    digits(1e12 * value["event_j"], 3),
-                    *(
-                        digits(1e6 * value[f"{key}_j"], 3) if value[f"{key}_j"] else "-"
-                        for key in ("events", "ends", "idle")
-                    ),
-                    digits(1e6 * value["decision_j"], 3),
-                ]
-            )
-    table("cells | part | pJ an event | uJ a decision: events | ends of bins | idle and leakage | together", rows)
+    table(
+        "cells | part | pJ an event | uJ a decision: events | ends of bins | idle and leakage | together",
+        [
+            {"cells": name, "part": part} | {key: joules or None for key, joules in value.items()}
+            for cells, name in CHIPS.items()
+            for part, value in chain(cells)["parts"].items()
+        ],
+        "{cells} | {part} | {event_j:1e12*#3} | {events_j:1e6*#3} | {ends_j:1e6*#3} | {idle_j:1e6*#3}"
+        " | {decision_j:1e6*#3}",
+    )
 
 
 def energy_peers() -> None:
     """Print energies a decision beside published ones, each with task and contents."""
-    rows = []
+    rows: list[Any] = []
     for cells, name in CHIPS.items():
         found = chain(cells)
-        memory = "weights in SRAM macros" if "memories" in found["parts"] else "no memories"
-        rows.append(
-            [
-                "this project",
-                f"{name}, gates",
-                f"texture of 6, {found['second']:.2f} s, {found['events']:,.0f} events",
-                f"{found['right'] / found['scans']:.1%}",
-                f"readout and 128-128-6 network, {memory}; no wires, clock tree, converters, pads",
-                f"{1e6 * found['decision_j']:.1f}",
-                f"{1e12 * found['event_j']:,.0f} pJ an event",
-                "this page",
-            ]
-        )
+        more = {"chip": name, "share": found["right"] / found["scans"]}
+        more["memory"] = "weights in SRAM macros" if "memories" in found["parts"] else "no memories"
+        text = "this project | {chip}, gates | texture of 6, {second:.2f} s, {events:,.0f} events | {share:.1%}"
+        text += " | readout and 128-128-6 network, {memory}; no wires, clock tree, converters, pads"
+        text += " | {decision_j:1e6*.1f} | {event_j:1e12*,.0f} pJ an event | this page"
+        rows.append(filled(text, found | more))
     board, touch = read("docs/data/fpga/player-embedded-ulx3s.json"), read("docs/data/touch.json")
     used = f"{board['luts']:,} LUT4, {board['block_rams']} block RAMs"
     contents = f"readout, serial link and a smaller network (128-64-3): {used}"
@@ -154,14 +132,8 @@ def energy_peers() -> None:
     for peer in read("docs/data/classifier/peers.json")["peers"]:
         energy = "not given" if peer["decision_j"] is None else digits(1e6 * peer["decision_j"], 3)
         link = f"[{peer['source'].split('/')[2].removeprefix('www.')}]({peer['source']})"
-        rows.append(
-            [
-                *(peer[key] or "-" for key in ("name", "process", "task", "accuracy", "contents")),
-                energy,
-                peer["given"],
-                link,
-            ]
-        )
+        facts = (peer[key] or "-" for key in ("name", "process", "task", "accuracy", "contents"))
+        rows.append([*facts, energy, peer["given"], link])
     table("design | process | task | accuracy | contents | uJ a decision | stated as | source", rows)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from docs.tables.energy import at_rates
-from docs.tables.write import digits, filled, only, read, source, table
+from docs.tables.write import filled, only, read, source, table
 from eskin.snn.experiments.pairs import compare, right_of
 from eskin.snn.reference import score
 
@@ -112,25 +112,23 @@ def finger_rates() -> None:
         reached, events = accuracies(report, point["network"]), point["readout"] != "frame"
         labels, words = _words([only(report["folds"], fold=REPETITION)], point["network"])
         scores = [score(_classes(labels), _classes(word))["balanced_accuracy"] for word in words]
-        watts = _classifier_w(report, point) if events and point["spikes_per_step"] else None
-        nanowatts = "-" if point["readout_w"] is None else digits(1e9 * point["readout_w"], 2)
-        rows.append(
-            [
-                name_of(point),
-                f"{point['events_per_s']:.0f}" if events else "-",
-                f"{1e-3 * point['bits_per_s']:.2f}",
-                nanowatts,
-                "-" if watts is None else f"{1e6 * watts['total']:.2f}",
-                "-" if watts is None else f"{1e6 * watts['total'] * report['seconds'] / report['recordings']:.0f}",
-                f"{100 * reached['repetition']:.1f} % ({100 * np.mean(scores):.1f} %)",
-                *(f"{100 * reached[kind]:.1f} %" for kind in list(KINDS)[1:]),
-                str(len(words)),
-            ]
-        )
+        watts = _classifier_w(report, point)["total"] if events and point["spikes_per_step"] else None
+        more = {
+            "name": name_of(point),
+            "events": point["events_per_s"] if events else None,
+            "watts": watts,
+            "joules": None if watts is None else watts * report["seconds"] / report["recordings"],
+            "balanced": np.mean(scores),
+            "seeds": len(words),
+        }
+        rows.append(point | reached | more)
     table(
         "readout | events/s | kbit/s | readout, nW | chip, uW | chip, uJ a decision | repetition (balanced) | "
         "one speed left out | one pressure left out | seeds",
         rows,
+        "{name} | {events:.0f} | {bits_per_s:1e-3*.2f} | {readout_w:1e9*#2} | {watts:1e6*.2f} | {joules:1e6*.0f}"
+        " | {repetition:100*.1f} % ({balanced:100*.1f} %) | {mean of six speeds:100*.1f} %"
+        " | {mean of five pressures:100*.1f} % | {seeds}",
     )
 
 
@@ -211,15 +209,33 @@ def finger_candidates() -> None:
 
 
 def finger_chip() -> None:
-    """Print the number of correct finger recordings in float, in integers and in RTL, for two trainings."""
+    """Print the number of correct finger recordings in float, in integers and in RTL, for each training."""
     report = finger_report()
-    total, rtl = len(only(report["folds"], fold=REPETITION)["labels"]), report["rtl"]
-    rows = []
-    for one in (report["integer"], report["integer"]["earlier"]):
+    total, rtl, rows = len(only(report["folds"], fold=REPETITION)["labels"]), report["rtl"], []
+    one = report["integer"]
+    while one:
         right = {bits["bits"]: bits["right"] for bits in one["bits"]}
         cells = [f"{right[bits]} of {total}" if bits in right else "-" for bits in (8, 4)]
-        played = filled("{right} of {labelled} (float: {right_float} of {float_known})", rtl)
-        same = one["commit"] == rtl["commit"]
-        rows.append([f"commit {one['commit']}", f"{one['right_float']} of {total}", *cells, played if same else "-"])
+        name = filled("{readout:E} {resolution} b, commit {commit}", one)
+        played = filled("{right} of {labelled}", rtl) if one["commit"] == rtl["commit"] else "-"
+        rows.append([name, f"{one['right_float']} of {total}", *cells, played])
+        one = one.get("earlier")
     table("training | float | integers, weights of 8 b | weights of 4 b | RTL, weights of 8 b", rows)
-    source(rtl, ": {clocks:,} clocks, {events:,} events, {mismatches} mismatches")
+    source(rtl, ": {images} recordings, {clocks:,} clocks, {events:,} events, {mismatches} mismatches")
+
+
+def finger_played() -> dict[str, Any]:
+    """Return values for sentences about the network that the RTL played."""
+    report = finger_report()
+    rtl, network = report["rtl"], report["integer"]
+    missing = (rtl["right_float"] - rtl["right"]) / rtl["labelled"]
+    return rtl | {
+        "name": filled("{readout:E} {resolution} b", network),
+        "float": rtl["right_float"] / rtl["float_known"],
+        "chip": rtl["right"] / rtl["labelled"],
+        "balanced": network["balanced"],
+        "missing": 100 * missing,
+        "met": "met" if missing <= 0.01 else "missed",
+        "events_per_s": rtl["events"] / (rtl["bins"] * rtl["bin_s"]),
+        "train": network["command"],
+    }

@@ -149,16 +149,10 @@ def asic_glitches() -> None:
 def asic_targets() -> None:
     """Print targets and results for 8 x 8 LCS in 130 nm."""
     both = {"digital": netlists()["lcs-digital-8x8-ihp"], "analog": netlists()["lcs-analog-8x8-ihp"]}
+    idle, leakage = ("idle_w_per_taxel", 1e9, "nW per taxel"), both["analog"]["leakage_w_per_taxel"]
     asked = [
-        ("power without events, digital", 60e-9, "digital", "idle_w_per_taxel", 1e9, "nW per taxel"),
-        (
-            "power without events, analog (target: twice its leakage)",
-            None,
-            "analog",
-            "idle_w_per_taxel",
-            1e9,
-            "nW per taxel",
-        ),
+        ("power without events, digital", 60e-9, "digital", *idle),
+        ("power without events, analog (target: twice its leakage)", 2 * leakage, "analog", *idle),
     ]
     for text, most, key in (("an event in every clock", 6e-12, "event"), ("a single event", 15e-12, "lone_event")):
         asked += [(f"{text}, {name}", most, name, f"energy_per_{key}_j", 1e12, "pJ") for name in both]
@@ -167,7 +161,6 @@ def asic_targets() -> None:
     rows = []
     for text, most, name, key, unit, unit_name in asked:
         found = both[name][key]
-        most = 2 * both[name]["leakage_w_per_taxel"] if most is None else most
         met = "met" if found <= most else "**missed**"
         rows.append([text, f"{digits(most * unit, 4)} {unit_name}", digits(found * unit, 4), met])
     table("8 x 8 LCS, 6 b, 130 nm, 1.28 MHz | target: at most | measured | result", rows)
@@ -229,12 +222,9 @@ def _fpga(classifier: bool, more_titles: str = "", more_cells: str = "") -> None
     rows = []
     for name, report in reports("fpga").items():
         if (report["design"] == "classifier") == classifier:
-            aims = [
-                f"{aim['what']} {aim['wanted']:g}: {'met' if aim['met'] else '**missed**'}"
-                for aim in report.get("aims", [])
-            ]
-            more = {"name": name, "memory": f"{report['memory_bytes'] / 1024:g}", "aimed": "; ".join(aims)}
-            rows.append(report | more)
+            aims = ((aim, "met" if aim["met"] else "**missed**") for aim in report.get("aims", []))
+            aimed = "; ".join(f"{aim['what']} {aim['wanted']:g}: {met}" for aim, met in aims)
+            rows.append(report | {"name": name, "memory": f"{report['memory_bytes'] / 1024:g}", "aimed": aimed})
     table(
         "design | command | clock | LUT4 | flops | block RAMs | commit | date" + more_titles,
         rows,

@@ -133,21 +133,15 @@ def power_measured() -> None:
 
 def power_rows() -> list[list[str]]:
     """Return the power ratio to frames, and the noise at which spikes need less power."""
-    rows = []
+    ratios = {}
     for mode, text in (("paper", "the paper's model"), ("consistent", "seven corrections")):
         ratio = read("docs/data/fig7.json")["modes"][mode]["ratio"]
-        value = f"{digits(ratio['lcs'][5], 3)} (LCS), {digits(ratio['nlcs']['0.2'][5], 3)} (N-LCS)"
-        rows.append([f"power of spikes / power of frames (6 b, 1 mV of noise): {text}", "", value])
+        ratios[text] = digits(ratio["lcs"][5], 3), digits(ratio["nlcs"]["0.2"][5], 3)
     for library, cells in measured_libraries().items():
-        value = f"{by_frames('lcs', library)} (LCS), {by_frames('nlcs', library)} (N-LCS)"
-        rows.append(
-            [
-                "power of spikes / power of frames (6 b, 1 mV of noise): "
-                f"seven corrections, measured logic of netlists in {cells} cells",
-                "",
-                value,
-            ]
-        )
+        text = f"seven corrections, measured logic of netlists in {cells} cells"
+        ratios[text] = by_frames("lcs", library), by_frames("nlcs", library)
+    head = "power of spikes / power of frames (6 b, 1 mV of noise)"
+    rows = [[f"{head}: {text}", "", f"{lcs} (LCS), {nlcs} (N-LCS)"] for text, (lcs, nlcs) in ratios.items()]
     for case, text in (("none (paper)", "the paper's model"), ("all (consistent)", "seven corrections")):
         ends = []
         for readout in sorted(SPIKING):

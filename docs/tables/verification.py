@@ -12,10 +12,7 @@ EVIDENCE = {
     "second solver": ("crossproof", "the proved properties; z3 searches them again, with and without planted bugs"),
     "covered": ("coverage", "lines, branches and toggles of the Verilog; points of the specification"),
     "killed": ("mutants", "generated mutants of the RTL, killed by tests or proofs"),
-    "killed, model": (
-        "mutants/model_and_snn",
-        "a sample of mutants of `model/` and `snn/`, killed by tests",
-    ),
+    "killed, model": ("mutants/model_and_snn", "a sample of mutants of `model/` and `snn/`, killed by tests"),
     "faults": ("faults", "upsets of every flop, and hostile inputs"),
     "soaked": ("soak", "random configurations, RTL compared with model"),
     "hostile input": ("fuzz", "damaged files and out-of-range options"),
@@ -96,8 +93,8 @@ def stages() -> None:
         mutants = min(row["mutants"] for row in properties)
         upset = [one for one in faults_of if one["block"] in UPSET.get(block, (block,))]
         upsets, never = (sum(one[key] for one in upset) for key in ("upsets", "never recovers"))
-        stage = "V1" if proved < len(properties) or mutants < 3 else "V3" if upsets and not never else "V2"
-        tried = [f"{upsets:,}", f"{never:,}"] if upsets else ["not yet", ""]
+        stage = "V1" if proved < len(properties) or mutants < 3 else "V3" if upset and not never else "V2"
+        tried = [f"{upsets:,}", f"{never:,}"] if upsets else ["no flops" if upset else "not yet", ""]
         rows.append([block.replace("_", " "), stage, f"{proved} of {len(properties)}", str(mutants), *tried])
     table(
         "block | stage | properties proved | fewest mutants that violate a property | upsets simulated"
@@ -172,16 +169,19 @@ def fresh_mutants() -> None:
             "left": report["planned"] - first["total"] - report["stillborn"],
             "rest": rest,
             "first": first["killed"],
+            "before": first["argued"],
+            "later": report["argued"] - first["argued"],
+            "removed": sum(one["verdict"] == "removed" for one in report["mutants"]),
         }
         rows.append(
             report | left | {"name": name, "share": first["killed"] / rest, "quick": first["killed_quick"] / rest}
         )
     table(
-        "mutants of | drawn | not tested | proved equivalent | argued | others | killed at first | by quick check | "
-        "killed in the end | surviving",
+        "mutants of | drawn | not tested | proved equivalent | argued at first | others | killed at first | "
+        "by quick check | killed in the end | argued later | in removed code | surviving",
         rows,
-        "{name} | {planned} | {left} | {equivalent} | {argued} | {rest} | {first} ({share:.1%}) | {quick:.1%} | "
-        "{killed} | {alive}",
+        "{name} | {planned} | {left} | {equivalent} | {before} | {rest} | {first} ({share:.1%}) | {quick:.1%} | "
+        "{killed} | {later} | {removed} | {alive}",
     )
     for part in ("rtl", "model"):
         source(evidence(f"mutants_fresh/{part}"))
@@ -193,7 +193,7 @@ def fresh_survivors() -> None:
     found = [one for part in parts for one in part["mutants"] if one["verdict"] == "alive" or "first" in one]
     rows = [[f"`{one['edit']}`", f"`{one['by']}`" if one["by"] else one["verdict"]] for one in found]
     table(
-        "mutant | test that kills it now, or alive (survives)",
+        "mutant | test that kills it now, argued, removed (the code was not needed), or alive (survives)",
         [[cell.replace("|", "\\|") for cell in row] for row in rows],
     )
 
@@ -212,7 +212,7 @@ def faults() -> None:
     report = evidence("faults")
     outcomes = ("nothing", "own events", "others moved", "others changed", "until written")
     by: dict[tuple[str, str], list[dict[str, Any]]] = {}
-    for line in report["blocks"]:
+    for line in (line for line in report["blocks"] if line["upsets"]):
         by.setdefault((line["block"], line["trial"].split(", ")[-1]), []).append(line)
     blocks = list(dict.fromkeys(line["block"] for line in report["blocks"]))
     rows = []
@@ -224,15 +224,10 @@ def faults() -> None:
         off = max((line.get("off", -1) for line in lines), default=-1)
         more = [worst if counted else "", str(off) if off >= 0 else ""]
         rows.append([block.replace("_", " "), course, f"{total:,}", *shares, *more, str(never)])
-    titles = (
-        "no effect",
-        "own events wrong",
-        "other taxels' events moved",
-        "other taxels' events changed",
-        "until written",
-    )
     table(
-        ["upset in", "stimulus", "upsets", *titles, "most events lost, added", "steps off for good", "never recovers"],
+        "upset in | stimulus | upsets | no effect | own events wrong | other taxels' events moved"
+        " | other taxels' events changed | until written | most events lost, added | steps off for good"
+        " | never recovers",
         rows,
     )
     source(report)

@@ -65,14 +65,9 @@ def source(report: Mapping[str, Any], more: str = ": {result}") -> None:
 def table(head: str | Iterable[str], rows: Iterable[Row], cells: str = "") -> None:
     """Print a table.
 
-    Parameters
-    ----------
-    head : str or iterable of str
-        Titles of the columns, as a list or between `` | ``.
-    rows : iterable
-        Mappings, which ``cells`` formats, or the cells themselves: as a list or between `` | ``.
-    cells : str
-        Templates of the columns between `` | ``.
+    ``head``: titles of the columns, as a list or between `` | ``.
+    ``rows``: mappings, which ``cells`` formats, or the cells themselves: as a list or between `` | ``.
+    ``cells``: templates of the columns between `` | ``.
     """
     titles = head.split(" | ") if isinstance(head, str) else list(head)
     lines = [titles, ["---"] * len(titles)]

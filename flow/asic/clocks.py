@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from eskin.flow.liberty.boolean import possible
 from eskin.flow.liberty.library import Cell, Library
 from eskin.rtl.gates.cells import Bit
+
+Pins = dict[str, list[Bit]]
 
 
 class ClockError(ValueError):
@@ -17,18 +19,9 @@ class ClockError(ValueError):
 
 @dataclass
 class Clocks:
-    """The clock network of a flat netlist.
+    """The clock network of a flat netlist."""
 
-    Parameters
-    ----------
-    module : dict
-        The top of a design, as ``write_json`` of Yosys gives it.
-    library : Library
-    clock : str
-        Name of the clock port.
-    """
-
-    module: dict[str, Any]
+    module: dict[str, Any]  # top module, as ``write_json`` of Yosys returns it
     library: Library
     clock: str = "clk"
 
@@ -44,22 +37,17 @@ class Clocks:
         self._latches: dict[Bit, frozenset[str]] = {}
         self._touches: dict[Bit, bool] = {self.root: True}
 
-    def flops(self) -> Iterator[tuple[str, Cell, dict[str, list[Bit]]]]:
-        """Yield name, cell and connections of every flop."""
-        yield from self._of(lambda cell: cell.flop is not None)
+    def cell(self, name: str) -> tuple[Cell, Pins]:
+        """Return the library cell and the connections of an instance."""
+        instance = self.module["cells"][name]
+        return self.library.cells[instance["type"]], instance["connections"]
 
-    def latches(self) -> Iterator[tuple[str, Cell, dict[str, list[Bit]]]]:
-        """Yield name, cell and connections of every latch."""
-        yield from self._of(lambda cell: cell.latch is not None)
-
-    def gates(self) -> Iterator[tuple[str, Cell, dict[str, list[Bit]]]]:
-        """Yield name, cell and connections of every integrated clock gate."""
-        yield from self._of(lambda cell: cell.gate is not None)
-
-    def _of(self, kind: Callable[[Cell], bool]) -> Iterator[tuple[str, Cell, dict[str, list[Bit]]]]:
-        for name, instance in self.module["cells"].items():
-            if kind(cell := self.library.cells[instance["type"]]):
-                yield name, cell, instance["connections"]
+    def having(self, part: Literal["flop", "latch", "gate"]) -> Iterator[tuple[str, Cell, Pins]]:
+        """Yield name, cell and connections of every flop, latch or integrated clock gate."""
+        for name in self.module["cells"]:
+            cell, pins = self.cell(name)
+            if getattr(cell, part):
+                yield name, cell, pins
 
     def level(self, bit: Bit, clock: bool, stopped: Bit | None = None) -> str:
         """Return the value of a net while the clock is low or high: "0", "1", or "x" if it depends on other nets.
@@ -82,8 +70,7 @@ class Clocks:
         if bit not in self.driver:
             return "x"
         name, pin = self.driver[bit]
-        instance = self.module["cells"][name]
-        cell, pins = self.library.cells[instance["type"]], instance["connections"]
+        cell, pins = self.cell(name)
         if cell.gate:
             return "0" if self.level(pins[cell.gate.clock][0], clock, stopped) == "0" else "x"
         if cell.flop or cell.latch or pin not in cell.functions:
@@ -96,34 +83,30 @@ class Clocks:
         if bit not in self._touches:
             self._touches[bit] = False  # round a loop
             if bit in self.driver:
-                name, _ = self.driver[bit]
-                instance = self.module["cells"][name]
-                cell = self.library.cells[instance["type"]]
-                pins = [cell.gate.clock] if cell.gate else [] if cell.flop else cell.inputs
-                self._touches[bit] = cell.latch is not None or any(
-                    self.touches(b) for pin in pins for b in instance["connections"].get(pin, [])
-                )
+                cell, pins = self.cell(self.driver[bit][0])
+                inputs = [cell.gate.clock] if cell.gate else [] if cell.flop else cell.inputs
+                touching = any(self.touches(b) for pin in inputs for b in pins.get(pin, []))
+                self._touches[bit] = cell.latch is not None or touching
         return self._touches[bit]
 
     def is_clock(self, bit: Bit) -> bool:
         """Return True if a net is a clock: the clock port, or a gated clock that is low while the clock is low."""
         return bit == self.root or (self.level(bit, False) == "0" and self.level(bit, True) != "0")
 
-    def clock_of(self, cell: Cell, pins: dict[str, list[Bit]]) -> Bit | None:
+    def clock_of(self, cell: Cell, pins: Pins) -> Bit | None:
         """Return the clock whose low phase opens a latch, or None."""
         assert cell.latch
         bit, inverted = pins[cell.latch.clock][0], False
         while not self.is_clock(bit):
-            name, pin = self.driver.get(bit, ("", ""))
-            instance = self.module["cells"].get(name)
-            if instance is None or not pin:
+            if bit not in self.driver:
                 return None
-            driver = self.library.cells[instance["type"]]
+            name, pin = self.driver[bit]
+            driver, sources = self.cell(name)
             if driver.flop or driver.latch or driver.gate or len(driver.inputs) != 1 or pin not in driver.functions:
                 return None
             (source,) = driver.inputs
             inverted ^= possible(driver.functions[pin], ((source, "0"),)) == "1"
-            bit = instance["connections"][source][0]
+            bit = sources[source][0]
         return bit if inverted == cell.latch.rising else None
 
     def latches_behind(self, bit: Bit) -> frozenset[str]:
@@ -132,25 +115,17 @@ class Clocks:
             self._latches[bit] = frozenset()  # round a loop
             if bit in self.driver and self.touches(bit):
                 name, _ = self.driver[bit]
-                instance = self.module["cells"][name]
-                cell = self.library.cells[instance["type"]]
-                pins = [cell.gate.clock] if cell.gate else cell.inputs
-                behind = [self.latches_behind(b) for pin in pins for b in instance["connections"].get(pin, [])]
+                cell, pins = self.cell(name)
+                inputs = [cell.gate.clock] if cell.gate else cell.inputs
+                behind = [self.latches_behind(b) for pin in inputs for b in pins.get(pin, [])]
                 self._latches[bit] = frozenset({name}) if cell.latch else frozenset().union(*behind)
         return self._latches[bit]
 
     def check(self, flop: str, bit: Bit) -> None:
-        """Raise ClockError if the clock of a flop can rise while the latch of its clock gate is transparent.
-
-        Raises
-        ------
-        ClockError
-            If it is not low while the port is, or a latch in its way is not closed whenever it may be high.
-        """
+        """Raise ClockError if the clock of a flop can rise while the latch of its clock gate is transparent."""
         if not self.is_clock(bit):
             raise ClockError(f"the clock of the flop {flop} is not low while {self.clock} is low")
         for name in self.latches_behind(bit):
-            instance = self.module["cells"][name]
-            parent = self.clock_of(self.library.cells[instance["type"]], instance["connections"])
+            parent = self.clock_of(*self.cell(name))
             if parent is None or self.level(bit, True, parent) != "0":
                 raise ClockError(f"the latch {name} may be open while the clock of the flop {flop} is high")

@@ -39,12 +39,8 @@ class Register:
 def compare(gold: dict[str, Any], gate: dict[str, Any]) -> tuple[int, list[str]]:
     """Return how many compare points of two designs are proved equal, and the names of all other compare points.
 
-    A compare point is a flop (what it will hold and what resets it) or a bit of an output port.
-
-    Parameters
-    ----------
-    gold, gate : dict
-        Modules of the simple cells of Yosys, as ``write_json`` gives them.
+    A compare point is a flop (next value and resets) or a bit of an output port. ``gold`` and ``gate`` are modules of
+    simple Yosys cells, as ``write_json`` writes them.
     """
     ours, theirs = _cut(gold), _cut(gate)
     pairs, lonely = _match(ours, gold, theirs, gate)
@@ -154,7 +150,7 @@ def _open(module: dict[str, Any], registers: list[Register]) -> None:
 def _miter(inputs: dict[str, int], outputs: dict[str, int], flops: int) -> str:
     """Return a Verilog miter of both designs; each output bit is 0 where they are equal."""
     ways = {name: ("input", width) for name, width in inputs.items()}
-    ways |= {f"{name}": ("output", width) for name, width in outputs.items()}
+    ways |= {name: ("output", width) for name, width in outputs.items()}
     if flops:
         ways |= {"cut_held": ("input", flops), "cut_next": ("output", 3 * flops)}
     ports = [f"input [{width - 1}:0] {name}" for name, (way, width) in ways.items() if way == "input"]

@@ -17,7 +17,7 @@ from eskin.rtl.verilog import rtlil
 
 READ = (
     "read_liberty -lib -ignore_miss_func cells.lib; read_verilog netlist.v; hierarchy -check -top {top}; "
-    "opt_clean; write_json gated.json"
+    "flatten; opt_clean; delete t:$scopeinfo; write_json flat.json"
 )
 GOLD = (
     "read_rtlil readout.il; hierarchy -check -top {top}; proc; flatten; setattr -unset init w:*; "
@@ -31,21 +31,13 @@ GATE = (
 
 @dataclass(frozen=True)
 class Equivalence:
-    """Result of the equivalence proof.
+    """Result of the equivalence proof."""
 
-    Attributes
-    ----------
-    proved, of : int
-        Compare points (flops and bits of outputs) that are proved equal, and all compare points.
-    unproved : tuple of str
-        Names of the others.
-    flops, gated_flops : int
-        Flops of the netlist, and those of them whose clock a gate may stop.
-    """
-
+    # proved, of: compare points (flops and bits of outputs) that are proved equal, and all compare points
     proved: int
     of: int
-    unproved: tuple[str, ...]
+    unproved: tuple[str, ...]  # names of the other compare points
+    # flops, gated_flops: flops of the netlist, and flops behind a clock gate
     flops: int
     gated_flops: int
 
@@ -60,16 +52,15 @@ class Equivalence:
 
 
 def design_of(netlist: Netlist) -> dict[str, Any]:
-    """Return a Verilog netlist in the JSON format of Yosys.
+    """Return a netlist as a flat design in the JSON format of Yosys."""
+    return flat_design(netlist.text, netlist.top, netlist.library.content)
 
-    Raises
-    ------
-    InputError
-        If it is not Verilog, or holds cells that the library does not have.
-    """
-    files = {"cells.lib": netlist.library.content, "netlist.v": netlist.text.encode()}
+
+def flat_design(text: str, top: str, liberty: bytes) -> dict[str, Any]:
+    """Return a Verilog netlist, with or without hierarchy, as a flat design in the JSON format of Yosys."""
+    files = {"cells.lib": liberty, "netlist.v": text.encode()}
     try:
-        return json.loads(yosys.run(READ.format(top=netlist.top), "", "gated.json", files))
+        return json.loads(yosys.run(READ.format(top=top), "", "flat.json", files))
     except yosys.YosysError as error:
         raise InputError(
             f"the netlist does not fit the cell library: {error.reason}; give netlist and library of one run"
@@ -79,21 +70,11 @@ def design_of(netlist: Netlist) -> dict[str, Any]:
 def prove(netlist: Netlist, design: dict[str, Any] | None = None) -> Equivalence:
     """Return the result of proving a netlist equivalent to its RTL.
 
-    A clock gate lets the rising edge through where its enable was high before: a flop behind one is a flop with that
-    enable. What stops clocks is checked for being such a gate, then proved as such, test enable low. Flops of both
-    sides are matched by the name of their output; then what each will hold, what resets it, and every output must be
-    the same function of all flops and inputs. Nothing is assumed about which states can be reached.
-
-    Parameters
-    ----------
-    netlist : Netlist
-    design : dict, optional
-        From ``design_of``, if it is at hand.
-
-    Raises
-    ------
-    ClockError
-        If a clock of the netlist is stopped by what is no clock gate.
+    A clock gate lets the rising edge through if its enable was high before. So a flop behind a gate is a flop with that
+    enable. The proof first checks that only such gates stop clocks, then assumes a low test enable. Flops of both
+    sides are matched by the name of their output. Then the next value of each flop, its resets and every output must be
+    the same function of all flops and inputs. The proof assumes nothing about reachable states. Raises ClockError if
+    anything but a clock gate stops a clock.
     """
     plain, flops, gated = with_enables(design or design_of(netlist), netlist)
     files = {"cells.lib": netlist.library.content, "plain.json": json.dumps(plain).encode()}
@@ -105,14 +86,9 @@ def prove(netlist: Netlist, design: dict[str, Any] | None = None) -> Equivalence
 
 
 def with_enables(design: dict[str, Any], netlist: Netlist, test: str = "0") -> tuple[dict[str, Any], int, int]:
-    """Return a netlist with all flops on one clock, and with enables instead of clock gates.
+    """Return a copy of a netlist with all flops on one clock and with enables instead of clock gates.
 
-    Returns
-    -------
-    dict
-        A design of the top alone; the given one is left as it is.
-    int, int
-        Flops, and those behind a clock gate.
+    The integers are the numbers of flops and of flops behind a clock gate.
     """
     module = json.loads(json.dumps(design["modules"][netlist.top]))
     tested = module["ports"].pop(TEST, {"bits": []})["bits"]
@@ -124,8 +100,8 @@ def with_enables(design: dict[str, Any], netlist: Netlist, test: str = "0") -> t
     clocks = Clocks(module, netlist.library)
     work = _Enables(module, clocks)
     flops = gated = 0
-    stopping = [name for name, _, _ in (*clocks.gates(), *clocks.latches())]
-    for name, cell, pins in list(clocks.flops()):
+    stopping = [name for name, _, _ in (*clocks.having("gate"), *clocks.having("latch"))]
+    for name, cell, pins in list(clocks.having("flop")):
         flop = cell.flop
         assert flop
         clock = pins[flop.clock][0]
@@ -175,8 +151,7 @@ class _Enables:
 
     def _driven(self, bit: Bit) -> Bit:
         name, output = self.clocks.driver[bit]
-        instance = self.module["cells"][name]
-        cell, pins = self.clocks.library.cells[instance["type"]], instance["connections"]
+        cell, pins = self.clocks.cell(name)
         if cell.gate:
             enable = pins[cell.gate.enable][0]
             if cell.gate.test and pins[cell.gate.test] != ["0"]:
@@ -186,4 +161,4 @@ class _Enables:
             inverted = cell.latch.outputs[output]
             stored = pins[cell.latch.data][0]
             return self.add("$_NOT_", A=stored) if inverted else stored
-        return self._place(instance["type"], output, {pin: self.high(pins[pin][0]) for pin in cell.inputs})
+        return self._place(cell.name, output, {pin: self.high(pins[pin][0]) for pin in cell.inputs})

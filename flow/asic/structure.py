@@ -26,43 +26,26 @@ RESET_CLOCKS = 4
 
 @dataclass(frozen=True)
 class Overload:
-    """An output that drives more pins than the library allows.
+    """An output that drives more pins than the library allows."""
 
-    Attributes
-    ----------
-    output : str
-        Cell and pin, ``tick_reg/Q``.
-    load_f, allowed_f : float
-        Capacitance of the pins, and ``max_capacitance`` of the library.
-    """
-
-    output: str
+    output: str  # cell and pin, ``tick_reg/Q``
+    # load_f, allowed_f: capacitance of the pins, and ``max_capacitance`` of the library
     load_f: float
     allowed_f: float
 
 
 @dataclass(frozen=True)
 class Structure:
-    """Violations found by the structural checks.
+    """Violations found by the structural checks."""
 
-    Attributes
-    ----------
-    flops, clock_gates : int
-        Flops; clock gates, those built of a latch among them.
-    without_reset, stopped_in_test : tuple of str
-        Flops that a reset of ``RESET_CLOCKS`` clocks does not set, and those whose clock ``test_enable`` leaves off.
-    stray_latches : tuple of str
-        Latches that are no part of a clock gate.
-    overloaded : tuple of Overload
-        The largest load first; without clocks, whose buffers the layout makes.
-    """
-
+    # clock_gates: with the gates that are built of a latch
     flops: int
     clock_gates: int
+    # without_reset, stopped_in_test: flops unknown after ``RESET_CLOCKS`` clocks of reset, or stopped by test_enable
     without_reset: tuple[str, ...]
     stopped_in_test: tuple[str, ...]
-    stray_latches: tuple[str, ...]
-    overloaded: tuple[Overload, ...] = ()
+    stray_latches: tuple[str, ...]  # latches outside of clock gates
+    overloaded: tuple[Overload, ...] = ()  # largest load first; without clocks, which the layout buffers
 
     @property
     def warning(self) -> str:
@@ -103,24 +86,12 @@ class Structure:
 
 
 def check(netlist: Netlist, design: dict[str, Any]) -> Structure:
-    """Return the violations of the structural rules in a netlist.
-
-    Parameters
-    ----------
-    netlist : Netlist
-    design : dict
-        From ``eskin.flow.asic.equivalence.design_of``.
-
-    Raises
-    ------
-    ClockError
-        If a flop is on another clock, or one that is stopped by what is no clock gate.
-    """
+    """Return the violations of the structural rules in a netlist."""
     clocks = Clocks(design["modules"][netlist.top], netlist.library)
     readers = _readers(clocks)
-    stray = [name for name, cell, pins in clocks.latches() if not _gates(clocks, readers, cell, pins)]
-    built = sum(1 for _ in clocks.latches()) - len(stray)
-    integrated = sum(1 for _ in clocks.gates())
+    latches = list(clocks.having("latch"))
+    stray = [name for name, cell, pins in latches if not _gates(clocks, readers, cell, pins)]
+    gates = sum(1 for _ in clocks.having("gate")) + len(latches) - len(stray)
     plain, flops, _ = with_enables(design, netlist)
     module = plain["modules"][netlist.top]
     without = _without_reset(module, netlist.library)
@@ -132,19 +103,18 @@ def check(netlist: Netlist, design: dict[str, Any]) -> Structure:
         if cell["type"] == "$_MUX_" and in_test.get(cell["connections"]["S"][0], "x") != "1"
     ]
     over = _overloaded(clocks, readers)
-    return Structure(flops, integrated + built, tuple(without), tuple(stopped), tuple(stray), over)
+    return Structure(flops, gates, tuple(without), tuple(stopped), tuple(stray), over)
 
 
 def _overloaded(clocks: Clocks, readers: dict[Bit, list[tuple[str, str]]]) -> tuple[Overload, ...]:
     """Return the outputs whose pins have more capacitance than allowed, the largest load first."""
-    instances, library = clocks.module["cells"], clocks.library
     found = []
-    for name, instance in instances.items():
-        cell = library.cells[instance["type"]]
+    for name in clocks.module["cells"]:
+        cell, pins = clocks.cell(name)
         for pin in cell.outputs:
-            allowed = cell.pins[pin].entry.number("max_capacitance", math.inf) * library.scales.capacitance
-            for bit in instance["connections"].get(pin, []):
-                driven = [(library.cells[instances[other]["type"]], to) for other, to in readers.get(bit, [])]
+            allowed = cell.pins[pin].entry.number("max_capacitance", math.inf) * clocks.library.scales.capacitance
+            for bit in pins.get(pin, []):
+                driven = [(clocks.cell(other)[0], to) for other, to in readers.get(bit, [])]
                 load = sum(reader.pins[to].load_f for reader, to in driven)
                 if load > allowed and not any(to in reader.clock_pins for reader, to in driven):
                     found.append(Overload(f"{name}/{pin}", load, allowed))
@@ -154,9 +124,10 @@ def _overloaded(clocks: Clocks, readers: dict[Bit, list[tuple[str, str]]]) -> tu
 def _readers(clocks: Clocks) -> dict[Bit, list[tuple[str, str]]]:
     """Return cell and pin of every input that each net drives."""
     found: dict[Bit, list[tuple[str, str]]] = {}
-    for name, instance in clocks.module["cells"].items():
-        for pin in clocks.library.cells[instance["type"]].inputs:
-            for bit in instance["connections"].get(pin, []):
+    for name in clocks.module["cells"]:
+        cell, pins = clocks.cell(name)
+        for pin in cell.inputs:
+            for bit in pins.get(pin, []):
                 found.setdefault(bit, []).append((name, pin))
     return found
 
@@ -168,9 +139,8 @@ def _gates(clocks: Clocks, readers: dict[Bit, list[tuple[str, str]]], cell: Any,
     for output in cell.latch.outputs:
         for bit in pins.get(output, []):
             for name, _ in readers.get(bit, []):
-                instance = clocks.module["cells"][name]
-                reader = clocks.library.cells[instance["type"]]
-                results = [b for pin in reader.functions for b in instance["connections"].get(pin, [])]
+                reader, connections = clocks.cell(name)
+                results = [b for pin in reader.functions for b in connections.get(pin, [])]
                 if reader.flop or reader.latch or any(clocks.level(b, False) == "x" for b in results):
                     return False
     return True

@@ -11,14 +11,13 @@ from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write
-from eskin.flow.asic import gating
 from eskin.flow.liberty.library import Library
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl import yosys
 from eskin.rtl.block import Block
 from eskin.rtl.gates import clock_gates
-from eskin.rtl.gates.clock_gates import FEWEST_FLOPS
+from eskin.rtl.gates.clock_gates import FEWEST_FLOPS, GATE, TEST
 from eskin.rtl.verilog import block_rtlil, header, top_block, verilog
 
 Config = ReadoutConfig | FrameConfig
@@ -30,7 +29,7 @@ FLOP_NAME = "_reg"
 PERIOD_NS = 20.0
 """Clock period that the mapping aims at: far below that of the readout, so that timing costs no area."""
 
-FROM_RTL, FROM_TEXT = "read_rtlil readout.il", f"read_verilog readout.v gate_ports.v; blackbox {clock_gates.GATE}"
+FROM_RTL, FROM_TEXT = "read_rtlil readout.il", f"read_verilog readout.v gate_ports.v; blackbox {GATE}"
 
 # The order matters. Resets go into the data and enables stay, since a gate replaces an enable; no pass behind the first
 # may find synchronous resets again. Blocks are mapped one by one, each kind once, and put together at the end.
@@ -42,7 +41,7 @@ TO_ENABLES = (
     "{gates}delete t:$scopeinfo; write_json enables.json"
 )
 KEEP = "setattr -mod -set keep_hierarchy 1 {name}; "
-ADD_TEST = f"add -global_input {clock_gates.TEST} 1; "
+ADD_TEST = f"add -global_input {TEST} 1; "
 INSERT = "clockgate -pos {gate} enable:clk:gated -min_net_size {fewest}; "
 TO_CELLS = (
     "read_liberty -lib -ignore_miss_func cells.lib; read_json enables.json; read_verilog -icells gate.v; "
@@ -70,24 +69,13 @@ network, and joins in a tree what lies far apart."""
 
 @dataclass(frozen=True)
 class Netlist:
-    """A readout as a flat netlist of library cells; the name of a cell begins with its block.
+    """A readout as a flat netlist of library cells; the name of a cell begins with its block."""
 
-    Attributes
-    ----------
-    text : str
-        Verilog, with a port ``test_enable`` beside those of the readout.
-    top : str
-    config : ReadoutConfig or FrameConfig
-    library : Library
-    gated : bool
-        Whether the library has what a clock gate is made of.
-    """
-
-    text: str = field(repr=False)
+    text: str = field(repr=False)  # Verilog, with a port ``test_enable`` beside those of the readout
     top: str
     config: Config
     library: Library
-    gated: bool
+    gated: bool  # whether the library has cells for a clock gate
 
     def write(self, folder: Path) -> Path:
         """Write the netlist into a folder; return its path."""
@@ -98,74 +86,39 @@ class Netlist:
         return path
 
 
-def synthesise(
-    config: Config,
-    library: Library,
-    period_ns: float = PERIOD_NS,
-    fewest: int = FEWEST_FLOPS,
-    delivered: bool = False,
-) -> Netlist:
+def synthesise(config: Config, library: Library, delivered: bool = False) -> Netlist:
     """Return the clock-gated netlist of a readout.
 
-    Parameters
-    ----------
-    config : ReadoutConfig or FrameConfig
-    library : Library
-    period_ns : float
-        Clock period that the mapping aims at.
-    fewest : int
-        Flops with one enable that are worth a clock gate.
-    delivered : bool
-        Start from the Verilog of ``eskin verilog --clock-gates`` and insert no gate, as a user's flow does.
-
-    Raises
-    ------
-    InputError
-        If the library does not have the cells that the readout needs.
+    ``delivered``: start from the Verilog of ``eskin verilog --clock-gates`` and insert no gate, as a user's flow does.
     """
     top = top_block(config)
-    gated = bool(gating.gate_module(library))
+    gated = bool(gate_module(library))
     if delivered and not gated:
         raise InputError(f"{library.path} has neither a clock gate nor a latch; leave out --from-verilog")
     gated_text = verilog(config, gated=True) if delivered else ""
-    text = _cells(top, library, period_ns, fewest, TO_VERILOG, gated_text=gated_text)
+    text = _cells(top, library, TO_VERILOG, gated_text=gated_text)
     netlist = header(config, "//") + single_bits(text[text.index("module ") :])
     return Netlist(netlist, top.module_name, config, library, gated)
 
 
 def cells_of(block: Block[Any], source: str, library: Library) -> str:
     """Return the gated netlist, Verilog, of a block whose RTLIL was changed."""
-    text = _cells(block, library, PERIOD_NS, FEWEST_FLOPS, TO_VERILOG, source=source)
+    text = _cells(block, library, TO_VERILOG, source=source)
     return single_bits(text[text.index("module ") :])
 
 
 def mapped(top: Block[Any], library: Library, apart: Sequence[str] = ()) -> dict[str, Any]:
     """Return the Yosys design after mapping to cells; modules in ``apart`` are mapped once and stay separate.
 
-    For large arrays: the blocks around those modules keep the depth that the RTL draws (``AS_DRAWN``), and the array
-    has no clock gate at its root, whose enable would cross it once more; rows and arbiter have theirs.
-
-    Parameters
-    ----------
-    top : Block
-    library : Library
-    apart : sequence of str
-        Names of the modules: ``eskin_taxel`` for an array too large to be flat.
-
-    Raises
-    ------
-    InputError
-        If the library does not have the cells that the readout needs.
+    For large arrays: the blocks around those modules keep the depth that the RTL draws (``AS_DRAWN``). The array has no
+    clock gate at its root, because the enable would cross the array once more; rows and arbiter have gates.
     """
-    text = _cells(top, library, PERIOD_NS, FEWEST_FLOPS, TO_JSON, apart)
-    return dict(json.loads(text))
+    return dict(json.loads(_cells(top, library, TO_JSON, apart)))
 
 
 def _cells(
     block: Block[Any],
     library: Library,
-    period_ns: float,
-    fewest: int,
     end: str,
     apart: Sequence[str] | None = None,
     gated_text: str = "",
@@ -174,9 +127,9 @@ def _cells(
     """Return a file that Yosys writes after mapping a block to cells."""
     top, content = block.module_name, library.content
     source = source or block_rtlil(block)
-    gate = gating.gate_module(library)
+    gate = gate_module(library)
     keep = "".join(KEEP.format(name=name) for name in [*_blocks(source, top), *(apart or ())])
-    insert = INSERT.format(gate=clock_gates.GATE, fewest=fewest) if gate and not gated_text else ""
+    insert = INSERT.format(gate=GATE, fewest=FEWEST_FLOPS) if gate and not gated_text else ""
     begin = TO_ENABLES.format(source=FROM_TEXT if gated_text else FROM_RTL, top=top, keep=keep, gates=insert)
     files = {"readout.v": gated_text.encode(), "gate_ports.v": clock_gates.STUB.encode()}
     design = json.loads(yosys.run(begin, source, "enables.json", files))
@@ -187,7 +140,7 @@ def _cells(
         top=top,
         test="" if gated_text else ADD_TEST,
         flop=FLOP_NAME,
-        period_ps=1000 * period_ns,
+        period_ps=1000 * PERIOD_NS,
         mapping=MAPPING,
         ties=ties(library),
         apart="".join(KEEP.format(name=name) for name in apart or ()),
@@ -255,3 +208,29 @@ def ties(library: Library) -> str:
         f"-{kind}cell {tie[0]} {tie[1]}" for level, kind in ((0, "lo"), (1, "hi")) if (tie := library.tie(level))
     ]
     return f"hilomap -singleton {' '.join(options)}; " if options else ""
+
+
+def gate_module(library: Library) -> str:
+    """Return a Verilog clock gate with test enable; empty if the library has no suitable cells.
+
+    An integrated gate of the library is taken, else one is built of a latch that is open while the clock is low.
+    """
+    head = f"module {GATE}(input clk, input enable, input {TEST}, output gated);\n"
+    cell = library.clock_gate
+    if cell and cell.gate:
+        pins = cell.gate
+        enable = "enable" if pins.test else f"enable | {TEST}"
+        test = f", .{pins.test}({TEST})" if pins.test else ""
+        body = f"  {cell.name} gate(.{pins.clock}(clk), .{pins.enable}({enable}){test}, .{pins.gated}(gated));\n"
+        return head + body + "endmodule\n"
+    latch = library.gate_latch
+    if not (latch and latch.latch and latch.latch.outputs):
+        return ""
+    pins_of = latch.latch
+    output, inverted = next(iter(pins_of.outputs.items()))
+    opened = "~clk" if pins_of.rising else "clk"
+    return (
+        f"{head}  wire kept;\n"
+        f"  {latch.name} latch(.{pins_of.data}(enable | {TEST}), .{pins_of.clock}({opened}), .{output}(kept));\n"
+        f"  assign gated = clk & {'~' if inverted else ''}kept;\nendmodule\n"
+    )

@@ -9,21 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eskin.base.errors import InputError
-from eskin.base.pages import templates
 from eskin.flow import opensta
 from eskin.flow.asic.constraints import sdc
 from eskin.flow.asic.synthesis import Netlist
 from eskin.flow.liberty.library import Library
 
-START_NS = 1.0
-LONGEST_NS = 1e6
-WITHIN = 4e-6
-ROUNDS = 40
-"""The shortest period without a negative slack is bracketed by doubling, and the bracket is closed to ``WITHIN`` of it.
-Slacks mostly lie on a line, whose zero is looked at from a little above and a little below; every third time it is
-halved, since a slack is 0 for a wide range of periods where a latch borrows time."""
-
-TEMPLATES = templates(Path(__file__).parents[1] / "templates")
 PROGRESS = re.compile(r"^(\w+) <<(.*?)>>$", re.MULTILINE | re.DOTALL)
 SLACK = re.compile(r"(-?\d+\.\d+) +slack")
 STAGE = re.compile(r"^ +\S+ +(\d+\.\d+) +[v^] (\S+)/\S+ \((\w+)\)$", re.MULTILINE)
@@ -31,31 +21,16 @@ STAGE = re.compile(r"^ +\S+ +(\d+\.\d+) +[v^] (\S+)/\S+ \((\w+)\)$", re.MULTILIN
 
 @dataclass(frozen=True)
 class Timing:
-    """The timing of a netlist at one corner, by OpenSTA.
-
-    Attributes
-    ----------
-    library : Library
-        At the corner.
-    fmax_hz : float
-        Highest clock at which no setup time is missed.
-    setup_slack_s, hold_slack_s : float
-        Worst, at the clock of the configuration.
-    depth : int
-        Cells on the critical path, flops apart.
-    path : tuple of (str, str, float)
-        Instance, cell and arrival in s of every stage of the critical path.
-    complaints : tuple of str
-        What ``check_setup`` finds unconstrained; empty if nothing.
-    """
+    """The timing of a netlist at one corner, by OpenSTA."""
 
     library: Library
-    fmax_hz: float
+    fmax_hz: float  # highest clock at which no setup time is missed
+    # setup_slack_s, hold_slack_s: worst, at the clock of the configuration
     setup_slack_s: float
     hold_slack_s: float
-    depth: int
-    path: tuple[tuple[str, str, float], ...]
-    complaints: tuple[str, ...]
+    depth: int  # cells on the critical path, flops apart
+    path: tuple[tuple[str, str, float], ...]  # instance, cell and arrival in s of every stage of the critical path
+    complaints: tuple[str, ...]  # what ``check_setup`` finds unconstrained; empty if nothing
 
     def to_dict(self) -> dict[str, object]:
         """Return the timing as an entry of the report."""
@@ -74,41 +49,16 @@ class Timing:
         }
 
 
-def analyse(netlist: Netlist, library: Library, constant: Collection[str] = (), spef: str = "") -> Timing:
-    """Return the timing of a netlist with the cells of one corner.
-
-    Parameters
-    ----------
-    netlist : Netlist
-    library : Library
-        Of the same cells, at any corner.
-    constant : collection of str
-        Bits of outputs that never change, which nothing can constrain.
-    spef : str
-        Estimated wires; none by default.
-
-    Raises
-    ------
-    InputError
-        If OpenSTA is missing or the library lacks cells of the netlist.
-    """
+def analyse(netlist: Netlist, library: Library, constant: Collection[str] = ()) -> Timing:
+    """Return the timing of a netlist at the corner of a library; ``constant`` names output bits that never change."""
     opensta.check_program()
     used = set(re.findall(r"^  (\w+) (?:\\\S+|\w+) +\(", netlist.text, re.MULTILINE))
     if missing := sorted(used - set(library.cells)):
         raise InputError(f"the cell library {library.path} has no cell {missing[0]}; give corners of one library")
     for name in sorted(used):
         library.cells[name].check()  # OpenSTA has no sentence for a wrong table
-    script = TEMPLATES.get_template("timing.tcl").render(
-        top=netlist.top,
-        start=START_NS,
-        longest=LONGEST_NS,
-        rounds=ROUNDS,
-        within=WITHIN,
-        own=1e9 / netlist.config.clock_hz,
-    )
-    if spef:
-        script = script.replace("set period", "read_parasitics wires.spef\nset period", 1)
-    found = _run(script, netlist, library, spef)
+    script = opensta.TEMPLATES.get_template("timing.tcl").render(top=netlist.top, own=1e9 / netlist.config.clock_hz)
+    found = _run(script, netlist, library)
     setup, hold = map(float, found["OWN"].split())
     period, left = map(float, found["PERIOD"].split())
     if left < 0:
@@ -133,15 +83,12 @@ def _complaints(said: str, constant: Collection[str]) -> tuple[str, ...]:
     return tuple(line.strip() for line in kept)
 
 
-def _run(script: str, netlist: Netlist, library: Library, spef: str) -> dict[str, str]:
+def _run(script: str, netlist: Netlist, library: Library) -> dict[str, str]:
     """Return the output of an OpenSTA script, by heading."""
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "cells.lib").write_bytes(library.content)
-        (folder / "netlist.v").write_text(netlist.text)
-        (folder / "constraints.sdc").write_text(sdc(netlist, "$period"))
-        (folder / "wires.spef").write_text(spef)
-        said, _ = opensta.run(script, folder)
+        files: dict[str, str | bytes] = {"cells.lib": library.content, "netlist.v": netlist.text}
+        files["constraints.sdc"] = sdc(netlist, "$period")
+        said, _ = opensta.run(script, Path(name), files)
     found = dict(PROGRESS.findall(said))
     if {"PERIOD", "PATH", "OWN", "SETUP"} - set(found):
         wrong = [line for line in said.splitlines() if "rror" in line]

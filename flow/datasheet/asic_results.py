@@ -31,13 +31,7 @@ ABSENT = (
 
 
 def load_report(path: Path, config: ReadoutConfig | FrameConfig) -> dict[str, Any]:
-    """Return the netlist report that belongs to a configuration.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, is no such report, or is that of another configuration.
-    """
+    """Return the netlist report that belongs to a configuration."""
     content: dict[str, Any] = read_json(path, "the report", dict)
     needed = ("configuration", "library", "area_um2_per_taxel", "fmax_hz", "flops", "gated_flops")
     if absent := [name for name in needed if name not in content]:

@@ -18,15 +18,7 @@ EVENTS = 2
 
 
 class TwoEvents:
-    """Simulation of a bin with two events in a network with all weights zero.
-
-    Attributes
-    ----------
-    config : ClassifierConfig
-    end, clocks : int
-        Clock of ``bin_end``, and the length of it all.
-    run : ClassifierRun
-    """
+    """Simulation of a bin with two events in a network with all weights zero; ``end`` is the clock of ``bin_end``."""
 
     def __init__(self, config: ClassifierConfig) -> None:
         self.config = config

@@ -7,7 +7,7 @@ from typing import Any
 from eskin.flow.datasheet.asic_results import of_netlist
 from eskin.flow.datasheet.sheet import Picture, Sheet
 from eskin.flow.datasheet.waves import Wave
-from eskin.model.frame import FrameModel, Inputs, Outputs
+from eskin.model.frame import FrameModel, Inputs
 from eskin.model.frame_config import FrameConfig
 
 SHOWN = 24
@@ -16,63 +16,49 @@ STALLED = 2
 """Clocks in which the sink does not take the first word."""
 AT_ADC = ("frame_start", "row_select", "column_select", "adc_start", "adc_done", "adc_code")
 AT_SINK = ("frame_start", "frame_overrun", "adc_done", "word_valid", "word_ready", "word_data", "word_sync")
-BUSES = ("row_select", "column_select", "adc_code", "word_data")
+BUSES = ("row_select", "column_select", "adc_code", "word_data", "word_sync")
+VALID = {"adc_code": "adc_done", "word_data": "word_valid", "word_sync": "word_valid"}
+"""Signal that is high while a word is defined."""
 
 
 class Scan:
-    """Simulation of one frame, from ``frame_start`` at clock 0 to the next accepted start.
+    """Simulation of one frame, from ``frame_start`` at clock 0 to the next accepted start in clock ``heard``.
 
-    The ADC takes the clocks that it is laid out for, and its codes count up. Without a stall the sink takes every word
-    at once; with one it leaves the first for ``STALLED`` clocks, and another ``frame_start`` comes too early there.
-
-    Attributes
-    ----------
-    inputs, outputs : list of Inputs, Outputs
-        Of every clock.
-    heard : int
-        First clock in which a ``frame_start`` is heard again.
+    The ADC takes its nominal clocks, and its codes count up. Without a stall the sink takes every word at once.
+    With a stall the first word waits for ``STALLED`` clocks, and another ``frame_start`` comes too early there.
     """
 
     def __init__(self, config: FrameConfig, stall: int = 0) -> None:
         model, mask = FrameModel(config), (1 << config.resolution) - 1
-        self.inputs: list[Inputs] = []
-        self.outputs: list[Outputs] = []
+        self.rows: list[dict[str, int]] = []  # values of all ports in every clock
         self.heard = done_at = code = 0
         left = stall
-        while not (self.inputs and model.idle):
-            clock, found = len(self.inputs), model.outputs
+        while not (self.rows and model.idle):
+            clock, found = len(self.rows), model.outputs
             waits = left > 0 and bool(found.word_valid)
             again = waits and left == stall and model.taxel >= 0
             given = Inputs(int(not clock or again), int(clock == done_at > 0), code & mask, int(not waits))
             left -= waits
             if found.adc_start:
                 done_at, code = clock + config.adc_clocks, code + 1
-            self.inputs.append(given)
-            self.outputs.append(found)
+            self.rows.append(given._asdict() | found._asdict())
             model.clock(given)
             if model.taxel < 0 and not self.heard:
                 self.heard = clock + 1
 
     def first(self, name: str, behind: int = -1) -> int:
         """Return the first clock after ``behind`` in which an output is high."""
-        return next(t for t, found in enumerate(self.outputs) if t > behind and getattr(found, name))
+        return next(t for t, row in enumerate(self.rows) if t > behind and row[name])
 
     def waves(self, names: tuple[str, ...], start: int = 0, clocks: int | None = None) -> list[Wave]:
         """Return the waveforms of ports over a range of clocks."""
-        last = len(self.inputs) if clocks is None else start + clocks
-        span = range(start, min(last, len(self.inputs)))
+        shown = self.rows[start : None if clocks is None else start + clocks]
         found = []
         for name in names:
-            rows = self.inputs if name in Inputs._fields else self.outputs
-            values = [int(getattr(rows[clock], name)) for clock in span]
-            valid = {"adc_code": "adc_done", "word_data": "word_valid", "word_sync": "word_valid"}.get(name)
-            looked = [bool(getattr(self._row(clock, valid), valid)) if valid else True for clock in span]
-            shown_values = tuple(value if seen else None for value, seen in zip(values, looked, strict=True))
-            found.append(Wave(name, shown_values, bus=name in BUSES or name == "word_sync"))
+            valid = VALID.get(name)
+            values = tuple(int(row[name]) if valid is None or row[valid] else None for row in shown)
+            found.append(Wave(name, values, bus=name in BUSES))
         return found
-
-    def _row(self, clock: int, name: str) -> Inputs | Outputs:
-        return self.inputs[clock] if name in Inputs._fields else self.outputs[clock]
 
 
 def sheet_of(config: FrameConfig, report: dict[str, Any] | None) -> Sheet:
@@ -89,7 +75,7 @@ def sheet_of(config: FrameConfig, report: dict[str, Any] | None) -> Sheet:
 def _times(config: FrameConfig, scan: Scan) -> list[tuple[str, int]]:
     """Return the latencies in clocks."""
     first = scan.first("adc_start")
-    last = max(t for t, found in enumerate(scan.outputs) if found.word_valid)
+    last = max(t for t, row in enumerate(scan.rows) if row["word_valid"])
     next_taxel = [("from one taxel to the next", scan.first("adc_start", first) - first)] if config.taxels > 1 else []
     return [
         ("`frame_start` to `row_select` and `column_select`", scan.first("row_select")),

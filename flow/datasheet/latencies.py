@@ -17,23 +17,13 @@ AHEAD_OF_A_GRANT, HELD_BY_LINK = 2, 1
 
 @dataclass(frozen=True)
 class Latencies:
-    """Latencies of a readout.
+    """Latencies of a readout."""
 
-    Attributes
-    ----------
-    latency : int
-        Clocks from the sample tick to ``event_valid``, or to the edge that raises ``aer_req``, array idle.
-    clocks_per_event : int
-        One event in so many clocks, where every taxel has one, the sink takes all and ACK follows REQ at once.
-    longest_gap : int
-        Clocks between two events of one taxel at most, in that simulation.
-    bound_events, bound_clocks : int
-        The event of a request is among so many that leave next, and leaves within so many clocks.
-    """
-
-    latency: int
+    latency: int  # clocks from the sample tick to ``event_valid``, or to the edge that raises ``aer_req``, array idle
+    # clocks per event if every taxel has one, the sink takes all and ACK follows REQ at once
     clocks_per_event: int
-    longest_gap: int
+    longest_gap: int  # clocks between two events of one taxel at most, in that simulation
+    # bound_events, bound_clocks: largest number of events, and of clocks, until the event of a request has left
     bound_events: int
     bound_clocks: int
 

@@ -22,14 +22,7 @@ Described = ReadoutConfig | FrameConfig | ClassifierConfig | MergeConfig
 
 
 def sheet_of(config: Described, report: dict[str, Any] | None = None) -> Sheet:
-    """Return the datasheet of a design.
-
-    Parameters
-    ----------
-    config : ReadoutConfig, FrameConfig, ClassifierConfig, MergeConfig or TilesConfig
-    report : dict, optional
-        ``report.json`` of its netlist, of which there are those of readouts alone.
-    """
+    """Return the datasheet of a design; ``report`` is ``report.json`` of the netlist of a readout."""
     if isinstance(config, FrameConfig):
         return frame_readout.sheet_of(config, report)
     if isinstance(config, ClassifierConfig):
@@ -42,15 +35,7 @@ def sheet_of(config: Described, report: dict[str, Any] | None = None) -> Sheet:
 def deliver(config: Config, folder: Path, report: Path | None = None, gated: bool = False) -> list[Path]:
     """Write Verilog, constraints, description and datasheet of a design into a folder; return their paths.
 
-    Parameters
-    ----------
-    config : Config
-        A chip has no datasheet of its own.
-    folder : Path
-    report : Path, optional
-        ``report.json`` of the netlist of a readout, for its datasheet.
-    gated : bool
-        Whether the Verilog has clock gates.
+    A chip has no datasheet. ``report`` is ``report.json`` of the netlist of a readout; ``gated`` selects clock gates.
     """
     netlist = None
     if report is not None and isinstance(config, ReadoutConfig | FrameConfig):

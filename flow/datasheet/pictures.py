@@ -17,15 +17,7 @@ STYLE = (
 
 
 def timing_diagram(waves: Sequence[Wave], title: str, first: int = 0) -> str:
-    """Return a timing diagram as SVG text, one column per clock, which ends with the rising edge.
-
-    Parameters
-    ----------
-    waves : sequence of Wave
-    title : str
-    first : int
-        Number of the first column.
-    """
+    """Return a timing diagram as SVG text, one column per clock from ``first``, ended by a rising edge."""
     clocks = len(waves[0].values)
     wide, high = LABELS + CLOCK * clocks + 10, LINE * (len(waves) + 3) + 10
     bottom = LINE * (len(waves) + 2)

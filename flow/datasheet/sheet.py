@@ -29,48 +29,24 @@ NO_NETLIST = "Not known to this page: `make asic` makes no netlist of this desig
 
 @dataclass(frozen=True)
 class Picture:
-    """A timing diagram.
+    """A timing diagram."""
 
-    Attributes
-    ----------
-    name : str
-        What it is called within the names of files.
-    title : str
-    waves : list of Wave
-    first : int
-        Clock of its first column.
-    """
-
-    name: str
+    name: str  # part of the file name
     title: str
     waves: list[Wave]
-    first: int = 0
+    first: int = 0  # clock of its first column
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """The content of a datasheet.
-
-    Attributes
-    ----------
-    config : Config
-    what : str
-        The design in a few words.
-    template : str
-        Name of the page in ``templates``.
-    values : mapping of str to object
-        Values of the page beside those of every datasheet.
-    pictures : tuple of Picture
-    gated : bool
-        Whether the Verilog has clock gates.
-    """
+    """The content of a datasheet."""
 
     config: Config
-    what: str
-    template: str
-    values: Mapping[str, Any]
+    what: str  # the design in a few words
+    template: str  # name of the page in ``templates``
+    values: Mapping[str, Any]  # values of the page beside those of every datasheet
     pictures: tuple[Picture, ...]
-    gated: bool = False
+    gated: bool = False  # whether the Verilog has clock gates
 
     @property
     def top(self) -> str:

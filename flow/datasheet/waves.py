@@ -35,22 +35,12 @@ Value = int | None
 
 @dataclass(frozen=True)
 class Wave:
-    """A waveform: the value of a signal just before every rising edge, None where undefined.
-
-    Attributes
-    ----------
-    name : str
-    values : tuple of (int or None)
-    bus : bool
-        A word, not one bit.
-    delay : float
-        How long after the edge the signal changes, in clocks.
-    """
+    """A waveform: the value of a signal just before every rising edge, None where undefined."""
 
     name: str
     values: tuple[Value, ...]
-    bus: bool = False
-    delay: float = 0.0
+    bus: bool = False  # a word instead of one bit
+    delay: float = 0.0  # clocks from the edge to the change of the signal
 
 
 def from_zero(config: ReadoutConfig) -> ReadoutConfig:

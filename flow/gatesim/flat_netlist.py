@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from eskin.base.errors import InputError
-from eskin.rtl import yosys
+from eskin.flow.asic.equivalence import flat_design
 
-SCRIPT = (
-    "read_liberty -lib -ignore_miss_func cells.lib; read_verilog netlist.v; hierarchy -check -top {top}; "
-    "flatten; opt_clean; delete t:$scopeinfo; write_json flat.json"
-)
 WIDE = 32
 """Bits from which on an output port costs an event-driven simulator much: it copies all of them when one changes."""
 CONSTANTS = {"0": "1'b0", "1": "1'b1", "x": "1'bx", "z": "1'bz"}
@@ -32,24 +26,12 @@ class Port:
 
 @dataclass(frozen=True)
 class Cell:
-    """An instance of a library cell.
+    """An instance of a library cell."""
 
-    Attributes
-    ----------
-    name : str
-        In the flat Verilog: plain, ``c`` and a number.
-    place : str
-        Where it comes from in the hierarchy, ``row_0.taxel_1._12_``.
-    kind : str
-        Name of the library cell.
-    pins : dict of str to str
-        Net of every connected pin.
-    """
-
-    name: str
-    place: str
+    name: str  # name in the flat Verilog, ``c`` and a number
+    place: str  # hierarchical name, ``row_0.taxel_1._12_``
     kind: str
-    pins: dict[str, str]
+    pins: dict[str, str]  # net of every connected pin
 
 
 @dataclass(frozen=True)
@@ -70,11 +52,8 @@ class FlatNetlist:
     def verilog(self, gather: bool = False) -> str:
         """Return the netlist as Verilog with plain names.
 
-        Parameters
-        ----------
-        gather : bool
-            For an event-driven simulation in units of 1 ns: output ports of ``WIDE`` bits or more are put together
-            once, 1 ns after each edge of the clock, not anew for every bit that changes.
+        ``gather`` is for an event-driven simulation in units of 1 ns: output ports of at least ``WIDE`` bits are then
+        assembled once, 1 ns after each clock edge, instead of at every change of a bit.
         """
         late = {port.name: port for port in self.ports if gather and port.direction == "output" and _wide(port)}
         names = {bit: bit.translate(APART) for port in late.values() for bit in _bits(port.name, len(port.nets))}
@@ -102,28 +81,8 @@ class FlatNetlist:
 
 
 def flatten(text: str, top: str, liberty: bytes) -> FlatNetlist:
-    """Return the flat form of a netlist.
-
-    Parameters
-    ----------
-    text : str
-        Verilog of library cells, with or without hierarchy.
-    top : str
-    liberty : bytes
-        The library.
-
-    Raises
-    ------
-    InputError
-        If it holds cells that the library does not have.
-    """
-    try:
-        found = yosys.run(SCRIPT.format(top=top), "", "flat.json", {"netlist.v": text.encode(), "cells.lib": liberty})
-    except yosys.YosysError as error:
-        raise InputError(
-            f"the netlist does not fit the cell library: {error.reason}; give netlist and library of one run"
-        ) from None
-    module = json.loads(found)["modules"][top]
+    """Return the flat form of a Verilog netlist; see ``flat_design``."""
+    module = flat_design(text, top, liberty)["modules"][top]
     named = _names_of_ports(module["ports"])
 
     def net(bit: int | str) -> str:

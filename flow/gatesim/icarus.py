@@ -8,26 +8,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from eskin.base.errors import InputError
+from eskin.base.pages import templates
+
+TEMPLATES = templates(Path(__file__).parents[1] / "templates")
+"""Testbenches."""
 
 NO_PROGRAM = "iverilog not found; install with: apt-get install iverilog"
 
 
 def run(texts: Sequence[str], top: str, folder: Path) -> str:
-    """Return the output of a program.
-
-    Parameters
-    ----------
-    texts : sequence of str
-        Its Verilog.
-    top : str
-    folder : Path
-        Where it runs; its text and what it writes stay there.
-
-    Raises
-    ------
-    InputError
-        If Icarus is missing, or does not accept the text.
-    """
+    """Return the output of a Verilog program, which runs in ``folder`` and leaves its files there."""
     if shutil.which("iverilog") is None:
         raise InputError(NO_PROGRAM)
     source, program = folder / "program.v", folder / "program.vvp"

@@ -8,38 +8,21 @@ from eskin.flow.liberty.library import Cell, Library, Memory
 
 
 def models(library: Library, kinds: set[str], delay_ns: float = 0.0) -> str:
-    """Return the Verilog models of given cells.
+    """Return the Verilog models of given cells, with a delay of ``delay_ns`` in steps of 0.1 ns.
 
-    A flop whose clock turns unknown loses its state, unless it would keep it: a netlist that only a simulator's
-    optimism wakes up stays unknown here.
-
-    Parameters
-    ----------
-    library : Library
-    kinds : set of str
-        Names of the cells.
-    delay_ns : float
-        From every input to every output, in steps of 0.1 ns; clock gates take no time, as in a balanced clock tree.
-
-    Raises
-    ------
-    InputError
-        If the library has no such cell, or does not say what it does.
+    A flop whose clock turns unknown loses its state, unless it would keep it. So a netlist that wakes up only by the
+    optimism of a simulator stays unknown. Clock gates take no time, as in a balanced clock tree.
     """
     precision = "100ps" if delay_ns else "1ns"
-    cells = (model_of(cell, delay_ns) for cell in library.used(kinds))
-    return f"`timescale 1ns / {precision}\n" + "\n".join(cells)
-
-
-def model_of(cell: Cell, delay_ns: float = 0.0) -> str:
-    """Return the Verilog model of a cell."""
-    if cell.gate_kind:
-        body = _clock_gate(cell)
-    else:
-        body = _memory(cell.memory) if cell.memory else []
-        body += _outputs(cell, delay_ns)
-    ports = [f"input {pin}" for pin in cell.inputs] + [f"output {pin}" for pin in cell.outputs]
-    return "\n".join([f"module {cell.name} ({', '.join(ports)});", *(f"  {line}" for line in body), "endmodule", ""])
+    lines = [f"`timescale 1ns / {precision}"]
+    for cell in library.used(kinds):
+        if cell.gate_kind:
+            body = _clock_gate(cell)
+        else:
+            body = (_memory(cell.memory) if cell.memory else []) + _outputs(cell, delay_ns)
+        ports = [f"input {pin}" for pin in cell.inputs] + [f"output {pin}" for pin in cell.outputs]
+        lines += [f"module {cell.name} ({', '.join(ports)});", *(f"  {line}" for line in body), "endmodule", ""]
+    return "\n".join(lines)
 
 
 def _outputs(cell: Cell, delay_ns: float) -> list[str]:

@@ -10,42 +10,46 @@ from pathlib import Path
 from eskin.base.files import atomic_write
 from eskin.cocotb_tests.runner import sim
 from eskin.cocotb_tests.runner.process import Tally
+from eskin.flow.asic.structure import RESET_CLOCKS
 from eskin.flow.asic.synthesis import synthesise
-from eskin.flow.gatesim.flat_netlist import flatten
+from eskin.flow.gatesim import icarus
+from eskin.flow.gatesim.flat_netlist import FlatNetlist, flatten
 from eskin.flow.gatesim.models import models
-from eskin.flow.gatesim.reset_check import Unknown, from_reset
-from eskin.flow.liberty.library import read
+from eskin.flow.liberty.library import Library, read
 from eskin.model.config import ReadoutConfig
+
+QUIET_CLOCKS = 16
+"""Clocks after reset, with all inputs at 0, in which no flop and no output may turn unknown."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Unknown:
+    """Flops and outputs with unknown values after reset."""
+
+    flops: int
+    # in_reset, after: flops that are unknown at the end of reset, and at the end of the run
+    in_reset: tuple[str, ...]
+    after: tuple[str, ...]
+    outputs: tuple[str, ...]  # output ports that are unknown at the end of all
+
+    @property
+    def clean(self) -> bool:
+        """True if the netlist has flops, and all flops and outputs are known."""
+        return self.flops > 0 and not (self.in_reset or self.after or self.outputs)
 
 
 @dataclasses.dataclass(frozen=True)
 class Gates:
-    """A netlist prepared for the simulator.
+    """A netlist prepared for the simulator."""
 
-    Attributes
-    ----------
-    netlist, cells : Path
-        Verilog of the netlist, and of the cells that it is made of.
-    unknown : Unknown
-        What reset does not wake in it.
-    """
-
+    # netlist, cells: Verilog of netlist and library cells
     netlist: Path
     cells: Path
     unknown: Unknown
 
 
 def prepare(config: ReadoutConfig, path: Path, folder: Path) -> Gates:
-    """Synthesise a readout, write netlist and cell models into a folder, and check the reset.
-
-    Parameters
-    ----------
-    config : ReadoutConfig
-    path : Path
-        The cell library.
-    folder : Path
-        Made if need be.
-    """
+    """Synthesise a readout, write netlist and cell models into a folder, and check the reset."""
     library = read(path)
     made = synthesise(config, library)
     flat = flatten(made.text, made.top, library.content)
@@ -58,25 +62,35 @@ def prepare(config: ReadoutConfig, path: Path, folder: Path) -> Gates:
 
 
 def play(plan: sim.Plan, gates: Gates, config: ReadoutConfig, again: str, on_stage: Callable[[str], None]) -> Tally:
-    """Simulate all scenarios and scans on a netlist, and return the comparison totals.
-
-    Parameters
-    ----------
-    plan : Plan
-        Of the co-simulation.
-    gates : Gates
-    config : ReadoutConfig
-    again : str
-        Options of gatesim that make this netlist.
-    on_stage : callable
-        Called with what begins.
-
-    Raises
-    ------
-    MismatchFound
-        If netlist and model differ.
-    """
+    """Simulate all scenarios and scans on a netlist; return the totals. ``again``: options of gatesim."""
     text = "\n".join(path.read_text() for path in (gates.netlist, gates.cells))
     return sim.play(
         dataclasses.replace(plan, text=text, again=again, command="gatesim"), config, lambda _: None, on_stage
     )
+
+
+def from_reset(netlist: FlatNetlist, library: Library, folder: Path) -> Unknown:
+    """Return the flops whose values are unknown after a reset with all other inputs unknown."""
+    kinds = {cell.kind for cell in netlist.cells}
+    flops = [cell for cell in netlist.cells if library.cells[cell.kind].flop]
+    outputs = [port.name for port in netlist.ports if port.direction == "output"]
+    state = [
+        next(f"dut.{cell.pins[pin]}" for pin in library.cells[cell.kind].outputs if cell.pins.get(pin))
+        for cell in flops
+    ]
+    texts = [models(library, kinds), netlist.verilog(), _bench(netlist, state, outputs)]
+    in_reset, after, out = icarus.run(texts, "bench", folder).split()
+    places = [cell.place for cell in flops]
+    left = [tuple(place for place, bit in zip(places, bits, strict=True) if bit == "x") for bits in (in_reset, after)]
+    widths = [len(port.nets) for port in netlist.ports if port.direction == "output"]
+    named = [name for name, width in zip(outputs, widths, strict=True) for _ in range(width)]
+    return Unknown(
+        len(flops), left[0], left[1], tuple(name for name, bit in zip(named, out, strict=True) if bit not in "01")
+    )
+
+
+def _bench(netlist: FlatNetlist, state: list[str], outputs: list[str]) -> str:
+    """Return a testbench that prints the flops at the end of reset, and flops and outputs at the end of the run."""
+    clocks = {"reset_clocks": RESET_CLOCKS, "quiet_clocks": QUIET_CLOCKS}
+    values = {"top": netlist.top, "ports": netlist.ports, "state": state, "outputs": outputs}
+    return icarus.TEMPLATES.get_template("reset.v").render(values | clocks)

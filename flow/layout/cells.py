@@ -2,42 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from typing import NamedTuple
 
 from eskin.flow.layout.transistors import SwitchCell, does, stores
 
 
-@dataclass(frozen=True)
-class Gate:
-    """Expected function of a cell, as Liberty text and as Python function."""
+class Gate(NamedTuple):
+    """Pins of a cell, and its expected function as Liberty text."""
 
     inputs: tuple[str, ...]
     output: str
     text: str
-    function: Callable[..., bool]
 
 
-def _all(count: int, mark: str, *, inverted: bool) -> Gate:
-    """Return an AND or OR gate with a number of inputs, or its inverse."""
-    inputs = tuple(f"i{n}" for n in range(count))
-    join = all if mark == "&" else any
-    text = mark.join(inputs)
-    return Gate(inputs, "nq" if inverted else "q", f"!({text})" if inverted else text, lambda *i: join(i) != inverted)
-
-
+INPUTS = ("i0", "i1", "i2", "i3")
 GATES: dict[str, Gate] = {
-    "inv": Gate(("i",), "nq", "!i", lambda i: not i),
-    "buf": Gate(("i",), "q", "i", lambda i: i),
-    **{f"nand{n}": _all(n, "&", inverted=True) for n in (2, 3, 4)},
-    **{f"and{n}": _all(n, "&", inverted=False) for n in (2, 3, 4)},
-    **{f"nor{n}": _all(n, "|", inverted=True) for n in (2, 3, 4)},
-    **{f"or{n}": _all(n, "|", inverted=False) for n in (2, 3, 4)},
-    "mux2": Gate(("i0", "i1", "cmd"), "q", "(i0&!cmd)|(i1&cmd)", lambda i0, i1, cmd: i1 if cmd else i0),
-    "and21nor": Gate(("i0", "i1", "i2"), "nq", "!((i0&i1)|i2)", lambda i0, i1, i2: not ((i0 and i1) or i2)),
-    "or21nand": Gate(("i0", "i1", "i2"), "nq", "!((i0|i1)&i2)", lambda i0, i1, i2: not ((i0 or i1) and i2)),
-    "xor2": Gate(("i0", "i1"), "q", "i0^i1", lambda i0, i1: i0 != i1),
-    "nexor2": Gate(("i0", "i1"), "q", "!(i0^i1)", lambda i0, i1: i0 == i1),
+    "inv": Gate(("i",), "nq", "!i"),
+    "buf": Gate(("i",), "q", "i"),
+    **{f"nand{n}": Gate(INPUTS[:n], "nq", f"!({'&'.join(INPUTS[:n])})") for n in (2, 3, 4)},
+    **{f"and{n}": Gate(INPUTS[:n], "q", "&".join(INPUTS[:n])) for n in (2, 3, 4)},
+    **{f"nor{n}": Gate(INPUTS[:n], "nq", f"!({'|'.join(INPUTS[:n])})") for n in (2, 3, 4)},
+    **{f"or{n}": Gate(INPUTS[:n], "q", "|".join(INPUTS[:n])) for n in (2, 3, 4)},
+    "mux2": Gate(("i0", "i1", "cmd"), "q", "(i0&!cmd)|(i1&cmd)"),
+    "and21nor": Gate(INPUTS[:3], "nq", "!((i0&i1)|i2)"),
+    "or21nand": Gate(INPUTS[:3], "nq", "!((i0|i1)&i2)"),
+    "xor2": Gate(INPUTS[:2], "q", "i0^i1"),
+    "nexor2": Gate(INPUTS[:2], "q", "!(i0^i1)"),
 }
 """Functions by the names of the cells, without the drive behind the underscore."""
 
@@ -53,13 +44,7 @@ class WrongCell(RuntimeError):
 
 
 def usable(cells: Mapping[str, SwitchCell], left_out: tuple[str, ...] = LEFT_OUT) -> list[str]:
-    """Return the names of the cells that a netlist may use, after checking all of them.
-
-    Raises
-    ------
-    WrongCell
-        If the transistors of one are not the function that it is taken for, or the flip-flop is missing.
-    """
+    """Return the names of the cells that a netlist may use, after checking all of them."""
     if FLOP not in cells:
         raise WrongCell(f"there is no {FLOP} among the generated cells")
     chosen = [name for name in cells if name.partition("_")[0] in GATES and name not in left_out]
@@ -70,31 +55,18 @@ def usable(cells: Mapping[str, SwitchCell], left_out: tuple[str, ...] = LEFT_OUT
 
 
 def check(cell: SwitchCell) -> None:
-    """Check the function of a cell against its transistors.
-
-    Raises
-    ------
-    WrongCell
-        If they differ.
-    """
+    """Check the function of a cell against its transistors."""
     if cell.name == FLOP:
         if not stores(cell, "i", "clk", "q"):
             raise WrongCell(f"{cell.name}: its transistors are no flip-flop of the rising edge")
         return
     gate = GATES[cell.name.partition("_")[0]]
-    if set(cell.pins) != {*gate.inputs, gate.output} or not does(cell, gate.inputs, gate.output, gate.function):
+    if set(cell.pins) != {*gate.inputs, gate.output} or not does(cell, *gate):
         raise WrongCell(f"{cell.name}: its transistors are not {gate.output} = {gate.text}")
 
 
 def liberty(names: list[str], areas: Mapping[str, float]) -> str:
-    """Return a liberty file of checked cells, with functions, areas in um^2, and equal delays.
-
-    Parameters
-    ----------
-    names : list of str
-        Cells, as ``usable`` returns them.
-    areas : mapping of str to float
-    """
+    """Return a liberty file of checked cells, with functions, areas in um^2, and equal delays."""
     lines = ['library(cells) { delay_model : "table_lookup"; time_unit : "1ns"; capacitive_load_unit(1, pf);']
     lines.append('nom_process : 1; nom_voltage : 1.8; nom_temperature : 25; voltage_unit : "1V";')
     for name in names:

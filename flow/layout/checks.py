@@ -16,38 +16,22 @@ COMPARE = (Path(__file__).parents[1] / "templates" / "compare.rb").read_text()
 
 @dataclass(frozen=True)
 class Rules:
-    """Results of the design rule check.
+    """Results of the design rule check."""
 
-    Attributes
-    ----------
-    checked : int
-        Rules.
-    violations : tuple of str
-        Rule and place of each.
-    """
-
-    checked: int
-    violations: tuple[str, ...]
+    checked: int  # number of rules
+    violations: tuple[str, ...]  # rule and place of each
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Results of the netlist comparison.
-
-    Attributes
-    ----------
-    equal : bool
-    nets, devices, ports : int
-        Of the layout, transistors being its devices; ports are those that were held to their names.
-    differ : tuple of str
-        First nets that differ, that of the layout and that of the netlist.
-    """
+    """Results of the netlist comparison."""
 
     equal: bool
+    # nets, transistors, ports: of the layout; only ports with compared names
     nets: int
-    devices: int
+    transistors: int
     ports: int
-    differ: tuple[str, ...] = ()
+    differ: tuple[str, ...] = ()  # first nets that differ, that of the layout and that of the netlist
 
 
 def rules(gds: Path, top: str, deck: Path, folder: Path) -> None:
@@ -58,13 +42,7 @@ def rules(gds: Path, top: str, deck: Path, folder: Path) -> None:
 
 
 def read_rules(report: Path) -> Rules:
-    """Return the violations in a report written by ``rules``.
-
-    Raises
-    ------
-    Crashed
-        If it names no rule: nothing was checked.
-    """
+    """Return the violations in a report written by ``rules``."""
     root = ElementTree.parse(report).getroot()
     checked = len(root.findall("./categories/category"))
     if not checked:
@@ -79,12 +57,7 @@ def read_rules(report: Path) -> Rules:
 def comparing(deck: str) -> str:
     """Return the comparison deck with net names and a check of port names added.
 
-    The exported one knows no names: two inputs that change places would be equal to it.
-
-    Raises
-    ------
-    Crashed
-        If the deck is another one than expected.
+    The exported deck knows no names: it would accept two inputs that change places.
     """
     head, devices, tail = deck.partition("\n# Resistors\n")
     body, end, _ = tail.partition("\nalign\n")
@@ -96,17 +69,7 @@ def comparing(deck: str) -> str:
 def compare(gds: Path, top: str, spice: str, ports: Sequence[str], deck: str, folder: Path) -> None:
     """Compare the netlist of a layout with a SPICE netlist; results are written to counts.json and compare.lvsdb.
 
-    Parameters
-    ----------
-    gds : Path
-    top : str
-        Its cell, and the name of the netlist.
-    spice : str
-    ports : sequence of str
-        Held to their names.
-    deck : str
-        From ``comparing``.
-    folder : Path
+    ``top`` names cell and netlist, ``ports`` the ports whose names are compared, and ``deck`` is from ``comparing``.
     """
     (folder / "circuit.spi").write_text(spice)
     (folder / "compare.lvs").write_text(deck)

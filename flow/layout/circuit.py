@@ -31,19 +31,12 @@ SPLIT = READ + "splitnets -ports -format _; opt_clean -purge; check -assert -map
 
 @dataclass(frozen=True)
 class Circuit:
-    """A netlist of cells and single-bit wires.
-
-    Attributes
-    ----------
-    top : str
-    inputs, outputs : tuple of str
-    cells : dict of str to tuple
-        By the name of each: which cell it is, and its pins with their wires.
-    """
+    """A netlist of cells and single-bit wires."""
 
     top: str
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    # by instance: kind, and wire of each pin
     cells: dict[str, tuple[str, dict[str, str]]] = field(repr=False)
 
     @classmethod
@@ -81,14 +74,7 @@ class Circuit:
         return "\n".join([*lines, ".end\n"])
 
     def spice(self, cells: Mapping[str, SwitchCell], name: str) -> str:
-        """Return the circuit as a SPICE netlist down to transistors; supply and ground are its first ports.
-
-        Parameters
-        ----------
-        cells : mapping of str to SwitchCell
-        name : str
-            Of the circuit there: that of the layout's top cell.
-        """
+        """Return the SPICE netlist ``name`` down to transistors; supply and ground are its first ports."""
         lines = [f"* {name}", *(cells[kind].text for kind in sorted(self.kinds))]
         lines.append(f".subckt {name} {SUPPLY} {GROUND} {' '.join(self.ports)}")
         for instance, (kind, pins) in self.cells.items():
@@ -113,13 +99,7 @@ def circuit_of(made: synthesis.Netlist) -> Circuit:
 
 
 def of_json(design: Mapping[str, Any], top: str) -> Circuit:
-    """Return the circuit for a JSON netlist from Yosys.
-
-    Raises
-    ------
-    InputError
-        If an output or a pin is at a constant level: no checked cell makes one.
-    """
+    """Return the circuit for a JSON netlist from Yosys."""
     module = design["modules"][top]
     ports = {name: port["direction"] for name, port in module["ports"].items()}
     names = {port["bits"][0]: name for name, port in module["ports"].items()}

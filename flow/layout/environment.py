@@ -31,13 +31,7 @@ def python() -> Path:
 
 
 def check() -> None:
-    """Check that all layout tools are installed.
-
-    Raises
-    ------
-    InputError
-        If the packages or KLayout are not installed.
-    """
+    """Check that all layout tools are installed."""
     if not (VENV / ".installed").is_file():
         raise InputError(NO_PACKAGES)
     if shutil.which("klayout") is None:
@@ -47,25 +41,13 @@ def check() -> None:
 
 
 def run(program: str, *words: str, folder: Path) -> None:
-    """Run a program of this package in a working folder, and write its log there.
-
-    Raises
-    ------
-    Crashed
-        If it ends with another code than 0.
-    """
+    """Run a program of this package in a working folder, and write its log there."""
     # The same bytes every time: the generator walks through sets, whose order follows from the seed.
     _call([str(python()), "-sP", str(PROGRAMS / f"{program}.py"), *words], folder, program, {"PYTHONHASHSEED": "0"})
 
 
 def klayout(deck: Path, variables: Mapping[str, str], folder: Path) -> None:
-    """Run a KLayout script in batch mode.
-
-    Raises
-    ------
-    Crashed
-        If it ends with another code than 0.
-    """
+    """Run a KLayout script in batch mode."""
     home = {"QT_QPA_PLATFORM": "offscreen", "KLAYOUT_HOME": str((folder / "klayout").resolve())}
     _call(["klayout", "-zz", "-r", str(deck.resolve())], folder, deck.stem, home | dict(variables))
 

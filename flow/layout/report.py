@@ -20,81 +20,41 @@ MOST_APART_NS = 0.1
 
 @dataclass(frozen=True)
 class Try:
-    """Result of one routing attempt with a given area margin.
-
-    Attributes
-    ----------
-    margin : float
-    problem : str
-        Why it does not do; empty where it does.
-    width_um, height_um : float
-    rules : Rules or None
-        Where all wires were laid.
-    """
+    """Result of one routing attempt with a given area margin."""
 
     margin: float
-    problem: str
+    problem: str  # reason why the layout is rejected; empty if accepted
     width_um: float = 0.0
     height_um: float = 0.0
-    rules: Rules | None = None
+    rules: Rules | None = None  # None if a wire is open
 
 
 @dataclass(frozen=True)
 class Macro:
-    """Check results of the LEF abstract and the timing model of a layout.
+    """Check results of the LEF abstract and the timing model of a layout."""
 
-    Attributes
-    ----------
-    pins : int
-        Of the abstract, read back by KLayout.
-    differ : tuple of str
-        Differences between the abstract and the layout.
-    period_ns : float
-        Shortest clock period between flops of the layout, by OpenSTA with estimated wires.
-    difference_ns : float
-        Largest difference between times of the model and of the netlist.
-    """
-
-    pins: int
-    differ: tuple[str, ...]
-    period_ns: float
-    difference_ns: float
+    pins: int  # of the abstract, read back by KLayout
+    differ: tuple[str, ...]  # differences between the abstract and the layout
+    period_ns: float  # shortest clock period between flops of the layout, by OpenSTA with estimated wires
+    difference_ns: float  # largest difference between times of the model and of the netlist
 
 
 @dataclass(frozen=True)
 class Report:
-    """A layout and its check results.
-
-    Attributes
-    ----------
-    name : str
-    config : ReadoutConfig
-    checked : int
-        Cells held to their transistors.
-    circuit : Circuit
-    cell_area_um2 : float
-    proved, of : int
-        Compare points (flops and bits of outputs) that are proved equal to the RTL, and all compare points.
-    tries : tuple of Try
-        The last is the layout.
-    comparison : Comparison or None
-        None where it was left out, or there was nothing to compare.
-    seconds : dict of str to float
-    macro : Macro or None
-        None where no layout was made.
-    """
+    """A layout and its check results."""
 
     name: str
     config: ReadoutConfig
-    checked: int
+    checked: int  # cells that were compared with their transistors
     circuit: Circuit = field(repr=False)
     cell_area_um2: float
+    # proved, of: compare points (flops and bits of outputs) that are proved equal to the RTL, and all compare points
     proved: int
     of: int
-    tries: tuple[Try, ...]
-    comparison: Comparison | None
+    tries: tuple[Try, ...]  # the last attempt is the layout
+    comparison: Comparison | None  # None without a comparison
     seconds: dict[str, float]
-    macro: Macro | None = None
+    macro: Macro | None = None  # None without a layout
 
     @property
     def problems(self) -> list[str]:
@@ -130,7 +90,7 @@ class Report:
 
     def to_dict(self, command: str) -> dict[str, Any]:
         """Return the report as a dictionary."""
-        last, compared = self.tries[-1], self.comparison
+        last = self.tries[-1]
         area = last.width_um * last.height_um
         return {
             "name": self.name,
@@ -149,15 +109,8 @@ class Report:
             "utilisation": round(self.cell_area_um2 / area, 3) if area else None,
             "equivalence": {"proved": self.proved, "of": self.of},
             "margins": [{"margin": one.margin, "problem": one.problem} for one in self.tries],
-            "rules": last.rules and {"checked": last.rules.checked, "violations": list(last.rules.violations)},
-            "comparison": compared
-            and {
-                "equal": compared.equal,
-                "nets": compared.nets,
-                "transistors": compared.devices,
-                "ports": compared.ports,
-                "differ": list(compared.differ),
-            },
+            "rules": last.rules and asdict(last.rules),
+            "comparison": self.comparison and asdict(self.comparison),
             "macro": self.macro and asdict(self.macro),
             "problems": self.problems,
             "seconds": self.seconds,

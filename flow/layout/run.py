@@ -30,27 +30,7 @@ MARGINS = (0.35, 0.3, 0.4, 0.45, 0.5, 0.6, 0.75)
 
 
 def run(config: ReadoutConfig, name: str, out: Path, compare: bool, on_stage: Callable[[str], None]) -> Report:
-    """Return the report of a layout; files are written to OUT/NAME.
-
-    Parameters
-    ----------
-    config : ReadoutConfig
-    name : str
-        Of the run; one is made of the configuration where it is empty.
-    out : Path
-        Folder of the run's folder.
-    compare : bool
-        Whether the netlist in the layout is compared with the cells'.
-    on_stage : callable
-        Called with what begins.
-
-    Raises
-    ------
-    InputError
-        If a tool is missing or the readout is none for these cells.
-    WrongCell
-        If the function of a cell is not its transistors'.
-    """
+    """Write a layout to OUT/NAME and return its report; an empty name follows from the configuration."""
     if config.reset != "sync":
         raise InputError(f"reset must be sync, not {config.reset!r}: the flip-flop of the layout's cells has no reset")
     environment.check()
@@ -68,7 +48,7 @@ def run(config: ReadoutConfig, name: str, out: Path, compare: bool, on_stage: Ca
     layout = Layout(made, area, library, known, stages)
     tries, placed = layout.route()
     on_stage(f"margin {tries[-1].margin:.2f}: {tries[-1].problem or 'routed, no violation'}")
-    comparison = layout.compare(placed) if compare and not tries[-1].problem else None
+    comparison = layout.compare(placed) if compare and placed and not tries[-1].problem else None
     macro = None
     if placed:
         _deliver(placed, f"{made.top}_r", folder, stages)
@@ -106,22 +86,11 @@ def _netlist(config: ReadoutConfig, liberty: str, stages: Stages) -> tuple[Circu
 
 @dataclass(frozen=True)
 class Layout:
-    """A circuit and the stages of its layout.
-
-    Attributes
-    ----------
-    circuit : Circuit
-    area_um2 : float
-        Of its cells.
-    library : Path
-        Folder with cells, technology and decks.
-    known : dict of str to transistors.SwitchCell
-    stages : Stages
-    """
+    """A circuit and the stages of its layout."""
 
     circuit: Circuit
-    area_um2: float
-    library: Path
+    area_um2: float  # area of the cells
+    library: Path  # folder with cells, technology and decks
     known: dict[str, transistors.SwitchCell]
     stages: Stages
 
@@ -173,10 +142,8 @@ class Layout:
         problem = f"{len(rules.violations)} violations, {rules.violations[0]}" if rules.violations else ""
         return Try(margin, problem, said["width_um"], said["height_um"], rules)
 
-    def compare(self, placed: Path | None) -> Comparison | None:
+    def compare(self, placed: Path) -> Comparison:
         """Return the comparison of the layout with the circuit."""
-        if placed is None:
-            return None
         gds, text = placed / f"{self.top}.gds", self.circuit.spice(self.known, self.top)
         deck = checks.comparing((self.library / "lvs.lvs").read_text())
         ports = [transistors.SUPPLY, transistors.GROUND, *self.circuit.read_ports]
@@ -188,16 +155,7 @@ class Layout:
         return checks.read_comparison(done / "counts.json")
 
     def macro(self, placed: Path, liberty: str, folder: Path) -> Macro:
-        """Write the LEF abstract and the timing model of the layout, and return their check results.
-
-        Parameters
-        ----------
-        placed : Path
-        liberty : str
-            Functions and areas of the cells.
-        folder : Path
-            Gets readout.lef and readout.lib.
-        """
+        """Write readout.lef and readout.lib of the layout into a folder, and return their check results."""
         abstract = self._abstract(placed)
         block, known = self._block(placed), self._characterised(liberty)
 

@@ -14,20 +14,7 @@ from eskin.base.files import make_folder
 
 
 class Stages:
-    """Folders of the stages of a run.
-
-    Parameters
-    ----------
-    folder : Path
-        Where they lie, made if need be.
-    on_stage : callable
-        Called with what begins, or was kept.
-
-    Attributes
-    ----------
-    seconds : dict of str to float
-        Processor time of each stage when it was run, kept ones too.
-    """
+    """Folders of the stages of a run; ``seconds`` has the processor time of each stage, also of cached stages."""
 
     def __init__(self, folder: Path, on_stage: Callable[[str], None]) -> None:
         self.folder = folder
@@ -37,16 +24,7 @@ class Stages:
     def made(self, stage: str, inputs: tuple[str, ...], make: Callable[[Path], None]) -> Path:
         """Return the folder of a stage; call ``make`` unless the folder is cached for these inputs.
 
-        It takes its name when it is whole: an interrupted stage begins anew. Those of the same stage with other inputs
-        are removed.
-
-        Parameters
-        ----------
-        stage : str
-            Plain name.
-        inputs : tuple of str
-            All that its content depends on.
-        make : callable
+        The folder gets its name when complete: an interrupted stage begins anew. Folders of other inputs are removed.
         """
         digest = hashlib.sha256(json.dumps(inputs).encode()).hexdigest()[:12]
         whole = self.folder / f"{stage}-{digest}"

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+
+import numpy as np
+
+from eskin.flow.liberty.boolean import evaluate
 
 SUPPLY, GROUND = "vdd", "vss"
 UNKNOWN = None
@@ -14,23 +18,13 @@ Level = bool | None
 
 @dataclass(frozen=True)
 class SwitchCell:
-    """A cell as a list of transistors.
-
-    Attributes
-    ----------
-    name : str
-    ports : tuple of str
-        In the order of its SPICE line, supply and ground among them.
-    switches : tuple of tuple
-        Gate, the two nets that it joins, and whether it does so when the gate is high (n-channel).
-    text : str
-        Its SPICE lines.
-    """
+    """A cell as a list of transistors."""
 
     name: str
-    ports: tuple[str, ...]
+    ports: tuple[str, ...]  # in the order of the SPICE line, with supply and ground
+    # gate, the two joined nets, and True if a high gate joins them (n-channel)
     switches: tuple[tuple[str, str, str, bool], ...]
-    text: str
+    text: str  # SPICE lines
 
     @property
     def pins(self) -> tuple[str, ...]:
@@ -39,13 +33,7 @@ class SwitchCell:
 
 
 def read(spice: str) -> dict[str, SwitchCell]:
-    """Return the cells in a SPICE file by name.
-
-    Parameters
-    ----------
-    spice : str
-        ``.subckt`` blocks of MOS transistors ``M... DRAIN GATE SOURCE BULK MODEL``.
-    """
+    """Return the cells in a SPICE file by name: ``.subckt`` blocks of ``M... DRAIN GATE SOURCE BULK MODEL``."""
     cells = {}
     for found in re.finditer(r"^\.subckt (\S+) (.*?)\n(.*?)^\.ends.*?$", spice, re.MULTILINE | re.DOTALL):
         switches = [
@@ -58,17 +46,9 @@ def read(spice: str) -> dict[str, SwitchCell]:
 
 
 def settle(cell: SwitchCell, inputs: Mapping[str, Level], before: Mapping[str, Level]) -> dict[str, Level]:
-    """Return the logic levels of all nets in steady state.
+    """Return the logic levels of all nets in steady state, for levels of driven pins and earlier levels of nets.
 
-    A net joined to neither supply nor ground keeps its level; one that may be joined to both is unknown.
-
-    Parameters
-    ----------
-    cell : SwitchCell
-    inputs : mapping of str to bool or None
-        Levels of pins that are driven from outside.
-    before : mapping of str to bool or None
-        Levels of the nets before; those that are missing are unknown.
+    A net without a path to supply and ground keeps its level; a net with possible paths to both is unknown.
     """
     nets = {net for switch in cell.switches for net in switch[:3]}
     fixed: dict[str, Level] = {SUPPLY: True, GROUND: False, **inputs}
@@ -119,11 +99,11 @@ def table(cell: SwitchCell, inputs: tuple[str, ...], output: str) -> list[Level]
     ]
 
 
-def does(cell: SwitchCell, inputs: tuple[str, ...], output: str, function: Callable[..., bool]) -> bool:
-    """Return True if the transistors of a cell compute a given Boolean function."""
-    return table(cell, inputs, output) == [
-        bool(function(*levels)) for levels in itertools.product((False, True), repeat=len(inputs))
-    ]
+def does(cell: SwitchCell, inputs: tuple[str, ...], output: str, function: str) -> bool:
+    """Return True if the transistors of a cell compute a given function, in Liberty syntax."""
+    levels = np.array(list(itertools.product((False, True), repeat=len(inputs))))
+    values = evaluate(function, dict(zip(inputs, levels.T, strict=True)))
+    return table(cell, inputs, output) == values.tolist()
 
 
 def stores(cell: SwitchCell, data: str, clock: str, output: str) -> bool:

@@ -35,14 +35,7 @@ def literal(text: str) -> str:
 
 
 def evaluate(text: str, values: Mapping[str, Bits]) -> Bits:
-    """Return the value of an expression, bitwise for many bits at once.
-
-    Parameters
-    ----------
-    text : str
-    values : mapping of str to ndarray of bool
-        Of its names; shapes that NumPy can broadcast.
-    """
+    """Return the values of an expression, for values of its names in shapes that NumPy can broadcast."""
     try:
         return _value(expression(text), values)
     except KeyError as name:

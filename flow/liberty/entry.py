@@ -22,20 +22,11 @@ PACKAGE = "liberty-parser is not installed; install it with: pip install -c cons
 
 @dataclass(frozen=True)
 class Entry:
-    """A group of a Liberty file.
-
-    Attributes
-    ----------
-    group : liberty.types.Group
-    path : Path
-        The file.
-    place : str
-        The group as a sentence names it: ``the library``, ``pin A of cell NAND``.
-    """
+    """A group of a Liberty file."""
 
     group: Any
     path: Path
-    place: str
+    place: str  # the group as a sentence names it: ``the library``, ``pin A of cell NAND``
 
     def wrong(self, part: str, what: str) -> InputError:
         """Return an exception about a part of this group."""
@@ -101,13 +92,7 @@ class Entry:
 
 
 def parse(path: Path) -> Entry:
-    """Return the top group of a Liberty file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or is no whole liberty file.
-    """
+    """Return the top group of a Liberty file."""
     try:
         from liberty.parser import parse_liberty
     except ModuleNotFoundError:

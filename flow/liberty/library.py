@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from eskin.base.errors import InputError
-from eskin.flow.liberty import tables
 from eskin.flow.liberty.boolean import literal
 from eskin.flow.liberty.entry import Entry, parse
-from eskin.flow.liberty.tables import EDGES, Arc, Energy, Floats, Scales, Table
+from eskin.flow.liberty.tables import EDGES, Arc, Energy, Floats, Scales, Table, read_table
 
 DIRECTIONS = ("input", "output", "inout", "internal")
 PREFIXES = {"": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "k": 1e3}
@@ -23,78 +22,73 @@ PREFIXES = {"": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "k
 
 @dataclass(frozen=True)
 class Pin:
-    """A pin of a cell.
-
-    Attributes
-    ----------
-    name, direction : str
-    function, three_state : str
-        Expressions of the liberty file: the value of an output, and the condition under which it floats.
-    capacitance_f, load_f : float
-        Capacitance of an input, and the larger capacitance of its two edges.
-    clock : bool
-        Whether the pin is a clock.
-    role : str
-        Role in an integrated clock gate: ``clock``, ``enable``, ``out`` or ``test``.
-    entry : Entry
-    scales : Scales
-    """
+    """A pin of a cell."""
 
     name: str
     direction: str
+    # function, three_state: Liberty expressions of the value of an output, and of the condition to float
     function: str
     three_state: str
+    # capacitance_f, load_f: capacitance of an input, and the larger capacitance of its two edges
     capacitance_f: float
     load_f: float
     clock: bool
-    role: str
+    role: str  # role in an integrated clock gate: ``clock``, ``enable``, ``out`` or ``test``
     entry: Entry = field(repr=False)
     scales: Scales = field(repr=False)
 
     @functools.cached_property
     def energies(self) -> list[Energy]:
         """Internal energies for transitions of this pin."""
-        return tables.energies(self.entry, self.scales)
+        return [
+            Energy(
+                frozenset(group.text("related_pin").split()),
+                group.text("when"),
+                self._by_edge(group, "{}_power", self.scales.energy)
+                or self._by_edge(group, "power", self.scales.energy),
+            )
+            for group in self.entry.all("internal_power")
+        ]
 
     @functools.cached_property
     def arcs(self) -> list[Arc]:
-        """Timing arcs to this pin."""
-        return tables.arcs(self.entry, self.name, self.scales)
+        """Timing arcs to this pin that have a delay or a transition time."""
+        found = []
+        for group in self.entry.all("timing"):
+            tables = [self._by_edge(group, kind, self.scales.time) for kind in ("cell_{}", "{}_transition")]
+            if any(tables):
+                kind, sense = group.text("timing_type"), group.text("timing_sense")
+                found += [Arc(start, self.name, kind, sense, *tables) for start in group.text("related_pin").split()]
+        return found
 
     @functools.cached_property
     def setup(self) -> dict[int, Table]:
-        """Setup times before a rising clock, by edge."""
-        return tables.setup(self.entry, self.scales)
+        """Setup times before the steepest rising clock, by edge and slew."""
+        groups = [group for group in self.entry.all("timing") if group.text("timing_type") == "setup_rising"]
+        return self._by_edge(groups[-1], "{}_constraint", self.scales.time) if groups else {}
+
+    def _by_edge(self, group: Entry, name: str, unit: float) -> dict[int, Table]:
+        """Return the tables of a group for rising and falling edges."""
+        found = {edge: group.all(name.format(word)) for edge, word in EDGES.items()}
+        return {edge: read_table(tables[0], self.scales, unit) for edge, tables in found.items() if tables}
 
 
 @dataclass(frozen=True)
 class Memory:
-    """State of a flip-flop or latch, as Liberty expressions.
-
-    Attributes
-    ----------
-    is_flop : bool
-    state, inverse : str
-        Names of the bit and of its inverse.
-    when, stored : str
-        Clock or enable, and the value that is stored then.
-    clear, preset : str
-        Conditions that reset the bit to 0 and to 1; empty without such a reset.
-    both : str
-        Level while both are active, ``H`` or ``L`` for instance.
-    outputs : dict of str to bool
-        Output pins; True where inverted.
-    """
+    """State of a flip-flop or latch, as Liberty expressions."""
 
     is_flop: bool
+    # state, inverse: names of the bit and of its inverse
     state: str
     inverse: str
+    # when, stored: clock or enable, and the value that is stored then
     when: str
     stored: str
+    # clear, preset: conditions that reset the bit to 0 and to 1; empty without such a reset
     clear: str
     preset: str
-    both: str
-    outputs: dict[str, bool]
+    both: str  # level while both are active, ``H`` or ``L`` for instance
+    outputs: dict[str, bool]  # output pins; True where inverted
 
     @property
     def clock(self) -> str:
@@ -124,33 +118,15 @@ class ClockGate:
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of a library with its pins and functions.
-
-    Attributes
-    ----------
-    name : str
-    area_um2 : float
-    leakage_w : float
-        Leakage in any state.
-    leakage_states : list of (str, float)
-        Conditions, and the leakage under each in watts.
-    pins : dict of str to Pin
-    memory : Memory or None
-        Of a flip-flop or latch, and of a clock gate that is described as one.
-    gate_kind : str
-        Of an integrated clock gate, ``latch_posedge``; empty for other cells.
-    dont_use : bool
-    entry : Entry
-        Group of the liberty file.
-    """
+    """A cell of a library with its pins and functions."""
 
     name: str
     area_um2: float
-    leakage_w: float
-    leakage_states: list[tuple[str, float]]
+    leakage_w: float  # leakage in any state
+    leakage_states: list[tuple[str, float]]  # conditions, and the leakage under each in watts
     pins: dict[str, Pin] = field(repr=False)
-    memory: Memory | None
-    gate_kind: str
+    memory: Memory | None  # of a flip-flop or latch, or of a clock gate that has such a group
+    gate_kind: str  # of an integrated clock gate, ``latch_posedge``; empty for other cells
     dont_use: bool
     entry: Entry = field(repr=False)
 
@@ -241,20 +217,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Library:
-    """A cell library at one corner.
-
-    Attributes
-    ----------
-    path : Path
-    name : str
-        Name in the file.
-    process, voltage_v, temperature_c : float
-        The corner.
-    cells : dict of str to Cell
-    scales : Scales
-    entry : Entry
-        Group of the liberty file.
-    """
+    """A cell library at one corner."""
 
     path: Path
     name: str
@@ -312,13 +275,7 @@ class Library:
 
 
 def read(path: Path) -> Library:
-    """Return the library from a Liberty file, cached within the process.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, has a wrong field, or has no corner, no flip-flop or no logic gate.
-    """
+    """Return the library from a Liberty file, cached within the process."""
     try:
         state = path.stat()
     except OSError as error:

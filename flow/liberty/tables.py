@@ -19,15 +19,9 @@ EDGES = {RISE: "rise", FALL: "fall"}
 
 @dataclass(frozen=True)
 class Table:
-    """Table of up to two variables in SI units, with linear interpolation and extrapolation.
+    """Table of up to two variables in SI units, with linear interpolation and extrapolation."""
 
-    Attributes
-    ----------
-    slew_s, load_f : ndarray, shape (n,) and (m,)
-        Its grid; one point where it does not depend on that variable.
-    values : ndarray, shape (n, m)
-    """
-
+    # slew_s, load_f, values: shapes (n,), (m,) and (n, m); one grid point if the table does not depend on a variable
     slew_s: Floats
     load_f: Floats
     values: Floats
@@ -72,22 +66,14 @@ def _place(grid: Floats, values: Any) -> tuple[Any, Any, Any]:
 
 @dataclass(frozen=True)
 class Scales:
-    """Units and table templates of a library.
+    """Units and table templates of a library."""
 
-    Attributes
-    ----------
-    time, capacitance, leakage, voltage : float
-        Units in s, F, W and V.
-    capacitance_f : float
-        Of an input without a capacitance of its own.
-    templates : dict of str to Entry
-    """
-
+    # time, capacitance, leakage, voltage: units in s, F, W and V
     time: float
     capacitance: float
     leakage: float
     voltage: float
-    capacitance_f: float = 0.0
+    capacitance_f: float = 0.0  # default capacitance of an input
     templates: dict[str, Entry] = field(default_factory=dict, repr=False)
 
     @property
@@ -98,41 +84,23 @@ class Scales:
 
 @dataclass(frozen=True)
 class Energy:
-    """Internal energies of one ``internal_power`` group.
+    """Internal energies of one ``internal_power`` group."""
 
-    Attributes
-    ----------
-    related : frozenset of str
-        Inputs whose change causes that of an output; empty at an input's own group.
-    when : str
-        Condition; empty where it is the one for all other cases.
-    tables : dict of int to Table
-        For ``RISE`` and ``FALL`` of the pin, in joules.
-    """
-
-    related: frozenset[str]
-    when: str
-    tables: dict[int, Table]
+    related: frozenset[str]  # inputs that cause the transition of an output; empty for an input pin
+    when: str  # condition; empty for all other cases
+    tables: dict[int, Table]  # for ``RISE`` and ``FALL`` of the pin, in joules
 
 
 @dataclass(frozen=True)
 class Arc:
-    """Timing arc through a cell.
-
-    Attributes
-    ----------
-    start, end : str
-        Input and output pin.
-    kind, sense : str
-        ``timing_type`` and ``timing_sense``.
-    delay, slew : dict of int to Table
-        Of the edge out, by edge.
-    """
+    """Timing arc through a cell."""
 
     start: str
     end: str
+    # kind, sense: ``timing_type`` and ``timing_sense``
     kind: str
     sense: str
+    # delay, slew: by output edge
     delay: dict[int, Table]
     slew: dict[int, Table]
 
@@ -148,42 +116,7 @@ class Arc:
         return [(into, out) for into in EDGES for out in self.delay if into in self.sources(out)]
 
 
-def energies(pin: Entry, scales: Scales) -> list[Energy]:
-    """Return the internal energies of a pin."""
-    return [
-        Energy(
-            frozenset(group.text("related_pin").split()),
-            group.text("when"),
-            by_edge(group, "{}_power", scales, scales.energy) or by_edge(group, "power", scales, scales.energy),
-        )
-        for group in pin.all("internal_power")
-    ]
-
-
-def arcs(pin: Entry, name: str, scales: Scales) -> list[Arc]:
-    """Return the timing arcs to a pin that have a delay or a transition time."""
-    found = []
-    for group in pin.all("timing"):
-        tables = [by_edge(group, kind, scales, scales.time) for kind in ("cell_{}", "{}_transition")]
-        if any(tables):
-            kind, sense = group.text("timing_type"), group.text("timing_sense")
-            found += [Arc(start, name, kind, sense, *tables) for start in group.text("related_pin").split()]
-    return found
-
-
-def setup(pin: Entry, scales: Scales) -> dict[int, Table]:
-    """Return the setup times of a pin by edge and slew, for the steepest clock edge."""
-    groups = [group for group in pin.all("timing") if group.text("timing_type") == "setup_rising"]
-    return by_edge(groups[-1], "{}_constraint", scales, scales.time) if groups else {}
-
-
-def by_edge(group: Entry, name: str, scales: Scales, unit: float) -> dict[int, Table]:
-    """Return the tables of a group for rising and falling edges."""
-    found = {edge: group.all(name.format(word)) for edge, word in EDGES.items()}
-    return {edge: _table(tables[0], scales, unit) for edge, tables in found.items() if tables}
-
-
-def _table(group: Entry, scales: Scales, unit: float) -> Table:
+def read_table(group: Entry, scales: Scales, unit: float) -> Table:
     """Return the table of a group, with its variables in standard order."""
     values = group.numbers("values")
     template = scales.templates.get(group.names(1)[0]) if group.group.args else None

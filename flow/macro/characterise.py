@@ -63,20 +63,11 @@ UNITS = """  delay_model : table_lookup; time_unit : "1ns"; voltage_unit : "1V";
 
 @dataclass(frozen=True)
 class Arc:
-    """Measured delays and transitions from an input to an output.
-
-    Attributes
-    ----------
-    start : str
-    kind : str
-        ``positive_unate``, ``negative_unate`` or ``rising_edge``.
-    tables : dict of str to ndarray, shape (slews, loads)
-        In ns, by the names that Liberty gives them.
-    """
+    """Measured delays and transitions from an input to an output."""
 
     start: str
-    kind: str
-    tables: dict[str, np.ndarray]
+    kind: str  # ``positive_unate``, ``negative_unate`` or ``rising_edge``
+    tables: dict[str, np.ndarray]  # in ns, by Liberty name; shape (slews, loads)
 
 
 def check_program() -> None:
@@ -100,10 +91,7 @@ def table(name: str, template: str, rows: np.ndarray) -> str:
 
 
 def trimmed(models: str, cells: str) -> str:
-    """Return those of many SPICE models that the transistors of some cells can use, by name and length.
-
-    ngspice takes seconds to read all 600 models.
-    """
+    """Return the SPICE models that given cells can use, because ngspice takes seconds to read all 600 models."""
     used = {(name, float(length)) for name, length in re.findall(r" (\S+) l=(\S+)", cells)}
     kept = []
     for block in re.split(r"^(?=\.model )", models, flags=re.MULTILINE):
@@ -114,13 +102,7 @@ def trimmed(models: str, cells: str) -> str:
 
 
 def simulate(deck: str, folder: Path) -> dict[str, float]:
-    """Return the measurements of an ngspice deck; those that ngspice could not take are missing.
-
-    Raises
-    ------
-    RuntimeError
-        If ngspice fails.
-    """
+    """Return the measurements of an ngspice deck; those that ngspice could not take are missing."""
     (folder / "deck.sp").write_text(deck + f".tran 10p {END_NS}n 0 100p\n.end\n")
     done = subprocess.run(["ngspice", "-b", "deck.sp"], cwd=folder, capture_output=True, text=True, check=False)
     found = {name: float(value) for name, value in MEASURED.findall(done.stdout) if value != "failed"}
@@ -132,13 +114,7 @@ def simulate(deck: str, folder: Path) -> dict[str, float]:
 def wave(name: str, edges: Sequence[tuple[float, float]], slew_ns: float) -> str:
     """Return a voltage source of a node.
 
-    Parameters
-    ----------
-    name : str
-        Of the node.
-    edges : sequence of (float, float)
-        Time of the middle of each edge in ns, and the level after it as a share of the supply; the first is the start.
-    slew_ns : float
+    ``edges``: middle of each edge in ns, and level after it as a share of the supply; the first entry is the start.
     """
     half = slew_ns / 0.6 / 2
     level = edges[0][1] * SUPPLY_V
@@ -176,17 +152,7 @@ def conditions(cell: Cell, pin: str, output: str) -> Iterator[tuple[dict[str, bo
 
 
 class Characteriser:
-    """Simulations of the cells of a SPICE file.
-
-    Parameters
-    ----------
-    spice : Path
-        Subcircuits of the cells; ``vdd`` and ``vss`` are their supplies.
-    models : Path
-        SPICE models of the transistors.
-    folder : Path
-        Of the decks.
-    """
+    """Simulations of the cells of a SPICE file (supplies ``vdd`` and ``vss``) with models of their transistors."""
 
     def __init__(self, spice: Path, models: Path, folder: Path) -> None:
         self.folder = folder

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from eskin.base.pages import templates
 from eskin.flow import opensta
 from eskin.flow.liberty.library import Library
 from eskin.flow.macro.characterise import LOADS_PF, SLEWS_NS, table, units
@@ -20,13 +19,6 @@ WIRES = {"m1": (0.32, 25.7784e-6, 40.567e-6), "m2": (0.37, 16.9423e-6, 37.759e-6
 """Width of the routed wires in um, capacitance in pF per um2 and of each edge in pF per um: widths of the placement,
 capacitances of SkyWater's LEF file of the routing layers. Coupling to neighbours is not in them."""
 
-SPEF = """*SPEF "IEEE 1481-1998"
-*DESIGN "" *DATE "" *VENDOR "" *PROGRAM "" *VERSION "" *DESIGN_FLOW ""
-*DIVIDER / *DELIMITER : *BUS_DELIMITER [ ]
-*T_UNIT 1 NS *C_UNIT 1 PF *R_UNIT 1 OHM *L_UNIT 1 HENRY
-"""
-
-TEMPLATES = templates(Path(__file__).parents[1] / "templates")
 SAID = re.compile(r"^(\w+) (\S+) (\S+) (\S+) <<(.*?)>>$", re.MULTILINE | re.DOTALL)
 NUMBER = r"(-?[\d.]+)"
 TIMES = re.compile(rf"(?:r|\^) {NUMBER}:{NUMBER} (?:f|v) {NUMBER}:{NUMBER}")
@@ -38,25 +30,15 @@ class NoModel(RuntimeError):
 
 @dataclass(frozen=True)
 class Block:
-    """A placed block.
-
-    Attributes
-    ----------
-    name : str
-    inputs, outputs : tuple of str
-        Ports; ``clk`` is among the inputs.
-    cells : dict of str to tuple
-        By the name of each: which cell it is, and its pins with their wires.
-    wires_pf : dict of str to float
-        Wire capacitance of each net.
-    width_um, height_um : float
-    """
+    """A placed block."""
 
     name: str
+    # inputs, outputs: ports; ``clk`` is among the inputs
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    # by instance: kind, and wire of each pin
     cells: Mapping[str, tuple[str, Mapping[str, str]]]
-    wires_pf: Mapping[str, float]
+    wires_pf: Mapping[str, float]  # wire capacitance of each net
     width_um: float
     height_um: float
 
@@ -84,18 +66,14 @@ class Block:
 
     def spef(self, library: Library) -> str:
         """Return the wire capacitances in SPEF format, without resistances."""
-        lines = [SPEF]
+        nets = []
         for net, ends in self.ends(library).items():
-            wire_pf = self.wires_pf.get(net, 0.0)
-            port = [f"*P {net} {'I' if net in self.inputs else 'O'}"] if net in self.inputs + self.outputs else []
-            pins = [
-                f"*I {name}:{pin} {'O' if pin in library.cells[self.cells[name][0]].outputs else 'I'}"
-                for name, pin in ends
-            ]
-            nodes = [one.split()[1] for one in (port + pins if net in self.inputs else pins + port)]
-            lines += [f"*D_NET {net} {wire_pf:.6g}", "*CONN", *port, *pins, "*CAP", f"1 {nodes[0]} {wire_pf:.6g}"]
-            lines += ["*RES", *(f"{i} {nodes[0]} {node} 0.001" for i, node in enumerate(nodes[1:], 1)), "*END"]
-        return "\n".join([*lines, ""])
+            driven = [(name, pin, pin in library.cells[self.cells[name][0]].outputs) for name, pin in ends]
+            pins = [f"*I {name}:{pin} {'O' if drives else 'I'}" for name, pin, drives in driven]
+            before = [f"*P {net} I"] if net in self.inputs else []
+            behind = [f"*P {net} O"] if net in self.outputs else []
+            nets.append((net, self.wires_pf.get(net, 0.0), before + pins + behind))
+        return opensta.spef(nets)
 
     def unstored(self, library: Library) -> list[tuple[str, str]]:
         """Return the pairs of input and output that a path without a flop connects."""
@@ -134,16 +112,8 @@ def wires_pf(routing: str) -> dict[str, float]:
 
 
 def _ask(script: str, files: Mapping[str, str], folder: Path) -> dict[tuple[str, float, float, str], tuple[float, ...]]:
-    """Return the times that an OpenSTA script reports: by kind, two numbers and port, rise and fall of min and max.
-
-    Raises
-    ------
-    RuntimeError
-        If OpenSTA reports an error or no times.
-    """
-    for name, text in files.items():
-        (folder / name).write_text(text)
-    said, _ = opensta.run(script, folder)
+    """Return the times that an OpenSTA script reports: by kind, two numbers and port, rise and fall of min and max."""
+    said, _ = opensta.run(script, folder, files)
     (folder / "opensta.log").write_text(said)
     wrong = [line for line in said.splitlines() if re.search(r"\b(Error|Warning)\b", line)]
     found = {}
@@ -162,29 +132,13 @@ def _load(library: str, netlist: str, top: str) -> str:
 
 
 def _clocked(block: Block) -> str:
-    return TEMPLATES.get_template("clocked.tcl").render(
+    return opensta.TEMPLATES.get_template("clocked.tcl").render(
         period=PERIOD_NS, inputs=" ".join(block.data), outputs=" ".join(block.outputs)
     )
 
 
 def liberty(block: Block, library: Library, folder: Path) -> tuple[str, float]:
-    """Return the timing model of a block as Liberty text, and its shortest clock period in ns between its own flops.
-
-    Parameters
-    ----------
-    block : Block
-    library : Library
-        Of its cells, from ``Characteriser.library``.
-    folder : Path
-        Of the script and of OpenSTA's log.
-
-    Raises
-    ------
-    NoModel
-        If a path leads from an input to an output without a flop.
-    RuntimeError
-        If OpenSTA fails.
-    """
+    """Return the timing model of a block as Liberty text, and its shortest clock period in ns between its own flops."""
     if paths := block.unstored(library):
         raise NoModel(f"a path without a flop leads from {paths[0][0]} to {paths[0][1]}; the model has no such arc")
     script = [_load(library="cells.lib", netlist="netlist.v", top=block.name), "read_spef wires.spef"]
@@ -238,11 +192,6 @@ def check(text: str, block: Block, library: Library, folder: Path) -> float:
     """Return the largest difference in ns between the times of a model and of the netlist, both from OpenSTA.
 
     The model is an instance in another netlist. Slews and loads lie between those of the tables.
-
-    Raises
-    ------
-    RuntimeError
-        If a time of the model is missing, or OpenSTA cannot link the model.
     """
     ports = ", ".join(f".{name}({name})" for name in block.inputs + block.outputs)
     ways = [f"input {name}" for name in block.inputs] + [f"output {name}" for name in block.outputs]

@@ -30,17 +30,11 @@ class Variable(NamedTuple):
 
 @dataclass(frozen=True)
 class Activity:
-    """Sampled values of nets over a range of clocks.
-
-    Attributes
-    ----------
-    clocks : int
-    values : dict of str to ndarray of bool, shape (1 + 2 * parts * clocks,)
-        Before the first edge and after every one, or at ``parts`` times in every half of a clock; a net that never
-        changes has a shape of one.
-    """
+    """Sampled values of nets over a range of clocks."""
 
     clocks: int
+    # shape (1 + 2 * parts * clocks,): before the first edge and after every edge, or at ``parts`` times in every half
+    # of a clock; shape (1,) for a net that never changes
     values: dict[str, NDArray[np.bool_]]
 
     @functools.cached_property
@@ -60,23 +54,12 @@ class Activity:
 def read_dump(path: Path, lead: int, clocks: int, nets: Iterable[str], parts: int = 1) -> Activity:
     """Return the activity of nets in a window of a VCD file.
 
-    Parameters
-    ----------
-    path : Path
-        Dump of one module, written by Icarus; a net of several bits is dumped as a word.
-    lead : int
-        Time from the beginning of the dump to the first rising edge of the window.
-    clocks : int
-        Length of the window.
-    nets : iterable of str
-        Their names, ``n12`` or ``sample[3]``.
-    parts : int
-        Times in every half of a clock; with more than one the dump is in units of a part, else of 1 ns.
-
-    Raises
-    ------
-    InputError
-        If a net is unknown in the window, or missing in the dump.
+    ``path``: dump of one module, written by Icarus; a net of several bits is dumped as a word.
+    ``lead``: time from the beginning of the dump to the first rising edge of the window.
+    ``clocks``: length of the window.
+    ``nets``: names such as ``n12`` or ``sample[3]``.
+    ``parts``: samples in every half of a clock; above 1 the dump has units of a part, else of 1 ns.
+    Raises InputError if a net is unknown in the window, or missing in the dump.
     """
     variables, times, changes = _changes(path)
     unit = HALF_NS if parts == 1 else 1

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from eskin.base.pages import templates
 from eskin.cocotb_tests.bench.textures import scan
 from eskin.flow.asic.synthesis import cells_of
 from eskin.flow.gatesim import icarus
@@ -43,21 +42,11 @@ MOST_APART = 0.1
 """Largest difference of the two methods, as a part of the energy: in IHP cells they differ by up to 8 %."""
 
 
-def inputs_of(network: IntegerNetwork) -> list[int]:
-    """Return the words of the input weights' memory."""
-    return row_image(network.config, network.w_in, network.config.in_bits, network.config.input_words)
-
-
-def recurrent_of(network: IntegerNetwork) -> list[int]:
-    """Return the words of the recurrent weights' memory."""
-    return row_image(network.config, network.w_rec, network.config.rec_bits, network.config.recurrent_words)
-
-
 MEMORIES: dict[
     str, tuple[type[InputMemory | RecurrentMemory | NeuronMemory], Callable[[IntegerNetwork], list[int]]]
 ] = {
-    "inputs": (InputMemory, inputs_of),
-    "recurrent": (RecurrentMemory, recurrent_of),
+    "inputs": (InputMemory, lambda n: row_image(n.config, n.w_in, n.config.in_bits, n.config.input_words)),
+    "recurrent": (RecurrentMemory, lambda n: row_image(n.config, n.w_rec, n.config.rec_bits, n.config.recurrent_words)),
     "neurons": (NeuronMemory, neuron_image),
 }
 """Memories of a classifier by the name of their instance, and the words that they hold."""
@@ -66,8 +55,6 @@ POTENTIALS = (
     "read_rtlil readout.il; hierarchy -check -top {top}; proc; memory_map {flops}; opt_clean; write_json a.json"
 )
 """The potentials of a lane become flops."""
-
-TEMPLATES = templates(Path(__file__).parents[1] / "templates")
 
 
 @dataclass(frozen=True)
@@ -107,13 +94,7 @@ def play(
     dumped: Window,
     folder: Path,
 ) -> tuple[Path, ClassifierRun]:
-    """Play events into a netlist, hold clocks and evidence to the golden model; return dump and the model's run.
-
-    Raises
-    ------
-    Mismatch
-        If netlist and model differ.
-    """
+    """Play events into a netlist, compare it with the golden model; return dump and the run of the model."""
     config = network.config
     width = config.clocks_per_bin
     memories = {name: (image(network), memory(config).bits) for name, (memory, image) in MEMORIES.items()}
@@ -135,7 +116,7 @@ def play(
         for port in netlist.ports
     ]
     first_edge = 2 * HALF_NS * (dumped.start + 1)
-    bench = TEMPLATES.get_template("classifier.v").render(
+    bench = icarus.TEMPLATES.get_template("classifier.v").render(
         events=len(offered),
         memories=memories,
         wires=wires,
@@ -173,13 +154,6 @@ def measure(chip: ChipConfig, network: IntegerNetwork, library: Library) -> dict
     """Return energies of a classifier's logic, without wires and memories, as JSON content.
 
     An embedded texture slides over the array; its events go through the classifier for ``BINS`` bins.
-
-    Raises
-    ------
-    Mismatch
-        If the netlist does not do what the model does.
-    Disagreement
-        If the two ways of computing power lie too far apart.
     """
     config = chip.classifier
     width = config.clocks_per_bin

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from eskin.base.pages import templates
 from eskin.cocotb_tests.bench.readout import EventMonitor, StimulusDriver
 from eskin.cocotb_tests.runner.simulator import HARNESS, shape
 from eskin.flow.gatesim import icarus
@@ -15,18 +14,9 @@ from eskin.flow.power.scenarios import Scenario
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.compare import first_difference
 
-TEMPLATES = templates(Path(__file__).parents[1] / "templates")
-
 
 class Mismatch(Exception):  # the outcome that is looked for, not a defect of the program
-    """Raised if a netlist differs from the model.
-
-    Parameters
-    ----------
-    text : str
-    netlist, model : int
-        Events of both.
-    """
+    """Raised if a netlist differs from the model; has the numbers of events of both."""
 
     def __init__(self, text: str, netlist: int = 0, model: int = 0) -> None:
         super().__init__(text)
@@ -36,29 +26,11 @@ class Mismatch(Exception):  # the outcome that is looked for, not a defect of th
 def play(
     scenario: Scenario, config: ReadoutConfig, netlist: FlatNetlist, cells: str, folder: Path, parts: int = 1
 ) -> tuple[Activity, int]:
-    """Simulate a scenario; return the net activity and the number of events in its window.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    config : ReadoutConfig
-    netlist : FlatNetlist
-    cells : str
-        Verilog of its cells.
-    folder : Path
-        Where the simulation runs.
-    parts : int
-        Times in every half of a clock at which the nets are looked at, see ``read_dump``.
-
-    Raises
-    ------
-    Mismatch
-        If the netlist sends other events than the model, or none where some are due.
-    """
+    """Simulate a scenario; return net activity and number of events in its window; ``parts`` as in ``read_dump``."""
     # Clock 0 ends at the edge 8 ns after `running` rises; the dump begins with the falling edge before its window.
     first_edge = 2 * HALF_NS * (scenario.start + 1)
     macros, parameters = shape(config)
-    player = TEMPLATES.get_template("player.v").render(
+    player = icarus.TEMPLATES.get_template("player.v").render(
         parameters=", ".join(f".{name}({value})" for name, value in parameters.items()),
         before=first_edge - HALF_NS - 1,
         inside=2 * HALF_NS * scenario.clocks + 6,

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from eskin.base.pages import templates
 from eskin.flow.gatesim import icarus
 from eskin.flow.gatesim.flat_netlist import FlatNetlist
 from eskin.flow.power.activity import DUMP, HALF_NS, Activity, read_dump
@@ -16,19 +15,12 @@ from eskin.model.frame import FrameModel, Inputs, Outputs
 from eskin.model.frame_config import FrameConfig
 from eskin.model.frame_words import adc_code
 
-TEMPLATES = templates(Path(__file__).parents[1] / "templates")
 FRAMES = 2
 IDLE_CLOCKS = 400
 
 
 def play(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path) -> dict[str, tuple[Activity, int]]:
-    """Return the net activity of the frame readout, idle and active, with the number of samples.
-
-    Raises
-    ------
-    Mismatch
-        If an output differs from the model's.
-    """
+    """Return the net activity of the frame readout, idle and active, with the number of samples."""
     frames = FRAMES * config.clocks_per_frame
     return {
         IDLE: (_run(config, netlist, cells, folder, 0, IDLE_CLOCKS), 0),
@@ -75,7 +67,7 @@ def _bench(netlist: FlatNetlist, clocks: int, widths: dict[str, int]) -> str:
     """Return a testbench that applies the inputs and counts clocks with a wrong output."""
     given = [name for name in Inputs._fields if name in widths]
     seen = [name for name in Outputs._fields if name in widths]
-    return TEMPLATES.get_template("frames.v").render(
+    return icarus.TEMPLATES.get_template("frames.v").render(
         given=given,
         seen=seen,
         widths=widths,

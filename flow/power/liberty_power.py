@@ -20,35 +20,19 @@ INPUT_SLEW_S = 0.1e-9
 
 @dataclass(frozen=True)
 class CellActivity:
-    """Activity of a cell, independent of its loads.
+    """Activity of a cell, independent of its loads."""
 
-    Attributes
-    ----------
-    leakage_w : float
-        Mean over its states.
-    spent : list of (str, int, Energy, float)
-        Pin, edge of it, energy of the library, and how often that was spent.
-    """
-
-    leakage_w: float
-    spent: list[tuple[str, int, Energy, float]]
+    leakage_w: float  # mean over the recorded states
+    spent: list[tuple[str, int, Energy, float]]  # pin, edge, energy of the library, and number of times
 
 
 @dataclass
 class LibertyPower:
-    """Power model of a netlist with loads and slews.
-
-    Attributes
-    ----------
-    netlist : FlatNetlist
-    library : Library
-    wires_f : dict of str to float
-        Capacitance of the wire of every net.
-    """
+    """Power model of a netlist with loads and slews."""
 
     netlist: FlatNetlist
     library: Library
-    wires_f: dict[str, float]
+    wires_f: dict[str, float]  # wire capacitance of every net
     kinds: dict[str, Kind] = field(init=False)
     load_f: dict[str, float] = field(init=False)
     slew_s: dict[str, dict[int, float]] = field(init=False)
@@ -63,14 +47,12 @@ class LibertyPower:
                     self.load_f[cell.pins[pin]] = self.load_f.get(cell.pins[pin], 0.0) + more
         self.slew_s = self._slews()
 
-    # -- slews -----------------------------------------------------------------------------------
-
     def _slews(self) -> dict[str, dict[int, float]]:
         """Return rise and fall times of every net, the longest over all timing arcs."""
-        driver = {net: cell for cell in self.netlist.cells for net in self._driven(cell)}
+        driver = {net: cell for cell in self.netlist.cells for net in self._outputs(cell).values()}
         before = {}
         for cell in self.netlist.cells:
-            arcs = self._arcs(cell)
+            arcs = [arc for pin in self._outputs(cell) for arc in self._into(cell, pin)]
             kind = self.kinds[cell.kind]
             is_latch = kind.memory and not kind.memory.is_flop  # a latch ends a path
             related = {arc.start for arc in arcs if not is_latch or arc.start in kind.clock_pins}
@@ -93,35 +75,19 @@ class LibertyPower:
                     found[edge] = max(found[edge], table.at(given.get(source, INPUT_SLEW_S), load))
         return found
 
-    def _arcs(self, cell: Cell) -> list[Arc]:
-        return [arc for pin in self._outputs(cell) for arc in self._into(cell, pin)]
-
     def _into(self, cell: Cell, pin: str) -> list[Arc]:
         return [arc for arc in self.kinds[cell.kind].pins[pin].arcs if arc.slew]
 
     def _outputs(self, cell: Cell) -> dict[str, str]:
         return {pin: cell.pins[pin] for pin in self.kinds[cell.kind].outputs if pin in cell.pins}
 
-    def _driven(self, cell: Cell) -> list[str]:
-        return list(self._outputs(cell).values())
-
     def _slew_of(self, cell: Cell, pin: str, edge: int) -> float:
         return self.slew_s.get(cell.pins.get(pin, ""), {}).get(edge, INPUT_SLEW_S)
-
-    # -- power -----------------------------------------------------------------------------------
 
     def power_w(
         self, activity: Activity, clock_hz: float, uses: dict[str, CellActivity] | None = None
     ) -> dict[str, tuple[float, float, float]]:
-        """Return internal, switching and leakage power of every cell in watts.
-
-        Parameters
-        ----------
-        activity : Activity
-        clock_hz : float
-        uses : dict of str to CellActivity
-            What this netlist does in that activity, where it is known already: it takes half the time.
-        """
+        """Return internal, switching and leakage power of every cell in watts; known ``uses`` save half the time."""
         known = self.uses(activity) if uses is None else uses
         return {cell.name: self._power(cell, activity, clock_hz, known[cell.name]) for cell in self.netlist.cells}
 

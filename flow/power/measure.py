@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
-from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from eskin.flow.gatesim.flat_netlist import FlatNetlist, flatten
 from eskin.flow.gatesim.models import models
@@ -17,16 +19,17 @@ from eskin.flow.power.event_bench import play
 from eskin.flow.power.liberty_power import CellActivity, LibertyPower
 from eskin.flow.power.opensta_power import OpenstaPower
 from eskin.flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, TEXTURE, closing_ticks, scenarios
-from eskin.flow.power.wires import Wires, block_of
+from eskin.flow.wire import FARAD_PER_UM, WITHIN_UM
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 
 MOST_APART = 0.05
-"""How far the two ways may lie apart, of the power of all cells."""
-
+"""Largest difference of the two methods, as a part of the power of all cells."""
 
 APART = "apart"
 """In the place of results with wires: where the two ways lie too far apart."""
+
+TAXEL = re.compile(r"\brow_(\d+)\b(?:.*?\btaxel_(\d+)\b)?")
 
 
 class Disagreement(Exception):  # the outcome that is looked for, not a defect of the program
@@ -35,31 +38,19 @@ class Disagreement(Exception):  # the outcome that is looked for, not a defect o
 
 @dataclass(frozen=True)
 class ScenarioPower:
-    """Power of a netlist in one scenario.
+    """Power of a netlist in one scenario."""
 
-    Attributes
-    ----------
-    clocks, events : int
-        Of the window; for frames, samples.
-    internal_w, switching_w, leakage_w, inputs_w : float
-        By the library's tables: inside cells, for their loads, leakage by state, and the nets of the inputs.
-    by_opensta_w : float
-        All cells, by OpenSTA.
-    agreement : float
-        Of that with the tables', leakage there without states too, as OpenSTA has it.
-    blocks : dict of str to float
-        Power of the cells of every block.
-    """
-
+    # clocks, events: in the window; for frames, samples
     clocks: int
     events: int
+    # by tables of the library: inside cells, in their loads, leakage by state, and in the nets of the inputs
     internal_w: float
     switching_w: float
     leakage_w: float
     inputs_w: float
-    by_opensta_w: float
-    agreement: float
-    blocks: dict[str, float]
+    by_opensta_w: float  # power of all cells
+    agreement: float  # ``by_opensta_w`` / power by tables, both with leakage averaged over all states
+    blocks: dict[str, float]  # power of the cells of every block
 
     @property
     def power_w(self) -> float:
@@ -79,13 +70,7 @@ class PowerMeter:
     def measure(
         self, name: str, activity: Activity, events: int, uses: dict[str, CellActivity] | None = None
     ) -> ScenarioPower:
-        """Return the power of the netlist for recorded net activity.
-
-        Raises
-        ------
-        Disagreement
-            If the two ways lie more than ``most_apart`` apart.
-        """
+        """Return the power of the netlist for recorded net activity."""
         own = self.tables.power_w(activity, self.clock_hz, uses)
         internal, switching, leakage = (sum(power[part] for power in own.values()) for part in range(3))
         other = sum(sum(power) for power in self.opensta.power_w(activity, self.clock_hz).values())
@@ -96,21 +81,11 @@ class PowerMeter:
                 f"{1e6 * other:.4g} and {1e6 * (internal + switching + self.tables.stateless_w()):.4g} uW; "
                 f"at most {100 * self.most_apart:.0f} % are allowed"
             )
-        blocks: Counter[str] = Counter()
+        blocks = dict.fromkeys(sorted({block_of(cell.place) for cell in self.tables.netlist.cells}), 0.0)
         for cell in self.tables.netlist.cells:
-            blocks[block_of(cell.place)] += sum(own[cell.name])  # type: ignore[assignment]
+            blocks[block_of(cell.place)] += sum(own[cell.name])
         inputs = self.tables.inputs_w(activity, self.clock_hz)
-        return ScenarioPower(
-            activity.clocks,
-            events,
-            internal,
-            switching,
-            leakage,
-            inputs,
-            other,
-            agreement,
-            dict(sorted(blocks.items())),
-        )
+        return ScenarioPower(activity.clocks, events, internal, switching, leakage, inputs, other, agreement, blocks)
 
 
 def measure(
@@ -118,22 +93,11 @@ def measure(
 ) -> list[dict[str, Any]]:
     """Return the power of a netlist for every wire estimate.
 
-    Parameters
-    ----------
-    config : ReadoutConfig or FrameConfig
-    text : str
-        Its gated netlist, Verilog.
-    library : Library
-    pitches_um : tuple of float
-        Pitches of the taxels, which wires are estimated from; 0 for no wires. Where the two ways of computing power lie
-        too far apart with wires, nothing but that is said of them.
-
-    Raises
-    ------
-    Mismatch
-        If the netlist does not do what the model does.
-    Disagreement
-        If the two ways of computing power lie too far apart without wires.
+    ``text``: gated netlist, Verilog.
+    ``pitches_um``: taxel pitches for the wire estimates; 0 for no wires. A result with wires contains only the pitch
+    and the reason if the two methods differ too much.
+    Raises Mismatch if netlist and model differ.
+    Raises Disagreement if the two methods differ too much without wires.
     """
     top = "eskin_frame_readout" if isinstance(config, FrameConfig) else "eskin_readout"
     flat = flatten(text, top, library.content)
@@ -143,7 +107,7 @@ def measure(
     results: list[dict[str, Any]] = []
     uses: dict[str, dict[str, CellActivity]] = {}
     for pitch in pitches_um:
-        wires = Wires(config.rows, config.columns, pitch).capacitance_f(flat)
+        wires = wires_f(flat, config.rows, config.columns, pitch)
         meter = PowerMeter(LibertyPower(flat, library, wires), OpenstaPower(flat, library, wires), config.clock_hz)
         uses = uses or {name: meter.tables.uses(activity) for name, (activity, _) in played.items()}
         try:
@@ -239,7 +203,7 @@ def glitches(config: ReadoutConfig, text: str, library: Library) -> dict[str, di
     """
     flat = flatten(text, "eskin_readout", library.content)
     kinds = {cell.kind for cell in flat.cells}
-    tables = LibertyPower(flat, library, Wires(config.rows, config.columns, 0.0).capacitance_f(flat))
+    tables = LibertyPower(flat, library, {})
     found: dict[str, dict[str, float]] = {}
     for name, delay, parts in (("no_delay", 0.0, 1), ("delay", GLITCH_DELAY_NS, GLITCH_PARTS)):
         powers: dict[str, float] = {}
@@ -253,3 +217,48 @@ def glitches(config: ReadoutConfig, text: str, library: Library) -> dict[str, di
                 found.setdefault(name, {})[scenario.name] = more * scenario.clocks / config.clock_hz / events
         found[name]["idle_w"] = powers[IDLE]
     return found
+
+
+def wires_f(netlist: FlatNetlist, rows: int, columns: int, pitch_um: float) -> dict[str, float]:
+    """Return the wire capacitance of every net, estimated from the taxel pitch; empty for a pitch of 0.
+
+    A net within a block has ``WITHIN_UM`` for every pin. A net between blocks also spans half the box around its
+    blocks. A row lies along the array with its taxels spread over it. Everything else, and the ports, are at the middle
+    of the left edge.
+    """
+    if not pitch_um:
+        return {}
+    pins: dict[str, list[str]] = {}
+    for cell in netlist.cells:
+        for net in cell.pins.values():
+            pins.setdefault(net, []).append(block_of(cell.place))
+    for port in netlist.ports:
+        for net in port.nets:
+            pins.setdefault(net, []).append("port")
+
+    def spot(block: str) -> tuple[float, float]:
+        """Return the position of a block in units of the pitch."""
+        found = TAXEL.match(block)
+        if not found:
+            return 0.0, rows / 2
+        return (float(found[2]) if found[2] else (columns - 1) / 2) + 0.5, float(found[1]) + 0.5
+
+    def length_um(places: list[str]) -> float:
+        x, y = np.array([spot(block) for block in set(places)]).T
+        return WITHIN_UM * len(places) + pitch_um * float(np.ptp(x) + np.ptp(y))
+
+    return {net: FARAD_PER_UM * length_um(places) for net, places in pins.items() if not net.startswith("1'b")}
+
+
+def block_of(place: str) -> str:
+    """Return the block of a cell: its taxel or row, else the first part of its name, else the top.
+
+    Examples
+    --------
+    >>> block_of("row_3.taxel_1._12_"), block_of("row_3._7_"), block_of("arbiter._1_"), block_of("_9_")
+    ('row_3.taxel_1', 'row_3', 'arbiter', 'top')
+    """
+    parts = place.split(".")
+    if len(parts) == 1:
+        return "top"
+    return ".".join(parts[:2]) if len(parts) > 2 and parts[1].startswith("taxel_") else parts[0]

@@ -27,15 +27,9 @@ def one_energy_a_pin(library: Library, kinds: set[str], number: int = 0) -> str:
     would pass. The condition ``1`` gives a group the weight 1. Wire loads are left out, since OpenSTA would add those,
     and so are the ranges of capacitances, because OpenSTA takes their upper ends.
 
-    Parameters
-    ----------
-    library : Library
-    kinds : set of str
-        Names of the cells.
-    number : int
-        Index of the related pin whose energies the outputs of a cell get. OpenSTA looks up these energies at the slew
-        of that pin; without a related pin, at the slew of the output. If the cell has fewer related pins, the index
-        starts again at the first.
+    ``number``: index of the related pin whose energies the outputs of a cell get. OpenSTA looks up these energies at
+    the slew of that pin; without a related pin, at the slew of the output. If the cell has fewer related pins, the
+    index starts again at the first.
     """
     group = copy.copy(library.entry.group)
     last = "default_operating_conditions"

@@ -54,45 +54,37 @@ PROBED = """module probe (clk, a, w, x, y, z);
   OUT c2 (.A(clk), .Z(y));
 endmodule
 """
-SET_UP = """read_liberty {library}
-read_verilog {netlist}
+SET_UP = """read_liberty cells.lib
+read_verilog netlist.v
 link_design {top}
 create_clock -name clk -period {period} [get_ports clk]
 set_input_transition 0.1 [all_inputs]
 foreach port [all_inputs] {{
   if {{[get_property $port full_name] != "clk"}} {{ set_input_delay 0 -clock clk $port }}
 }}
-proc report {{file activity}} {{
+proc report {{name activity}} {{
   set_power_activity -global -activity $activity -duty 0.5
-  set out [open $file w]
+  set out [open $name.txt w]
   foreach cell [get_cells *] {{
     puts $out "[get_full_name $cell] [sta::instance_power $cell [sta::cmd_corner]]"
   }}
   close $out
 }}
 """
+Report = dict[str, tuple[float, float, float]]
+"""Internal, switching and leakage power of every instance in watts."""
 
 
 @dataclass(frozen=True)
 class Costs:
-    """Leakage of an instance in watts, and its energy in joules per toggle of each pin.
-
-    Attributes
-    ----------
-    leakage_w : float
-    clock, data : float
-        Inside the cell, for a toggle of its clock pin, and of its data pins together.
-    output : list of float
-        Inside the cell, for a toggle of its output, by the related pin that causes this toggle.
-    load : float
-        For the load of its output, for a toggle of that.
-    """
+    """Leakage of an instance in watts, and its energy in joules per toggle of each pin."""
 
     leakage_w: float
+    # clock, data: inside the cell, per toggle of the clock pin, and of the data pins together
     clock: float
     data: float
-    output: list[float]
-    load: float
+    output: list[float]  # inside the cell, per output toggle, by the related pin that causes the toggle
+    load: float  # in the load, per output toggle
 
 
 @dataclass
@@ -105,69 +97,50 @@ class OpenstaPower:
     costs: dict[str, Costs] = field(init=False)
 
     def __post_init__(self) -> None:
+        kinds = {cell.kind for cell in self.netlist.cells}
+        most = max(len(related_pins(kind)) for kind in self.library.used(kinds))
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             counted = _counted(folder)
             (folder / "netlist.v").write_text(self.netlist.verilog())
-            reports = self._reports(folder)
-            others = [self._of_outputs(folder, number) for number in range(1, self._most_related())]
-        self.costs = {cell.name: self._costs(cell, [reports, *others], counted) for cell in self.netlist.cells}
+            reports: list[list[Report]] = []
+            for number in range(max(most, 1)):  # one related pin after the other
+                (folder / "cells.lib").write_text(one_energy_a_pin(self.library, kinds, number))
+                lines = [set_up(self.netlist.top), *self._loads(), f"report still {STILL}", "report all 1"]
+                if number == 0:
+                    lines += self._moving_pins()
+                reports.append(run(lines, folder))
+                if number == 0:
+                    reports[0].append(self._gates_alone(folder))
+        self.costs = {cell.name: self._costs(cell, reports, counted) for cell in self.netlist.cells}
 
-    # -- what it costs ---------------------------------------------------------------------------
+    def _loads(self) -> list[str]:
+        """Return the commands that load the nets with their wires."""
+        unit = self.library.scales.capacitance
+        return [f"set_load {value / unit:.6g} [get_nets {{{net}}}]" for net, value in self.wires_f.items() if value]
 
-    def _reports(self, folder: Path) -> list[dict[str, tuple[float, float, float]]]:
-        """Return internal, switching and leakage power of all instances.
-
-        While no data moves, all do, data pins do, resets too; and of clock gates whose output rests.
-        """
-        lines = self._set_up(folder)
-        lines += [f"report still.txt {STILL}", "report all.txt 1"]
+    def _moving_pins(self) -> list[str]:
+        """Return the commands that report the power while the data pins move, then all other inputs too."""
+        lines = []
         for number, name in enumerate(("data", "rest")):
             pins = [f"{cell.name}/{pin}" for cell in self.netlist.cells for pin in self._pins(cell)[number]]
             if pins:
                 lines += [f"create_clock -name {name} -period {PERIOD_NS} [get_pins {{{' '.join(pins)}}}]"]
-            lines += [f"report {name}.txt {STILL}"]
-        run(lines, folder)
-        found = [_read(folder / f"{name}.txt") for name in ("still", "all", "data", "rest")]
-        return [*found, self._gates_alone(folder)]
+            lines += [f"report {name} {STILL}"]
+        return lines
 
-    def _set_up(self, folder: Path, number: int = 0) -> list[str]:
-        """Return the commands that read netlist, wires and a library, which takes a related pin by its index."""
-        (folder / "cells.lib").write_text(one_energy_a_pin(self.library, self._kinds, number))
-        unit = self.library.scales.capacitance
-        return [
-            SET_UP.format(library="cells.lib", netlist="netlist.v", top=self.netlist.top, period=PERIOD_NS),
-            *(f"set_load {value / unit:.6g} [get_nets {{{net}}}]" for net, value in self.wires_f.items() if value),
-        ]
-
-    @property
-    def _kinds(self) -> set[str]:
-        """Names of the cells that the netlist uses."""
-        return {cell.kind for cell in self.netlist.cells}
-
-    def _most_related(self) -> int:
-        """Return the largest number of related pins of a cell."""
-        return max(len(related_pins(kind)) for kind in self.library.used(self._kinds))
-
-    def _of_outputs(self, folder: Path, number: int) -> list[dict[str, tuple[float, float, float]]]:
-        """Return the reports without and with moving data, with the energies of another related pin."""
-        run([*self._set_up(folder, number), f"report still.txt {STILL}", "report all.txt 1"], folder)
-        return [_read(folder / f"{name}.txt") for name in ("still", "all")]
-
-    def _gates_alone(self, folder: Path) -> dict[str, tuple[float, float, float]]:
+    def _gates_alone(self, folder: Path) -> Report:
         """Return the power of clock gates with an idle output, from one run per depth."""
         levels: dict[int, list[Cell]] = {}
         for cell in self.netlist.cells:
             if self._gated(cell):
                 levels.setdefault(self._depth(cell), []).append(cell)
-        found: dict[str, tuple[float, float, float]] = {}
+        found: Report = {}
         for level, cells in levels.items():
             outputs = " ".join(f"{cell.name}/{self._gated(cell)[0]}" for cell in cells)
-            lines = [SET_UP.format(library="cells.lib", netlist="netlist.v", top=self.netlist.top, period=PERIOD_NS)]
             # Another clock begins there, one that hardly ever moves.
-            lines += [f"create_clock -name rest -period 1e9 [get_pins {{{outputs}}}]", f"report {level}.txt {STILL}"]
-            run(lines, folder)
-            report = _read(folder / f"{level}.txt")
+            rest = f"create_clock -name rest -period 1e9 [get_pins {{{outputs}}}]"
+            (report,) = run([set_up(self.netlist.top), rest, f"report {level} {STILL}"], folder)
             found |= {cell.name: report[cell.name] for cell in cells}
         return found
 
@@ -207,7 +180,7 @@ class OpenstaPower:
         charged = [pin for pin in inputs if known.pins[pin].energies]
         return [p for p in charged if p in data], [p for p in charged if p not in data]
 
-    def _costs(self, cell: Cell, related: list[list[dict[str, tuple[float, float, float]]]], counted: Counted) -> Costs:
+    def _costs(self, cell: Cell, related: list[list[Report]], counted: Counted) -> Costs:
         """Return the costs of a cell from the reports for each related pin, of which the first has all kinds."""
         known, reports = self.library.cells[cell.kind], related[0]
         still, moving, data, rest = (report[cell.name] for report in reports[:4])
@@ -231,8 +204,6 @@ class OpenstaPower:
             return Costs(still[2], 0.0, 0.0, [joules / counted.data_out for joules in by_all], load)
         output = [rests * PERIOD_S / 2 / counted.clock_out for rests, _ in causes]
         return Costs(still[2], 0.0, 0.0, output, clock_load)  # a gate in a clock's way
-
-    # -- power -----------------------------------------------------------------------------------
 
     def power_w(self, activity: Activity, clock_hz: float) -> dict[str, tuple[float, float, float]]:
         """Return internal, switching and leakage power of every cell in watts."""
@@ -271,26 +242,20 @@ class OpenstaPower:
         return [float(share) for share in shares]
 
 
-def run(lines: list[str], folder: Path) -> None:
-    """Run an OpenSTA script and raise an error if it fails.
+def set_up(top: str) -> str:
+    """Return the commands that read netlist and library and define ``report``."""
+    return SET_UP.format(top=top, period=PERIOD_NS)
 
-    Raises
-    ------
-    InputError
-        If the program is missing, or does not accept the netlist.
-    """
+
+def run(lines: list[str], folder: Path) -> list[Report]:
+    """Run an OpenSTA script, and return the power reports of its commands ``report NAME ACTIVITY``."""
     text, status = opensta.run("\n".join(lines), folder)
     said = text.splitlines()
     if wrong := [line for line in said if line.startswith("Error")] or (said[-1:] if status else []):
         raise InputError(f"OpenSTA rejects the netlist: {wrong[0]}; give netlist and cell library of one run")
-
-
-def _read(path: Path) -> dict[str, tuple[float, float, float]]:
-    found: dict[str, tuple[float, float, float]] = {}
-    for line in path.read_text().splitlines():
-        name, internal, switching, leakage, _ = line.split()
-        found[name] = (float(internal), float(switching), float(leakage))
-    return found
+    files = [folder / f"{line.split()[1]}.txt" for line in lines if line.startswith("report ")]
+    rows = [[line.split() for line in file.read_text().splitlines()] for file in files]
+    return [{name: (float(own), float(load), float(leakage)) for name, own, load, leakage, _ in one} for one in rows]
 
 
 @dataclass(frozen=True)
@@ -307,11 +272,9 @@ def _counted(folder: Path) -> Counted:
 
     Version 2.0 adds rise and fall up for every toggle; for a data output it halves that where no related pin is named.
     """
-    (folder / "probe.lib").write_text(PROBE.format(output=PROBE_OUTPUT, energy=PROBE_ENERGY))
-    (folder / "probe.v").write_text(PROBED)
-    set_up = SET_UP.format(library="probe.lib", netlist="probe.v", top="probe", period=PERIOD_NS)
-    run([set_up, "report probe.txt 1"], folder)
-    found = _read(folder / "probe.txt")
+    (folder / "cells.lib").write_text(PROBE.format(output=PROBE_OUTPUT, energy=PROBE_ENERGY))
+    (folder / "netlist.v").write_text(PROBED)
+    (found,) = run([set_up("probe"), "report probe 1"], folder)
     picojoules = [round(found[f"c{number}"][0] * PERIOD_S / 1e-12, 3) for number in range(3)]
     assert all(value > 0 for value in picojoules), found
     return Counted(picojoules[0], picojoules[1] / 2, picojoules[2] / 2)

@@ -39,19 +39,9 @@ def energies(config: ReadoutConfig | FrameConfig, text: str, library: Path) -> d
 
     ``power`` holds the stretches, ``with_wires`` all of it with estimated wires, blocks left out, or why there is none.
 
-    Parameters
-    ----------
-    config : ReadoutConfig or FrameConfig
-    text : str
-        The gated netlist, Verilog.
-    library : Path
-
-    Raises
-    ------
-    Mismatch
-        If the netlist does not do what the model does.
-    Disagreement
-        If the two ways of computing power lie too far apart.
+    ``text``: gated netlist, Verilog.
+    Raises Mismatch if netlist and model differ.
+    Raises Disagreement if the two methods differ too much.
     """
     bare, wired = measure(config, text, read(library), (0.0, PITCH_UM))
     for stretch in wired.get("scenarios", {}).values():
@@ -81,17 +71,7 @@ def write(
     folder: Path,
     origin: dict[str, str],
 ) -> list[dict[str, Any]]:
-    """Measure designs with and without wires, and write a file for each; return the results.
-
-    Parameters
-    ----------
-    chosen : dict of str to configuration
-    library : Path
-    folder : Path
-        Made if need be.
-    origin : dict of str to str
-        Command, commit and date.
-    """
+    """Measure designs with and without wires, and write a file for each; return the results."""
     whole, results = read(library), []
     folder.mkdir(parents=True, exist_ok=True)
     for config in chosen.values():

@@ -28,23 +28,13 @@ MOST_TO_CLOSE = 1000
 
 @dataclass(frozen=True)
 class Scenario:
-    """A stimulus, and the window of clocks in which power is measured.
-
-    Attributes
-    ----------
-    name : "idle", "closing", "lone", "saturated" or "texture"
-    stimulus : Stimulus
-    start, clocks : int
-        The window.
-    events : Events
-        The model's, of the whole run.
-    """
+    """A stimulus, and the window of clocks in which power is measured."""
 
     name: str
     stimulus: Stimulus
     start: int
     clocks: int
-    events: Events
+    events: Events  # events of the model in the whole run
 
     @property
     def events_inside(self) -> int:
@@ -57,14 +47,7 @@ class Scenario:
 
 
 def scenarios(config: ReadoutConfig, ticks: int = 30) -> list[Scenario]:
-    """Return all scenarios for a readout.
-
-    Parameters
-    ----------
-    config : ReadoutConfig
-    ticks : int
-        Sample ticks of the texture that are measured.
-    """
+    """Return all scenarios for a readout, with a number of sample ticks of the texture."""
     rest = closing_ticks(config)
     quiet = [_idle(config, rest)]
     if rest:  # the ticks of lone events: what their taxels do beside these cancels out
@@ -80,8 +63,7 @@ def closing_ticks(config: ReadoutConfig) -> int:
 def _whole(name: str, config: ReadoutConfig, samples: NDArray[np.integer], lead: int) -> Scenario:
     """Return a scenario of samples; the first ``lead`` sample periods are not measured.
 
-    Its window begins and ends between two samples: each of them is in it whole, and the end of the run is not, whose
-    last edge masks all taxels and brings the reset.
+    The window begins and ends between two samples. It ends before the run, whose last edge masks all taxels and resets.
     """
     stimulus, events = _run(config, samples)
     period = config.clocks_per_sample
@@ -104,8 +86,8 @@ def texture_samples(config: ReadoutConfig, ticks: int) -> NDArray[np.int32]:
 def _idle(config: ReadoutConfig, rest: int, ticks: int = 10) -> Scenario:
     """Return the idle scenario: constant samples and no pending request.
 
-    They are a little off zero where the encoder keeps still there, else zero. Windows are open after reset: they close
-    within ``rest`` ticks, or are at it while the power is measured.
+    The samples are slightly above zero, or zero for encoders that do not rest there. Windows are open after reset: they
+    close within ``rest`` ticks, or during the measurement.
     """
     if rest > MOST_TO_CLOSE:
         raise InputError(f"windows take {rest} samples to close, more than {MOST_TO_CLOSE}; choose a shorter period")

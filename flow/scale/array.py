@@ -22,60 +22,29 @@ NONE = -1
 
 
 class End(NamedTuple):
-    """Endpoint of a top-level net.
+    """Endpoint of a top-level net."""
 
-    Attributes
-    ----------
-    what : str
-        ``cell``, ``taxel`` or ``port``.
-    number : int
-        Of the cell, taxel or port.
-    pin : str
-        Of the cell; that of the taxel is its port with the number of the bit.
-    load_f : float
-    pins : int
-        Pins that it stands for. Of an output of a taxel: those within it that read it too.
-    """
-
-    what: str
-    number: int
-    pin: str
+    what: str  # ``cell``, ``taxel`` or ``port``
+    number: int  # index of the cell, taxel or port
+    pin: str  # pin of the cell, or port and bit of the taxel
     load_f: float
-    pins: int
+    pins: int  # pins that the endpoint stands for, with those inside the taxel that read its output
 
 
 @dataclass
 class Array:
-    """A readout as cells, with one cell list shared by all taxels.
-
-    Attributes
-    ----------
-    config : ReadoutConfig
-    kinds : dict of str to Cell
-        Library cells that are used, and the repeaters.
-    names, cells, pins : list
-        Name, kind and nets of the pins of every cell that stands in no taxel.
-    taxel : dict
-        The taxel's module of Yosys: its cells.
-    taxel_bits : dict of str to (str, int or str)
-        Direction and own net of every bit of the taxel's ports.
-    taxels : list of dict of str to int
-        Net of every port's bit, by taxel.
-    ports : list of (str, str, int, int)
-        Direction, name, bit and net of every bit of the top's ports.
-    nets : int
-        Nets of the top.
-    """
+    """A readout as cells, with one cell list shared by all taxels."""
 
     config: ReadoutConfig
-    kinds: dict[str, Cell]
+    kinds: dict[str, Cell]  # used library cells, and the repeaters
+    # names, cells, pins: name, kind and nets of the pins of every cell that stands in no taxel
     names: list[str]
     cells: list[str]
     pins: list[dict[str, int]]
-    taxel: dict[str, Any]
-    taxel_bits: dict[str, tuple[str, Any]]
-    taxels: list[dict[str, int]]
-    ports: list[tuple[str, str, int, int]]
+    taxel: dict[str, Any]  # Yosys module of a taxel
+    taxel_bits: dict[str, tuple[str, Any]]  # direction and inner net of every port bit
+    taxels: list[dict[str, int]]  # net of every port bit, by taxel
+    ports: list[tuple[str, str, int, int]]  # direction, name, bit and net of every port bit of the top
     nets: int
     port_load_f: float = field(default=0.05e-12)
 
@@ -183,12 +152,9 @@ class Array:
 
 def repeaters(kinds: dict[str, Cell]) -> list[Cell]:
     """Return the buffers from smallest to largest."""
-    found = [k for k in kinds.values() if len(k.loads) == len(k.outputs) == 1 and not k.launch and _same(k)]
+    single = [kind for kind in kinds.values() if len(kind.loads) == len(kind.outputs) == 1 and not kind.launch]
+    found = [kind for kind in single if kind.ways and all(i == o for arc in kind.ways for i, o in arc.edges)]
     return sorted(found, key=lambda kind: kind.area_um2)
-
-
-def _same(kind: Cell) -> bool:
-    return bool(kind.ways) and all(i == o for arc in kind.ways for i, o in arc.edges)
 
 
 def build(config: ReadoutConfig, library: Library) -> Array:

@@ -26,25 +26,13 @@ GRID_F = 10e-15
 
 @dataclass(frozen=True)
 class Repeater:
-    """Repeater buffer and spacing with the least delay.
-
-    Attributes
-    ----------
-    kind : str
-    spacing_um : float
-    s_per_mm : float
-        Delay of the line.
-    slew_s : float
-        At the input of a repeater.
-    load_f : float
-        Behind a repeater: wire and the next one.
-    """
+    """Repeater buffer and spacing with the least delay."""
 
     kind: str
     spacing_um: float
-    s_per_mm: float
-    slew_s: float
-    load_f: float
+    s_per_mm: float  # delay of the line
+    slew_s: float  # slew at the input of a repeater
+    load_f: float  # load of a repeater: wire and next repeater
 
 
 def best_repeater(buffers: Iterable[Cell], wire: Wire) -> Repeater:
@@ -72,20 +60,12 @@ def degraded(slew_s: float, way_s: float) -> float:
 
 @dataclass
 class Open:
-    """A wire segment without a driver.
-
-    Attributes
-    ----------
-    ends : list of End
-    pin_f, wire_f : float
-    way_s : float
-        Elmore delay from here to the farthest end.
-    """
+    """A wire segment without a driver."""
 
     ends: list[End] = field(default_factory=list)
     pin_f: float = 0.0
     wire_f: float = 0.0
-    way_s: float = 0.0
+    way_s: float = 0.0  # Elmore delay to the farthest end
 
     @property
     def load_f(self) -> float:
@@ -95,23 +75,13 @@ class Open:
 
 @dataclass
 class Lines:
-    """Builder of the row and column lines of an array, with repeaters as cells.
-
-    Attributes
-    ----------
-    array : Array
-    places : Placement
-    wire : Wire
-    repeater : Repeater
-        Of the lines.
-    load_f, way_s, length_um : dict of int to float
-        Capacitance of the wire, Elmore delay to its farthest end and length, by net.
-    """
+    """Builder of the row and column lines of an array, with repeaters as cells."""
 
     array: Array
     places: Placement
     wire: Wire
     repeater: Repeater
+    # load_f, way_s, length_um: capacitance of the wire, Elmore delay to its farthest end and length, by net
     load_f: dict[int, float] = field(default_factory=dict)
     way_s: dict[int, float] = field(default_factory=dict)
     added: int = 0

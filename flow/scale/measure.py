@@ -47,11 +47,6 @@ MakePlacement = Callable[[Array, float], Placement]
 def sizes_of(text: str) -> list[tuple[int, int]]:
     """Return the array sizes for a text such as ``8x8,12x16``.
 
-    Raises
-    ------
-    InputError
-        If one of them is no size.
-
     Examples
     --------
     >>> sizes_of("8x8,12x16")
@@ -70,11 +65,6 @@ def sizes_of(text: str) -> list[tuple[int, int]]:
 
 def designs_of(config: ReadoutConfig, sizes: str, tiles: str = "", relays: str = "") -> list[ReadoutConfig]:
     """Return the designs to measure: every size as one array, or divided into the given tiles with relay stations.
-
-    Raises
-    ------
-    InputError
-        If a word is no size, no rows and columns of tiles, or no number of stations, or they do not fit together.
 
     Examples
     --------
@@ -107,16 +97,7 @@ def measure(
 ) -> list[dict[str, Any]]:
     """Return the results of several arrays, and write them to a file after each array.
 
-    Parameters
-    ----------
-    designs : list of ReadoutConfig
-        Arrays, or skins of tiles, alike but for their sizes.
-    library : Library
-    wire : Wire
-    pitch_um : float
-        Of the taxels.
-    out : Path
-        JSON.
+    ``designs``: arrays, or skins of tiles, alike but for their sizes.
     """
     first = designs[0]
     words = ["make asic SCALE=1", f"LIB={library.path.name}", *_words(first, wire, pitch_um)]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
 from amaranth.lib.wiring import Out
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from eskin.flow.asic.synthesis import mapped
 from eskin.flow.liberty.library import Library
@@ -31,17 +34,9 @@ class Spot(NamedTuple):
 
 @dataclass
 class Piece:
-    """A part of a skin as cells, with nets numbered from 0.
+    """A part of a skin as cells, with nets numbered from 0."""
 
-    Attributes
-    ----------
-    names, cells, pins : list
-        Name, kind and nets of the pins of every cell.
-    ports : dict of str to list of int
-        Nets of every port.
-    nets : int
-    """
-
+    # names, cells, pins: name, kind and nets of the pins of every cell
     names: list[str]
     cells: list[str]
     pins: list[dict[str, int]]
@@ -49,37 +44,8 @@ class Piece:
     nets: int
 
 
-@dataclass
-class NetJoiner:
-    """Union-find structure of nets while the parts of a skin are joined."""
-
-    parents: list[int] = field(default_factory=list)
-
-    def new(self, count: int) -> int:
-        """Return the first of ``count`` new nets."""
-        first = len(self.parents)
-        self.parents += range(first, first + count)
-        return first
-
-    def find(self, net: int) -> int:
-        """Return the representative of a joined net."""
-        while net != NONE and self.parents[net] != net:
-            net = self.parents[net]
-        return net
-
-    def join(self, nets: list[int], others: list[int]) -> None:
-        """Join pairs of nets or constants."""
-        for net, other in zip(nets, others, strict=True):
-            one, two = self.find(net), self.find(other)
-            if one != two:
-                self.parents[one if two == NONE else two] = two if two == NONE else one
-
-
 def build_skin(config: TilesConfig, library: Library) -> tuple[Array, Array, list[Spot]]:
-    """Return a skin as library cells, the array of one tile, and the owner of each cell.
-
-    The tiles are those that ``build`` makes of them alone.
-    """
+    """Return a skin as library cells, the array of one tile as ``build`` makes it, and the owner of each cell."""
     tile = build(config.tile, library)
     merge = _piece(mapped(Merge(config), library), Merge.module_name)
     relay = _piece(mapped(Relay(config), library), Relay.module_name) if config.relays else None
@@ -98,11 +64,11 @@ def build_skin(config: TilesConfig, library: Library) -> tuple[Array, Array, lis
         ]
         for station in stations:
             for name in stream:
-                work.joint.join(source[name], station[name.replace("event_", "tile_")])
+                work.join(source[name], station[name.replace("event_", "tile_")])
             source = station
         for name in stream:
             width = len(source[name])
-            work.joint.join(source[name], into[name.replace("event_", "tile_")][index * width : (index + 1) * width])
+            work.join(source[name], into[name.replace("event_", "tile_")][index * width : (index + 1) * width])
     for name, port in merged_ports(config).items():
         work.port("output" if port.flow is Out else "input", name, into[name])
     return work.array(), tile, work.spots
@@ -113,7 +79,8 @@ class _Assembly:
 
     def __init__(self, config: TilesConfig, kinds: dict[str, Any], tile: Array) -> None:
         self.config, self.kinds, self.tile = config, kinds, tile
-        self.joint = NetJoiner()
+        self.nets = 0
+        self.joined: list[tuple[int, int]] = []
         self.names: list[str] = []
         self.cells: list[str] = []
         self.pins: list[dict[str, int]] = []
@@ -125,11 +92,19 @@ class _Assembly:
         for _, name, _, net in tile.ports:
             ports.setdefault(name, []).append(net)
         self.piece = Piece(tile.names, tile.cells, tile.pins, ports, tile.nets)
-        self.widths = {name: len(nets) for name, nets in ports.items()}
+
+    def new_nets(self, count: int) -> int:
+        """Return the first of several new nets."""
+        self.nets += count
+        return self.nets - count
+
+    def join(self, nets: list[int], others: list[int]) -> None:
+        """Join pairs of nets or constants."""
+        self.joined += zip(nets, others, strict=True)
 
     def place(self, piece: Piece, name: str, spot: Spot | None) -> dict[str, list[int]]:
         """Add a part and connect its common ports; return the nets of its ports."""
-        first = self.joint.new(piece.nets)
+        first = self.new_nets(piece.nets)
         self.names += [f"{name}.{cell}" for cell in piece.names]
         self.cells += piece.cells
         self.pins += [{pin: _moved(net, first) for pin, net in pins.items()} for pins in piece.pins]
@@ -138,14 +113,14 @@ class _Assembly:
         for port in (*TREES, *common_ports(self.config)):
             if port in ports:
                 if port not in self.common:
-                    self.common[port] = [self.joint.new(1)]
+                    self.common[port] = [self.new_nets(1)]
                     self.port("input", port, self.common[port])
-                self.joint.join(self.common[port], ports[port])
+                self.join(self.common[port], ports[port])
         return ports
 
     def place_tile(self, index: int) -> dict[str, list[int]]:
         """Add a tile with its ports; return the nets of the ports."""
-        first = len(self.joint.parents)
+        first = self.nets
         self.spots += [Spot(index, cell) for cell in range(len(self.tile.cells))]
         ports = self.place(self.piece, f"tile_{index}", None)
         for number, taxel in zip(self.config.taxels_of(index), self.tile.taxels, strict=True):
@@ -162,11 +137,12 @@ class _Assembly:
 
     def array(self) -> Array:
         """Return the complete skin as an array with new net numbers."""
-        roots = [self.joint.find(net) for net in range(len(self.joint.parents))]
-        numbers = {root: n for n, root in enumerate(dict.fromkeys(root for root in roots if root != NONE))} | {
-            NONE: NONE
-        }
-        of = [*(numbers[root] for root in roots), NONE]  # the last is that of NONE
+        size = self.nets + 1  # the last node stands for constants
+        ends = np.array(self.joined).T % size
+        _, groups = connected_components(coo_matrix((np.ones(len(ends[0])), ends), (size, size)), directed=False)
+        constant = groups[-1]
+        numbers = {group: n for n, group in enumerate(dict.fromkeys(groups[groups != constant]))} | {constant: NONE}
+        of = [numbers[group] for group in groups]
         return Array(
             config=self.config,
             kinds=self.kinds,

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
-from eskin.flow.asic.constraints import UNCERTAINTY
 from eskin.flow.liberty.library import Cell
 from eskin.flow.liberty.tables import Arc, Floats
 from eskin.flow.scale.array import NONE, Array
 from eskin.flow.scale.lines import Lines
-from eskin.rtl.delivery import OUTSIDE
+from eskin.rtl.delivery import OUTSIDE, UNCERTAINTY
 
 Ints = NDArray[np.int64]
 FROM_FLOP, FROM_PORT = 0, 1
@@ -31,18 +32,11 @@ class Stage(NamedTuple):
 
 @dataclass(frozen=True)
 class Path:
-    """The critical path, which limits the clock period.
-
-    Attributes
-    ----------
-    period_s : float
-    stages : tuple of Stage
-    start, end : str
-        Flop or port.
-    """
+    """The critical path, which limits the clock period."""
 
     period_s: float
     stages: tuple[Stage, ...]
+    # start, end: flop or port
     start: str
     end: str
 
@@ -57,18 +51,13 @@ class Group:
 
 
 class Timing:
-    """Arrival times and slews of all nets.
-
-    Parameters
-    ----------
-    array : Array
-    lines : Lines
-        Drawn.
-    """
+    """Arrival times and slews of all nets."""
 
     def __init__(self, array: Array, lines: Lines) -> None:
         self.array = array
-        self.inner = sorted({b for b in _inner_bits(array.taxel) if isinstance(b, int)})
+        outside = {bit for port in array.taxel["ports"].values() for bit in port["bits"]}
+        wired = [bits for cell in array.taxel["cells"].values() for bits in cell["connections"].values()]
+        self.inner = sorted({bit for bits in wired for bit in bits if isinstance(bit, int)} - outside)
         self.nets = array.nets + len(self.inner) * len(array.taxels)
         self.groups = self._groups()
         self.load, self.wire = self._loads(lines)
@@ -130,36 +119,31 @@ class Timing:
                 load[net] += self.array.port_load_f
         return load, wire
 
-    # -- arrivals ------------------------------------------------------------------------------------
-
     def _run(self) -> None:
         """Compute all arrival times, level by level."""
         for group in self.groups.values():
             if group.kind.launch:
                 self._launch(group)
         self._ports()
-        sinks, first = self._readers()
-        waits = np.zeros(self._cells, np.int64)
-        np.add.at(waits, sinks, 1)
+        follows = self._pins_of(lambda kind: kind.outputs) @ self._pins_of(lambda kind: kind.loads).T  # cells x cells
+        waits = np.asarray(follows.sum(axis=0)).ravel()
         kind_of, place_of = self._where()
-        driven = self._driven_by_cells()
-        ready_nets = np.flatnonzero(~driven)
-        still = np.flatnonzero((waits == 0) & (kind_of >= 0))
-        names = list(self.groups)
-        while len(ready_nets) or len(still):
-            reached = np.concatenate([sinks[first[n] : first[n + 1]] for n in ready_nets] or [np.zeros(0, np.int64)])
-            cells, hits = np.unique(reached, return_counts=True)
-            waits[cells] -= hits
-            now = np.concatenate([cells[waits[cells] == 0], still])
-            still = np.zeros(0, np.int64)
-            ready = []
+        groups = list(self.groups.values())
+        now = np.flatnonzero((waits == 0) & (kind_of >= 0))
+        while len(now):
             for number in np.unique(kind_of[now]):
-                group = self.groups[names[number]]
-                at = place_of[now[kind_of[now] == number]]
-                self._pass(group, at)
-                ready += [group.pins[pin][at] for pin in group.kind.outputs]
-            ready_nets = np.unique(np.concatenate(ready)) if ready else np.zeros(0, np.int64)
-            ready_nets = ready_nets[ready_nets >= 0]
+                self._pass(groups[number], place_of[now[kind_of[now] == number]])
+            ended = np.asarray(follows[now].sum(axis=0)).ravel()
+            waits -= ended
+            now = np.flatnonzero((ended > 0) & (waits == 0))
+
+    def _pins_of(self, choose: Callable[[Cell], Iterable[str]]) -> csr_matrix:
+        """Return the number of chosen pins of each combinational cell at each net, shape (cells, nets)."""
+        pins = [(g, pin) for g in self.groups.values() if not g.kind.launch for pin in choose(g.kind)]
+        cells = np.concatenate([group.cells for group, _ in pins])
+        nets = np.concatenate([group.pins[pin] for group, pin in pins])
+        on = nets >= 0
+        return csr_matrix((np.ones(on.sum(), np.int64), (cells[on], nets[on])), (self._cells, self.nets))
 
     @property
     def _cells(self) -> int:
@@ -205,26 +189,11 @@ class Timing:
 
     def _pass(self, group: Group, at: Ints) -> None:
         """Propagate through cells of a kind whose input arrivals are known."""
-        if group.kind.launch:
-            return
         for arc in group.kind.ways:
             nets = group.pins[arc.end][at]
             on = nets >= 0
             slew, arrival = self._at_pins(group.pins[arc.start][at][on])
             self._send(arc, nets[on], slew, arrival, [FROM_FLOP, FROM_PORT])
-
-    def _readers(self) -> tuple[Ints, Ints]:
-        """Return the readers of all nets in one list, with the start index of each net."""
-        nets, cells = [], []
-        for group in self.groups.values():
-            if not group.kind.launch:
-                for pin in group.kind.loads:
-                    on = group.pins[pin] >= 0
-                    nets.append(group.pins[pin][on])
-                    cells.append(group.cells[on])
-        net, cell = np.concatenate(nets), np.concatenate(cells)
-        order = np.argsort(net, kind="stable")
-        return cell[order], np.searchsorted(net[order], np.arange(self.nets + 1))
 
     def _where(self) -> tuple[Ints, Ints]:
         """Return kind and index of each cell; -1 for flops."""
@@ -234,16 +203,6 @@ class Timing:
             if not group.kind.launch:
                 kind_of[group.cells] = number
         return kind_of, place_of
-
-    def _driven_by_cells(self) -> NDArray[np.bool_]:
-        """Return the nets driven by combinational cells."""
-        driven = np.zeros(self.nets, bool)
-        for group in self.groups.values():
-            for pin in () if group.kind.launch else group.kind.outputs:
-                driven[group.pins[pin][group.pins[pin] >= 0]] = True
-        return driven
-
-    # -- the period ----------------------------------------------------------------------------------
 
     def worst(self, ports: bool = True) -> Path:
         """Return the critical path, of all paths or of paths between flops."""
@@ -311,10 +270,3 @@ class Timing:
 
 def _pins(kind: Cell) -> list[str]:
     return [*kind.loads, *kind.outputs]
-
-
-def _inner_bits(taxel: dict[str, object]) -> list[object]:
-    """Return the nets of the taxel module that are not ports."""
-    outside = {bit for port in taxel["ports"].values() for bit in port["bits"]}  # type: ignore[attr-defined]
-    cells = taxel["cells"].values()  # type: ignore[attr-defined]
-    return [b for cell in cells for bits in cell["connections"].values() for b in bits if b not in outside]

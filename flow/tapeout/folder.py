@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, field
 from pathlib import Path
 from string import Template
 from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write
+from eskin.flow.asic.synthesis import ties
+from eskin.flow.gatesim.models import models
 from eskin.flow.liberty.library import Library
 from eskin.flow.tapeout import pins
-from eskin.flow.tapeout.area import Mapped, mapped
 from eskin.flow.tapeout.case import FRAMES, case
 from eskin.flow.tapeout.shuttles import DENSITY, Shuttle
 from eskin.model.config import ReadoutConfig
 from eskin.model.registers.description import registers
+from eskin.rtl import yosys
 from eskin.rtl.registers.loader import SampleLoader
 from eskin.rtl.verilog import block_verilog, header, verilog
 
@@ -51,32 +54,35 @@ TINY_TAPEOUT = {
 }
 """What Tiny Tapeout fixes beside them, because it makes tiles of the same grid of power lines."""
 
+SCRIPT = (
+    "read_verilog {sources}; synth -flatten -top {top}; dfflibmap -liberty cells.lib; abc -liberty cells.lib; "
+    "opt_clean -purge; read_liberty -lib -ignore_miss_func cells.lib; {ties}splitnets; "
+    "rename -enumerate -pattern g% c:*; opt_clean -purge; check -assert -mapped; "
+    "write_verilog -noattr -noexpr netlist.v"
+)
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """A chip as library cells."""
+
+    # netlist, cells: Verilog of netlist and library cells, without delays
+    netlist: str = field(repr=False)
+    cells: str = field(repr=False)
+    area_um2: float  # of the cells alone: no wires, no clock tree, no filling
+
 
 @dataclass(frozen=True)
 class Tapeout:
-    """A chip for a shuttle.
-
-    Attributes
-    ----------
-    shuttle : Shuttle
-    config : ReadoutConfig
-        From ``pins.readout_for``.
-    top : str
-        Name of the top module.
-    author, title : str
-    size : str
-        Tiles or slot.
-    sources : dict of str to str
-        Verilog, by file, the top first.
-    """
+    """A chip for a shuttle."""
 
     shuttle: Shuttle
     config: ReadoutConfig
     top: str
     author: str
     title: str
-    size: str
-    sources: dict[str, str]
+    size: str  # tiles or slot
+    sources: dict[str, str]  # Verilog by file name, the top first
 
     def write(self, folder: Path, netlist: Mapped | None) -> list[Path]:
         """Write the project folder, and return its files."""
@@ -191,6 +197,21 @@ def sources_of(config: ReadoutConfig, top: str) -> dict[str, str]:
     return {f"{top}.v": text, "eskin_loader.v": loader, "eskin_readout.v": verilog(config)}
 
 
+def mapped(sources: dict[str, str], top: str, library: Library) -> Mapped:
+    """Return a chip mapped to library cells, from its Verilog by file name."""
+    script = SCRIPT.format(sources=" ".join(sources), top=top, ties=ties(library))
+    files = {name: text.encode() for name, text in sources.items()} | {"cells.lib": library.content}
+    try:
+        netlist = yosys.run(script, "", "netlist.v", files)
+    except yosys.YosysError as error:
+        raise InputError(f"the cell library {library.path} does not suffice for {top}: {error.reason}") from None
+    kinds = Counter(re.findall(r"^  (\w+) \w+ \($", netlist, re.MULTILINE))
+    if bare := sorted(kind for kind in kinds if not library.cells[kind].area_um2 > 0):
+        raise InputError(f"the cell library {library.path} states no area for {bare[0]}; give --tiles in its place")
+    area = sum(library.cells[kind].area_um2 * count for kind, count in kinds.items())
+    return Mapped(netlist, models(library, set(kinds)), area)
+
+
 def plan(
     config: ReadoutConfig,
     shuttle: Shuttle,
@@ -200,13 +221,7 @@ def plan(
     author: str,
     title: str,
 ) -> tuple[Tapeout, Mapped | None]:
-    """Return a chip for a shuttle, and its mapped cells if a library is given.
-
-    Raises
-    ------
-    InputError
-        If a name is wrong, or the size unknown or too small.
-    """
+    """Return a chip for a shuttle, and its mapped cells if a library is given."""
     if not re.fullmatch(r"tt_um_[a-z0-9_]+", top):
         raise InputError(f"--top must begin with tt_um_, then small letters, digits and _, not {top!r}")
     if not author.strip() or not title.strip():

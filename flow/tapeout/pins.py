@@ -27,13 +27,7 @@ def addresses(config: ReadoutConfig) -> tuple[str, ...]:
 
 
 def readout_for(config: ReadoutConfig, given: frozenset[str], shuttle: Shuttle) -> ReadoutConfig:
-    """Return the readout for a shuttle, with SPI registers, four-phase link, and a sufficient clock frequency.
-
-    Raises
-    ------
-    InputError
-        If the options say something else, or the pins cannot carry it.
-    """
+    """Return the readout for a shuttle, with SPI registers, four-phase link, and a sufficient clock frequency."""
     for name, value in FORCED.items():
         if name in given and getattr(config, name) != value:
             raise InputError(f"the pins of a shuttle need --{name} {value}, not {getattr(config, name)}; leave it out")

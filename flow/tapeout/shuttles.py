@@ -22,29 +22,16 @@ GF = {"1x1": (3048.0, 4238.0)}
 
 @dataclass(frozen=True)
 class Shuttle:
-    """Requirements of one shuttle.
-
-    Attributes
-    ----------
-    name : str
-    process : str
-        The process, in words.
-    pdk : str
-        Name of its design kit.
-    sizes : dict of str to (float, float)
-        Width and height in micrometres of what can be rented, the smallest first: tiles of Tiny Tapeout (from
-        ``tech/*/tile_sizes.yaml`` of its support tools), or the core of a slot of wafer.space (from its template).
-    cells : str
-        Verilog of the cells, below the root of the design kit.
-    fastest_hz : float
-        The fastest clock at the pins: 50 MHz is what Tiny Tapeout states for outputs; wafer.space' template aims at 25.
-    """
+    """Requirements of one shuttle."""
 
     name: str
-    process: str
-    pdk: str
+    process: str  # in words
+    pdk: str  # name of the design kit
+    # width and height in micrometres of what can be rented, the smallest first: tiles of Tiny Tapeout (from
+    # ``tech/*/tile_sizes.yaml`` of its support tools), or the core of a slot of wafer.space (from its template)
     sizes: dict[str, tuple[float, float]]
-    cells: tuple[str, ...]
+    cells: tuple[str, ...]  # Verilog of the cells, below the root of the design kit
+    # fastest clock at the pins: Tiny Tapeout states 50 MHz for outputs, the template of wafer.space aims at 25 MHz
     fastest_hz: float
 
     @property
@@ -53,13 +40,7 @@ class Shuttle:
         return self.name.startswith("tt-")
 
     def smallest(self, area_um2: float) -> str:
-        """Return the smallest size for a given cell area.
-
-        Raises
-        ------
-        InputError
-            If none is large enough.
-        """
+        """Return the smallest size for a given cell area."""
         for size, (width, height) in self.sizes.items():
             if area_um2 <= DENSITY * width * height:
                 return size

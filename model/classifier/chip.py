@@ -17,16 +17,10 @@ from eskin.model.classifier.run import ClassifierRun, first_ready, simulate, wor
 
 @dataclass(frozen=True)
 class ChipRun:
-    """Events, clocks and classes of one simulated run of a chip.
-
-    Attributes
-    ----------
-    events : ndarray of EVENT_DTYPE
-        Events taken by the classifier; all ON if it ignores polarity.
-    classifier : ClassifierRun
-    """
+    """Events, clocks and classes of one simulated run of a chip."""
 
     events: Events
+    """Events that the classifier took; all ON if it ignores polarity."""
     classifier: ClassifierRun
 
 
@@ -62,15 +56,7 @@ def simulate_chip(config: ChipConfig, network: IntegerNetwork, samples: NDArray[
 
     The readout receives the clocks in which the classifier is ready, and the classifier those of offered events. A
     clock depends only on earlier clocks. Each round is therefore right for longer than the previous round, and both are
-    right when nothing changes any more.
-
-    Parameters
-    ----------
-    config : ChipConfig
-    network : IntegerNetwork
-    samples : integer ndarray, shape (ticks, taxels)
-    clocks : int
-        Length of the run.
+    right when nothing changes any more. ``samples`` has the shape (ticks, taxels).
     """
     from eskin.model.readout import Stimulus  # compiles the model
     from eskin.model.readout import simulate as simulate_readout
@@ -96,7 +82,7 @@ def ready_of(config: ClassifierConfig, run: ClassifierRun, clocks: int) -> NDArr
     """Return for every clock of a run whether the classifier is ready for an event."""
     change = np.zeros(clocks + 1, np.int64)
     taken = np.asarray(run.accepted, np.int64)
-    # A clock after an event, for the rest of its row; from a bin's end to the last clock of its work; while it clears.
+    # Not ready: after an event for the rest of its row, from a bin's end to the last clock of its work, in a clear.
     begins = np.concatenate([taken + 1, np.asarray(run.ended, np.int64) + 1, [0]])
     stops = np.concatenate([taken + config.groups, np.asarray(run.valid, np.int64) - 1, [first_ready(config, -1)]])
     np.add.at(change, np.minimum(begins, clocks), 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 from eskin.base.errors import InputError
@@ -29,19 +30,9 @@ def with_room(readout: ReadoutConfig, classifier: ClassifierConfig) -> ReadoutCo
 class ChipConfig:
     """The configurations of a readout and a classifier that fit together.
 
-    Reset and clock are those of the readout: the clocks of a time bin follow from them and the bin's seconds.
-
-    Parameters
-    ----------
-    readout : ReadoutConfig
-        With the stream link.
-    classifier : ClassifierConfig
-        One input per taxel, or two with separate ON and OFF.
-
-    Raises
-    ------
-    InputError
-        If the two do not fit.
+    The readout has the stream link. The classifier has one input per taxel, or two with separate ON and OFF. Reset and
+    clock are those of the readout: the clocks of a time bin follow from them and the bin's seconds. Configurations that
+    do not fit raise InputError.
     """
 
     readout: ReadoutConfig
@@ -75,15 +66,8 @@ class ChipConfig:
         """True if OFF events have input channels of their own."""
         return self.classifier.inputs > self.readout.taxels
 
-    @property
-    def reset(self) -> str:
-        """Reset style of the flip-flops."""
-        return self.readout.reset
-
-    @property
-    def clock_hz(self) -> float:
-        """Clock frequency in hertz."""
-        return self.readout.clock_hz
+    reset = property(attrgetter("readout.reset"), doc="Reset style of the flip-flops.")
+    clock_hz = property(attrgetter("readout.clock_hz"), doc="Clock frequency in hertz.")
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as one flat dictionary; a prefix marks the fields of the classifier."""

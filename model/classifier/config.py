@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, get_args, get_type_hints
+from typing import Any, Literal, NamedTuple
 
 from eskin.base.errors import InputError
-from eskin.model.config import Reset, parameter
+from eskin.model.config import Configuration, Reset, parameter
 
 NeuronReset = Literal["zero", "subtract"]
 OutputMode = Literal["spikes", "membrane"]
@@ -18,7 +16,7 @@ MAX_INPUTS = 2 * 64 * 64
 MAX_HIDDEN = 4096
 MAX_CLASSES = 64
 MAX_BITS = 32
-"""Of a potential."""
+"""Largest number of bits of a potential."""
 
 HEADROOM = 32
 """Thresholds, or floors if these are larger, on each side of 0 before a narrow potential saturates. With 16 of them no
@@ -28,44 +26,21 @@ CLASSIFIER = "docs/reference/classifier.md"
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClassifierConfig:
+class ClassifierConfig(Configuration):
     """All parameters of an integer network except its weights; immutable and validated.
 
     Hidden and output potentials have their own units; a weight counts ``2**shift`` of them. A potential saturates at
-    the limits of its bits. If ``saturates`` is false, no potential can reach the limits.
+    the limits of its bits. If ``saturates`` is false, no potential can reach the limits. ``parameter`` describes each
+    field; neurons with a leak or a synaptic current need more words:
 
-    Parameters
-    ----------
-    inputs, hidden, classes : int
-    lanes : int
-        Neurons to which a weight is added in one clock, a power of two from 1 to 64.
-    clocks_per_bin, bin_s : int, float
-        Clocks of a time bin at most, and its seconds.
-    in_bits, rec_bits, out_bits, bias_bits : int
-        Bits of a weight, 2..8, and of a bias, 2..16, signed.
-    in_shift, rec_shift, bias_shift, out_shift, out_bias_shift : int
-        A weight of 1 counts 2**shift units of the potential that it is added to, 0..16.
-    membrane_bits, output_bits, evidence_bits : int
-        Bits of a hidden potential, of an output potential, and of the evidence, signed, up to 32.
-    threshold, floor, neuron_reset, leak_shift, leak_factor
-        Hidden neurons: a neuron spikes if v > threshold; floor is the lower limit of v (None: no limit); reset by a
-        spike; after a bin v - (v * leak_factor >> leak_shift) remains (leak_shift 0: all).
-    synapse_shift, synapse_factor
-        Hidden neurons with a synaptic current (NIR: CubaLIF): weights and bias add to the current i, and at the end of
-        a bin i is added to v; then i - (i * synapse_factor >> synapse_shift) remains. Shift 0: no current, weights add
-        to v.
-    readout : "spikes" or "membrane"
-        The outputs fire and their spikes are the evidence, or they do not fire and the sum of their potentials is it.
-    out_threshold, out_floor, out_leak_shift, out_leak_factor, out_synapse_shift, out_synapse_factor
-        Output neurons; threshold and floor count where they fire.
-    reset : "sync" or "async"
-        Style of the flops' reset, active high.
-
-    Raises
-    ------
-    InputError
-        If a value is of the wrong type, out of range, or does not fit another.
+    - A hidden neuron spikes if v > threshold. After a bin v - (v * leak_factor >> leak_shift) remains.
+    - Neurons with a synaptic current (NIR: CubaLIF) add weights and bias to the current i. At the end of a bin i is
+      added to v; then i - (i * synapse_factor >> synapse_shift) remains. Shift 0: weights add to v.
+    - Outputs fire, and their spikes are the evidence; or they do not fire, and the sum of their potentials is it. The
+      fields ``out_...`` are those of the output neurons.
     """
+
+    noun = ("a classifier's configuration", "classifier")
 
     inputs: int = parameter(
         128, "", CLASSIFIER, "channels: number of taxels, or twice as many with separate ON and OFF"
@@ -116,16 +91,14 @@ class ClassifierConfig:
     reset: Reset = parameter("sync", "", CLASSIFIER, "reset style of the flops")
 
     def __post_init__(self) -> None:
-        for name, hint in get_type_hints(type(self)).items():
-            self._check_type(name, hint)
+        self._check_types()
         ranges = {"inputs": (1, MAX_INPUTS), "hidden": (1, MAX_HIDDEN), "classes": (1, MAX_CLASSES)}
         ranges |= {"lanes": (1, 64), "clocks_per_bin": (1, 2**30), "bias_bits": (2, 16)}
         ranges |= dict.fromkeys(("in_bits", "rec_bits", "out_bits"), (2, 8))
         ranges |= dict.fromkeys(("membrane_bits", "output_bits", "evidence_bits"), (4, MAX_BITS))
         ranges |= dict.fromkeys(SHIFTS, (0, 16))
         for name, (low, high) in ranges.items():
-            if not low <= getattr(self, name) <= high:
-                raise InputError(f"{name} must be in {low}..{high}, not {getattr(self, name)}")
+            self._check_range(name, low, high)
         for name in LEAKS:
             factor, most = getattr(self, f"{name}_factor"), 2 ** getattr(self, f"{name}_shift")
             if not 1 <= factor <= most:
@@ -145,16 +118,6 @@ class ClassifierConfig:
                 )
             if getattr(self, floor) is not None and not -most - 1 <= getattr(self, floor) <= 0:
                 raise InputError(f"{floor} must be in {-most - 1}..0 or none, not {getattr(self, floor)}")
-
-    def _check_type(self, name: str, hint: Any) -> None:
-        value = getattr(self, name)
-        if (choices := get_args(hint)) and str in map(type, choices):
-            if value not in choices:
-                raise InputError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
-        elif hint is float and type(value) is int and abs(value) < 2**53:
-            object.__setattr__(self, name, float(value))
-        elif type(value) not in (choices or (hint,)):
-            raise InputError(f"{name} must be of type {getattr(hint, '__name__', 'int or None')}, not {value!r}")
 
     # -- derived numbers -------------------------------------------------------------------------
 
@@ -287,28 +250,10 @@ class ClassifierConfig:
 
     # -- construction and exchange ---------------------------------------------------------------
 
-    def replace(self, **changes: Any) -> ClassifierConfig:
-        """Return a validated copy with changed fields."""
-        return self.from_dict(self.to_dict() | changes)
-
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as a dictionary; synaptic shifts and leak factors only if they are not the defaults."""
-        fields = dataclasses.asdict(self)
+        fields = super().to_dict()
         return {name: value for name, value in fields.items() if name not in OPTIONAL or value != OPTIONAL[name]}
-
-    def to_json(self) -> str:
-        """Return the configuration as JSON text."""
-        return json.dumps(self.to_dict(), indent=2)
-
-    @classmethod
-    def from_dict(cls, fields: Any) -> ClassifierConfig:
-        """Return the configuration for a dictionary; raise an error for unknown fields."""
-        if not isinstance(fields, dict):
-            raise InputError(f"a classifier's configuration must be a JSON object, not {type(fields).__name__}")
-        known = {field.name for field in dataclasses.fields(cls)}
-        if unknown := sorted(set(fields) - known):
-            raise InputError(f"unknown classifier field {unknown[0]!r}; known fields are {', '.join(sorted(known))}")
-        return cls(**fields)
 
 
 LEAKS = ("leak", "synapse", "out_leak", "out_synapse")
@@ -372,15 +317,8 @@ def ends(
     X = (low << k) // n. A reset to zero leaves at most the threshold, and so does a reset by subtraction if a bin adds
     at most the threshold.
 
-    Parameters
-    ----------
-    low, high : int
-        What a bin adds: all that is negative (at most 0), and all that is positive (at least 0).
-    threshold : int or None
-        None for a neuron that does not fire.
-    floor : int or None
-    reset : "zero" or "subtract"
-    leak : Leak
+    A bin adds at least ``low`` (at most 0) and at most ``high`` (at least 0). A neuron that does not fire has the
+    threshold None.
     """
     if floor is not None:
         least: int | None = floor + low

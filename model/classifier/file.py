@@ -23,16 +23,10 @@ ARRAYS = {"w_in": np.int8, "w_rec": np.int8, "w_out": np.int8, "b_hidden": np.in
 
 @dataclass(frozen=True)
 class IntegerWeights:
-    """An integer network with the names of its classes and metadata.
+    """An integer network with the names of its classes, in the order of the outputs, and notes.
 
-    Attributes
-    ----------
-    network : IntegerNetwork
-    class_names : tuple of str
-        Names of the outputs, in their order.
-    notes : dict
-        Notes of the quantiser: the float value of a weight of 1 for each matrix, the errors, and under ``training`` the
-        readout and bins of the training, and its predictions for images outside the training.
+    ``notes`` are those of the quantiser: the float value of a weight of 1 for each matrix, the errors, and under
+    ``training`` the readout and bins of the training, and its predictions for images outside the training.
     """
 
     network: IntegerNetwork
@@ -56,13 +50,7 @@ class IntegerWeights:
 
     @classmethod
     def load(cls, path: Path) -> IntegerWeights:
-        """Return the network from a file written by ``save``.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read, is damaged, or is something else.
-        """
+        """Return the network from a file written by ``save``; raise InputError for any other file."""
         if not path.exists():
             raise InputError(f"integer network {path} does not exist; make one with eskin quantise")
         arrays = read_arrays(path, "an integer network", "quantise again")
@@ -104,15 +92,7 @@ def weight_image(network: IntegerNetwork) -> list[int]:
 
 
 def row_image(config: ClassifierConfig, rows: NDArray[Any], bits: int, words: int) -> list[int]:
-    """Return the words of a memory of rows of weights, with ``bits`` for each weight.
-
-    Parameters
-    ----------
-    config : ClassifierConfig
-    rows : integer array, shape (rows, hidden)
-    bits, words : int
-        Bits of a weight, and words of the memory.
-    """
+    """Return the ``words`` words of a memory of weights, shape (rows, hidden), with ``bits`` for each weight."""
     full = np.zeros((len(rows), config.groups * config.lanes), np.int64)
     full[:, : config.hidden] = rows
     image = [0] * words

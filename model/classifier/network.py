@@ -5,6 +5,7 @@ This is the golden model of ``rtl/classifier``, without lanes and words.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -19,16 +20,16 @@ Whole = NDArray[np.int64]
 
 
 class Bin(NamedTuple):
-    """Potentials, spikes and evidence at the end of a bin.
+    """Potentials, spikes (0 or 1) and evidence at the end of a bin.
 
     Attributes
     ----------
     potential, spikes : shape (hidden,)
-        Potentials as they were compared with the threshold, and who fired (0 or 1).
+        Potentials as compared with the threshold.
     output, output_spikes : shape (classes,)
-        Potentials and spikes of the outputs; no spikes for membrane outputs.
+        Membrane outputs never spike.
     evidence : shape (classes,)
-        Since the scan began.
+        Evidence since the scan began.
     winner : int
         The class: the first output with the most evidence.
     """
@@ -99,22 +100,22 @@ class IntegerNetwork:
     def hidden_ends(self) -> tuple[int, int] | None:
         """Return the range of the hidden potentials for these weights, or None if unlimited."""
         config = self.config
-        added = [
-            config.events_per_bin * part(self.w_in.T << config.in_shift, 1)
-            + total(self.w_rec.T << config.rec_shift)
-            + part((self.b_hidden << config.bias_shift)[:, None], 1)
-            for part, total in ((_least, _negative), (_most, _positive))
-        ]
+        added = (
+            config.events_per_bin * end.reduce(self.w_in << config.in_shift, axis=0, initial=0)
+            + end(self.w_rec << config.rec_shift, 0).sum(0)
+            + end(self.b_hidden << config.bias_shift, 0)
+            for end in (np.minimum, np.maximum)
+        )
         return _widest(config.hidden_ends, *added)
 
     @property
     def output_ends(self) -> tuple[int, int] | None:
         """Return the range of the output potentials for these weights, or None if unlimited."""
         config = self.config
-        added = [
-            total(self.w_out.T << config.out_shift) + part((self.b_out << config.out_bias_shift)[:, None], 1)
-            for part, total in ((_least, _negative), (_most, _positive))
-        ]
+        added = (
+            end(self.w_out << config.out_shift, 0).sum(0) + end(self.b_out << config.out_bias_shift, 0)
+            for end in (np.minimum, np.maximum)
+        )
         return _widest(config.output_ends, *added)
 
     def sized(self) -> IntegerNetwork:
@@ -131,23 +132,13 @@ class IntegerNetwork:
             bits, enough = bits_of(own), bits_of(any_weights)
             if (found := enough if enough <= bits + 1 else bits) <= MAX_BITS:
                 changes[name] = max(int(found), 4)
-        arrays = {name: getattr(self, name) for name in ("w_in", "w_rec", "w_out", "b_hidden", "b_out")}
-        return IntegerNetwork(self.config.replace(**changes), **arrays)
+        return dataclasses.replace(self, config=self.config.replace(**changes))
 
     def run_counts(self, counts: NDArray[Any]) -> tuple[Whole, float]:
         """Return the evidence after the last bin of several scans, and the mean spikes per bin and neuron.
 
         Events of a bin count in rising order of their channel. The order only matters if a potential saturates.
-
-        Parameters
-        ----------
-        counts : shape (scans, bins, inputs)
-            Events.
-
-        Returns
-        -------
-        evidence : shape (scans, classes)
-        rate : float
+        ``counts`` has the shape (scans, bins, inputs), the evidence (scans, classes).
         """
         if counts.ndim != 3 or counts.shape[2] != self.config.inputs:
             raise InputError(
@@ -190,18 +181,10 @@ class State:
         self._out = network.w_out << config.out_shift
         self._bias = network.b_hidden << config.bias_shift
         self._out_bias = network.b_out << config.out_bias_shift
-        self.v = self._sum(np.zeros((scans, config.hidden), np.int64), self._bias)
+        self.v = _sum(np.zeros((scans, config.hidden), np.int64), self._bias, config.membrane_bits)
         self.spikes, self.rest = np.zeros_like(self.v), np.zeros_like(self.v)
-        self.output = self._out_sum(np.zeros((scans, config.classes), np.int64), self._out_bias)
+        self.output = _sum(np.zeros((scans, config.classes), np.int64), self._out_bias, config.output_bits)
         self.evidence, self.output_rest = np.zeros_like(self.output), np.zeros_like(self.output)
-
-    def _sum(self, v: Whole, added: Whole) -> Whole:
-        bits = self.config.membrane_bits
-        return np.clip(v + added, lowest(bits), highest(bits))
-
-    def _out_sum(self, v: Whole, added: Whole) -> Whole:
-        bits = self.config.output_bits
-        return np.clip(v + added, lowest(bits), highest(bits))
 
     def add_events(self, channels: Sequence[int]) -> None:
         """Add the input weights of each event of one scan to ``v``, in the order of the events."""
@@ -211,67 +194,62 @@ class State:
             self.v = sums[-1] if len(sums) else self.v
             return
         for channel in channels:
-            self.v = self._sum(self.v, self._in[channel])
+            self.v = _sum(self.v, self._in[channel], bits)
 
     def add_counts(self, counts: NDArray[Any]) -> None:
         """Add the event counts of a bin, shape (scans, inputs), in rising order of channels."""
-        if self._stays_within(self.v, counts.sum(1).max(initial=0) * np.abs(self._in).max(), self.config.membrane_bits):
-            self.v = self.v + _product(counts, self._in)
-            return
-        for channel in np.flatnonzero(counts.any(0)):
-            # Equal additions one after the other stop where a single one of their sum does.
-            self.v = self._sum(self.v, counts[:, channel, None].astype(np.int64) * self._in[channel])
-
-    @staticmethod
-    def _stays_within(v: Whole, added: int, bits: int) -> bool:
-        return bool(np.abs(v).max(initial=0) + added <= highest(bits))
+        self.v = _add(self.v, counts, self._in, self.config.membrane_bits)
 
     def end_bin(self) -> tuple[Whole, Whole, Whole, Whole]:
-        """End a bin: update hidden neurons, outputs and evidence, then apply leak and bias.
+        """End a bin: update neurons and evidence, then apply leak and bias.
 
-        Returns
-        -------
-        potential, spikes : shape (scans, hidden)
-            Potentials at the comparison with the threshold, and spikes.
-        output, output_spikes : shape (scans, classes)
+        Returns potentials as compared and spikes of the hidden neurons, shape (scans, hidden), and of the outputs,
+        shape (scans, classes).
         """
         config = self.config
+        bits, out_bits, evidence_bits = config.membrane_bits, config.output_bits, config.evidence_bits
         leak, synapse = Leak(config.leak_shift, config.leak_factor), Leak(config.synapse_shift, config.synapse_factor)
-        if self._stays_within(self.v, np.abs(self._rec).sum(0).max(), config.membrane_bits):
-            v = self.v + _product(self.spikes, self._rec)
-        else:
-            v = self.v
-            for neuron in np.flatnonzero(self.spikes.any(0)):
-                v = self._sum(v, self.spikes[:, neuron, None] * self._rec[neuron])
-        potential = self._sum(self.rest, v) if synapse.shift else v
+        v = _add(self.v, self.spikes, self._rec, bits)
+        potential = _sum(self.rest, v, bits) if synapse.shift else v
         potential, self.spikes, rest = _fire(potential, config.threshold, config.floor, config.neuron_reset)
         self.rest = _leak(rest, leak)
-        self.v = self._sum(_leak(v, synapse) if synapse.shift else self.rest, self._bias)
+        self.v = _sum(_leak(v, synapse) if synapse.shift else self.rest, self._bias, bits)
 
-        output = self.output
-        if self._stays_within(output, np.abs(self._out).sum(0).max(), config.output_bits):
-            output = output + _product(self.spikes, self._out)
-        else:
-            for neuron in np.flatnonzero(self.spikes.any(0)):
-                output = self._out_sum(output, self.spikes[:, neuron, None] * self._out[neuron])
         leak = Leak(config.out_leak_shift, config.out_leak_factor)
-        synapse, current = Leak(config.out_synapse_shift, config.out_synapse_factor), output
-        if synapse.shift:
-            output = self._out_sum(self.output_rest, current)
+        synapse = Leak(config.out_synapse_shift, config.out_synapse_factor)
+        v = _add(self.output, self.spikes, self._out, out_bits)
+        output = _sum(self.output_rest, v, out_bits) if synapse.shift else v
         if config.readout == "spikes":
             output, fired, rest = _fire(output, config.out_threshold, config.out_floor, config.neuron_reset)
             gained = fired
         else:
             fired, rest, gained = np.zeros_like(output), output, output
         self.output_rest = _leak(rest, leak)
-        self.output = self._out_sum(_leak(current, synapse) if synapse.shift else self.output_rest, self._out_bias)
-        self.evidence = np.clip(self.evidence + gained, lowest(config.evidence_bits), highest(config.evidence_bits))
+        self.output = _sum(_leak(v, synapse) if synapse.shift else self.output_rest, self._out_bias, out_bits)
+        self.evidence = _sum(self.evidence, gained, evidence_bits)
         return potential, self.spikes, output, fired
 
     def end_single_bin(self) -> Bin:
         """End a bin of one scan."""
         potential, spikes, output, fired = (values[0] for values in self.end_bin())
         return Bin(potential, spikes, output, fired, self.evidence[0], int(self.evidence[0].argmax()))
+
+
+def _sum(v: Whole, added: Whole, bits: int) -> Whole:
+    """Return a sum that stops at the ends of its bits."""
+    return np.clip(v + added, lowest(bits), highest(bits))
+
+
+def _add(v: Whole, counts: NDArray[Any], weights: Whole, bits: int) -> Whole:
+    """Add the weights of all events or spikes, shape (scans, sources), to v in rising order of their source."""
+    size = np.abs(weights)
+    most = min(counts.max(initial=0) * size.sum(0).max(), counts.sum(1).max(initial=0) * size.max())
+    if np.abs(v).max(initial=0) + most <= highest(bits):  # nothing saturates: the product is exact, far below 2**53
+        return v + (counts.astype(np.float64) @ weights.astype(np.float64)).astype(np.int64)
+    for source in np.flatnonzero(counts.any(0)):
+        # Equal additions stop at the same end of the bits as one addition of their sum.
+        v = _sum(v, counts[:, source, None].astype(np.int64) * weights[source], bits)
+    return v
 
 
 def _fire(v: Whole, threshold: int, floor: int | None, reset: str) -> tuple[Whole, Whole, Whole]:
@@ -285,28 +263,6 @@ def _fire(v: Whole, threshold: int, floor: int | None, reset: str) -> tuple[Whol
 def _leak(v: Whole, leak: Leak) -> Whole:
     """Return a potential after the leak of one bin, rounded down."""
     return v - (v * leak.factor >> leak.shift) if leak.shift else v
-
-
-def _product(counts: NDArray[Any], weights: Whole) -> Whole:
-    """Return an exact integer matrix product computed in float64; all sums are far below 2**53."""
-    product: Whole = (counts.astype(np.float64) @ weights.astype(np.float64)).astype(np.int64)
-    return product
-
-
-def _least(values: Whole, axis: int) -> Whole:
-    return np.minimum(values.min(axis), 0)
-
-
-def _most(values: Whole, axis: int) -> Whole:
-    return np.maximum(values.max(axis), 0)
-
-
-def _negative(values: Whole) -> Whole:
-    return np.asarray(np.minimum(values, 0).sum(1))
-
-
-def _positive(values: Whole) -> Whole:
-    return np.asarray(np.maximum(values, 0).sum(1))
 
 
 def _widest(of: Any, low: Whole, high: Whole) -> tuple[int, int] | None:

@@ -49,14 +49,7 @@ def first_ready(config: ClassifierConfig, start: int) -> int:
 
 
 def work_clocks(config: ClassifierConfig, before: int, now: int) -> int:
-    """Return the number of clocks of work at the end of a bin.
-
-    Parameters
-    ----------
-    config : ClassifierConfig
-    before, now : int
-        Hidden spikes of the previous bin, and of the ending bin.
-    """
+    """Return the clocks of work at the end of a bin, for the hidden spikes of the previous and of the ending bin."""
     recurrent = config.hidden + before * (config.groups - 1)
     outputs = config.hidden + now * (config.classes - 1)
     return recurrent + config.hidden + 2 + outputs + config.classes
@@ -69,7 +62,6 @@ def simulate(
 
     Parameters
     ----------
-    network : IntegerNetwork
     offered : sequence of (clock, channel)
         Clock from which each event is offered, in order, after the previous event has been taken.
     ends : sequence of int
@@ -80,17 +72,30 @@ def simulate(
         Clock of ``scan_start``; -1 for the end of reset.
     """
     config, run, state = network.config, ClassifierRun(), State(network)
-    groups = config.groups
     free = first_ready(config, start)  # first clock in which the next event can be taken
-    offers = _Offers(offered, run, start + 1)
-    early = [end for end in ends if start < end < free]  # while the scan is cleared: one of them is kept
+
+    def offered_since() -> int | None:
+        """Return the clock from which the next event is offered, or None without an event."""
+        number = len(run.accepted)
+        behind = run.accepted[-1] if number else start
+        return max(offered[number][0], behind + 1) if number < len(offered) else None
+
+    def take_until(last: int) -> None:
+        """Take all events that can be taken up to a clock."""
+        nonlocal free
+        while (since := offered_since()) is not None and max(since, free) <= last:
+            clock = max(since, free)
+            run.stalled += clock - since
+            run.accepted.append(clock)
+            free = clock + config.groups
+
+    early = [end for end in ends if start < end < free]  # while the scan is cleared: the first is kept
     run.overruns += early
     pending = early[:1] + [end for end in ends if end >= free]
     while pending:
         end = pending.pop(0)
         taken = len(run.accepted)
-        while (clock := offers.take(free, min(end, clocks - 1))) is not None:
-            free = clock + groups
+        take_until(min(end, clocks - 1))
         state.add_events([channel for _, channel in offered[taken : len(run.accepted)]])
         first = max(end + 1, free) + 1  # clock in which the work begins
         lost = [late for late in pending if late < first - 1]
@@ -106,39 +111,7 @@ def simulate(
             run.bins.append(result)
             run.valid.append(last + 2)
         free = last + 1
-    while (clock := offers.take(free, clocks - 1)) is not None:
-        free = clock + groups
-    offers.finish(clocks)
+    take_until(clocks - 1)
+    if (since := offered_since()) is not None:
+        run.stalled += max(clocks - since, 0)
     return run
-
-
-class _Offers:
-    """Queue of incoming events that counts the clocks in which an event waits."""
-
-    def __init__(self, offered: Sequence[tuple[int, int]], run: ClassifierRun, begin: int) -> None:
-        self.offered, self.run, self.begin = offered, run, begin
-
-    @property
-    def since(self) -> int | None:
-        """Clock from which the next event is offered, or None without an event."""
-        number = len(self.run.accepted)
-        if number == len(self.offered):
-            return None
-        behind = self.run.accepted[-1] + 1 if number else self.begin
-        return max(self.offered[number][0], behind)
-
-    def take(self, free: int, last: int) -> int | None:
-        """Return the clock in which the classifier takes the next event, or None if it is after ``last``."""
-        since = self.since
-        if since is None or max(since, free) > last:
-            return None
-        clock = max(since, free)
-        self.run.stalled += clock - since
-        self.run.accepted.append(clock)
-        return clock
-
-    def finish(self, clocks: int) -> None:
-        """Add the waiting clocks of an event that is still offered at the end."""
-        since = self.since
-        if since is not None:
-            self.run.stalled += max(clocks - since, 0)

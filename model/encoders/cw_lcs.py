@@ -112,7 +112,7 @@ class CwLcs(Encoder):
         window.open_fully(taxel)
 
     @staticmethod
-    def told(rule: Any, now: Any) -> Any:
+    def with_settings(rule: Any, now: Any) -> Any:
         """Return the rule for a resolution and a window period set by the host."""
         return CwLcsRule(
             rule.built_step << now.coarser,

@@ -123,9 +123,9 @@ class Encoder(ABC):
         """Return whether the sample is above the upper threshold, and whether it is below the lower one."""
 
     @staticmethod
-    @abstractmethod
     def reach(rule: Any, taxel: Any) -> Any:
-        """Return the distance by which an event moves the reference."""
+        """Return the distance by which an event moves the reference, by default D."""
+        return rule.step
 
     @staticmethod
     @abstractmethod
@@ -142,7 +142,7 @@ class Encoder(ABC):
 
     @staticmethod
     @abstractmethod
-    def told(rule: Any, now: Any) -> Any:
+    def with_settings(rule: Any, now: Any) -> Any:
         """Return the rule changed by the settings of a host."""
 
     # -- compiled: all taxels, tick by tick ------------------------------------------------------
@@ -150,20 +150,11 @@ class Encoder(ABC):
     @staticmethod
     @abstractmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
-        """Write the event counts of every tick, computed in closed form.
+        """Write the signed event counts of every tick, and if ``timed`` whether the first event came late.
 
-        Parameters
-        ----------
-        x : shape (ticks, taxels)
-            Samples.
-        state : tuple of arrays of ``state_dtype``, shape (taxels,)
-            The reference, in units of ``grid`` or its fraction, then the state; changed in place.
-        phase : shape (taxels,)
-            Tick of the leak within its period, in rising order.
-        tick : int
-            Ticks since reset.
-        counts, late : shape (ticks, taxels)
-            Signed events, and if ``timed`` whether the first came one decision late.
+        ``x``, ``counts`` and ``late`` have the shape (ticks, taxels), ``phase`` and the arrays of ``state`` the shape
+        (taxels,). ``state`` is the reference, in units of ``grid`` or its fraction, then the encoder state. ``phase``
+        is the tick of the leak within its period, in rising order; ``tick`` counts from reset.
         """
 
     @staticmethod
@@ -174,6 +165,13 @@ class Encoder(ABC):
         ``u``, shape (taxels,), starts as the reference after reset; it and ``ends``, the bottom and the top of the
         scale, are in 2**-fraction_bits codes.
         """
+
+
+def stepped(u: Any, n: Any, ends: Any, step: Any) -> Any:
+    """Return the reference after n signed events, without the events that would move it off the scale."""
+    if n > 0:
+        return u + steps_up_to(n, ends[1] - u, step) * step
+    return u - steps_up_to(-n, u - ends[0], step) * step
 
 
 def steps_up_to(n: Any, room: Any, step: Any) -> Any:

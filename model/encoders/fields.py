@@ -22,7 +22,7 @@ SETTABLE = "settable"
 """Name of the fields that a host chooses at run time; after reset every taxel sees its own sample."""
 
 CHOICES = (*KINDS, "off")
-"""What a host chooses among, by number."""
+"""Fields that a host can choose, by number."""
 
 MOST_TAXELS = 256
 """Most taxels of a field."""
@@ -52,17 +52,7 @@ Fields = str | tuple[Field, ...]
 def parse(given: Any, taxels: int) -> Fields:
     """Return the checked receptive fields of a configuration.
 
-    Parameters
-    ----------
-    given : str or sequence
-        A name; or for every taxel a Field, taxels and a shift, or a dictionary of both; or these as JSON text.
-    taxels : int
-        Number of taxels of the array.
-
-    Raises
-    ------
-    InputError
-        If a field is not one of these, names a taxel outside the array, or all taxels are off.
+    ``given`` is a name; or for every taxel a Field, taxels and a shift, or a dictionary of both; or these as JSON text.
     """
     if isinstance(given, str) and given in (*KINDS, SETTABLE):
         return given
@@ -148,17 +138,8 @@ def unused(config: ReadoutConfig) -> set[int]:
 def signals(config: ReadoutConfig, samples: NDArray[Any], scale: int | None = None) -> NDArray[Any]:
     """Return the inputs of the encoders: the sum of each field, shifted right, rounded and saturated.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-    samples : integer array, shape (ticks, taxels)
-    scale : int, optional
-        Codes at which the signals saturate, by default full scale.
-
-    Returns
-    -------
-    array of the shape and type of ``samples``
-        The samples themselves for ``fields="own"``.
+    The result has the shape (ticks, taxels) and the type of ``samples``. Signals saturate at ``scale`` codes, by
+    default full scale. For ``fields="own"`` the samples themselves are returned.
     """
     if config.fields in ("own", SETTABLE):
         return samples
@@ -166,14 +147,7 @@ def signals(config: ReadoutConfig, samples: NDArray[Any], scale: int | None = No
 
 
 def chosen(config: ReadoutConfig, samples: NDArray[Any], choice: NDArray[np.integer]) -> NDArray[Any]:
-    """Return the inputs of the encoders for fields chosen by a host.
-
-    Parameters
-    ----------
-    config : ReadoutConfig
-        With ``fields="settable"``.
-    samples, choice : integer arrays, shape (ticks, taxels)
-    """
+    """Return the inputs of the encoders for fields chosen by a host; all arrays have the shape (ticks, taxels)."""
     found = [seen(config.replace(fields=name), samples) for name in KINDS]
     return np.choose(choice, [*found, np.zeros_like(samples)])
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from eskin.model.encoders.encoder import Encoder, log2, steps_up_to
+from eskin.model.encoders.encoder import Encoder, log2, stepped
 
 if TYPE_CHECKING:
     from eskin.model.config import ReadoutConfig
@@ -54,11 +54,6 @@ class Lcs(Encoder):
         return d >= rule.step, d < -rule.step
 
     @staticmethod
-    def reach(rule: Any, taxel: Any) -> Any:
-        """Return D."""
-        return rule.step
-
-    @staticmethod
     def move(rule: Any, taxel: Any, on: bool, off: bool, tick: bool, leaks: bool) -> bool:
         """Move the reference by D at every event."""
         if on:
@@ -68,7 +63,7 @@ class Lcs(Encoder):
         return False
 
     @staticmethod
-    def told(rule: Any, now: Any) -> Any:
+    def with_settings(rule: Any, now: Any) -> Any:
         """Return the rule for a coarser resolution set by the host."""
         return LcsRule(rule.built_step << now.coarser, rule.built_step, rule.step_log2, rule.cap)
 
@@ -92,12 +87,7 @@ class Lcs(Encoder):
     @staticmethod
     def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
         """Reconstruct the reference by adding D for every event."""
-        bottom, top = ends
         for i in range(counts.shape[0]):
             for j in range(counts.shape[1]):
-                n = np.int64(counts[i, j])
-                if n > 0:
-                    u[j] += steps_up_to(n, top - u[j], rule.step) * rule.step
-                else:
-                    u[j] -= steps_up_to(-n, u[j] - bottom, rule.step) * rule.step
+                u[j] = stepped(u[j], np.int64(counts[i, j]), ends, rule.step)
                 reference[i, j] = u[j]

@@ -84,11 +84,6 @@ class Nlcs(Encoder):
         return (taxel.x << rule.fraction_bits) - taxel.u > rule.step, False
 
     @staticmethod
-    def reach(rule: Any, taxel: Any) -> Any:
-        """Return D."""
-        return rule.step
-
-    @staticmethod
     def move(rule: Any, taxel: Any, on: bool, off: bool, tick: bool, leaks: bool) -> bool:
         """Move the reference by D at an event, and subtract the leak of the old reference."""
         leak = leak_of(taxel.u, rule.leak_shift) if leaks else 0
@@ -96,17 +91,9 @@ class Nlcs(Encoder):
         return leaks
 
     @staticmethod
-    def told(rule: Any, now: Any) -> Any:
+    def with_settings(rule: Any, now: Any) -> Any:
         """Return the rule for a coarser resolution and a leak set by the host."""
-        return NlcsRule(
-            rule.built_step << now.coarser,
-            rule.built_step,
-            now.leak_shift,
-            now.leak_period,
-            rule.fraction_bits,
-            rule.step_log2,
-            rule.cap,
-        )
+        return NlcsRule(*changed_by_host(rule, now))
 
     @staticmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
@@ -149,5 +136,11 @@ class Nlcs(Encoder):
             for j in range(counts.shape[1]):
                 if phase[j] == now:
                     u[j] -= leak_of(u[j], rule.leak_shift)
-                u[j] += min(np.int64(counts[i, j]), max(top - u[j], 0) >> shift) << shift
+                u[j] += min(np.int64(counts[i, j]), (top - u[j]) >> shift) << shift
                 reference[i, j] = u[j] * unit
+
+
+def changed_by_host(rule: Any, now: Any) -> Any:
+    """Return the fields of a leaky rule for the settings of a host."""
+    leak = (now.leak_shift, now.leak_period, rule.fraction_bits)
+    return (rule.built_step << now.coarser, rule.built_step, *leak, rule.step_log2, rule.cap)

@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from eskin.model.decay import leak_of, leaking
-from eskin.model.encoders.encoder import steps_up_to
-from eskin.model.encoders.nlcs import Nlcs
+from eskin.model.encoders.encoder import stepped
+from eskin.model.encoders.nlcs import Nlcs, NlcsRule, changed_by_host
 
 if TYPE_CHECKING:
     from eskin.model.config import ReadoutConfig
 
 
-class NlcsBipolarRule(NamedTuple):
-    """Constants of bipolar N-LCS; same fields as ``NlcsRule``."""
-
-    step: int
-    built_step: int
-    leak_shift: int
-    leak_period: int
-    fraction_bits: int
-    step_log2: int
-    cap: int
+class NlcsBipolarRule(NlcsRule):
+    """Constants of bipolar N-LCS."""
 
 
 class NlcsBipolar(Nlcs):
@@ -61,17 +53,9 @@ class NlcsBipolar(Nlcs):
         return leaks
 
     @staticmethod
-    def told(rule: Any, now: Any) -> Any:
+    def with_settings(rule: Any, now: Any) -> Any:
         """Return the rule for a coarser resolution and a leak set by the host."""
-        return NlcsBipolarRule(
-            rule.built_step << now.coarser,
-            rule.built_step,
-            now.leak_shift,
-            now.leak_period,
-            rule.fraction_bits,
-            rule.step_log2,
-            rule.cap,
-        )
+        return NlcsBipolarRule(*changed_by_host(rule, now))
 
     @staticmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
@@ -115,7 +99,6 @@ class NlcsBipolar(Nlcs):
     @staticmethod
     def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
         """Reconstruct the reference with the leak of the encoder."""
-        bottom, top = ends
         unit = 2.0**-rule.fraction_bits
         for i in range(counts.shape[0]):
             now = i % rule.leak_period
@@ -124,8 +107,5 @@ class NlcsBipolar(Nlcs):
                 inward = (n > 0 and u[j] < 0) or (n < 0 and u[j] >= 0)
                 if phase[j] == now and (late[i, j] or not inward):
                     u[j] -= leak_of(u[j], rule.leak_shift)
-                if n > 0:
-                    u[j] += steps_up_to(n, top - u[j], rule.step) * rule.step
-                else:
-                    u[j] -= steps_up_to(-n, u[j] - bottom, rule.step) * rule.step
+                u[j] = stepped(u[j], n, ends, rule.step)
                 reference[i, j] = u[j] * unit

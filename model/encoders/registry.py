@@ -18,11 +18,6 @@ NAMES = tuple(encoder.name for encoder in ENCODERS)
 def named(name: str) -> Encoder:
     """Return the encoder of a given name.
 
-    Raises
-    ------
-    InputError
-        If no encoder has that name; the sentence lists all names.
-
     Examples
     --------
     >>> named("nlcs").title

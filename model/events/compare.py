@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,17 +17,7 @@ CONTEXT = 3
 
 
 class AddressEvent(NamedTuple):
-    """One address event as Python integers.
-
-    Attributes
-    ----------
-    t : int
-        Clock of the transfer.
-    row, column : int
-        Address of the taxel.
-    polarity : bool
-        True is ON.
-    """
+    """One address event as Python integers: clock of the transfer, address of the taxel, and True for ON."""
 
     t: int
     row: int
@@ -70,35 +61,19 @@ class Difference:
         return tuple(n for n, a, b in zip(names, self.a, self.b, strict=True) if a != b)
 
     def describe(self, labels: tuple[str, str] = ("expected", "got")) -> str:
-        """Return the difference as text: a sentence, then the surrounding events side by side.
-
-        Parameters
-        ----------
-        labels : (str, str)
-            Names of the recordings a and b.
-        """
-        lines = [self._sentence(labels), "", self._table_line("event", labels, " ")]
-        for offset in range(max(len(self.context_a), len(self.context_b))):
-            number = self.start + offset
-            sides = [
-                _short(context[offset]) if offset < len(context) else "-"
-                for context in (self.context_a, self.context_b)
-            ]
-            mark = ">" if number == self.index else " " if sides[0] == sides[1] else "!"
-            lines.append(self._table_line(str(number), (sides[0], sides[1]), mark))
+        """Return the difference as text: a sentence, then the surrounding events side by side."""
+        a, b = (f"{label} {event or 'nothing more'}" for label, event in zip(labels, (self.a, self.b), strict=True))
+        where = f" in {', '.join(self.fields)}" if self.fields else ""
+        lines = [f"event {self.index} differs{where}: {a}; {b}", "", _table_line(" ", "event", *labels)]
+        sides = zip_longest(map(_short, self.context_a), map(_short, self.context_b), fillvalue="-")
+        for number, (a, b) in enumerate(sides, self.start):
+            mark = ">" if number == self.index else " " if a == b else "!"
+            lines.append(_table_line(mark, str(number), a, b))
         return "\n".join(lines)
 
-    def _sentence(self, labels: tuple[str, str]) -> str:
-        sides = [
-            f"{label} {event}" if event is not None else f"{label} nothing more"
-            for label, event in zip(labels, (self.a, self.b), strict=True)
-        ]
-        where = f" in {', '.join(self.fields)}" if self.fields else ""
-        return f"event {self.index} differs{where}: {sides[0]}; {sides[1]}"
 
-    @staticmethod
-    def _table_line(number: str, sides: tuple[str, str], mark: str) -> str:
-        return f"{mark} {number:>9}   {sides[0]:<30} {sides[1]}".rstrip()
+def _table_line(mark: str, number: str, a: str, b: str) -> str:
+    return f"{mark} {number:>9}   {a:<30} {b}".rstrip()
 
 
 def _short(event: AddressEvent) -> str:
@@ -114,20 +89,12 @@ def first_difference(a: Events, b: Events) -> Difference | None:
     """Return the first difference between two recordings, or None if they are equal.
 
     Recordings are equal if clock, row, column and polarity of all events agree, in the same order.
-
-    Parameters
-    ----------
-    a, b : ndarray of EVENT_DTYPE, shapes (events_a,) and (events_b,)
-        The expected events, and the events to check.
     """
     common = min(len(a), len(b))
-    differs = a[:common] != b[:common]
-    if differs.any():
-        index = int(np.argmax(differs))
-    elif len(a) != len(b):
-        index = common
-    else:
+    differs = np.flatnonzero(a[:common] != b[:common])
+    if not len(differs) and len(a) == len(b):
         return None
+    index = int(differs[0]) if len(differs) else common
     start, stop = max(0, index - CONTEXT), index + CONTEXT + 1
     context_a, context_b = _address_events(a[start:stop]), _address_events(b[start:stop])
     here = index - start
@@ -161,15 +128,8 @@ def covering_config(a: ReadoutConfig, b: ReadoutConfig) -> ReadoutConfig:
 def unmatched(a: Events, b: Events) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return the events of each recording that the other lacks, ignoring order.
 
-    An event that stands n times in one and m times in the other is unmatched in the last n - m places.
-
-    Parameters
-    ----------
-    a, b : ndarray of EVENT_DTYPE, shapes (events_a,) and (events_b,)
-
-    Returns
-    -------
-    two bool arrays, shapes (events_a,) and (events_b,)
+    An event that stands n times in one and m times in the other is unmatched in the last n - m places. The two bool
+    arrays have the shapes (events_a,) and (events_b,).
     """
     both: NDArray[Any] = np.concatenate([a, b])
     in_a = np.arange(len(both)) < len(a)

@@ -48,11 +48,6 @@ class Recording:
     metadata : dict, optional
         Any other JSON values: name, label, source, ...
 
-    Raises
-    ------
-    InputError
-        If the events do not fit the array, the encoder or the duration, or are out of order.
-
     Examples
     --------
     >>> from eskin.model.config import ReadoutConfig
@@ -114,13 +109,7 @@ class Recording:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write the recording to an ``.npz`` file.
-
-        Raises
-        ------
-        InputError
-            If the name does not end in .npz, the file cannot be written, or the metadata are not JSON.
-        """
+        """Write the recording to an ``.npz`` file."""
         path = Path(path)
         check_event_path(path)
         try:
@@ -131,14 +120,7 @@ class Recording:
 
     @classmethod
     def load(cls, path: str | Path) -> Recording:
-        """Return the recording from an ``.npz`` file written by :meth:`save`.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read, is damaged, is not a recording, has another format version, or its
-            events do not fit its configuration.
-        """
+        """Return the recording from an ``.npz`` file written by :meth:`save`; raise InputError for any other file."""
         events, text = _read_members(Path(path))
         try:
             return cls._from_parts(events, text)

@@ -22,14 +22,10 @@ Kind = Literal["constant", "setting", "pulse", "counter"]
 
 @dataclass(frozen=True)
 class Field:
-    """A bit field of a register.
+    """A bit field of a register; ``low`` is the place of its lowest bit.
 
-    Parameters
+    Attributes
     ----------
-    name : str
-    low, width : int
-        Place of the lowest bit, and number of bits.
-    reset : int
     kind : str
         ``constant`` for ever; ``setting``, written and read back; ``pulse``, 1 for one clock after a 1 was written;
         ``counter`` of its input, which stops at its end.
@@ -37,7 +33,6 @@ class Field:
         Range of writable values.
     announced : bool
         The hardware behind the register is notified of a write (``swmod``).
-    meaning : str
     """
 
     name: str
@@ -66,17 +61,9 @@ class Field:
 
 @dataclass(frozen=True)
 class Register:
-    """A 32-bit register at a byte address.
+    """A 32-bit register at a byte address, with its fields from the lowest bit on.
 
-    Parameters
-    ----------
-    name : str
-    index : int or None
-        Number within an array of registers of that name.
-    address : int
-    title : str
-    fields : tuple of Field
-        From the lowest bit on.
+    ``index`` is the number within an array of registers of that name.
     """
 
     name: str
@@ -132,13 +119,7 @@ def parameters(config: ReadoutConfig) -> dict[str, Any]:
 
 
 def compiled(given: dict[str, Any]) -> Any:
-    """Return the address map for SystemRDL parameters, elaborated by systemrdl-compiler.
-
-    Raises
-    ------
-    InputError
-        If the compiler is not installed.
-    """
+    """Return the address map for SystemRDL parameters, elaborated by systemrdl-compiler."""
     try:
         from systemrdl import RDLCompiler
     except ImportError:

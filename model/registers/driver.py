@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
@@ -14,12 +14,8 @@ from eskin.model.registers.spi import COMMAND_BITS, command
 class Registers:
     """Read and write registers by their names in the description.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-        Configuration of the chip, with ``registers="spi"``.
-    exchange : callable
-        Function for one transfer with CS low: takes the bytes to send, and returns the received bytes.
+    ``config`` is the configuration of the chip, with ``registers="spi"``. ``exchange`` makes one transfer with CS low:
+    it takes the bytes to send, and returns the received bytes.
 
     Examples
     --------
@@ -53,13 +49,7 @@ class Registers:
         return {field.name: field.of(word) for field in self.register(name).fields}
 
     def write_word(self, name: str, word: int) -> None:
-        """Write a word to a register.
-
-        Raises
-        ------
-        InputError
-            If the chip would refuse it.
-        """
+        """Write a word to a register; raise InputError if the chip would refuse it."""
         register = self.register(name)
         if not register.writable:
             raise InputError(f"register {name} can only be read")
@@ -89,11 +79,8 @@ class Registers:
             raise InputError(f"a field must be one of {', '.join(CHOICES)}, not {field!r}")
         if self.config.fields != SETTABLE:
             raise InputError(f"the chip has fields {self.config.fields}, built in; build it with fields={SETTABLE}")
-        per_word = WORD_BITS // 2
-        for word in range(-(-self.config.taxels // per_word)):
-            mine = [taxel - word * per_word for taxel in set(taxels) if taxel // per_word == word]
-            name = f"fields[{word}]" if (word + 1) * per_word <= self.config.taxels else "fields_rest"
-            if mine:
+        for name, places in self._words("fields", 2):
+            if mine := [place for place, taxel in enumerate(places) if taxel in taxels]:
                 value = self.read(name)["taxels"]
                 for place in mine:
                     value = value & ~(3 << 2 * place) | CHOICES.index(field) << 2 * place
@@ -101,10 +88,12 @@ class Registers:
 
     def silence(self, taxels: Collection[int]) -> None:
         """Mask the given taxels and enable all others."""
-        mask = ~sum(1 << taxel for taxel in set(taxels))
-        for name, register in self.named.items():
-            if register.name.startswith("mask"):
-                (field,) = register.fields
-                start = WORD_BITS * (register.index or 0)
-                start += self.config.taxels // WORD_BITS * WORD_BITS if register.name == "mask_rest" else 0
-                self.write(name, **{field.name: mask >> start & (1 << field.width) - 1})
+        for name, places in self._words("mask", 1):
+            self.write(name, taxels=sum(1 << place for place, taxel in enumerate(places) if taxel not in taxels))
+
+    def _words(self, name: str, bits: int) -> Iterator[tuple[str, range]]:
+        """Yield the names of all registers with some bits for each taxel, and the taxels of each register."""
+        per_word = WORD_BITS // bits
+        for first in range(0, self.config.taxels, per_word):
+            places = range(first, min(first + per_word, self.config.taxels))
+            yield f"{name}[{first // per_word}]" if len(places) == per_word else f"{name}_rest", places

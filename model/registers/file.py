@@ -19,14 +19,14 @@ class Write(NamedTuple):
 class RegisterFile:
     """State of all registers of a readout, updated clock by clock.
 
-    A word with a field out of its range is refused as a whole, and so is a write to a register that cannot be written
-    or to a hole. A hole reads 0. A counter stops at its end.
+    The file refuses a word with a field out of range as a whole, and any write to a read-only register or an unused
+    address. Unused addresses read 0. A counter stops at its end.
 
     Attributes
     ----------
     words : dict of int to int
         The registers by their addresses.
-    told : frozenset of str
+    written : frozenset of str
         Signals of fields that report a write of their register to the hardware in this clock.
     """
 
@@ -37,17 +37,14 @@ class RegisterFile:
     def reset(self) -> None:
         """Set all registers to their reset values."""
         self.words = {address: register.reset for address, register in self.at.items()}
-        self.told: frozenset[str] = frozenset()
+        self.written: frozenset[str] = frozenset()
 
     def read(self, address: int) -> int:
         """Return the word read at an address; 0 for pulses and unused addresses."""
         if address not in self.at:
             return 0
-        word = self.words[address]
-        for field in self.at[address].fields:
-            if field.kind == "pulse":
-                word &= ~((1 << field.width) - 1 << field.low)
-        return word
+        word, fields = self.words[address], self.at[address].fields
+        return sum(field.of(word) << field.low for field in fields if field.kind != "pulse")
 
     def signals(self) -> dict[str, int]:
         """Return the value of every setting and pulse by signal name."""
@@ -60,20 +57,10 @@ class RegisterFile:
         return found
 
     def clock(self, write: Write | None, counted: Collection[str] = (), clear: bool = False) -> None:
-        """Apply a rising edge with a write, counter inputs and a clear pulse.
-
-        Parameters
-        ----------
-        write : Write or None
-            The word that is written in this clock.
-        counted : collection of str
-            Signals of the counters that count in this clock.
-        clear : bool
-            All counters become 0 instead.
-        """
-        told = set()
+        """Apply a rising edge with a write, the signals of the counters that count, and a clear of all counters."""
+        written = set()
         for address, register in self.at.items():
-            written = write is not None and write.address == address and register.allows(write.word)
+            accepted = write is not None and write.address == address and register.allows(write.word)
             word = 0
             for field in register.fields:
                 value = field.of(self.words[address])
@@ -82,26 +69,19 @@ class RegisterFile:
                     value = 0 if clear else value + counts
                 elif field.kind == "pulse":
                     value = 0
-                if written and write is not None and field.kind in ("setting", "pulse"):
+                if accepted and write is not None and field.kind in ("setting", "pulse"):
                     value = field.of(write.word)
                     if field.announced:
-                        told.add(register.signal(field))
+                        written.add(register.signal(field))
                 word |= value << field.low
             self.words[address] = word
-        self.told = frozenset(told)
+        self.written = frozenset(written)
 
 
 class Settings(NamedTuple):
-    """The register settings that control the readout.
+    """The register settings that control the readout, as the fields of ``ReadoutConfig`` of the same names.
 
-    Attributes
-    ----------
-    resolution, leak_shift, leak_period, window_period : int
-        Same meaning as the fields of ``ReadoutConfig``.
-    mask : int
-        A bit for each taxel.
-    fields : int
-        Two bits for each taxel: the number of its field in ``model.encoders.fields.CHOICES``.
+    ``mask`` has a bit for each taxel. ``fields`` has two: the number of its field in ``model.encoders.fields.CHOICES``.
     """
 
     resolution: int

@@ -37,19 +37,10 @@ def requests(state: Sequence[int], restart: bool) -> bool:
 
 
 def advance(state: Any, p: Any, shape: Any, restart: bool, taken: bool) -> None:
-    """Advance the test pattern generator by a clock edge.
+    """Advance the test pattern generator of an array of ``shape`` (rows, columns) by a clock edge.
 
-    Parameters
-    ----------
-    state : list of int, or ndarray of int64, shape (5,)
-        Changed in place.
-    p : Pattern
-    shape : (int, int)
-        Rows and columns of the array.
-    restart : bool
-        The register ``test`` has just changed, or everything is cleared.
-    taken : bool
-        The row of the request is granted in this clock.
+    ``restart`` is true after a write to the register ``test``, or if everything is cleared; ``taken`` if the row of the
+    request is granted in this clock.
     """
     if restart:
         state[REQUEST] = state[COUNT] = 0

@@ -20,12 +20,12 @@ SETTING_DTYPE = np.dtype(
         for name in (
             *("t", "coarser", "leak_shift", "leak_period", "window_period"),
             *pattern.Pattern._fields,
-            *("pattern_anew", "decay_anew"),
+            *("pattern_restarts", "decay_restarts"),
         )
     ]
 )
-"""All settings and the clock from which on they hold: ``coarser`` bits of resolution less than were built, those of
-``ReadoutConfig``, those of the test pattern, and whether it and the decay ticks start anew in that clock."""
+"""The clock from which settings are valid, and all settings: ``coarser``, the bits by which the resolution is below the
+built one, fields of ``ReadoutConfig`` and ``Pattern``, and whether pattern and decay ticks restart in that clock."""
 
 _next = njit(cache=True)(pattern.advance)
 
@@ -42,9 +42,9 @@ def check(config: ReadoutConfig, given: NDArray[np.void]) -> None:
         raise InputError(f"a resolution must be in 1..{config.resolution}, the built one")
 
 
-# Words of the host's state: settings so far, whether a test pattern runs, whether it and the decay ticks start anew in
-# this clock, the sample tick from which leaks are counted; and the state of the pattern behind them.
-NUMBER, TESTING, PATTERN_ANEW, DECAY_ANEW, FIRST_TICK, PATTERN = range(6)
+# Words of the host's state: number of settings so far, whether a test pattern runs, whether the pattern and the decay
+# ticks restart in this clock, and the sample tick from which leaks are counted; then the state of the pattern.
+NUMBER, TESTING, PATTERN_RESTARTS, DECAY_RESTARTS, FIRST_TICK, PATTERN = range(6)
 
 
 @njit(cache=True)
@@ -60,27 +60,27 @@ def next_change(host: Any, given: Any, clocks: int) -> Any:
 
 
 @njit(inline="always")
-def hear(host: Any, given: Any, t: int, ticks: int, rows: Any, latch: Any) -> tuple[bool, bool]:
+def apply(host: Any, given: Any, t: int, ticks: int, rows: Any, latch: Any) -> tuple[bool, bool]:
     """Apply the settings of a clock; return whether there are any, and whether a test pattern runs.
 
     A restarted pattern withdraws its request.
     """
-    host[PATTERN_ANEW] = host[DECAY_ANEW] = 0
+    host[PATTERN_RESTARTS] = host[DECAY_RESTARTS] = 0
     if host[NUMBER] == len(given) or given[host[NUMBER]].t != t:
         return False, host[TESTING] != 0
-    _take(host, given[host[NUMBER]], ticks, rows, latch)
+    _apply(host, given[host[NUMBER]], ticks, rows, latch)
     return True, host[TESTING] != 0
 
 
 @njit(cache=True)
-def _take(host: Any, now: Any, ticks: int, rows: Any, latch: Any) -> None:
+def _apply(host: Any, now: Any, ticks: int, rows: Any, latch: Any) -> None:
     host[NUMBER] += 1
     host[TESTING] = now.mode != pattern.OFF
-    host[PATTERN_ANEW], host[DECAY_ANEW] = now.pattern_anew, now.decay_anew
-    if host[DECAY_ANEW]:
+    host[PATTERN_RESTARTS], host[DECAY_RESTARTS] = now.pattern_restarts, now.decay_restarts
+    if host[DECAY_RESTARTS]:
         host[FIRST_TICK] = ticks
     tests = host[PATTERN:]
-    if host[PATTERN_ANEW] and tests[pattern.REQUEST] == 1:
+    if host[PATTERN_RESTARTS] and tests[pattern.REQUEST] == 1:
         rows[tests[pattern.ROW]].pending &= ~(ONE << np.uint64(tests[pattern.COLUMN]))
         arbiter.withdraw(latch, tests[pattern.ROW])
 
@@ -95,21 +95,21 @@ def set_phases(phases: NDArray[np.int64], leak_period: int) -> None:
 @njit(inline="always")
 def leaks(host: Any, p: Any, phase: Any, ticks: int) -> bool:
     """Return True if a row with the given phase leaks at the latest sample tick."""
-    return host[DECAY_ANEW] == 0 and decay.is_due(p.leak_period, phase, ticks - 1 - host[FIRST_TICK])
+    return host[DECAY_RESTARTS] == 0 and decay.is_due(p.leak_period, phase, ticks - 1 - host[FIRST_TICK])
 
 
 @njit(inline="always")
 def advance(host: Any, given: Any, columns: int, granted: int, rows: Any, latch: Any) -> None:
     """Advance a running test pattern by a clock edge."""
-    if host[TESTING] or host[PATTERN_ANEW]:
+    if host[TESTING] or host[PATTERN_RESTARTS]:
         _advance(host, given[host[NUMBER] - 1], columns, granted, rows, latch)
 
 
 @njit(cache=True)
 def _advance(host: Any, now: Any, columns: int, granted: int, rows: Any, latch: Any) -> None:
-    tests, anew = host[PATTERN:], host[PATTERN_ANEW] != 0
-    taken = not anew and tests[pattern.REQUEST] == 1 and granted == tests[pattern.ROW]
-    _next(tests, now, (len(rows), columns), anew, taken)
+    tests, restarts = host[PATTERN:], host[PATTERN_RESTARTS] != 0
+    taken = not restarts and tests[pattern.REQUEST] == 1 and granted == tests[pattern.ROW]
+    _next(tests, now, (len(rows), columns), restarts, taken)
     if tests[pattern.REQUEST] == 1:
         row, bit = tests[pattern.ROW], ONE << np.uint64(tests[pattern.COLUMN])
         rows[row].pending |= bit

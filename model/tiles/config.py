@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -34,11 +35,6 @@ class TilesConfig(ReadoutConfig):
         Rows and columns of tiles, 64 tiles at most.
     relays : int
         Relay stations on the line from each tile to the merge; each takes an event one clock.
-
-    Raises
-    ------
-    InputError
-        If the array does not divide into tiles of at most 64 x 64, or they have no stream link.
 
     Examples
     --------
@@ -115,15 +111,7 @@ class TilesConfig(ReadoutConfig):
         return self.tile_bits + self.tile.event_bits
 
     def on_skin(self, tile: Any, events: Events) -> Events:
-        """Convert the addresses of a tile's events to addresses on the skin.
-
-        Parameters
-        ----------
-        tile : int or ndarray of int, shape (events,)
-            Index of the tile that sent each.
-        events : ndarray of EVENT_DTYPE, shape (events,)
-            x and y within the tile.
-        """
+        """Return events of a tile, or of the tile that sent each event, with their addresses on the skin."""
         moved = events.copy()
         moved["y"] += (np.asarray(tile) // self.tile_columns * (self.rows // self.tile_rows)).astype(np.int16)
         moved["x"] += (np.asarray(tile) % self.tile_columns * (self.columns // self.tile_columns)).astype(np.int16)
@@ -147,24 +135,12 @@ class TilesConfig(ReadoutConfig):
 
 @dataclass(frozen=True)
 class MergeConfig:
-    """Configuration of the merge alone, for tiles that are separate chips.
-
-    Attributes
-    ----------
-    skin : TilesConfig
-    """
+    """Configuration of the merge alone, for tiles that are separate chips."""
 
     skin: TilesConfig
 
-    @property
-    def reset(self) -> str:
-        """Reset style of the flip-flops."""
-        return self.skin.reset
-
-    @property
-    def clock_hz(self) -> float:
-        """Clock frequency in hertz."""
-        return self.skin.clock_hz
+    reset = property(attrgetter("skin.reset"), doc="Reset style of the flip-flops.")
+    clock_hz = property(attrgetter("skin.clock_hz"), doc="Clock frequency in hertz.")
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as a dictionary."""
@@ -172,13 +148,7 @@ class MergeConfig:
 
 
 def tiles_of(text: str) -> tuple[int, int]:
-    """Return the tile rows and tile columns for a text such as ``4x4``.
-
-    Raises
-    ------
-    InputError
-        If the text is none of that kind.
-    """
+    """Return the tile rows and tile columns for a text such as ``4x4``."""
     rows, _, columns = text.partition("x")
     if not (rows.isdecimal() and columns.isdecimal()):
         raise InputError(f"tiles must be rows and columns such as 4x4, not {text!r}")
@@ -186,13 +156,7 @@ def tiles_of(text: str) -> tuple[int, int]:
 
 
 def skin_of(tile: ReadoutConfig, tiles: str, relays: int = 0) -> TilesConfig:
-    """Return the skin for a tile, a text such as ``4x4``, and a number of relay stations.
-
-    Raises
-    ------
-    InputError
-        If the text has another form, or there are too many tiles.
-    """
+    """Return the skin for a tile, a text such as ``4x4``, and a number of relay stations."""
     return TilesConfig.of(tile, *tiles_of(tiles), relays)
 
 

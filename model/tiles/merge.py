@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numba.typed import List
 from numpy.typing import NDArray
 
 from eskin.base.files import forget_stale_kernels
@@ -22,8 +21,8 @@ forget_stale_kernels(Path(__file__), [Path(str(arbiter.__file__))])
 
 ONE = np.uint64(1)
 
-# Words of the merge's state: how many events are held, the one that is offered, the one behind it, and the tiles that
-# come before all others in the next round.
+# Words of the merge's state: number of held events, the offered event, the event behind it, and the tiles that come
+# before all others in the next round.
 HELD, OFFERED, SPARE, BEHIND = range(4)
 
 
@@ -42,18 +41,9 @@ def chosen(state: NDArray[np.uint64], asking: np.uint64) -> int:
 
 @njit(cache=True)
 def advance(state: NDArray[np.uint64], tile: int, event: Any, ready: bool) -> None:
-    """Advance the merge by a clock edge.
+    """Advance the merge by a clock edge, in which it takes an event, any number from 0 on, of a tile (-1: of none).
 
-    Parameters
-    ----------
-    state : ndarray of uint64, shape (4,)
-        Changed in place.
-    tile : int
-        The tile whose event is taken, or -1.
-    event : int
-        Identifier of the event, any number from 0 on.
-    ready : bool
-        True if the sink takes the offered event.
+    ``ready`` is true if the sink takes the offered event.
     """
     if ready and state[HELD] > np.uint64(0):
         state[OFFERED] = state[SPARE]
@@ -67,13 +57,7 @@ def advance(state: NDArray[np.uint64], tile: int, event: Any, ready: bool) -> No
 
 
 class Merged(NamedTuple):
-    """The output events of a merge.
-
-    Attributes
-    ----------
-    clock, tile, number : ndarray of int64, shape (events,)
-        Clock of the transfer, sending tile, and index of the event within its tile.
-    """
+    """The output events of a merge: clock of the transfer, sending tile, and index of the event within its tile."""
 
     clock: NDArray[np.int64]
     tile: NDArray[np.int64]
@@ -83,14 +67,8 @@ class Merged(NamedTuple):
 def merge(offered: list[NDArray[np.int64]], ready: NDArray[np.uint8], clocks: int) -> Merged:
     """Return the output events of a merge.
 
-    Parameters
-    ----------
-    offered : list of ndarray of int64, shape (events,)
-        For each tile, the first clock in which each of its events may be offered, rising; events are offered in order.
-    ready : ndarray of uint8, shape (pattern,)
-        The sink's ready per clock, repeated.
-    clocks : int
-        Length of the run.
+    ``offered`` has for each tile the first clock in which each of its events may be offered, rising; events are offered
+    in order. ``ready`` is the sink's ready per clock, repeated.
 
     Examples
     --------
@@ -100,33 +78,16 @@ def merge(offered: list[NDArray[np.int64]], ready: NDArray[np.uint8], clocks: in
     >>> [column.tolist() for column in merge(tiles, np.ones(1, np.uint8), 10)]
     [[1, 2, 3, 4], [0, 1, 2, 0], [0, 0, 0, 1]]
     """
-    found = _merge(List([np.ascontiguousarray(tile, np.int64) for tile in offered]), ready, clocks)
-    return Merged(*np.ascontiguousarray(found.T))
-
-
-@njit(cache=True, nogil=True)
-def _merge(offered: List, ready: NDArray[np.uint8], clocks: int) -> NDArray[np.int64]:
-    """Return the clock, tile and index of all output events, shape (events, 3)."""
-    tiles = len(offered)
-    total = 0
-    for tile in range(tiles):
-        total += len(offered[tile])
-    log = np.empty((total, 3), np.int64)
-    taken = np.zeros(tiles, np.int64)
-    state = np.zeros(4, np.uint64)
-    events = 0
+    tiles, state, found = len(offered), new_state(), []
+    taken = [0] * tiles
     for t in range(clocks):
-        asking = np.uint64(0)
-        for tile in range(tiles):
-            if taken[tile] < len(offered[tile]) and offered[tile][taken[tile]] <= t:
-                asking |= ONE << np.uint64(tile)
-        takes = ready[t % len(ready)] != 0
-        if takes and state[HELD] > np.uint64(0):
-            word = np.int64(state[OFFERED])
-            log[events, 0], log[events, 1], log[events, 2] = t, word % tiles, word // tiles
-            events += 1
-        tile = chosen(state, asking)
+        asking = sum(1 << i for i, clock in enumerate(offered) if taken[i] < len(clock) and clock[taken[i]] <= t)
+        takes = bool(ready[t % len(ready)])
+        if takes and state[HELD]:
+            number, sender = divmod(int(state[OFFERED]), tiles)
+            found.append((t, sender, number))
+        tile = chosen(state, np.uint64(asking))
         advance(state, tile, taken[tile] * tiles + tile, takes)
         if tile >= 0:
             taken[tile] += 1
-    return log[:events]
+    return Merged(*np.array(found, np.int64).reshape(-1, 3).T)

@@ -35,20 +35,12 @@ def offers(line: NDArray[np.uint64]) -> bool:
 
 @njit(cache=True)
 def advance(line: NDArray[np.uint64], comes: bool, event: Any, ready: bool) -> None:
-    """Advance all stations of a line by a clock edge.
+    """Advance all stations of a line, the tile's end first, by a clock edge.
 
-    Parameters
-    ----------
-    line : ndarray of uint64, shape (stations, 4)
-        The states, the tile's end first; changed in place.
-    comes : bool
-        The tile offers an event and there is ``room`` for it.
-    event : int
-        Identifier of the event, any number from 0 on.
-    ready : bool
-        True if the merge takes the event of the last station.
+    ``comes`` is true if the tile offers an event, any number from 0 on, and there is ``room`` for it; ``ready`` if the
+    merge takes the event of the last station.
     """
-    for station in range(len(line) - 1, 0, -1):  # those behind have moved on; those before still stand as they were
+    for station in range(len(line) - 1, 0, -1):  # stations behind have moved already, stations before have not
         before, own = line[station - 1], line[station]
         takes = before[merge.HELD] != ZERO and own[merge.HELD] <= merge.ONE
         merge.advance(own, 0 if takes else -1, before[merge.OFFERED], ready)
@@ -57,13 +49,7 @@ def advance(line: NDArray[np.uint64], comes: bool, event: Any, ready: bool) -> N
 
 
 class Relayed(NamedTuple):
-    """The output events of a line.
-
-    Attributes
-    ----------
-    taken, clock : ndarray of int64, shape (events,)
-        Clocks in which the first station took each event, and in which the event left the last station.
-    """
+    """Clocks in which the first station of a line took each event, and in which the event left the last station."""
 
     taken: NDArray[np.int64]
     clock: NDArray[np.int64]
@@ -72,15 +58,8 @@ class Relayed(NamedTuple):
 def relay(offered: NDArray[np.int64], ready: NDArray[np.uint8], clocks: int, stations: int = 1) -> Relayed:
     """Return the output events of a line of relay stations.
 
-    Parameters
-    ----------
-    offered : ndarray of int64, shape (events,)
-        First clock in which each event may be offered, rising; an event is offered behind those before it.
-    ready : ndarray of uint8, shape (pattern,)
-        Whether the other end takes an event in each clock; repeated.
-    clocks : int
-        Length of the run.
-    stations : int
+    ``offered`` has the first clock in which each event may be offered, rising; an event is offered behind those before
+    it. ``ready`` has for each clock whether the other end takes an event, repeated.
 
     Examples
     --------
@@ -89,24 +68,15 @@ def relay(offered: NDArray[np.int64], ready: NDArray[np.uint8], clocks: int, sta
     >>> [column.tolist() for column in relay(np.zeros(3, np.int64), np.ones(1, np.uint8), 10, 2)]
     [[0, 1, 2], [2, 3, 4]]
     """
-    taken, left = _relay(np.ascontiguousarray(offered, np.int64), ready, clocks, stations)
-    return Relayed(taken[: len(left)], left)
-
-
-@njit(cache=True, nogil=True)
-def _relay(offered: NDArray[np.int64], ready: NDArray[np.uint8], clocks: int, stations: int) -> Any:
-    """Return the clocks in which events enter a line, and the clocks in which they leave it."""
     line = np.zeros((stations, 4), np.uint64)
-    taken, left = np.zeros(len(offered), np.int64), np.zeros(len(offered), np.int64)
-    came = gone = 0
+    taken: list[int] = []
+    left: list[int] = []
     for t in range(clocks):
-        leaves = ready[t % len(ready)] != 0 and offers(line)
-        comes = came < len(offered) and offered[came] <= t and room(line)
+        leaves = bool(ready[t % len(ready)]) and offers(line)
+        comes = len(taken) < len(offered) and offered[len(taken)] <= t and room(line)
         if leaves:
-            left[gone] = t
-            gone += 1
-        advance(line, comes, came, leaves)
+            left.append(t)
+        advance(line, bool(comes), len(taken), leaves)
         if comes:
-            taken[came] = t
-            came += 1
-    return taken[:came], left[:gone]
+            taken.append(t)
+    return Relayed(np.array(taken[: len(left)], np.int64), np.array(left, np.int64))

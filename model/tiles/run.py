@@ -24,29 +24,16 @@ from eskin.model.tiles.config import TilesConfig
 
 forget_stale_kernels(Path(__file__), (*readout.SOURCES, *(Path(str(m.__file__)) for m in (readout, merge, relay))))
 
-# Words of a tile's place in its inputs: sample ticks and masks so far, whether the clock before was a sample tick, and
-# whether a threshold moved in it.
+# Words of a tile's place in its inputs: number of sample ticks and of masks so far, whether the previous clock was a
+# sample tick, and whether a threshold moved in it.
 TICKS, CHANGES, TICK, AGAIN = range(4)
 
 
 def simulate_skin(config: TilesConfig, stimuli: Sequence[Stimulus]) -> Events:
     """Return the address events of a skin, equal to those of the RTL.
 
-    Parameters
-    ----------
-    config : TilesConfig
-    stimuli : sequence of Stimulus
-        One stimulus for each tile, with common clocks of samples, masks and end; the first gives the sink's ready.
-
-    Returns
-    -------
-    ndarray of EVENT_DTYPE, shape (events,)
-        t is the clock of the transfer from the merge; x and y are coordinates on the skin.
-
-    Raises
-    ------
-    InputError
-        If a stimulus does not fit its tile or the others.
+    The stimuli of the tiles have common clocks of samples, masks and end; the first gives the sink's ready. t is the
+    clock of the transfer from the merge; x and y are coordinates on the skin.
     """
     tile, first = config.tile, stimuli[0]
     if len(stimuli) != config.tiles:
@@ -83,19 +70,10 @@ def simulate_skin(config: TilesConfig, stimuli: Sequence[Stimulus]) -> Events:
     return config.on_skin(number, events)
 
 
-def scan_skin(config: TilesConfig, scan: Any, image: ArrayLike, ticks: int | None = None) -> list[Stimulus]:
-    """Return the stimulus of every tile for a skin that slides over an image.
-
-    Parameters
-    ----------
-    config : TilesConfig
-    scan : PhysicalScan
-    image : array, shape (height, width)
-    ticks : int, optional
-        Sample ticks at most.
-    """
+def scan_skin(config: TilesConfig, scan: Any, image: ArrayLike) -> list[Stimulus]:
+    """Return the stimulus of every tile for a skin that slides over an image."""
     samples, _ = scan.samples(config, image)
-    return [Stimulus.from_samples(config.tile, samples[:ticks, config.taxels_of(i)]) for i in range(config.tiles)]
+    return [Stimulus.from_samples(config.tile, samples[:, config.taxels_of(i)]) for i in range(config.tiles)]
 
 
 @njit(cache=True, nogil=True)

@@ -73,10 +73,8 @@ class Chip(Block[ChipConfig]):
         readout.place(m, "readout", platform)
         classifier.place(m, "classifier", platform)
         timer.place(m, "timer", platform)
-        for name in self.of_readout:
-            readout.connect(m, name, getattr(self, name))
-        for name in self.of_classifier:
-            classifier.connect(m, name, getattr(self, name))
+        readout.connect_all(m, self, self.of_readout)
+        classifier.connect_all(m, self, self.of_classifier)
         m.d.comb += [
             timer.scan_start.eq(self.scan_start),
             classifier.bin_end.eq(timer.bin_end),

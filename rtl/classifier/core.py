@@ -39,38 +39,17 @@ class State(Enum):
 class Classifier(Block[ClassifierConfig]):
     """The integer network as a two-stage pipeline: memory address, then arithmetic.
 
-    A neuron that is compared takes a further clock, so that no path has both the choice of its potential and the
-    comparison in it.
+    The comparison of a neuron takes another clock, so that no path contains both the choice of a potential and the
+    comparison.
 
     An event is a row of weights, read in ``groups`` clocks. At a bin's end: the rows of the neurons that fired in the
     bin before, every hidden neuron, the output weights of those that fire now, every output. Spikes, output
-    potentials and evidence stand in rings that turn while the work passes through their numbers.
+    potentials and evidence are in rings that turn while the work passes through their numbers.
 
-    Neurons with a synaptic current have it where others have their potential: in the lanes, or in the ring of the
-    outputs. Their potentials stand in a memory, or in a second ring, and change only when a neuron is compared.
+    For neurons with a synaptic current, the lanes or the ring of the outputs hold the current. A memory or a second
+    ring holds their potentials, which change only when a neuron is compared.
 
-    Attributes
-    ----------
-    load_valid, load_neurons, load_address, load_data : In
-        Write a word into the memory of rows, or into that of neurons. Nothing else may be under way.
-    event_valid, event_ready, event_channel : In, Out, In
-        Stream of events; ``event_channel`` is absent for a single input.
-    bin_end : In(1)
-        The bin ends with this clock.
-    scan_start : In(1)
-        Forget everything but the weights.
-    class_valid : Out(1)
-        High for one clock at the end of the work of each bin.
-    class_index, evidence : Out
-        Held; evidence of class 0 in the least significant bits.
-    overrun : Out(1)
-        Since the scan began, a ``bin_end`` came while the work of the one before was not done.
-    stall_count : Out
-        Clocks in which an event waited since the scan began; stops at its end.
-    hidden_valid, hidden_index, hidden_potential, hidden_spike : Out
-        Every hidden neuron at every bin's end, as compared with the threshold.
-    output_valid, output_index, output_potential, output_spike : Out
-        Every output.
+    ``CLASSIFIER_PORTS`` in ``ports.py`` describes every port.
     """
 
     module_name = "eskin_classifier"
@@ -184,7 +163,7 @@ class Classifier(Block[ClassifierConfig]):
         arrives = [self.event_valid, self.bin_end, self.scan_start, self.load_valid, self.pending]
         follows = [self.now_adds, self.now_neuron, self.now_spike, self.now_output, self.held_neuron, self.class_ready]
         follows += [self.clearing, self.now_clears]
-        # Nothing in here uses it: a clock gate or a simulation may.
+        # No logic in this block uses the signal; a clock gate or a simulation may.
         awake = Signal(attrs={"keep": 1})
         m.d.comb += [
             self.working.eq(self.state != State.IDLE),
@@ -244,7 +223,7 @@ class Classifier(Block[ClassifierConfig]):
                 m.d.comb += advance.eq(~fired | spike_ends)
                 with m.If(advance):
                     self._next(m, last_neuron, State.OUTPUTS)
-            with m.Default():  # OUTPUTS, and a state that there is not: it ends as well
+            with m.Default():  # OUTPUTS, and an unused state code, which ends as well
                 self._next(m, self.index == config.classes - 1, State.IDLE)
         self._ring(m, advance)
         self._execute(m, fired)
@@ -308,7 +287,7 @@ class Classifier(Block[ClassifierConfig]):
         config = self.config
         place = config.lanes.bit_length() - 1
         lanes = [Lane(config) for _ in range(config.lanes)]
-        # Last lane of a full group, and of a last group with fewer neurons: is the group current, and its last neuron?
+        # By the last lane of a full group, and of a shorter last group: is the group current, is its last neuron held?
         ends: dict[int, tuple[Value, Value]] = {}
         if config.hidden >= config.lanes:
             ends[config.lanes - 1] = Const(1), self.held_index[:place].all() if place else Const(1)

@@ -19,33 +19,47 @@ but two arrays of 4,096 x 64 bits to 32 block RAMs without multiplexers."""
 class WordMemory(Block[ClassifierConfig]):
     """Memory with one read port and one write port, without reset or initial content.
 
-    Latency: address at clock t, word at t + 1. A word that is written in clock t is read from an address of t + 1 on;
-    in the clock of a write nothing is read.
+    Latency: address at clock t, word at t + 1. A word that is written in clock t is read from an address of t + 1 on.
+
+    The register behind an asynchronous port, with its enable beside that of the write port, lets synthesis find out
+    that nobody looks at a collision. A synchronous port of Amaranth promises the old word: an ECP5 has no block RAM
+    that does, and gets flops and multiplexers around it.
 
     Attributes
     ----------
     read_valid, read_address, read_data : In, In, Out
-        The word stays the same until the next read.
+        The word stays the same until the next read; in the clock of a write nothing is read.
     write_valid, write_address, write_data : In
     """
 
-    def __init__(self, config: ClassifierConfig, words: int, bits: int) -> None:
-        self.words, self.bits = words, bits
-        address = unsigned(address_bits(words))
-        super().__init__(
-            config,
-            {
-                "read_valid": In(1),
-                "read_address": In(address),
-                "read_data": Out(bits),
-                "write_valid": In(1),
-                "write_address": In(address),
-                "write_data": In(bits),
-            },
-        )
+    def __init__(self, config: ClassifierConfig, words: int, shape: Any) -> None:
+        self.words, address = words, In(address_bits(words))
+        read = {"read_valid": In(1), "read_address": address, "read_data": Out(shape)}
+        super().__init__(config, read | {"write_valid": In(1), "write_address": address, "write_data": In(shape)})
+
+    @property
+    def reads(self) -> Value:
+        """Condition under which a word is read."""
+        return self.read_valid & ~self.write_valid
 
     def elaborate(self, platform: Any) -> Module:
-        return _memory(self, self.words, self.bits, self.read_valid & ~self.write_valid)
+        m = Module()
+        word = Signal.like(self.read_data, name="word", reset_less=True)
+        m.d.comb += self.read_data.eq(word)
+        for first in range(0, len(word), WIDEST):
+            part = slice(first, min(first + WIDEST, len(word)))
+            memory = Memory(shape=unsigned(part.stop - first), depth=self.words, init=[])
+            m.submodules[f"memory_{first // WIDEST}" if len(word) > WIDEST else "memory"] = memory
+            read, write = memory.read_port(domain="comb"), memory.write_port()
+            m.d.comb += [
+                read.addr.eq(self.read_address),
+                write.addr.eq(self.write_address),
+                write.data.eq(self.write_data[part]),
+                write.en.eq(self.write_valid),
+            ]
+            with m.If(self.reads):
+                m.d.sync += word[part].eq(read.data)
+        return m
 
 
 class InputMemory(WordMemory):
@@ -75,62 +89,21 @@ class NeuronMemory(WordMemory):
         super().__init__(config, config.neuron_words, config.neuron_bits)
 
 
-class PotentialMemory(Block[ClassifierConfig]):
+class PotentialMemory(WordMemory):
     """Memory of the potentials of hidden neurons that have a synaptic current.
 
-    Latency: address at clock t, potential at t + 1. No reset: clearing a scan writes all potentials.
-
-    Attributes
-    ----------
-    read_valid, read_address, read_data : In, In, Out
-        Never of the address that is written in the same clock.
-    write_valid, write_address, write_data : In
+    It reads in the clock of a write too, never at the address that is written. Clearing a scan writes all potentials.
     """
 
     module_name = "eskin_potentials"
 
     def __init__(self, config: ClassifierConfig) -> None:
-        address = unsigned(address_bits(config.hidden))
-        super().__init__(
-            config,
-            {
-                "read_valid": In(1),
-                "read_address": In(address),
-                "read_data": Out(signed(config.membrane_bits)),
-                "write_valid": In(1),
-                "write_address": In(address),
-                "write_data": In(signed(config.membrane_bits)),
-            },
-        )
+        super().__init__(config, config.hidden, signed(config.membrane_bits))
 
-    def elaborate(self, platform: Any) -> Module:
-        return _memory(self, self.config.hidden, self.config.membrane_bits, self.read_valid)
-
-
-def _memory(block: WordMemory | PotentialMemory, words: int, bits: int, reads: Value) -> Module:
-    """Return a block RAM between the ports of a block.
-
-    The register behind an asynchronous port, with its enable beside that of the write port, lets synthesis find out
-    that nobody looks at a collision. A synchronous port of Amaranth promises the old word: an ECP5 has no block RAM
-    that does, and gets flops and multiplexers around it.
-    """
-    m = Module()
-    word = Signal.like(block.read_data, name="word", reset_less=True)
-    m.d.comb += block.read_data.eq(word)
-    for first in range(0, bits, WIDEST):
-        part = slice(first, min(first + WIDEST, bits))
-        memory = Memory(shape=unsigned(part.stop - first), depth=words, init=[])
-        m.submodules[f"memory_{first // WIDEST}" if bits > WIDEST else "memory"] = memory
-        read, write = memory.read_port(domain="comb"), memory.write_port()
-        m.d.comb += [
-            read.addr.eq(block.read_address),
-            write.addr.eq(block.write_address),
-            write.data.eq(block.write_data[part]),
-            write.en.eq(block.write_valid),
-        ]
-        with m.If(reads):
-            m.d.sync += word[part].eq(read.data)
-    return m
+    @property
+    def reads(self) -> Value:
+        """Condition under which a word is read."""
+        return self.read_valid
 
 
 def address_bits(words: int) -> int:

@@ -26,11 +26,11 @@ CLASSIFIER_PORTS = {
     "output_potential": "its potential, signed, {output_bits} bits",
     "output_spike": "it fires",
 }
-"""What every port means; fields in braces are those of the configuration."""
+"""Meaning of every port; fields in braces are those of the configuration."""
 
 WATCHED_PORTS = {
     "event_valid": "an event is offered within",
     "event_ready": "the classifier takes it at this edge",
     "event_channel": "its channel: row * columns + column, behind all taxels for OFF events kept apart",
 }
-"""Those that are outputs of a chip with readout and classifier."""
+"""Meaning of the ports that are outputs of a chip with readout and classifier."""

@@ -43,12 +43,7 @@ class Own:
 
 
 class Encoder(ABC):
-    """Hardware of the encoder of the same name in ``eskin.model.encoders``.
-
-    Attributes
-    ----------
-    name : str
-    """
+    """Hardware of the encoder of the same name in ``eskin.model.encoders``."""
 
     name: ClassVar[str]
 
@@ -64,10 +59,7 @@ class Encoder(ABC):
 def compare(m: Module, taxel: Taxel, own: Own, reference: Any, half_width: Any) -> tuple[Any, Any]:
     """Add digital comparators, or ports for analog ones; return whether x is above and below the window.
 
-    Parameters
-    ----------
-    reference, half_width : Value
-        In units of the encoder's grid. What drives a DAC comes from flops.
+    Reference and half-width are in units of the encoder's grid. Flops drive the DACs.
     """
     config = taxel.config
     low_bits = (config.grid - 1).bit_length()
@@ -79,7 +71,7 @@ def compare(m: Module, taxel: Taxel, own: Own, reference: Any, half_width: Any) 
 
     sample = Signal(signed(config.sample_bits - low_bits), name="newest")
     newest: Any = taxel.sample[low_bits:].as_signed()
-    if not config.has_polarity:  # a sample below zero never asks: it counts as zero
+    if not config.has_polarity:  # a sample below zero counts as zero and causes no request
         sample = Signal(config.sample_bits - 1, name="newest")
         newest = Mux(taxel.sample[-1], 0, taxel.sample[:-1])
     takes = taxel.enable & taxel.sample_valid

@@ -43,7 +43,7 @@ class Fields(Block[ReadoutConfig]):
             name = f"field_{taxel}"
             settable = self.config.fields == SETTABLE
             signal = self._chosen(m, taxel, name) if settable else self._of(m, field, name)
-            m.d.comb += self.signal[taxel * bits : (taxel + 1) * bits].eq(signal)
+            m.d.comb += self.signal.word_select(taxel, bits).eq(signal)
         return m
 
     def _of(self, m: Module, field: Field, name: str) -> Value:
@@ -84,7 +84,7 @@ class Fields(Block[ReadoutConfig]):
         """Return the sum of the samples of the given taxels."""
         bits = self.config.sample_bits
         if len(taxels) == 1:
-            return self.sample[taxels[0] * bits : (taxels[0] + 1) * bits].as_signed()
+            return self.sample.word_select(taxels[0], bits).as_signed()
         if taxels not in self._sums:
             half = len(taxels) // 2
             found = Signal(signed(bits + (len(taxels) - 1).bit_length()), name=f"sum_{_listed(taxels)}")

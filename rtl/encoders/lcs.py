@@ -36,7 +36,7 @@ class Lcs(Encoder):
             turns: Any = own.moves
             step = Mux(own.on, half_width, Mux(own.off, fall, 0))
         else:
-            # A step off the scale is not made. Where both fire, reference and polarity follow above.
+            # A step that would leave the scale is not made. If both comparators fire, the taxel steps up.
             turns = own.moves & (own.asks | ~taxel.enable)
             step = Mux(taxel.above, half_width, fall)
             fits = Signal()

@@ -40,14 +40,14 @@ class NlcsBipolar(Encoder):
         stepped: Any = moved
         step = Mux(own.on, half_width, Mux(own.off, fall, 0))
         if analog:
-            # A step off the scale is not made. Where both fire, reference and polarity follow above.
+            # A step that would leave the scale is not made. If both comparators fire, the taxel steps up.
             step = Mux(taxel.above, half_width, fall)
             fits = Signal()
             m.d.comb += fits.eq(moved[-1] == moved[-2])
             above, below = above & fits, below & fits & ~taxel.above
             stepped = Mux(own.on | own.off, moved[:-1], reference)
         m.d.comb += moved.eq((reference + step)[: len(moved)])
-        # A step towards zero takes the place of the leak.
+        # A step towards zero replaces the leak.
         leaks = Signal()
         m.d.comb += leaks.eq(taxel.decay & ~Mux(charge[-1], own.on, own.off))
         after = Signal.like(charge)

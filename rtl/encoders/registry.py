@@ -14,13 +14,7 @@ ENCODERS: tuple[Encoder, ...] = (Lcs(), CwLcs(), Nlcs(), NlcsBipolar())
 
 
 def named(name: str) -> Encoder:
-    """Return the hardware of the encoder of a given name.
-
-    Raises
-    ------
-    InputError
-        If no encoder has that name, or the one that has it has no hardware.
-    """
+    """Return the hardware of the encoder of a given name."""
     for encoder in ENCODERS:
         if encoder.name == model.named(name).name:
             return encoder

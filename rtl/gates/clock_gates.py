@@ -56,7 +56,7 @@ STUB = f"module {GATE}(input clk, input enable, input {TEST}, output gated); ass
 FLOPS = "eskin_lane"
 """Block whose memory is made of flops, so that every word has an enable; the other memories become macros."""
 
-# As the script of the plain Verilog, but that a synchronous reset goes into the data: the gate replaces the enable.
+# Like the script of the plain Verilog, but a synchronous reset goes into the data, since the gate replaces the enable.
 TO_GATES = (
     "read_rtlil readout.il; delete t:$meminit_v2; hierarchy -check -top {top}; "
     "proc -norom; opt_expr; opt_merge; opt_clean; memory_collect {flops}; memory_map {flops}; opt_merge; opt_clean; "
@@ -72,14 +72,7 @@ TO_VERILOG = (
 def gated(rtlil: str, top: str, synchronous_reset: bool) -> str:
     """Return Verilog with a clock gate for every block with a signal ``awake`` and for every large register enable.
 
-    Modules with a memory get no gate inside.
-
-    Parameters
-    ----------
-    rtlil : str
-    top : str
-    synchronous_reset : bool
-        The clock runs in reset.
+    Modules with a memory get no gate inside. With a synchronous reset the clock runs in reset.
     """
     design = json.loads(yosys.run(TO_GATES.format(top=top, flops=FLOPS), rtlil, "gated.json"))
     stop_enables(design)
@@ -124,13 +117,7 @@ def _keep_apart(module: dict[str, Any], registers: Collection[str]) -> None:
 
 
 def stop_enables(design: dict[str, Any]) -> int:
-    """Replace every enable of ``FEWEST_FLOPS`` or more flip-flops by a clock gate; return the number of gates.
-
-    Parameters
-    ----------
-    design : dict
-        A design of Yosys, as ``write_json`` gives it; changed in place.
-    """
+    """Replace every enable of ``FEWEST_FLOPS`` or more flip-flops in a JSON design by a clock gate; count the gates."""
     gates = 0
     for module in design["modules"].values():
         if any(cell["type"] == MEMORY for cell in module["cells"].values()):
@@ -160,23 +147,10 @@ def stop_enables(design: dict[str, Any]) -> int:
 
 
 def stop_blocks(design: dict[str, Any], top: str, synchronous_reset: bool, root: bool = True) -> int:
-    """Add a clock gate at the clock input of every block with a signal ``awake``.
+    """Add a clock gate at the clock input of every block of a JSON design with a signal ``awake``; count these blocks.
 
-    Parameters
-    ----------
-    design : dict
-        A design of Yosys, as ``write_json`` gives it; changed in place.
-    top : str
-    synchronous_reset : bool
-        The clock must run in reset.
-    root : bool
-        Whether the top is stopped as a whole, too: its enable comes from all of the array, which takes long in a large
-        one.
-
-    Returns
-    -------
-    int
-        Blocks with such a gate, each kind counted once.
+    With a synchronous reset the clock runs in reset. ``root``: the top is stopped as a whole, too; its enable comes
+    from all of the array, which takes long in a large one.
     """
     stopped = 0
     for name, module in design["modules"].items():

@@ -14,9 +14,9 @@ from eskin.rtl.block import Block
 class SettableDecayTicks(Block[ReadoutConfig]):
     """Counter that times the leak of row r: sample ticks j with j mod period = floor(r * period / rows).
 
-    Row r leaks at tick j where r * period lies in j * rows .. (j + 1) * rows - 1. The counter holds how far the next
-    row is away, r * period - j * rows: no row is divided, and the period need not be known. A period is never below the
-    number of rows, so one row leaks at a time.
+    Row r leaks at tick j where r * period lies in j * rows .. (j + 1) * rows - 1. The counter holds the distance to the
+    next row, r * period - j * rows, so the hardware divides nothing. A period is never below the number of rows, so one
+    row leaks at a time.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class SettableDecayTicks(Block[ReadoutConfig]):
             m.d.comb += self.decay.eq(due)
             return m
         line = Signal(rows, init=1)
-        with m.If(due | self.restart):  # a line that was lost comes back, one too many falls off the end
+        with m.If(due | self.restart):  # after an upset a lost bit comes back, and a second bit falls out
             m.d.sync += line.eq(Mux(self.restart, 1, Cat(~line[:-1].any(), line[:-1])))
         m.d.comb += self.decay.eq(line & due.replicate(rows))
         return m

@@ -15,7 +15,7 @@ from eskin.rtl.logic import or_tree
 
 BUS = {"address": In(ADDRESS_BITS), "write": In(1), "write_data": In(WORD_BITS), "read_data": Out(WORD_BITS)}
 WRITTEN, COUNTS = "_written", "_counts"
-"""Behind the name of a field's signal: its register was written; the counter counts."""
+"""Ends of signal names behind the name of a field: its register was written; its counter counts."""
 
 
 def signals(config: ReadoutConfig) -> dict[str, Any]:
@@ -37,8 +37,8 @@ def signals(config: ReadoutConfig) -> dict[str, Any]:
 class RegisterFile(Block[ReadoutConfig]):
     """Register file that stores the settings of the host, and counts events and clocks of waiting.
 
-    A word with a field out of its range is refused as a whole. A hole reads 0. A counter stops at its end. A flop is
-    clocked only where its register is written, or its counter counts.
+    The file refuses a word with a field out of range as a whole. Unused addresses read 0. A counter stops at its end. A
+    flop is clocked only if its register is written, or its counter counts.
 
     Attributes
     ----------

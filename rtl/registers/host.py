@@ -15,7 +15,10 @@ from eskin.rtl.registers.pattern import REGISTER, TestPattern, fields
 from eskin.rtl.registers.spi import PINS, ShortSlave, SpiSlave
 
 SETTINGS = ("decay_shift", "decay_period", "window_period")
-"""Fields of the register file that the array takes as they are."""
+"""Fields of the register file that go to the array unchanged."""
+
+PATTERN = ("granted", "row_request", "column_request", "column_polarity")
+"""Ports of the test pattern generator to arbiter and rows."""
 
 
 class Host(Block[ReadoutConfig]):
@@ -26,24 +29,24 @@ class Host(Block[ReadoutConfig]):
     spi_sck, spi_cs_n, spi_mosi, spi_miso, spi_miso_enable
         See ``SpiSlave``.
     taxel_enable, enabled : In(rows * columns), Out(rows * columns)
-        The mask from outside, and that of the array: none where a test pattern runs or everything is cleared.
+        The mask from outside, and the mask for the array: 0 during a test pattern and a clear.
     event_valid, event_ready : In(1)
-        Of the arbiter, to be counted.
+        Handshake of the arbiter, for the counters.
     granted : In(rows)
-        The row that is granted.
+        The granted row, one-hot.
     row_request, column_request, column_polarity
-        The pattern's, see ``TestPattern``.
+        Requests of the test pattern, see ``TestPattern``.
     step : Out(resolution)
-        D, one-hot, in units of the D that was built; a register, a clock behind the one that the host wrote.
+        D, one-hot in units of the built D; a register, a clock behind the register that the host wrote.
     choice : Out(2 * rows * columns)
-        The field of every taxel, by its number (``fields="settable"``, digital front end).
+        Number of every taxel's field (``fields="settable"``, digital front end).
     field_select : Out(3 * rows * columns)
-        {both, neighbours, own} of every taxel, one-hot or none: registers, a clock behind those that the host wrote
-        (analog front end).
+        {both, neighbours, own} of every taxel, one-hot or 0; registers, a clock behind the registers that the host
+        wrote (analog front end).
     decay_restart : Out(1)
-        The decay ticks start anew.
+        The decay ticks restart.
     decay_shift, decay_period, window_period : Out
-        Fields of the registers; those that the encoder has.
+        Register fields that the encoder has.
     """
 
     module_name = "eskin_host"
@@ -59,11 +62,7 @@ class Host(Block[ReadoutConfig]):
                 "enabled": Out(config.taxels),
                 "event_valid": In(1),
                 "event_ready": In(1),
-                **{
-                    name: pattern[name]
-                    for name in ("granted", "row_request", "column_request", "column_polarity")
-                    if name in pattern
-                },
+                **{name: pattern[name] for name in PATTERN if name in pattern},
                 "step": Out(config.resolution),
                 "choice": Out(2 * config.taxels) if adds(config) else None,
                 "field_select": Out(3 * config.taxels) if selects(config) else None,
@@ -87,10 +86,8 @@ class Host(Block[ReadoutConfig]):
         spi, file, pattern = self.slave()(config), RegisterFile(config), TestPattern(config)
         for name, block in (("spi", spi), ("registers", file), ("pattern", pattern)):
             block.place(m, name, platform)
-        for name in PINS:
-            spi.connect(m, name, getattr(self, name))
-        for name in BUS:
-            file.connect(m, name, getattr(spi, name))
+        spi.connect_all(m, self, PINS)
+        file.connect_all(m, spi, BUS)
 
         clear, restart = file.control_clear, Signal()
         masks = [getattr(file, name) for name in ("mask_taxels", "mask_rest_taxels") if hasattr(file, name)]
@@ -106,9 +103,7 @@ class Host(Block[ReadoutConfig]):
             pattern.restart.eq(restart),
             *(getattr(pattern, name).eq(getattr(file, f"{REGISTER}_{name}")) for name in fields(config)),
         ]
-        for name in ("granted", "row_request", "column_request", "column_polarity"):
-            if name in self.signature.members:
-                pattern.connect(m, name, getattr(self, name))
+        pattern.connect_all(m, self, [name for name in PATTERN if name in self.signature.members])
 
         step = Signal(config.resolution, init=1, name="step_units")
         with m.If(getattr(file, f"resolution_bits{WRITTEN}")):
@@ -116,9 +111,7 @@ class Host(Block[ReadoutConfig]):
         m.d.comb += self.step.eq(step)
         if config.encoder.leaks:
             m.d.comb += self.decay_restart.eq(getattr(file, f"decay_period{WRITTEN}") | clear)
-        for name in SETTINGS:
-            if name in self.signature.members:
-                m.d.comb += getattr(self, name).eq(getattr(file, name))
+        file.connect_all(m, self, [name for name in SETTINGS if name in self.signature.members])
         return m
 
     def _choose(self, m: Module, file: RegisterFile, spi: SpiSlave) -> Any:

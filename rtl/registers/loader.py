@@ -39,7 +39,7 @@ class SampleLoader(Block[ReadoutConfig]):
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
-        # The newest level stands in bit 0. After a reset CS counts as low with a transfer that cannot become a frame.
+        # Bit 0 is the newest level. After reset CS counts as low, in a transfer that cannot become a frame.
         sck, cs_n, mosi = Signal(3, name="sck_flops"), Signal(3, name="cs_flops"), Signal(2, name="mosi_flops")
         m.d.sync += [
             sck.eq(Cat(self.sck, sck[:2])),
@@ -66,7 +66,7 @@ class SampleLoader(Block[ReadoutConfig]):
         with m.If(ends):
             m.d.sync += refused.eq(~full)
         m.d.comb += self.refused.eq(refused)
-        # The first sample has gone the furthest.
+        # The first sample has moved furthest.
         width, taxels = self.config.sample_bits, self.config.taxels
         m.d.comb += self.sample.eq(Cat(chain.word_select(taxels - 1 - index, width) for index in range(taxels)))
         return m

@@ -23,26 +23,26 @@ def fields(config: ReadoutConfig) -> dict[str, int]:
 class TestPattern(Block[ReadoutConfig]):
     """Generator of requests for one taxel repeatedly, or for all taxels in turn.
 
-    A request rises ``2**interval`` clocks after the one before, or when that has been taken. A restart withdraws one
-    that waits, as a mask does.
+    A request rises ``2**interval`` clocks after the previous request, or later, when the previous request has been
+    taken. A restart withdraws a waiting request, as a mask does.
 
     Attributes
     ----------
     mode, on, turns, interval, row, column : In
         The fields of the register ``test``.
     restart : In(1)
-        The register has just changed, or everything is cleared.
+        The register has just been written, or everything is cleared.
     granted : In(rows)
         The row (one-hot) whose requests are taken in this clock.
     testing : Out(1)
-        The pattern stands in place of the array.
+        The pattern replaces the array.
     row_request : Out(rows)
-        The row of the request, one-hot; 0 while there is none.
+        The row of the request, one-hot; 0 without a request.
     column_request, column_polarity : Out(columns)
-        Its column, one-hot, and its polarity there.
+        Column of the request, one-hot, and its polarity in this bit.
     """
 
-    __test__ = False  # no class of tests
+    __test__ = False  # not a class of tests
     module_name = "eskin_pattern"
 
     def __init__(self, config: ReadoutConfig) -> None:
@@ -76,10 +76,10 @@ class TestPattern(Block[ReadoutConfig]):
             m.d.sync += request.eq(rises & ~self.restart)
         gap = (Const(1, 1) << self.interval)[: len(count)] - 1
         with m.If(self.restart | rises | count.any()):
-            # Of the gap's bits alone: a higher one, turned over, would hold the pattern up for long.
+            # Only the bits of the gap count: a higher bit, set by an upset, would delay the pattern for long.
             m.d.sync += count.eq(Mux(self.restart, 0, Mux(rises, gap, (count - 1) & gap))[: len(count)])
 
-        # The place moves on with every request of a round that is taken.
+        # The place advances with every taken request of a round.
         last_column, last, goes_on = (Signal(name=name) for name in ("last_column", "last", "goes_on"))
         m.d.comb += [
             last_column.eq(self.column_request[-1]),
@@ -102,7 +102,7 @@ class TestPattern(Block[ReadoutConfig]):
     def _one_hot(self, place: Signal, count: int) -> Any:
         """Return a position as a one-hot signal.
 
-        A place behind the last is the last: a bit that is turned over must not leave a request without a line.
+        A place behind the last counts as the last, so that a request has a line even after an upset.
         """
         lines = Cat(place == index for index in range(count - 1))
         return Cat(lines, place >= count - 1) if len(place) else Const(1, 1)

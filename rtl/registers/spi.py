@@ -19,20 +19,20 @@ PINS = {"spi_sck": In(1), "spi_cs_n": In(1), "spi_mosi": In(1), "spi_miso": Out(
 class SpiSlave(Block[ReadoutConfig]):
     """SPI slave with the protocol {write, 15-bit address}, then 32-bit words at rising addresses.
 
-    There is one clock, that of the readout: SCK, CS and MOSI pass two flops each, and edges of SCK are found behind
-    them. So SCK must stay high for two clocks and low for two, four where the host reads: MISO follows the fall of SCK
-    by three clocks at most. A transfer begins with CS low behind two clocks of high; any clock in which it is seen
-    high ends the transfer, and a shorter pulse locks the rest of it out. Nothing but the synchronisers is clocked
-    while CS is high.
+    The only clock is that of the readout: SCK, CS and MOSI pass two flops each, and edges of SCK are found behind them.
+    So SCK must stay high for two clocks and low for two clocks, or four if the host reads: MISO follows the fall of SCK
+    by at most three clocks. A transfer begins when CS falls after at least two clocks of high. Any clock in which CS is
+    seen high ends the transfer; after a shorter pulse the rest of the transfer is ignored. While CS is high only the
+    synchronisers are clocked.
 
     Attributes
     ----------
     spi_sck, spi_cs_n, spi_mosi : In(1)
         From the host, asynchronous.
     spi_miso, spi_miso_enable : Out(1)
-        To the host; enable opens the pad while a transfer is under way.
+        To the host; enable opens the pad during a transfer.
     address : Out(15)
-        Of the word that is written, or read next.
+        Address of the word that is written, or read next.
     write, write_data : Out(1), Out(32)
         The word is written at the end of this clock.
     read_data : In(32)
@@ -49,8 +49,8 @@ class SpiSlave(Block[ReadoutConfig]):
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
-        # The newest level stands in bit 0. After a reset CS counts as low without a transfer: until it has been seen
-        # high, nothing begins.
+        # Bit 0 is the newest level. After reset CS counts as low without a transfer: no transfer begins until CS has
+        # been seen high.
         sck, cs_n, mosi = Signal(3, name="sck"), Signal(4, name="cs_n"), Signal(2, name="mosi")
         m.d.sync += [
             sck.eq(Cat(self.spi_sck, sck[:2])),

@@ -18,7 +18,7 @@ BINARY: tuple[Operators, ...] = (
     ("<", "<=", ">", ">="),
 )
 BINARY += (("<<", ">>", "<<<", ">>>"), ("+", "-"), ("*", "/", "%"))
-"""Operators of two operands, those that bind least first."""
+"""Operators of two operands, from the weakest binding to the strongest."""
 
 COMPARISONS = {"==", "!=", "===", "!==", "<", "<=", ">", ">="}
 LOGICAL = {"||", "&&"}
@@ -50,17 +50,8 @@ class Wire:
 class Node:
     """Node of an expression tree.
 
-    Attributes
-    ----------
-    kind : str
-        "name", "number", "slice" (a name, its range in ``text`` behind it), "signed", "join" (concatenation),
-        "unary", "binary" or "choice".
-    text : str
-        The name, number or operator.
-    parts : tuple of Node
-        What it is made of.
-    high, low : int
-        Range of a slice.
+    ``kind`` is "name", "number", "slice" (of bits ``high`` to ``low``), "signed", "join" (concatenation), "unary",
+    "binary" or "choice". ``text`` is the name, number or operator, and ``parts`` are the operands.
     """
 
     kind: str
@@ -71,13 +62,7 @@ class Node:
 
 
 def read(text: str) -> Node:
-    """Return the expression tree for a text.
-
-    Raises
-    ------
-    UnknownTextError
-        If there is something in it that Yosys does not write for plain logic.
-    """
+    """Return the expression tree for a text; raise UnknownTextError for what Yosys does not write for plain logic."""
     reader = _Reader(TOKEN.findall(text))
     tree = reader.choice()
     if reader.tokens:
@@ -177,45 +162,34 @@ def width(node: Node, wires: Mapping[str, Wire]) -> int:
         return int(node.text.partition("'")[0].lstrip("-"))
     if node.kind == "join":
         return sum(width(part, wires) for part in node.parts)
-    if node.kind == "binary" and node.text in COMPARISONS | LOGICAL:
-        return 1
-    if node.kind == "unary" and node.text in REDUCTIONS:
-        return 1
-    if node.kind == "binary" and node.text in SHIFTS:
-        return width(node.parts[0], wires)
-    parts = node.parts[1:] if node.kind == "choice" else node.parts
-    return max(width(part, wires) for part in parts)
+    return max((width(part, wires) for part in _deciding(node)), default=1)
 
 
 def signed(node: Node, wires: Mapping[str, Wire]) -> bool:
     """Return True if an expression is signed (IEEE 1364-2005, section 5.5.1)."""
     if node.kind == "name":
         return wires[node.text].signed
-    if node.kind == "number":
+    if node.kind in ("number", "slice", "join"):
         return "'s" in node.text
-    if node.kind == "signed":
-        return True
-    if node.kind in ("slice", "join"):
-        return False
+    parts = _deciding(node)
+    return node.kind == "signed" or (bool(parts) and all(signed(part, wires) for part in parts))
+
+
+def _deciding(node: Node) -> tuple[Node, ...]:
+    """Return the operands that decide width and sign of an expression; none if it is one unsigned bit."""
     if node.kind == "binary" and node.text in COMPARISONS | LOGICAL:
-        return False
+        return ()
     if node.kind == "unary" and node.text in REDUCTIONS:
-        return False
+        return ()
     if node.kind == "binary" and node.text in SHIFTS:
-        return signed(node.parts[0], wires)
-    parts = node.parts[1:] if node.kind == "choice" else node.parts
-    return all(signed(part, wires) for part in parts)
+        return node.parts[:1]
+    return node.parts[1:] if node.kind == "choice" else node.parts
 
 
 def contexts(node: Node, outer: int, wires: Mapping[str, Wire]) -> list[int]:
     """Return the context width of each operand of an expression; 0 for self-determined operands.
 
-    Parameters
-    ----------
-    node : Node
-    outer : int
-        Bits to which ``node`` itself is extended; 0 for its own.
-    wires : mapping of str to Wire
+    The expression itself is extended to ``outer`` bits; 0 for its own.
     """
     own = max(outer, width(node, wires))
     if node.kind == "choice":
@@ -277,7 +251,7 @@ def _signed_numbers(node: Node) -> Node | None:
 
 def _plain_reduction(node: Node, wires: Mapping[str, Wire]) -> Node:
     (inner,) = node.parts
-    if node.text == "!":  # the same for a word, and lint asks for one bit behind "!"
+    if node.text == "!":  # lint wants a single bit behind "!"
         return Node("unary", "~" if width(inner, wires) == 1 else "~|", (inner,))
     bits = inner.parts if inner.kind == "join" else (inner,)
     if node.text == "~|" or any(width(bit, wires) > 1 for bit in bits):

@@ -12,10 +12,10 @@ from eskin.rtl.text import expression
 from eskin.rtl.text.expression import Node, UnknownTextError, Wire
 
 MADE_UP = re.compile(r"\b_\d+_\b")
-"""Names that Yosys made up: those of no signal in the source."""
+"""Names that Yosys made up; no signal in the source has them."""
 
 PART = "part"
-"""What is left of them is named ``<what it is part of>_part``, with a number from the second one on."""
+"""Remaining wires of Yosys are named ``<signal that they are part of>_part``, with a number from the second on."""
 
 DECLARATION = re.compile(r"^  (?:(?:input|output) )?(?:wire|reg) (signed )?(?:\[(\d+):0\] )?(\w+);$")
 ASSIGNMENT = re.compile(r"^(  assign )(\w+)((?:\[[\d:]+\])?)( = )(.*)(;)$")
@@ -24,34 +24,26 @@ PORT = re.compile(r"^(    \.\w+\()(.*)(\),?)$")
 WORD = re.compile(r"(?<![\w$'.])[A-Za-z_]\w*")
 
 LONGEST = 110
-"""Characters of a line, above which it is broken behind an operator."""
+"""Characters of a line; longer lines are broken behind an operator."""
 
 BREAKS = tuple(f"{operator} " for operator in ("|", "&", "^", "?", ":", "+", "-", "<=", ","))
 
 MOST_NAMES = 4
-"""Names in an expression that is written again wherever its wire is used, and not kept as a wire."""
+"""Most names in an expression that replaces its wire wherever the wire is used."""
 
 
 @dataclass
 class Line:
-    """A line of Verilog and its expressions.
-
-    Attributes
-    ----------
-    text : str
-        As it was, with a zero character in the place of every expression.
-    trees : list of (Node, int)
-        The expressions, each with the width of what takes it; 0 where it keeps its own.
-    target : str
-        The wire that the line assigns, else empty.
-    bits : str
-        The range of it, if it is not the whole.
-    """
+    """A line of Verilog and its expressions."""
 
     text: str
+    """The text with a zero character in the place of every expression."""
     trees: list[tuple[Node, int]] = field(default_factory=list)
+    """The expressions, each with the width of what takes it; 0 where it keeps its own."""
     target: str = ""
+    """The wire that the line assigns, else empty."""
     bits: str = ""
+    """The range of the target, if the line does not assign all of it."""
 
     @property
     def whole_target(self) -> str:
@@ -186,14 +178,7 @@ def _compares_with_number(tree: Node) -> bool:
 
 
 class _Folder:
-    """The lines of a module, and the intermediate wires that can be substituted.
-
-    Parameters
-    ----------
-    lines : list of Line
-    wires : dict of str to Wire
-        What is declared.
-    """
+    """The lines of a module, and the intermediate wires that can be substituted."""
 
     def __init__(self, lines: list[Line], wires: dict[str, Wire]) -> None:
         self.given = lines
@@ -247,13 +232,7 @@ class _Folder:
     def _folded(self, node: Node, size: int, *, whole: bool) -> Node:
         """Return an expression with intermediate wires substituted.
 
-        Parameters
-        ----------
-        node : Node
-        size : int
-            Bits to which its surroundings extend it; 0 for its own.
-        whole : bool
-            It is all that is assigned.
+        Its surroundings extend the expression to ``size`` bits, or not if 0. ``whole``: it is all that is assigned.
         """
         if node.kind == "name" and node.text in self.steps and self._fits(node.text, size, whole=whole):
             return self._folded(self.steps[node.text], size, whole=whole)
@@ -274,14 +253,7 @@ class _Folder:
 
 
 class _Joined:
-    """Wires whose bits are parts of other wires, used to name a concatenation of bits.
-
-    Parameters
-    ----------
-    parts : list of Line
-        Assignments to parts of wires.
-    wires : dict of str to Wire
-    """
+    """Wires whose bits are parts of other wires, for the names of concatenations; ``parts`` assign such bits."""
 
     def __init__(self, parts: list[Line], wires: dict[str, Wire]) -> None:
         self.wires = wires

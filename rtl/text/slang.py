@@ -28,26 +28,13 @@ class Port(NamedTuple):
 
 
 def compilation(texts: Mapping[str, str], top: str) -> tuple[Any, Any]:
-    """Return slang's compilation of a design, and its source manager.
-
-    Parameters
-    ----------
-    texts : mapping of str to str
-        Files by their names.
-    top : str
-        Top module.
-
-    Raises
-    ------
-    InputError
-        If slang is not installed.
-    """
+    """Return slang's compilation of the texts of files, by their names, and its source manager."""
     try:
         import pyslang
         from pyslang import ast, syntax
     except ImportError:
         raise InputError("slang is not installed; install with: pip install -c constraints.txt pyslang") from None
-    atexit.unregister(gc.freeze)  # of collect_seldom: slang would print objects that are left at the exit
+    atexit.unregister(gc.freeze)  # set by collect_seldom; slang would print the objects left at exit
     options = ast.CompilationOptions()
     options.topModules = {top}
     bag = pyslang.Bag()
@@ -65,13 +52,7 @@ def top_of(design: Any, top: str) -> Any:
 
 
 def ports_of(text: str, top: str) -> dict[str, Port]:
-    """Return the ports of a module by name, or no ports if a syntax error hides the module.
-
-    Raises
-    ------
-    InputError
-        If slang is not installed, or the text has no such module.
-    """
+    """Return the ports of a module by name, or no ports if a syntax error hides the module."""
     design, _ = compilation({"dut.v": text}, top)
     instance = top_of(design, top)
     if instance is None and re.search(rf"\bmodule\s+{re.escape(top)}\b", NO_CODE.sub(" ", text)):
@@ -91,11 +72,6 @@ def read_verilog(path: Path, inside: tuple[Path, ...] = ()) -> str:
 
     Messages about the text name these files and their lines.
     ``inside`` are the files that include this one; they are not included again.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
     """
     try:
         text = path.read_text(errors="replace")

@@ -43,7 +43,7 @@ class Merge(Block[TilesConfig]):
         m = Module()
         tiles = self.config.tiles
 
-        # The first offering tile behind the one last taken, else the first of all, as the arbiter chooses its rows.
+        # The first offering tile behind the last taken tile, else the first of all, as the arbiter chooses its rows.
         behind = Signal(tiles - 1)
         candidates = Signal(tiles)
         chosen = Signal(tiles)
@@ -54,7 +54,7 @@ class Merge(Block[TilesConfig]):
             chosen.eq(candidates & ~thermometer),
         ]
 
-        # What is offered, and one event behind it for the clock in which the sink stalls.
+        # The offered event, and one event behind it for the clock in which the sink stalls.
         full = Signal()
         comes = Signal()
         m.d.comb += [
@@ -72,7 +72,7 @@ class Merge(Block[TilesConfig]):
         for name in payload_fields(self.config):
             words = getattr(self, f"tile_{name}")
             bits = len(words) // self.config.tiles
-            gated = [words[i * bits : (i + 1) * bits] & chosen[i].replicate(bits) for i in range(self.config.tiles)]
+            gated = [words.word_select(i, bits) & chosen[i].replicate(bits) for i in range(self.config.tiles)]
             fields[name] = or_tree(gated)
         if self.config.tile_bits:
             fields["tile"] = encode(chosen)

@@ -51,19 +51,10 @@ def payload_fields(config: TilesConfig) -> list[str]:
 
 
 def two_places(m: Module, block: Block[Any], full: Signal, comes: Signal, new: dict[str, Value]) -> None:
-    """Add a two-entry output buffer to a block.
+    """Add an output buffer of two events to a block with ``event_valid``, ``event_ready`` and ``event_FIELD``.
 
-    Parameters
-    ----------
-    m : Module
-    block : Block
-        With the output: ``event_valid``, ``event_ready`` and ``event_FIELD``.
-    full : Signal
-        Both places are taken; driven here, a flop.
-    comes : Signal
-        An event is taken in this clock; never while it is full.
-    new : dict of str to Value
-        Its payload, field by field.
+    ``full``, a flop that is driven here: both places are taken. ``comes``: an event is taken in this clock, never while
+    the buffer is full; ``new`` is its payload, field by field.
     """
     valid = Signal()
     moves = ~valid | block.event_ready

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from amaranth.hdl import Module, Shape, Value, unsigned
+from amaranth.hdl import Module, Shape, unsigned
 from amaranth.lib.wiring import In
 
 from eskin.base.errors import InputError
@@ -16,7 +16,7 @@ from eskin.rtl.tiles.merge import Merge, merged_ports
 from eskin.rtl.tiles.relay import Relay
 
 MOST_INPUT_BITS = 65_000
-"""Of a module; Amaranth numbers the bits of all its inputs with 16 bits."""
+"""Most input bits of a module: Amaranth numbers them with 16 bits."""
 
 
 class Skin(Block[TilesConfig]):
@@ -53,15 +53,14 @@ class Skin(Block[TilesConfig]):
         m = Module()
         merge = Merge(self.config)
         merge.place(m, "merge", platform)
-        for name in merged_ports(self.config):
-            merge.connect(m, name, getattr(self, name))
+        merge.connect_all(m, self, merged_ports(self.config))
         for index in range(self.config.tiles):
             tile = Readout(self.config.tile)
             tile.place(m, f"tile_{index}", platform)
             for name in self.outer:
-                outside = getattr(self, name)
-                part = outside if name in common_ports(self.config) else _part(outside, index, getattr(tile, name))
-                tile.connect(m, name, part)
+                outside, width = getattr(self, name), len(getattr(tile, name))
+                common = name in common_ports(self.config)
+                tile.connect(m, name, outside if common else outside.word_select(index, width))
             source: Block[Any] = tile
             for stage in range(self.config.relays):
                 relay = Relay(self.config)
@@ -70,17 +69,11 @@ class Skin(Block[TilesConfig]):
                     source.connect(m, name, getattr(relay, name.replace("event_", "tile_")))
                 source = relay
             for name in self.stream:
-                source.connect(
-                    m, name, _part(getattr(merge, name.replace("event_", "tile_")), index, getattr(source, name))
-                )
+                outside = getattr(merge, name.replace("event_", "tile_"))
+                source.connect(m, name, outside.word_select(index, len(getattr(source, name))))
         return m
 
 
 def common_ports(config: TilesConfig) -> tuple[str, ...]:
     """Return the inputs common to all tiles of a skin, except clock and reset."""
     return () if config.relays else ("sample_valid",)
-
-
-def _part(words: Value, index: int, port: Value) -> Value:
-    """Return the slice of a port that belongs to one tile."""
-    return words[index * len(port) : (index + 1) * len(port)]

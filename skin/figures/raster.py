@@ -38,29 +38,18 @@ def plot_comparison(
 ) -> None:
     """Plot two recordings of one readout above each other, with black rings around events that differ.
 
-    Parameters
-    ----------
-    pair : two arrays of EVENT_DTYPE, shape (events,)
-        The recordings; the first is drawn above the second.
-    config : ReadoutConfig
-        Array size and clock.
-    path : str or Path
-        Picture to write: .png, .pdf or .svg.
-    labels : (str, str)
-        Names of the two.
-    title : str, optional
-        Line above everything.
-    signal : float array, shape (ticks, taxels), optional
-        Samples in full scale (+-1.0), drawn above the events; only some taxels of large arrays.
-    texture : array, shape (height, width) or (height, width, 3), optional
-        The scanned part of the image, drawn at the top: the array passes its width in the duration.
-    duration_clocks : int, optional
-        End of the time axis; by default the last event or the last sample.
+    Raise InputError if the picture cannot be written.
 
-    Raises
-    ------
-    InputError
-        If the picture cannot be written.
+    - ``pair``: shape (events,); the recordings; the first is drawn above the second.
+    - ``config``: array size and clock.
+    - ``path``: picture to write: .png, .pdf or .svg.
+    - ``labels``: names of the recordings.
+    - ``title``: line above everything.
+    - ``signal``: shape (ticks, taxels); samples in full scale (+-1.0), drawn above the events; only some taxels of
+      large arrays.
+    - ``texture``: shape (height, width) or (height, width, 3); the scanned part of the image, drawn at the top: the
+      array passes its width in the duration.
+    - ``duration_clocks``: end of the time axis; by default the last event or the last sample.
     """
     check_picture_path(path)
     end_ms = _end_ms(config, pair, signal, duration_clocks)
@@ -93,15 +82,11 @@ def plot_signals(
 ) -> None:
     """Plot signals above their events and write the picture.
 
-    Parameters
-    ----------
-    events : ndarray of EVENT_DTYPE, shape (events,)
-    signal : float array, shape (ticks, taxels)
-        Signals in full scale; row k is the sample tick at clock ``k * clocks_per_sample``.
-    label : str
-        Name of the signals.
-    config, path, title, duration_clocks
-        Same as for :func:`plot_comparison`.
+    - ``events``: shape (events,).
+    - ``signal``: shape (ticks, taxels); signals in full scale; row k is the sample tick at clock ``k *
+      clocks_per_sample``.
+    - ``label``: name of the signals.
+    - ``config``, ``path``, ``title``, ``duration_clocks``: same as for :func:`plot_comparison`.
     """
     check_picture_path(path)
     save_figure(draw_signals(events, {} if signal is None else {label: signal}, config, title, duration_clocks), path)
@@ -116,12 +101,8 @@ def draw_signals(
 ) -> Figure:
     """Return a figure with one panel per signal above a raster of the events.
 
-    Parameters
-    ----------
-    signals : mapping of str to float array, shape (ticks, taxels)
-        Signals by panel name; same as for :func:`plot_signals`.
-    events, config, title, duration_clocks
-        Same as for :func:`plot_signals`.
+    - ``signals``: shape (ticks, taxels); signals by panel name; same as for :func:`plot_signals`.
+    - ``events``, ``config``, ``title``, ``duration_clocks``: same as for :func:`plot_signals`.
     """
     longest = max(signals.values(), key=len, default=None)
     end_ms = _end_ms(config, (events,), longest, duration_clocks)
@@ -133,9 +114,6 @@ def draw_signals(
     _legend(axes["raster0"], config, False)
     _label_time(axes, end_ms)
     return figure
-
-
-# -- panels ------------------------------------------------------------------------------------------
 
 
 def _end_ms(
@@ -209,7 +187,9 @@ def _draw_events(panel: Axes, events: Events, config: ReadoutConfig, end_ms: flo
     time_ms = events["t"] * (1e3 / config.clock_hz)
     taxel = taxel_of(events, config)
     if len(events) <= _TICK_LIMIT:
-        _draw_ticks(panel, time_ms, taxel, events["p"])
+        for which, colour in ((events["p"], ON_COLOUR), (~events["p"], OFF_COLOUR)):
+            low, high = taxel[which] - 0.4, taxel[which] + 0.4
+            panel.vlines(time_ms[which], low, high, colors=colour, lw=0.9, rasterized=True)
     else:
         _draw_density(panel, time_ms, taxel, events["p"], config, end_ms)
     few = mark.sum() <= _RING_LIMIT
@@ -226,15 +206,6 @@ def _draw_events(panel: Axes, events: Events, config: ReadoutConfig, end_ms: flo
     panel.set_yticks(np.arange(0, config.rows, every) * config.columns)
     panel.set_ylim(config.taxels - 0.5, -0.5)
     panel.set_ylabel("taxel", fontsize=8)
-
-
-def _draw_ticks(
-    panel: Axes, time_ms: NDArray[np.floating[Any]], taxel: NDArray[np.int64], on: NDArray[np.bool_]
-) -> None:
-    """Draw every event as a separate tick."""
-    for which, colour in ((on, ON_COLOUR), (~on, OFF_COLOUR)):
-        at, line = time_ms[which], taxel[which]
-        panel.vlines(at, line - 0.4, line + 0.4, colors=colour, lw=0.9, rasterized=True)
 
 
 def _draw_density(

@@ -28,9 +28,6 @@ LOOKS = {encoder.name: Look(encoder.title, encoder.colour, encoder.marker) for e
 def look(readout: str) -> Look:
     """Return title, colour and marker of a readout.
 
-    Raises
-    ------
-    InputError
-        If it is neither an encoder nor frames.
+    Raise InputError if it is neither an encoder nor frames.
     """
     return LOOKS[FRAME] if readout == FRAME else LOOKS[registry.named(readout).name]

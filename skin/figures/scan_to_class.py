@@ -33,56 +33,38 @@ _NOTE = 0.15  # this part of a panel's width has room for words
 
 @dataclass(frozen=True, eq=False)
 class ScanToClass:
-    """Data of the figure: one scan, with the network's spikes and evidence.
-
-    Attributes
-    ----------
-    name, true : str
-        Name of the texture or recording, and of its class.
-    label : int
-        Class, an index into ``class_names``.
-    tested : bool
-        Whether the network was not trained on it.
-    scan : Scan or None
-        Scan; None for recordings.
-    pixels : uint8 array, shape (height, width), or None
-        The texture.
-    recording : Recording
-        Its events.
-    signals : array, shape (ticks, taxels)
-        Samples in full scales.
-    start_s, step_s : float
-        Begin of the first time step, and length of a step.
-    spikes : array, shape (steps, hidden)
-        Spikes of the hidden neurons, 0 or 1.
-    evidence : array, shape (steps, classes)
-        Sum of output spikes or membranes so far, as ``meaning`` says.
-    class_names : tuple of str
-    meaning : str
-        Meaning of the evidence, in words.
-    right, tests : int
-        Correct and all test images; 0 of 0 if unknown.
-    numbers : mapping of str to str
-        Additional text above the panels ``signals``, ``events``, ``hidden`` and ``evidence``.
-    """
+    """Data of the figure: one scan, with the network's spikes and evidence."""
 
     name: str
     true: str
+    """Name of the texture or recording, and of its class."""
     label: int
+    """Class, an index into ``class_names``."""
     tested: bool
+    """Whether the network was not trained on it."""
     scan: Scan | None
+    """Scan; None for recordings."""
     pixels: NDArray[np.uint8] | None
+    """The texture. Shape (height, width), or None."""
     recording: Recording
+    """Events of the scan."""
     signals: NDArray[np.float64]
+    """Samples in full scales. Shape (ticks, taxels)."""
     start_s: float
     step_s: float
+    """Begin of the first time step, and length of a step."""
     spikes: NDArray[np.float32]
+    """Spikes of the hidden neurons, 0 or 1. Shape (steps, hidden)."""
     evidence: NDArray[np.float32]
+    """Sum of output spikes or membranes so far, as ``meaning`` says. Shape (steps, classes)."""
     class_names: tuple[str, ...]
     meaning: str
+    """Meaning of the evidence, in words."""
     right: int = 0
     tests: int = 0
+    """Correct and all test images; 0 of 0 if unknown."""
     numbers: Mapping[str, str] = field(default_factory=dict)
+    """Additional text above the panels ``signals``, ``events``, ``hidden`` and ``evidence``."""
 
     @property
     def predicted(self) -> str:
@@ -168,7 +150,7 @@ def _draw_texture(panel: Axes, played: ScanToClass) -> None:
     halo = [withStroke(linewidth=4.5, foreground="white")]
     panel.add_patch(Rectangle((-0.5, -0.5), *way, fill=False, ec=_WAY, lw=2, path_effects=halo))
     panel.add_patch(Rectangle((-0.5, -0.5), across, down, fill=False, ec=_ARRAY, lw=2.5, path_effects=halo))
-    beside = 0.05 * min(width, height)  # what the array covers may be less than a line of the picture
+    beside = 0.05 * min(width, height)  # the array may be thinner than a line of the picture
     long, far = (width, down + beside) if rightwards else (height, across + beside)
     ends = ((0.02 * long, far), (0.97 * long, far))
     start, end = ends if rightwards else tuple((y, x) for x, y in ends)

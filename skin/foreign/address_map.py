@@ -23,27 +23,19 @@ HEADERS = (("address", "x", "y"), ("from_x", "from_y", "x", "y"))
 
 @dataclass(frozen=True)
 class AddressMap:
-    """A map from the addresses of another chip to taxels.
-
-    Attributes
-    ----------
-    taxels : dict of tuple of int to tuple of int
-        ``(address,)`` or ``(column, row)`` of the chip, to (x, y) of the readout.
-    name : str
-        The file, for messages.
-    """
+    """A map from the addresses of another chip to taxels."""
 
     taxels: dict[tuple[int, ...], tuple[int, int]]
+    """``(address,)`` or ``(column, row)`` of the chip, to (x, y) of the readout."""
     name: str
+    """The file, for messages."""
 
     @classmethod
     def read(cls, path: Path) -> AddressMap:
         """Return the map from a .csv file with the header ``address,x,y`` or ``from_x,from_y,x,y``.
 
-        Raises
-        ------
-        InputError
-            If the file is not such a table, contains other values than integers, or repeats an address or a taxel.
+        Raise InputError if the file is not such a table, contains other values than integers, or repeats an address or
+        a taxel.
         """
         try:
             lines = [

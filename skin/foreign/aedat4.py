@@ -27,10 +27,7 @@ def _library() -> Any:
 def read_aedat4(path: Path) -> ForeignEvents:
     """Return the events from an AEDAT 4 file, with time stamps in microseconds.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or has no events.
+    Raise InputError if the file cannot be read, or has no events.
     """
     dv = _library()
     try:

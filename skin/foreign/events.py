@@ -23,38 +23,29 @@ CLOCKS = "clocks"
 """A time stamp may also count clocks of the readout."""
 
 MOST_CLOCKS = 2**51
-"""Clocks that a time in seconds of 53 bits still names."""
+"""Clocks up to which a time in seconds (float64) names its clock: t / clock_hz and its product with clock_hz are each
+rounded by at most one part in 2**53, together by less than half a clock."""
 
 LATE_S = 86_400
-"""Where the first event is later than this, its times are those of a clock on the wall, not of a recording."""
+"""A first event later than this has the time of a wall clock, not of a recording."""
 
 
 @dataclass(frozen=True, eq=False)
 class ForeignEvents:
-    """Events with the columns and the time unit of their file.
-
-    Attributes
-    ----------
-    time : int64 or float64 array, shape (events,)
-        In ``unit``.
-    unit : str
-        One of UNITS_S, or ``clocks``.
-    addresses : int64 array, shape (events,) or (events, 2)
-        Single addresses, or columns and rows.
-    polarity : bool array, shape (events,)
-        True is ON.
-    size : tuple of int, optional
-        Rows and columns of the sensor, if the file contains them.
-    notes : tuple of str
-        How the file was read, for the user.
-    """
+    """Events with the columns and the time unit of their file."""
 
     time: NDArray[Any]
+    """In ``unit``. Shape (events,)."""
     unit: str
+    """One of UNITS_S, or ``clocks``."""
     addresses: Addresses
+    """Single addresses, or columns and rows. Shape (events,) or (events, 2)."""
     polarity: NDArray[np.bool_]
+    """True is ON. Shape (events,)."""
     size: tuple[int, int] | None = None
+    """Rows and columns of the sensor, if the file contains them."""
     notes: tuple[str, ...] = ()
+    """How the file was read, for the user."""
 
 
 def unwrapped(events: ForeignEvents, bits: int) -> ForeignEvents:
@@ -86,11 +77,8 @@ def configuration(
 
     Parameters
     ----------
-    events : ForeignEvents
-    config : ReadoutConfig
     given : frozenset of str
         Fields of the configuration that the user set.
-    mapping : AddressMap, optional
 
     Returns
     -------
@@ -120,26 +108,17 @@ def configuration(
 
 @dataclass(frozen=True)
 class Taken:
-    """A recording converted from foreign events, with counts of dropped or changed events.
-
-    Attributes
-    ----------
-    recording : Recording
-    dropped : int
-        Events without a taxel.
-    moved : int
-        Number of events with a time between two clocks.
-    merged : int
-        Events of different times that share a clock now.
-    start : int or float
-        Time, in the unit of the file, that is clock 0.
-    """
+    """A recording converted from foreign events, with counts of dropped or changed events."""
 
     recording: Recording
     dropped: int
+    """Events without a taxel."""
     moved: int
+    """Number of events with a time between two clocks."""
     merged: int
+    """Events of different times that share a clock now."""
     start: float
+    """Time, in the unit of the file, that is clock 0."""
 
     def said(self) -> list[str]:
         """Return a sentence for every kind of loss in the conversion."""
@@ -162,26 +141,14 @@ def take(
 ) -> Taken:
     """Return the recording converted from foreign events.
 
-    Parameters
-    ----------
-    events : ForeignEvents
-        In order of time.
-    config : ReadoutConfig
-        Configuration of the recording; its clock is the resolution of time.
-    mapping : AddressMap, optional
-        Otherwise addresses are columns and rows from 0.
-    drop : bool
-        Leave events out whose address is not mapped.
-    start : float, optional
-        Time, in the unit of the file, that becomes clock 0. By default 0, or the first event if that is negative. It
-        must be given if the first event is more than a day after 0.
-    metadata : dict, optional
-        Metadata of the recording.
+    Raise InputError if time falls, or addresses do not fit the readout.
 
-    Raises
-    ------
-    InputError
-        If time falls, or addresses do not fit the readout.
+    - ``events``: in order of time.
+    - ``config``: configuration of the recording; its clock is the resolution of time.
+    - ``mapping``: without a map, addresses are columns and rows from 0.
+    - ``drop``: leave out events whose address is not mapped.
+    - ``start``: time, in the unit of the file, that becomes clock 0. By default 0, or the first event if that is
+      negative. It must be given if the first event is more than a day after 0.
     """
     time = events.time
     if time.dtype.kind == "f" and not np.isfinite(time).all():
@@ -243,15 +210,11 @@ def _clocks(time: NDArray[Any], start: float, unit: str, config: ReadoutConfig) 
     return clocks, int((np.abs(exact - clocks) > 1e-6 * np.maximum(1, np.abs(exact) * 2**-30)).sum())
 
 
-# -- back to other programs --------------------------------------------------------------------------
-
-
 def in_unit(recording: Recording, unit: str = "us") -> Events:
     """Return events with the fields t, x, y, p of event libraries such as tonic.
 
     Parameters
     ----------
-    recording : Recording
     unit : "us" or "clocks"
         t in whole microseconds since the end of reset, rounded half to even, or in clocks. Clocks above 1 MHz share
         microseconds.

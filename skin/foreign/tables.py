@@ -26,7 +26,7 @@ NAMES = {
     "p": ("p", "pol", "polarity", "polarities", "on"),
     "address": ("address", "addr", "taxel", "channel", "neuron", "id"),
 }
-"""Names that columns go by; a unit may follow that of the time, as in ``t_us`` or ``time [ms]``."""
+"""Names of columns; the name of the time may end in a unit, as in ``t_us`` or ``time [ms]``."""
 
 _UNIT = re.compile(r"^(.*?)[\s_\[(]+(s|ms|us|µs|ns|clocks)[\])]?$")
 
@@ -34,19 +34,12 @@ _UNIT = re.compile(r"^(.*?)[\s_\[(]+(s|ms|us|µs|ns|clocks)[\])]?$")
 def read_events_table(path: Path, fields: Sequence[str] = (), unit: str | None = None) -> ForeignEvents:
     """Return the events from a table or an array file.
 
-    Parameters
-    ----------
-    path : Path
-        Text with a line for each event, a structured or two-dimensional .npy, or a .npz with one array a column.
-    fields : sequence of str
-        Meaning of each column, if the file has no names: t, x, y, p, address, or - for others.
-    unit : str, optional
-        Unit of the time; by default from the column's name, else s for decimal times and us for integers.
+    Raise InputError if the file cannot be read, a column is missing or doubtful, or a cell is no number.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, a column is missing or doubtful, or a cell is no number.
+    - ``path``: text with a line for each event, a structured or two-dimensional .npy, or a .npz with one array a
+      column.
+    - ``fields``: meaning of each column, if the file has no names: t, x, y, p, address, or - for others.
+    - ``unit``: unit of the time; by default from the column's name, else s for decimal times and us for integers.
     """
     columns, named_unit = _named(path, _columns(path), fields)
     for name in ("t", "p"):
@@ -221,12 +214,7 @@ def _polarity(path: Path, column: NDArray[Any] | None, events: int) -> NDArray[n
 def write_events_table(path: Path, recording: Recording, unit: str) -> str:
     """Write events as .csv or structured .npy; return a warning about lost time resolution, or an empty text.
 
-    Parameters
-    ----------
-    path : Path
-    recording : Recording
-    unit : "us" or "clocks"
-        Unit of t since the end of reset; microseconds are rounded half to even.
+    ``unit``: "us" or "clocks". Unit of t since the end of reset; microseconds are rounded half to even.
     """
     events = in_unit(recording, unit)
     with atomic_write(path) as file:

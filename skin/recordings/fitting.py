@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +51,14 @@ class Fit:
     """Choice of a configuration: the resolution by the reconstruction SNR, the full scale from all recordings.
 
     A subclass may choose otherwise; its ``repr`` names all of its parameters.
+
+    Attributes
+    ----------
+    other_scales : tuple of str
+        Texts of ``Preparation.scale`` that are tried beside ``max``.
     """
+
+    other_scales: ClassVar[tuple[str, ...]] = ()
 
     def learned(self, names: Sequence[str], classes: Sequence[str]) -> NDArray[np.int64]:
         """Return the numbers of the recordings from which to choose, by the names and classes of all."""
@@ -61,13 +69,14 @@ class Fit:
         config: ReadoutConfig,
         given: Collection[str],
         classes: Sequence[str],
-        recordings: Sequence[NDArray[np.int32]],
+        recordings: Mapping[str, Sequence[NDArray[np.int32]]],
         progress: Callable[[], object],
-    ) -> tuple[ReadoutConfig, str]:
-        """Return a configuration in which the given fields are unchanged, and a note for the user or an empty text.
+    ) -> tuple[ReadoutConfig, str, str]:
+        """Return a configuration in which the given fields are unchanged, the scale, and a note for the user.
 
-        The resolution is the coarsest one that represents half of the taxels with at least ``ENOUGH_DB`` on some
-        recordings, evenly spread. Where none does, as with a leak, it stays as it is.
+        The note may be empty. The scale is the first one. The resolution is the coarsest one that represents half of
+        the taxels with at least ``ENOUGH_DB`` on some recordings, evenly spread. Where none does, as with a leak, it
+        stays as it is.
 
         Parameters
         ----------
@@ -76,14 +85,15 @@ class Fit:
             Fields that the user set.
         classes : sequence of str
             Class of each recording.
-        recordings : sequence of int32 arrays, shape (ticks, taxels)
-            Codes of the ``learned`` recordings.
+        recordings : mapping of str to sequence of int32 arrays, shape (ticks, taxels)
+            Codes of the ``learned`` recordings, by scale.
         progress : callable
             Called after each setting that is tried.
         """
+        scale, codes_of_all = next(iter(recordings.items()))
         if "resolution" in given:
-            return config, ""
-        some = recordings[:: -(-len(recordings) // MOST_TRIED)]
+            return config, scale, ""
+        some = codes_of_all[:: -(-len(codes_of_all) // MOST_TRIED)]
         for resolution in RESOLUTIONS:
             tried = config.replace(resolution=resolution, clocks_per_sample=MOST_CLOCKS)
             signal = noise = np.zeros(config.taxels)
@@ -95,7 +105,7 @@ class Fit:
             if np.median(signal / np.maximum(noise, 1e-9)) >= 10 ** (ENOUGH_DB / 10):
                 config = config.replace(resolution=resolution)
                 break
-        return config, f"resolution {config.resolution} b; --resolution chooses another"
+        return config, scale, f"resolution {config.resolution} b; --resolution chooses another"
 
 
 def array_of(taxels: int) -> tuple[int, int] | None:

@@ -20,7 +20,7 @@ from eskin.model.events.recording import Recording
 from eskin.model.readout import Stimulus, simulate
 from eskin.skin.recordings.columns import match_columns
 from eskin.skin.recordings.fitting import Fit, array_of, steepest_step, with_clock, with_seconds
-from eskin.skin.recordings.options import Preparation
+from eskin.skin.recordings.options import Preparation, Scale
 from eskin.skin.recordings.prepare import prepare
 from eskin.skin.recordings.quality import MUCH_LATE, Quality, measure_quality, pooled
 from eskin.skin.recordings.table import read_table
@@ -63,8 +63,8 @@ class RecordingSet:
     config : ReadoutConfig
     options : Preparation
         Preparation that made the codes.
-    scale : float
-        Factor from the unit of the files to full scale.
+    scale : float or tuple of float
+        Factor from the unit of the files to full scale, of all taxels or of each.
     clipped : int
         Samples beyond full scale.
     notes, warnings : tuple of str
@@ -80,7 +80,7 @@ class RecordingSet:
     codes: list[NDArray[np.int32]]
     config: ReadoutConfig
     options: Preparation
-    scale: float
+    scale: Scale
     clipped: int
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -106,7 +106,8 @@ class RecordingSet:
 
     def said_of(self, source: Source) -> dict[str, Any]:
         """Return the metadata for an event file, sufficient to prepare other recordings equally."""
-        said: dict[str, Any] = {"scale": self.scale, "prepared": self.options.chosen()}
+        scale = list(self.scale) if isinstance(self.scale, tuple) else self.scale
+        said: dict[str, Any] = {"scale": scale, "prepared": self.options.chosen()}
         said |= {"columns": list(self.columns)} if self.columns else {}
         said |= {"start_s": self.starts_s[source.name]} if source.name in self.starts_s else {}
         return said | ({} if source.class_name is None else {"class": source.class_name})
@@ -181,6 +182,7 @@ def read_set(
         Configuration wanted by the user.
     given : collection of str
         Fields of it that the user set; of the others, array, rate, clock and time constants follow the recordings.
+        With ``scale`` among them, that of ``options`` is not changed.
     progress : callable, optional
         Called after each file.
     flat : bool
@@ -210,9 +212,14 @@ def read_set(
     config = _with_array(config, taxels, given, tables[0].path).replace(sample_rate_hz=prepared.rate_hz)
     config = with_seconds(config, given)
     if fit and not {"encoding", "resolution"} <= set(given):
-        codes = [prepared.codes[number] for number in learned]
+        tried = {options.scale: prepared}
+        for scale in fit.other_scales if options.scale == "max" and "scale" not in given else ():
+            other = dataclasses.replace(options, scale=scale)
+            tried[scale] = prepare(tables, other, config.sample_bits, rate_hz, learned)
+        codes = {scale: [one.codes[number] for number in learned] for scale, one in tried.items()}
         tick = progress or (lambda: None)
-        config, note = fit.choose(config, given, [classes[number] for number in learned], codes, tick)
+        config, scale, note = fit.choose(config, given, [classes[number] for number in learned], codes, tick)
+        prepared, options = tried[scale], dataclasses.replace(options, scale=scale)
         notes += (note,) if note else ()
     if "clocks_per_sample" not in given:
         config = with_clock(config, prepared.codes)

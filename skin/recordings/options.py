@@ -17,6 +17,12 @@ Baseline = Literal["none", "first", "median", "highpass"]
 
 GUIDE = "docs/guide/recordings.md"
 
+PER_TAXEL = "per-taxel"
+"""Text of ``Preparation.scale`` that maps the largest magnitude of each taxel to full scale."""
+
+Scale = float | tuple[float, ...]
+"""Factor from the unit of the files to full scale, common to all taxels or one for each taxel."""
+
 FINGER = Path(__file__).parent / "finger"
 """Recordings that come with the project: a robot finger slides over four fabrics."""
 
@@ -43,7 +49,8 @@ class Preparation:
     names : tuple of str
         Names of the taxels' columns in the order of the array; files that have names are brought into that order.
     scale : str
-        Factor to full scale, ``max``, or a percentile of the magnitudes of all recordings as ``p99.9``.
+        Factor to full scale, or one for each taxel as ``0.5,2``; or ``max``, a percentile of the magnitudes of all
+        recordings as ``p99.9``, or ``PER_TAXEL``.
     """
 
     taxel_columns: str = parameter("", "", GUIDE, "taxel columns of the file, such as 2-17 or s1,s2 [all]")
@@ -55,7 +62,7 @@ class Preparation:
     highpass_hz: float = parameter(0.1, "Hz", GUIDE, "corner of --baseline highpass")
     strict: bool = parameter(False, "", GUIDE, "refuse broken links, FIFOs and folders among the recordings")
     names: tuple[str, ...] = ()
-    scale: str = parameter("max", "", GUIDE, "factor to full scale, max, or a percentile such as p99.9")
+    scale: str = parameter("max", "", GUIDE, "factor to full scale, max, per-taxel, or a percentile such as p99.9")
 
     def __post_init__(self) -> None:
         for name, choices in (("decimal", Decimal), ("time_unit", TimeUnit), ("baseline", Baseline)):
@@ -80,22 +87,38 @@ class Preparation:
         }
 
     def percentile(self) -> float | None:
-        """Return the percentile of the magnitudes that maps to full scale; None for a fixed factor."""
-        if self.scale == "max":
+        """Return the percentile of the magnitudes that maps to full scale; None for fixed factors."""
+        if self.scale in ("max", PER_TAXEL):
             return 100.0
         text = self.scale.removeprefix("p")
-        try:
-            number = float(text)
-        except ValueError:
-            number = math.nan
         if text != self.scale:
+            number = _number(text)
             if not 0 < number <= 100:
                 raise InputError(
                     f"--scale needs a percentile such as p99.9, above p0 and up to p100, not {self.scale!r}"
                 )
             return number
-        if not (math.isfinite(number) and number != 0):
+        if not all(math.isfinite(number) and number != 0 for number in map(_number, text.split(","))):
             raise InputError(
-                f"--scale needs a number other than 0, max, or a percentile such as p99.9, not {self.scale!r}"
+                f"--scale needs a number other than 0, max, {PER_TAXEL}, or a percentile such as p99.9, not "
+                f"{self.scale!r}"
             )
         return None
+
+    def factors(self) -> Scale:
+        """Return the fixed factors to full scale; ``percentile`` is None."""
+        numbers = tuple(map(float, self.scale.split(",")))
+        return numbers if len(numbers) > 1 else numbers[0]
+
+
+def scale_option(scale: Scale) -> str:
+    """Return the text of ``Preparation.scale`` for fixed factors."""
+    return ",".join(map(repr, scale)) if isinstance(scale, tuple) else repr(scale)
+
+
+def _number(text: str) -> float:
+    """Return the number in a text, or NaN."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.skin.recordings.options import Preparation
+from eskin.skin.recordings.options import PER_TAXEL, Preparation, Scale
 from eskin.skin.recordings.table import Table, Values
 from eskin.skin.textures.presets import quantise
 
@@ -37,8 +37,8 @@ class Prepared:
     codes : list of int32 arrays, shape (ticks, taxels)
     rate_hz : float
         Samples per second of all.
-    scale : float
-        Factor from the unit of the files to full scale.
+    scale : float or tuple of float
+        Factor from the unit of the files to full scale, of all taxels or of each.
     clipped : int
         Samples beyond full scale, all together.
     warnings : tuple of str
@@ -49,7 +49,7 @@ class Prepared:
 
     codes: list[NDArray[np.int32]]
     rate_hz: float
-    scale: float
+    scale: Scale
     clipped: int
     warnings: tuple[str, ...]
     notes: tuple[str, ...] = ()
@@ -79,7 +79,7 @@ def prepare(
     Raises
     ------
     InputError
-        If no rate is known, or the recordings have different numbers of taxels.
+        If no rate is known, or the recordings have different numbers of taxels, or another number than the factors.
     """
     widths = {table.values.shape[1]: table.path for table in tables}
     if len(widths) > 1:
@@ -96,8 +96,13 @@ def prepare(
     if resampled:
         notes.append(f"{resampled} of {len(tables)} recordings have uneven time stamps and were resampled linearly")
     scale = scale_of(signals if learned is None else [signals[n] for n in learned], options, sample_bits)
+    if isinstance(scale, tuple) and len(scale) != len(tables[0].names):
+        raise InputError(
+            f"{tables[0].path} has {len(tables[0].names)} taxels, but the scale has {len(scale)} factors; choose the "
+            f"same taxels with --taxel-columns, or give --scale one factor for each"
+        )
     with np.errstate(over="ignore"):  # what overflows saturates, as all that is out of range
-        found = [quantise(signal * scale, sample_bits) for signal in signals]
+        found = [quantise(signal * np.asarray(scale), sample_bits) for signal in signals]
     clipped, samples = sum(n for _, n in found), sum(codes.size for codes, _ in found)
     if clipped > MUCH_CLIPPED * samples:
         remedy = "--scale max" if options.baseline != "none" else "--baseline first, or --scale max"
@@ -186,15 +191,20 @@ def without_baseline(signal: Values, rate_hz: float, options: Preparation) -> Va
     return signal
 
 
-def scale_of(signals: Sequence[Values], options: Preparation, sample_bits: int) -> float:
-    """Return the factor that scales all recordings to full scale."""
+def scale_of(signals: Sequence[Values], options: Preparation, sample_bits: int) -> Scale:
+    """Return the factor that scales all recordings to full scale, or the factor of each taxel.
+
+    Where factors are of each taxel, a taxel that is always 0 has the factor of the taxel with the largest magnitude.
+    """
     percentile = options.percentile()
     if percentile is None:
-        return float(options.scale)
-    magnitudes = np.concatenate([np.abs(signal).ravel() for signal in signals])
+        return options.factors()
+    magnitudes = np.concatenate([np.abs(signal) for signal in signals])
+    largest = 1.0 - 2.0 ** (1 - sample_bits)  # the positive end of the range is one code short of full scale
+    if options.scale == PER_TAXEL and magnitudes.shape[1] > 1 and (tops := magnitudes.max(0)).max() > 0:
+        return tuple((largest / np.where(tops > 0, tops, tops.max())).tolist())
     top = float(np.percentile(magnitudes, percentile))
-    # The positive end of the range is one code short of full scale.
-    return (1.0 - 2.0 ** (1 - sample_bits)) / top if top > 0 else 1.0
+    return largest / top if top > 0 else 1.0
 
 
 # -- warnings ----------------------------------------------------------------------------------------

@@ -61,7 +61,7 @@ class Table:
     filled : int
         Number of cells without a number, filled by linear interpolation.
     start_s : float
-        First time stamp in seconds, if a column has them.
+        First time stamp in seconds; 0 if no column has them.
     """
 
     path: Path
@@ -71,9 +71,9 @@ class Table:
     time_s: Values | None
     rate_hz: float | None
     notes: tuple[str, ...]
-    named: bool = False
-    filled: int = 0
-    start_s: float = 0.0
+    named: bool
+    filled: int
+    start_s: float
 
 
 def read_table(path: Path, options: Preparation) -> Table:

@@ -12,7 +12,7 @@ from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.recordings.folder import RecordingSet, read_set
-from eskin.skin.recordings.options import Preparation
+from eskin.skin.recordings.options import Preparation, scale_option
 
 EVERY_FIELD = frozenset(field.name for field in dataclasses.fields(ReadoutConfig))
 """All of them are said: none follows the recordings."""
@@ -59,7 +59,7 @@ class OwnReadout:
     def of(cls, recording: Recording) -> OwnReadout | None:
         """Return the preparation stored in an event file, or None for other files."""
         prepared, scale = recording.metadata.get("prepared"), recording.metadata.get("scale")
-        if not isinstance(prepared, dict) or not isinstance(scale, float):
+        if not isinstance(prepared, dict) or not isinstance(scale, float | list):
             return None
         return cls.from_dict({"readout": recording.config.to_dict(), "prepared": prepared, "scale": scale})
 
@@ -74,8 +74,9 @@ class OwnReadout:
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as a dictionary for JSON."""
-        prepared = self.options.chosen()
-        return {"readout": self.config.to_dict(), "prepared": prepared, "scale": float(self.options.scale)}
+        factors = self.options.factors()
+        scale = list(factors) if isinstance(factors, tuple) else factors
+        return {"readout": self.config.to_dict(), "prepared": self.options.chosen(), "scale": scale}
 
     @classmethod
     def from_dict(cls, fields: dict[str, Any]) -> OwnReadout:
@@ -87,7 +88,9 @@ class OwnReadout:
             If fields are missing or unknown.
         """
         try:
-            options = Preparation(**fields["prepared"], scale=repr(float(fields["scale"])))
+            scale = fields["scale"]
+            factors = tuple(map(float, scale)) if isinstance(scale, list) else float(scale)
+            options = Preparation(**fields["prepared"], scale=scale_option(factors))
             return cls(ReadoutConfig.from_dict(fields["readout"]), options)
         except (KeyError, TypeError, ValueError):
             raise InputError(

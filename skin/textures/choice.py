@@ -17,10 +17,7 @@ def choose(text: str, rows: int, columns: int) -> tuple[int, ...]:
     read K lines of the surface. ``along:K`` are K taxels of the middle row, which read one line after each other.
     ``checkerboard`` is every second taxel.
 
-    Raises
-    ------
-    InputError
-        If the text is no choice, or the array has too few taxels for it.
+    Raise InputError if the text is no choice, or the array has too few taxels for it.
     """
     kind, *numbers = text.split(":")
     places = np.arange(rows * columns).reshape(rows, columns)
@@ -57,5 +54,4 @@ def _number(word: str) -> int:
 
 
 def _of(taxels: np.typing.ArrayLike) -> tuple[int, ...]:
-    found = sorted(int(taxel) for taxel in np.unique(taxels))
-    return tuple(found)
+    return tuple(np.unique(taxels).tolist())

@@ -25,7 +25,7 @@ EMBEDDED = "embedded"
 """The name that stands for the embedded default, wherever a directory can be given."""
 
 ENVIRONMENT_VARIABLE = "ESKIN_DATA"
-"""Names the dataset directory where no option does."""
+"""Environment variable with the dataset directory, for commands without the option."""
 
 SEARCHED = ("data/kylberg", "../shared/data/kylberg")
 """Directories searched last, relative to the repository root and to the working directory."""
@@ -46,26 +46,17 @@ PATCH_WIDTH_PX, PATCH_HEIGHT_PX = 256, 64
 
 @dataclass(frozen=True)
 class Texture:
-    """One texture image with its class; pixels are loaded on demand.
-
-    Attributes
-    ----------
-    name : str
-        Class and image, unique and stable, as ``brick/brick-00``.
-    class_name : str
-    label : int
-        Index of the class in ``Dataset.class_names``.
-    path : Path
-        PNG file of the image.
-    crop : (top, left, height, width) or None
-        The part of that file in pixels; None for all of it.
-    """
+    """One texture image with its class; pixels are loaded on demand."""
 
     name: str
+    """Class and image, unique and stable, as ``brick/brick-00``."""
     class_name: str
     label: int
+    """Index of the class in ``Dataset.class_names``."""
     path: Path
+    """PNG file of the image."""
     crop: tuple[int, int, int, int] | None = None
+    """The part of that file in pixels (top, left, height, width); None for all of it."""
 
     def load(self) -> NDArray[np.uint8]:
         """Return the pixels, uint8 of shape (height, width)."""
@@ -78,19 +69,12 @@ class Texture:
 
 @dataclass(frozen=True)
 class Dataset(Sequence[Texture]):
-    """Textures in a fixed order, sorted by class.
-
-    Attributes
-    ----------
-    name : str
-        ``embedded``, or the name of the directory.
-    class_names : tuple of str
-        In alphabetical order; a label is an index into them.
-    textures : tuple of Texture
-    """
+    """Textures in a fixed order, sorted by class."""
 
     name: str
+    """``embedded``, or the name of the directory."""
     class_names: tuple[str, ...]
+    """In alphabetical order; a label is an index into them."""
     textures: tuple[Texture, ...]
 
     def __len__(self) -> int:
@@ -120,16 +104,9 @@ class Dataset(Sequence[Texture]):
 def open_dataset(where: str | Path | None = None) -> Dataset:
     """Return the dataset at a path, or the first dataset found in the default places.
 
-    Parameters
-    ----------
-    where : str or Path, optional
-        A directory, or ``embedded``. By default ``$ESKIN_DATA`` (a directory, or ``embedded``), else ``data/kylberg``
-        or ``../shared/data/kylberg`` if present, else the embedded default.
-
-    Raises
-    ------
-    InputError
-        If a directory that was named does not exist, or a directory is not a dataset.
+    ``where``: A directory, or ``embedded``. By default ``$ESKIN_DATA`` (a directory, or ``embedded``), else
+    ``data/kylberg`` or ``../shared/data/kylberg`` if present, else the embedded default.
+    Raise InputError if a directory that was named does not exist, or a directory is not a dataset.
     """
     if where is not None and str(where):
         return _named_dataset(str(where), "dataset directory")
@@ -153,19 +130,13 @@ def _named_dataset(where: str, what: str) -> Dataset:
     return directory_dataset(Path(where))
 
 
-# -- a directory of class folders --------------------------------------------------------------------
-
-
 def directory_dataset(root: Path) -> Dataset:
     """Return the dataset of a directory with a folder per class, checked if it has a SHA256SUMS file.
 
     With that file every listed image must be there with the right sum, and no class folder or image may be
     there that it does not list. Names that start with a dot are ignored.
 
-    Parameters
-    ----------
-    root : Path
-        Directory with one folder of PNG files per class.
+    ``root``: directory with one folder of PNG files per class.
     """
     folders = sorted(p for p in root.iterdir() if p.is_dir() and not p.name.startswith("."))
     found = {
@@ -257,9 +228,6 @@ def read_gray_png(path: Path) -> NDArray[np.uint8]:
     if mode != "L":
         raise InputError(f"image {path} must be 8-bit gray, not {mode}; convert it to 8-bit gray (mode L) first")
     return np.ascontiguousarray(pixels, np.uint8)
-
-
-# -- the embedded default ----------------------------------------------------------------------------
 
 
 def embedded_dataset() -> Dataset:

@@ -21,42 +21,30 @@ class PaperScan(Scan):
 
     Taxel (i, j) reads the pixels of image column j from row i downwards, all ``height - rows + 1`` of them.
     An image that is wider than high is turned first, so the scan runs along its longer side.
-
-    Parameters
-    ----------
-    pixel_step : int
-        The first of this many pixels is used: 200 um of taxel pitch in pixels of 45 um, rounded.
-    upsampling : int
-        Factor of the polyphase filter from kept pixels to the played line.
-    kaiser_beta : float
-        Window of that filter.
-    half_length : int
-        Half-length of that filter in kept pixels (it has 2 * half_length * upsampling + 1 taps).
-    playback_hz : float
-        Samples per second of the played line: 80,080 samples last 0.4004 s, 65 mm/s.
-    sensor_time_base_hz : float
-        Samples per second for which the sensor is discretised; seven times faster than playback, as in the
-        original, so that in playback time the sensor is seven times slower.
-    max_slew_per_s : float
-        maxSR in full scales per second, from which the loop times follow.
-    nlcs_loop_divisor : float
-        N-LCS loop time: round(LSB tau / (LSB + tau maxSR) / nlcs_loop_divisor / dt) samples of the line.
-    lcs_skip_s, nlcs_skip_s : float
-        Events before this time do not count; the rate still divides by the whole scan.
     """
 
     name = "paper"
 
     pixel_step: int = 4
+    """The first of this many pixels is used: 200 um of taxel pitch in pixels of 45 um, rounded."""
     upsampling: int = 560
+    """Factor of the polyphase filter from kept pixels to the played line."""
     kaiser_beta: float = 5.0
+    """Window of that filter."""
     half_length: int = 10
+    """Half-length of that filter in kept pixels (it has 2 * half_length * upsampling + 1 taps)."""
     playback_hz: float = 200_000.0
+    """Samples per second of the played line: 80,080 samples last 0.4004 s, 65 mm/s."""
     sensor_time_base_hz: float = 1_400_000.0
+    """Samples per second for which the sensor is discretised; seven times faster than playback, as in the original, so
+    that in playback time the sensor is seven times slower."""
     max_slew_per_s: float = 120.0
+    """maxSR in full scales per second, from which the loop times follow."""
     nlcs_loop_divisor: float = 3.0
+    """N-LCS loop time: round(LSB tau / (LSB + tau maxSR) / nlcs_loop_divisor / dt) samples of the line."""
     lcs_skip_s: float = 0.010
     nlcs_skip_s: float = 0.100
+    """Events before this time do not count; the rate still divides by the whole scan."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

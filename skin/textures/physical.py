@@ -21,25 +21,18 @@ class PhysicalScan(Scan):
     Taxel (r, c) starts r pitches below ``start_row`` and c pitches right of the left edge; the scan ends when
     the last column reaches the right edge. Pixel centres are points, in between the image is bilinear. The
     array is put down at the start: the sensor starts from rest, so its first output is the contact.
-
-    Parameters
-    ----------
-    taxel_pitch_m : float
-        Distance of neighbouring taxels in metres (paper, section II).
-    pixel_pitch_m : float
-        Distance of neighbouring pixels in metres: a Kylberg image of 576 pixels is 26 mm wide.
-    speed_m_per_s : float
-        Speed of the slide.
-    lowest_time_base_hz : float
-        The sensor is solved on the sample ticks, or on whole fractions of them until it is solved this often.
     """
 
     name = "physical"
 
     taxel_pitch_m: float = 200e-6
+    """Distance of neighbouring taxels in metres (paper, section II)."""
     pixel_pitch_m: float = 26e-3 / 576
+    """Distance of neighbouring pixels in metres: a Kylberg image of 576 pixels is 26 mm wide."""
     speed_m_per_s: float = 65e-3
+    """Speed of the slide."""
     lowest_time_base_hz: float = 20_000.0
+    """The sensor is solved on the sample ticks, or on whole fractions of them until it is solved this often."""
 
     @property
     def taxel_pitch_px(self) -> float:
@@ -63,14 +56,8 @@ class PhysicalScan(Scan):
     def start_rows(self, config: ReadoutConfig, shape: tuple[int, int], count: int) -> list[float]:
         """Return evenly spaced start rows from the top of an image to the lowest possible row.
 
-        Parameters
-        ----------
-        config : ReadoutConfig
-            Array.
-        shape : (int, int)
-            Height and width of the image in pixels.
-        count : int
-            How many, at least 1; a single one is row 0.
+        - ``shape``: height and width of the image in pixels.
+        - ``count``: number of rows, at least 1; a single one is row 0.
         """
         if count < 1:
             raise InputError(f"the number of start rows must be at least 1, not {count}")

@@ -35,34 +35,23 @@ PAPER_TAU_S = 0.2
 
 @dataclass(frozen=True)
 class Rates:
-    """Event rates of one readout over a dataset.
-
-    Attributes
-    ----------
-    population_rate_hz : float
-        Events/s of the whole array, mean over all scans.
-    rate_std_hz : float
-        Standard deviation of that rate over the scans.
-    events : int
-        Events that count, all scans together.
-    clipped_samples : int
-        Samples outside full scale, all scans together.
-    images, scans : int
-        Number of images, and of scans: one per image and start row.
-    scan_s : float
-        Mean length of a scan in seconds.
-    tau_s : float or None
-        The time constant that the integers give; None for an encoder without a leak.
-    """
+    """Event rates of one readout over a dataset."""
 
     population_rate_hz: float
+    """Events/s of the whole array, mean over all scans."""
     rate_std_hz: float
+    """Standard deviation of that rate over the scans."""
     events: int
+    """Events that count, all scans together."""
     clipped_samples: int
+    """Samples outside full scale, all scans together."""
     images: int
     scans: int
+    """Number of images, and of scans: one per image and start row."""
     scan_s: float
+    """Mean length of a scan in seconds."""
     tau_s: float | None
+    """The time constant that the integers give; None for an encoder without a leak."""
 
 
 def measure_rates(
@@ -75,24 +64,13 @@ def measure_rates(
 ) -> Rates:
     """Return the event rates of a readout over a dataset, measured without contention.
 
-    Parameters
-    ----------
-    dataset : Dataset
-    scan : Scan
-        Preset, from ``eskin.skin.textures.presets.preset``.
-    config : ReadoutConfig
-        From ``scan.configure``.
-    start_rows : sequence of float
-        Image rows at which the array's row 0 slides, one scan each; only 0 in the ``paper`` preset.
-    pool : WorkerPool, optional
-        Pool for the work, by default this process; without effect on the result.
-    progress : callable, optional
-        Called after each image.
+    Raise InputError if the dataset is empty, or an image is damaged or too small.
 
-    Raises
-    ------
-    InputError
-        If the dataset is empty, or an image is damaged or too small.
+    - ``scan``: preset, from ``eskin.skin.textures.presets.preset``.
+    - ``config``: from ``scan.configure``.
+    - ``start_rows``: image rows at which the array's row 0 slides, one scan each; only 0 in the ``paper`` preset.
+    - ``pool``: pool for the work, by default this process; without effect on the result.
+    - ``progress``: called after each image.
     """
     if not start_rows:
         raise InputError("a rate needs at least one image and one start row; the list of start rows is empty")
@@ -117,16 +95,11 @@ def measure_rates(
 
 
 class Image(NamedTuple):
-    """A texture image in the form sent to a worker process.
-
-    Attributes
-    ----------
-    name : str
-    pixels : uint8 array, shape (height, width)
-    """
+    """A texture image in the form sent to a worker process."""
 
     name: str
     pixels: NDArray[np.uint8]
+    """Shape (height, width)."""
 
 
 def _rates_of(
@@ -139,37 +112,23 @@ def _rates_of(
 
 @dataclass(frozen=True, eq=False)
 class Scanned:
-    """Events of one scan of one image, encoded without contention.
-
-    Attributes
-    ----------
-    counts : int64 array, shape (configurations, taxels)
-        Events that count, of every configuration and taxel.
-    clipped : int
-        Samples outside full scale.
-    seconds : float
-        Length of the scan.
-    signals : float64 array, shape (ticks, taxels)
-        Output of the sensors in full scale.
-    """
+    """Events of one scan of one image, encoded without contention."""
 
     counts: NDArray[np.int64]
+    """Events that count, of every configuration and taxel. Shape (configurations, taxels)."""
     clipped: int
+    """Samples outside full scale."""
     seconds: float
+    """Length of the scan."""
     signals: Signals
+    """Output of the sensors in full scale. Shape (ticks, taxels)."""
 
 
 def scan_image(image: Image, scan: Scan, configs: Sequence[ReadoutConfig], start_row: float = 0.0) -> Scanned:
     """Return the events of one scan of an image.
 
-    Parameters
-    ----------
-    image : Image
-    scan : Scan
-    configs : sequence of ReadoutConfig
-        From ``scan.configure``; of one array, sample rate and number of bits, since they share their samples.
-    start_row : float
-        Image row at which the array's row 0 slides.
+    - ``configs``: from ``scan.configure``; of one array, sample rate and number of bits, which share samples.
+    - ``start_row``: image row at which the array's row 0 slides.
     """
     from eskin.model.taxel import count_events
 
@@ -187,7 +146,7 @@ def scan_image(image: Image, scan: Scan, configs: Sequence[ReadoutConfig], start
 
 
 Watch = Callable[[str, int], AbstractContextManager[Callable[[], object]]]
-"""Takes what is done and its number of pieces, and gives what to call after each, as ``eskin.base.progress.bar``."""
+"""Takes text and number of pieces, and yields the function to call after each piece (``eskin.base.progress.bar``)."""
 
 
 @contextmanager
@@ -205,16 +164,9 @@ def each_image(
 ) -> Iterator[Any]:
     """Yield the result of a function for every image of a dataset, in order.
 
-    Parameters
-    ----------
-    dataset : Dataset
-    work : callable
-        Takes an Image and the arguments.
-    arguments : tuple
-    pool : WorkerPool, optional
-        Who does the work, this process by default.
-    progress : callable, optional
-        Called after each image.
+    - ``work``: takes an Image and the arguments.
+    - ``pool``: pool for the work, by default this process.
+    - ``progress``: called after each image.
     """
     if not len(dataset):
         raise InputError("event rates need at least one image; the dataset is empty")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -53,29 +54,21 @@ def quantise(signals: ArrayLike, sample_bits: int) -> tuple[NDArray[np.int32], i
 
 @dataclass(frozen=True, kw_only=True)
 class Scan(ABC):
-    """Base class of the scan presets: sensor model and pixel scale.
-
-    Parameters
-    ----------
-    sensor_numerator, sensor_denominator : tuple of float
-        Coefficients of the sensor's transfer function, highest power of s (rad/s) first:
-        1000 s / (s^2 + 1007 s + 7000), a POSFET with 7 rad/s high-pass and a pole at 1000 rad/s.
-    pixel_full_scale : float
-        Pixel value of 1.0 full scale: 2^8 for 8-bit images.
-    skin : (int, int) or None
-        Rows and columns of the skin that slides; by default those of the readout.
-    taxels : tuple of int
-        Taxels of ``skin`` (row * columns + column) that the inputs of the readout are wired to, in their order; empty:
-        all of them.
-    """
+    """Base class of the scan presets: sensor model and pixel scale."""
 
     name: ClassVar[Preset]
 
     sensor_numerator: tuple[float, ...] = (1000.0, 0.0)
     sensor_denominator: tuple[float, ...] = (1.0, 1007.0, 7000.0)
+    """Coefficients of the sensor's transfer function, highest power of s (rad/s) first: 1000 s / (s^2 + 1007 s + 7000),
+    a POSFET with 7 rad/s high-pass and a pole at 1000 rad/s."""
     pixel_full_scale: float = 256.0
+    """Pixel value of 1.0 full scale: 2^8 for 8-bit images."""
     skin: tuple[int, int] | None = None
+    """Rows and columns of the skin that slides; by default those of the readout."""
     taxels: tuple[int, ...] = ()
+    """Taxels of ``skin`` (row * columns + column) that the inputs of the readout are wired to, in their order; empty:
+    all of them."""
 
     def __post_init__(self) -> None:
         self._check_wiring()
@@ -93,18 +86,12 @@ class Scan(ABC):
                 f"sensor_denominator must be of higher order than sensor_numerator, not {self.sensor_denominator}"
             )
 
-    # -- what a preset says ----------------------------------------------------------------------
-
     @abstractmethod
     def configure(self, config: ReadoutConfig, tau_s: float | None = None) -> ReadoutConfig:
         """Return the configuration with the fields that the preset prescribes.
 
-        Parameters
-        ----------
-        config : ReadoutConfig
-            Encoding, resolution, array and everything that the preset leaves open.
-        tau_s : float, optional
-            Time constant of a leak in seconds; by default that of ``config``.
+        - ``config``: encoding, resolution, array and everything that the preset leaves open.
+        - ``tau_s``: time constant of a leak in seconds; by default that of ``config``.
         """
 
     @abstractmethod
@@ -119,6 +106,8 @@ class Scan(ABC):
     def signals(self, config: ReadoutConfig, image: ArrayLike, start_row: float = 0.0) -> Signals:
         """Return the sensor outputs at the sample ticks.
 
+        Raise InputError if the image is not gray, not finite, or too small for the array.
+
         Parameters
         ----------
         config : ReadoutConfig
@@ -132,14 +121,7 @@ class Scan(ABC):
         -------
         float64 array, shape (ticks, taxels)
             In units of full scale.
-
-        Raises
-        ------
-        InputError
-            If the image is not gray, not finite, or too small for the array.
         """
-
-    # -- common ----------------------------------------------------------------------------------
 
     def wired_to(self, skin: ReadoutConfig, taxels: Sequence[int]) -> tuple[Self, ReadoutConfig]:
         """Return the scan of a larger skin, and the readout connected to a selection of its taxels.
@@ -147,12 +129,8 @@ class Scan(ABC):
         The readout is an array of one column with as many rows as taxels. The other taxels of the skin have no
         converter.
 
-        Parameters
-        ----------
-        skin : ReadoutConfig
-            Readout of all taxels.
-        taxels : sequence of int
-            Each once: row * columns + column.
+        - ``skin``: readout of all taxels.
+        - ``taxels``: each once, as row * columns + column.
         """
         scan = dataclasses.replace(self, skin=(skin.rows, skin.columns), taxels=tuple(taxels))
         return scan, skin.replace(rows=len(taxels), columns=1)
@@ -200,16 +178,23 @@ class Scan(ABC):
         """
         from scipy import signal
 
-        system = (self.sensor_numerator, self.sensor_denominator)
-        numerator, denominator, _ = signal.cont2discrete(system, 1.0 / rate_hz, method="foh")
-        scaled = np.ravel(numerator) / self.pixel_full_scale
-        response: Signals = signal.lfilter(scaled, denominator, line, axis=0)
+        numerator, denominator = _discrete(self.sensor_numerator, self.sensor_denominator, rate_hz)
+        response: Signals = signal.lfilter(numerator / self.pixel_full_scale, denominator, line, axis=0)
         return response
 
     def _leak(self, config: ReadoutConfig, tau_s: float, sample_rate_hz: float) -> dict[str, Any]:
         """Return the leak settings for a time constant."""
         leak = ReadoutConfig.from_tau(tau_s, 1.0 / sample_rate_hz)
         return {"leak_shift": leak.leak_shift, "leak_period": leak.leak_period}
+
+
+@functools.lru_cache(maxsize=16)
+def _discrete(numerator: tuple[float, ...], denominator: tuple[float, ...], rate_hz: float) -> tuple[Any, Any]:
+    """Return the coefficients of a sensor between samples, which would take half the time of a scan each time."""
+    from scipy import signal
+
+    found, below, _ = signal.cont2discrete((numerator, denominator), 1.0 / rate_hz, method="foh")
+    return np.ravel(found), below
 
 
 def gray(image: ArrayLike) -> NDArray[np.float64]:

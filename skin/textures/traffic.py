@@ -30,14 +30,10 @@ def compare_traffic(
 
     Parameters
     ----------
-    textures : Dataset
-    scan : Scan
     config : ReadoutConfig
         Array and resolution; every encoding is taken.
-    frame : FrameConfig
     tau_s : float, optional
         Time constant of encoders with a leak; without it that of ``config``.
-    pool : WorkerPool, optional
     progress : callable, optional
         Called after each texture of each readout.
 
@@ -72,7 +68,6 @@ def spiking_traffic(config: ReadoutConfig, rates: Rates, frame: FrameConfig) -> 
 
     Parameters
     ----------
-    config : ReadoutConfig
     rates : Rates
         Mean event rate of the readout over some scans.
     frame : FrameConfig

@@ -18,22 +18,16 @@ class AugmentConfig:
     """Ranges of the random changes applied to every training scan in each epoch.
 
     Start rows are not drawn here: they are scans of their own (``record_dataset``).
-
-    Parameters
-    ----------
-    shift_steps : int
-        The scan moves by -shift_steps..shift_steps steps. What leaves is lost; the steps that enter have no events, or
-        repeat the frame at the edge.
-    speed_spread : float
-        The scan runs 1 - speed_spread .. 1 + speed_spread times as fast: its events move in time, and none is split
-        or made up (``at_speed``).
-    drop_taxels : float
-        Probability with which a taxel is silent for the whole scan.
     """
 
     shift_steps: int = 0
+    """The scan moves by -shift_steps..shift_steps steps. What leaves is lost; the steps that enter have no events, or
+    repeat the frame at the edge."""
     speed_spread: float = 0.0
+    """The scan runs 1 - speed_spread .. 1 + speed_spread times as fast: its events move in time, and none is split or
+    made up (``at_speed``)."""
     drop_taxels: float = 0.0
+    """Probability with which a taxel is silent for the whole scan."""
 
     def __post_init__(self) -> None:
         if self.shift_steps < 0:
@@ -77,12 +71,8 @@ def at_speed(batch: Tensor, speed: Tensor) -> Tensor:
     Plain level crossing would send the same events at that speed. An encoder with a leak or a closing window would send
     others, because its time constants do not scale.
 
-    Parameters
-    ----------
-    batch : shape (steps, scans, channels)
-        Whole numbers.
-    speed : shape (scans,)
-        Positive; 1 leaves a scan as it is.
+    - ``batch``: shape (steps, scans, channels); whole numbers.
+    - ``speed``: shape (scans,); positive; 1 leaves a scan as it is.
     """
     import torch
 

@@ -20,28 +20,21 @@ from eskin.model.events.recording import Recording
 from eskin.skin.textures.presets import preset
 
 MOST_COUNTS = 2**28
-"""Counts of one recording, zeros and all, in memory."""
+"""Most counts of one recording in memory, including zeros."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BinConfig:
-    """Parameters of the conversion from events to counts per time bin.
-
-    Parameters
-    ----------
-    bin_s : float
-        Length of a time bin in seconds; 10 ms in the authors' later work on their chip, open in the paper.
-    start_s, stop_s : float or None
-        Time window. By default from the first event that counts in the preset of the recording (10 ms for
-        LCS in ``paper``, 0 in ``physical``) to the end. A last bin that the window does not fill is left out.
-    polarity : bool
-        ON and OFF events of a taxel are two channels; else they are counted together.
-    """
+    """Parameters of the conversion from events to counts per time bin."""
 
     bin_s: float = 0.004
+    """Length of a time bin in seconds; 10 ms in the authors' later work on their chip, open in the paper."""
     start_s: float | None = None
     stop_s: float | None = None
+    """Time window. By default from the first event that counts in the preset of the recording (10 ms for LCS in
+    ``paper``, 0 in ``physical``) to the end. A last bin that the window does not fill is left out."""
     polarity: bool = True
+    """ON and OFF events of a taxel are two channels; else they are counted together."""
 
     def __post_init__(self) -> None:
         if isinstance(self.bin_s, bool) or not (math.isfinite(self.bin_s) and self.bin_s > 0):
@@ -63,22 +56,15 @@ class BinConfig:
 
 
 class SparseCounts(NamedTuple):
-    """Event counts of one recording in sparse form.
-
-    Attributes
-    ----------
-    step, channel : int64 arrays, shape (entries,)
-        Sorted by step, then channel. Channel = taxel index, plus the number of taxels for OFF.
-    number : int64 array, shape (entries,)
-        Events in that bin.
-    shape : (int, int)
-        Steps and channels.
-    """
+    """Event counts of one recording in sparse form."""
 
     step: NDArray[np.int64]
     channel: NDArray[np.int64]
+    """Sorted by step, then channel. Channel = taxel index, plus the number of taxels for OFF. Shape (entries,)."""
     number: NDArray[np.int64]
+    """Events in that bin. Shape (entries,)."""
     shape: tuple[int, int]
+    """Steps and channels."""
 
     def dense(self) -> NDArray[np.int64]:
         """Return the counts as a dense array, shape (steps, channels)."""
@@ -90,10 +76,7 @@ class SparseCounts(NamedTuple):
 def bin_recording(recording: Recording, bins: BinConfig) -> SparseCounts:
     """Return the event counts of a recording; the link transfer time of an event determines its bin.
 
-    Raises
-    ------
-    InputError
-        If the window contains no event or no complete bin.
+    Raise InputError if the window contains no event or no complete bin.
     """
     config, events = recording.config, recording.events
     name = recording.metadata.get("name", "the recording")

@@ -32,11 +32,11 @@ from eskin.skin.textures.presets import Scan
 from eskin.snn.data.scans import ScanData
 
 LIMIT_BYTES = 2**30
-"""Scans are kept up to this size together."""
+"""Largest size of all cached scans together."""
 
 _ARRAYS = ("values", "labels", "images")
 _ABANDONED_S = 3600.0
-"""Age of a half-written entry from which its writer is dead."""
+"""Age of a half-written entry from which its writer counts as dead."""
 
 
 def kept(key: str, make: Callable[[], ScanData]) -> ScanData:
@@ -68,12 +68,8 @@ def key_of(
 ) -> str:
     """Return the cache key for scans of a dataset.
 
-    Parameters
-    ----------
-    dataset, scan, config, start_rows
-        Values that determine the recording.
-    steps : BinConfig or FrameSteps
-        Conversion of events or frames to time steps.
+    - ``dataset``, ``scan``, ``config``, ``start_rows``: values that determine the recording.
+    - ``steps``: conversion of events or frames to time steps.
     """
     images = [[t.name, t.class_name, t.label, _sum(t.path, t.path.stat().st_mtime_ns), t.crop] for t in dataset]
     parts = {

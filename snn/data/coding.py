@@ -58,11 +58,8 @@ def coded_frames(frames: Sequence[NDArray[np.int32]], bits: int) -> Parts:
     ``samples``: the words as sent. ``differences``: to the previous frame, modulo 2**bits, with small values of either
     sign as small words.
 
-    Parameters
-    ----------
-    frames : sequence of int32 arrays, shape (frames, taxels)
-    bits : int
-        Bits of a word.
+    - ``frames``: shape (frames, taxels).
+    - ``bits``: bits of a word.
     """
     mask = 2**bits - 1
     kind = np.min_scalar_type(mask)

@@ -11,18 +11,12 @@ from eskin.snn.data.scans import ScanData
 
 @dataclass(frozen=True)
 class Likeness:
-    """Agreement of the event counts of two readouts, by taxel and bin.
-
-    Attributes
-    ----------
-    correlation : float
-        Pearson's, of the counts.
-    ratio : float
-        Ratio of the events of the second readout to those of the first.
-    """
+    """Agreement of the event counts of two readouts, by taxel and bin."""
 
     correlation: float
+    """Pearson correlation of the counts."""
     ratio: float
+    """Ratio of the events of the second readout to those of the first."""
 
 
 def empty_bins(data: ScanData) -> float:

@@ -32,7 +32,7 @@ Level = Literal["scene", "signals", "comparators", "events"]
 Generator = np.random.Generator
 
 SLOW_HZ = 97.0
-"""Bandwidth of an AFE that lets through what the textures have and no more (docs/results/power.md)."""
+"""Bandwidth of an AFE that passes only the frequencies of the textures (docs/results/power.md)."""
 
 HOT_HZ = 1000.0
 """Events per second of a hot taxel."""
@@ -40,65 +40,40 @@ HOT_HZ = 1000.0
 
 @dataclass(frozen=True, kw_only=True)
 class Disturbance:
-    """A disturbance with its test strengths.
-
-    Attributes
-    ----------
-    unit, help : str
-    level : str
-        Level that it changes.
-    strengths : tuple of float
-        Strengths in rising order, without the clean scan.
-    apply : callable
-        (Draft, strength, Generator) -> None: changes the draft of a recording in place.
-    """
+    """A disturbance with its test strengths."""
 
     unit: str
     help: str
     level: Level
+    """Level that it changes."""
     strengths: tuple[float, ...]
+    """Strengths in rising order, without the clean scan."""
     apply: Callable[[Draft, float, Generator], None]
+    """(Draft, strength, Generator) -> None: changes the draft of a recording in place."""
 
 
 @dataclass
 class Draft:
-    """A scan under construction, from the scene to the events; disturbances change each stage.
-
-    Attributes
-    ----------
-    config : ReadoutConfig
-    scan : PhysicalScan
-    image : array, shape (height, width)
-    height : float
-        Position of the array on the image, from 0 (top) to 1; for vertical movements, from the left side.
-    quarter_turns : int
-        Direction of the movement, counter-clockwise from left to right.
-    signals : float64 array, shape (ticks, taxels)
-        Signals in full scales; one full scale is 1 V.
-    noise_v, offset_v : float
-        Noise of every comparator, rms per sample, and standard deviation of the comparators' offsets.
-    generator : Generator, optional
-        For the comparators.
-    events : Events
-    duration : int
-        Clocks.
-    """
+    """A scan under construction, from the scene to the events; disturbances change each stage."""
 
     config: ReadoutConfig
     scan: PhysicalScan
     image: NDArray[Any]
+    """Shape (height, width)."""
     height: float = 0.0
+    """Position of the array on the image, from 0 (top) to 1; for vertical movements, from the left side."""
     quarter_turns: int = 0
+    """Direction of the movement, counter-clockwise from left to right."""
     signals: Signals = field(default_factory=lambda: np.zeros((0, 0)))
+    """Signals in full scales; one full scale is 1 V. Shape (ticks, taxels)."""
     noise_v: float = 0.0
     offset_v: float = 0.0
+    """Noise of every comparator, rms per sample, and standard deviation of the comparators' offsets."""
     generator: Generator | None = None
+    """For the comparators."""
     events: Events = field(default_factory=lambda: np.zeros(0, EVENT_DTYPE))
     duration: int = 0
-
-    @property
-    def clock_hz(self) -> float:
-        return self.config.clock_hz
+    """Clocks."""
 
 
 # -- scene -------------------------------------------------------------------------------------------
@@ -153,13 +128,8 @@ def _slow_noise(draft: Draft, strength: float, generator: Generator) -> None:
 def noisy(signals: Signals, noise_v: float, generator: Generator, pole: float | None = None) -> Signals:
     """Return signals with additive noise of a given rms in full scales, white or low-pass filtered.
 
-    Parameters
-    ----------
-    signals : float64 array, shape (ticks, taxels)
-    noise_v : float
-    generator : Generator
-    pole : float, optional
-        Its frequency by the sample rate.
+    - ``signals``: shape (ticks, taxels).
+    - ``pole``: its frequency by the sample rate.
     """
     from scipy.signal import lfilter
 
@@ -251,7 +221,7 @@ def _dead(draft: Draft, strength: float, generator: Generator) -> None:
 
 def _hot(draft: Draft, strength: float, generator: Generator) -> None:
     hot = _some_taxels(draft, strength, generator)
-    number = generator.poisson(HOT_HZ * draft.duration / draft.clock_hz, len(hot))
+    number = generator.poisson(HOT_HZ * draft.duration / draft.config.clock_hz, len(hot))
     more = np.empty(int(number.sum()), EVENT_DTYPE)
     more["t"] = generator.integers(0, draft.duration, len(more))
     more["y"], more["x"] = np.divmod(np.repeat(hot, number), draft.config.columns)
@@ -265,19 +235,19 @@ def _lost(draft: Draft, strength: float, generator: Generator) -> None:
 
 def _jitter(draft: Draft, strength: float, generator: Generator) -> None:
     events = draft.events.copy()
-    moved = np.rint(generator.normal(0.0, strength * draft.clock_hz, len(events))).astype(np.int64)
+    moved = np.rint(generator.normal(0.0, strength * draft.config.clock_hz, len(events))).astype(np.int64)
     events["t"] = np.clip(events["t"] + moved, 0, draft.duration - 1)
     draft.events = _in_order(events)
 
 
 def _late(draft: Draft, strength: float, _: Generator) -> None:
-    events = draft.events[draft.events["t"] >= round(strength * draft.clock_hz)].copy()
-    events["t"] -= round(strength * draft.clock_hz)
+    events = draft.events[draft.events["t"] >= round(strength * draft.config.clock_hz)].copy()
+    events["t"] -= round(strength * draft.config.clock_hz)
     draft.events = events
 
 
 def _short(draft: Draft, strength: float, _: Generator) -> None:
-    draft.events = draft.events[draft.events["t"] < round(strength * draft.clock_hz)]
+    draft.events = draft.events[draft.events["t"] < round(strength * draft.config.clock_hz)]
 
 
 def _in_order(events: Events) -> Events:
@@ -407,15 +377,10 @@ def record_disturbed(
 ) -> Recording:
     """Return the events of a scan of a texture under disturbances.
 
-    Parameters
-    ----------
-    texture, dataset_name, scan, config
-        Same as for ``eskin.snn.data.record.record``; without a disturbance the events are equal.
-    strengths : mapping
-        Strength by name of DISTURBANCES.
-    generator : Generator
-    height : float
-        Position of the array on the texture, unless ``strengths`` give it.
+    - ``texture``, ``dataset_name``, ``scan``, ``config``: same as for ``eskin.snn.data.record.record``; without a
+      disturbance the events are equal.
+    - ``strengths``: strength by name of DISTURBANCES.
+    - ``height``: position of the array on the texture, unless ``strengths`` give it.
     """
     from eskin.model.readout import Stimulus, simulate
 

@@ -12,7 +12,7 @@ from eskin.base.errors import InputError
 from eskin.snn.data.scans import ScanData
 
 INNER_FOLDS = 5
-"""One of so many parts of the training images is the inner validation."""
+"""Number of parts of the training images, of which one is the inner validation."""
 
 
 def stratified_folds(
@@ -22,18 +22,11 @@ def stratified_folds(
 
     Remaining images of a class go to the folds with the fewest images.
 
-    Parameters
-    ----------
-    labels : shape (images,)
-    folds, seed : int
-        Equal seeds give equal folds.
-    class_names : sequence of str, optional
-        Names of the labels, for messages.
+    Raise InputError if a class has fewer images than there are folds.
 
-    Raises
-    ------
-    InputError
-        If a class has fewer images than there are folds.
+    - ``labels``: shape (images,).
+    - ``folds``, ``seed``: equal seeds give equal folds.
+    - ``class_names``: names of the labels, for messages.
     """
     counts = np.bincount(labels)
     fewest = int(counts[counts > 0].min())
@@ -59,10 +52,7 @@ def stratified_folds(
 def matching(names: Sequence[str], pattern: str) -> NDArray[np.int64]:
     """Return the indices of the names that match a pattern with ``*``, ``?`` and ``[...]``.
 
-    Raises
-    ------
-    InputError
-        If no name or every name fits.
+    Raise InputError if no name or every name fits.
     """
     fits = np.array([fnmatch.fnmatchcase(name, pattern) for name in names])
     if not fits.any() or fits.all():
@@ -71,16 +61,13 @@ def matching(names: Sequence[str], pattern: str) -> NDArray[np.int64]:
     return np.flatnonzero(fits)
 
 
-def tested(data: ScanData, folds: int, fold_seed: int, patterns: Sequence[str]) -> list[NDArray[np.int64]]:
+def tested(data: ScanData, folds: int, patterns: Sequence[str]) -> list[NDArray[np.int64]]:
     """Return the test images of each fold, chosen by name patterns or stratified by class.
 
-    Raises
-    ------
-    InputError
-        If the patterns do not name every image exactly once.
+    Raise InputError if the patterns do not name every image exactly once.
     """
     if not patterns:
-        return stratified_folds(data.image_labels, folds, fold_seed, data.class_names)
+        return stratified_folds(data.image_labels, folds, class_names=data.class_names)
     found = [matching(data.names, pattern) for pattern in patterns]
     times = np.bincount(np.concatenate(found), minlength=len(data.names))
     if (wrong := np.flatnonzero(times != 1)).size:
@@ -89,10 +76,10 @@ def tested(data: ScanData, folds: int, fold_seed: int, patterns: Sequence[str]) 
     return found
 
 
-def check_folds(data: ScanData, folds: int, fold_seed: int, patterns: Sequence[str] = ()) -> None:
+def check_folds(data: ScanData, folds: int, patterns: Sequence[str] = ()) -> None:
     """Check that every class has enough images for all folds and their inner validation."""
     labels = data.image_labels
-    for fold, test in enumerate(tested(data, folds, fold_seed, patterns)):
+    for fold, test in enumerate(tested(data, folds, patterns)):
         left = np.bincount(labels) - np.bincount(labels[test], minlength=int(labels.max()) + 1)
         for label in np.unique(labels):
             if left[label] < INNER_FOLDS:

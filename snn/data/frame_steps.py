@@ -21,28 +21,20 @@ class FrameSteps:
     """Frames of all taxels from one shared ADC, with their preprocessing in the receiver.
 
     All kinds send the same frames: rate_hz * taxels * bits bits per second.
-
-    Parameters
-    ----------
-    rate_hz : float
-        Frames per second (paper: 5 kHz).
-    bits : int
-        Bits of a sample (paper: 10).
-    frames_per_step : int
-        Number of frames that form one time step of the network. There are taxels * frames_per_step channels; ON/OFF
-        counts have 2 * taxels channels, with the counts of these frames added.
-    kind : "frame", "frame-diff" or "frame-onoff"
-        Samples in full scales; differences to the frame before in LSB, 0 in the first; or crossings of levels upwards
-        and downwards, as level crossing at the receiver counts them from the first frame on.
-    level_bits : int
-        For ``frame-onoff``: the distance of levels is 2**-level_bits of full scale, as in LCS with this resolution.
     """
 
     rate_hz: float = 5000.0
+    """Frames per second (paper: 5 kHz)."""
     bits: int = 10
+    """Bits of a sample (paper: 10)."""
     frames_per_step: int = 20
+    """Number of frames that form one time step of the network. There are taxels * frames_per_step channels; ON/OFF
+    counts have 2 * taxels channels, with the counts of these frames added."""
     kind: FrameKind = "frame"
+    """Samples in full scales; differences to the frame before in LSB, 0 in the first; or crossings of levels upwards
+    and downwards, as level crossing at the receiver counts them from the first frame on."""
     level_bits: int = DEFAULT_LEVEL_BITS
+    """For ``frame-onoff``: the distance of levels is 2**-level_bits of full scale, as in LCS with this resolution."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.rate_hz) and self.rate_hz > 0):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.statistics import signals_of
-from eskin.skin.textures.dataset import Dataset
+from eskin.skin.textures.dataset import Dataset, Texture
 from eskin.skin.textures.presets import Scan
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.frame_steps import FrameSteps
@@ -41,15 +41,27 @@ def frame_dataset(
             images.append(number)
             if progress is not None:
                 progress()
+    return frame_data(frames, dataset, scans, images, dataset.class_names, config.taxels)
+
+
+def frame_data(
+    frames: FrameSteps,
+    textures: Sequence[Texture],
+    scans: Sequence[NDArray[Any]],
+    images: Sequence[int],
+    class_names: tuple[str, ...],
+    taxels: int,
+) -> ScanData:
+    """Return scans of frames; ``images`` has the index of the texture of every scan."""
     return ScanData(
         values=filled(scans),
-        labels=dataset.labels[images],
+        labels=np.array([textures[image].label for image in images], np.int64),
         images=np.array(images, np.int64),
-        names=tuple(texture.name for texture in dataset),
-        class_names=dataset.class_names,
-        taxels=config.taxels,
+        names=tuple(texture.name for texture in textures),
+        class_names=class_names,
+        taxels=taxels,
         step_s=frames.step_s,
-        rate_hz=frames.rate_hz * config.taxels,
+        rate_hz=frames.rate_hz * taxels,
     )
 
 
@@ -58,11 +70,8 @@ def frames_of_recordings(folder: Path, frames: FrameSteps) -> ScanData:
 
     Frame k is the newest sample at k / rate, as a converter that samples and holds gives it.
 
-    Raises
-    ------
-    InputError
-        If the folder has no samples, the frames are faster than the samples or have more bits, or a recording is
-        shorter than a step.
+    Raise InputError if the folder has no samples, the frames are faster than the samples or have more bits, or a
+    recording is shorter than a step.
     """
     codes, sample_rate_hz = signals_of(folder)
     events, own = load_recordings(folder, BinConfig(bin_s=frames.step_s)), own_readout(folder)
@@ -118,7 +127,6 @@ def values_of(frames: FrameSteps, codes: NDArray[np.int32]) -> NDArray[Any]:
 
     Parameters
     ----------
-    frames : FrameSteps
     codes : int32 array, shape (frames, taxels)
         Signed; full scale is 2**(bits - 1).
 

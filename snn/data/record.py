@@ -17,10 +17,10 @@ from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.scans import ScanData, collect
 
 Tick = Callable[[], object]
-"""Called after each scan or recording that is done."""
+"""Function that is called after each finished scan or recording."""
 
 Variant = Literal["", "on"]
-"""What is made of a readout's events: all of them, or ON events alone."""
+"""Events of a readout that are recorded: all of them, or only ON events."""
 
 
 def said_of(texture: Texture, dataset_name: str, scan: Scan) -> dict[str, Any]:
@@ -80,12 +80,10 @@ def record_dataset(
     ----------
     dataset, scan, config
         ``config`` from ``scan.configure``.
-    bins : BinConfig
     start_rows : sequence of float
         Image rows of the array's top edge, in pixels; only 0 in the ``paper`` preset.
     progress : callable, optional
         Called after each scan.
-    variant : str
     """
     recordings = []
     for texture in dataset:

@@ -18,12 +18,7 @@ from eskin.skin.recordings.trained_on import OwnReadout
 
 
 class EventFile(NamedTuple):
-    """An event file, and the folder to which its name is relative.
-
-    Attributes
-    ----------
-    path, root : Path
-    """
+    """An event file, and the folder to which its name is relative."""
 
     path: Path
     root: Path
@@ -43,10 +38,7 @@ class EventFile(NamedTuple):
 def event_files(paths: Iterable[Path]) -> list[EventFile]:
     """Return the given event files and those below the given folders, without duplicates, ordered by name.
 
-    Raises
-    ------
-    InputError
-        If a path does not exist, or a folder contains no event files.
+    Raise InputError if a path does not exist, or a folder contains no event files.
     """
     found: list[EventFile] = []
     for path in paths:
@@ -95,15 +87,9 @@ def read_recordings(
     encode``) or belongs to a scan of an image; else by its path below the root. The class is that of the metadata, else
     the folder.
 
-    Parameters
-    ----------
-    files : sequence of EventFile
-    classes : sequence of str, optional
-        A folder that is none of these is no class.
-    progress : callable, optional
-        Called after each file.
-    mapping : AddressMap, optional
-        Taxels of the addresses of foreign event files.
+    - ``classes``: names of classes; other folders are no class.
+    - ``progress``: called after each file.
+    - ``mapping``: taxels of the addresses of foreign event files.
     """
     recordings = []
     for file in files:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,39 +21,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ScanData:
-    """Scans with their classes, in the order of the images.
-
-    Attributes
-    ----------
-    values : array, shape (scans, steps, channels)
-        Event counts (int16), or frames in full scales (float32).
-    labels : int64 array, shape (scans,)
-        Indices into ``class_names``.
-    images : int64 array, shape (scans,)
-        Indices into ``names``; an image has one scan per start row.
-    names, class_names : tuple of str
-    taxels : int
-        Channel c belongs to taxel c % taxels.
-    step_s : float
-        Seconds per step.
-    rate_hz : float
-        Mean population event rate of the scans over their whole length; of frames, values per second.
-    source : str
-        Origin of the scans, for the user; without effect on results.
-    lengths : int64 array, shape (scans,), or None
-        Steps of each scan; later steps are zero. None: all scans have all steps.
-    """
+    """Scans with their classes, in the order of the images."""
 
     values: NDArray[Any]
+    """Event counts (int16), or frames in full scales (float32). Shape (scans, steps, channels)."""
     labels: NDArray[np.int64]
+    """Indices into ``class_names``. Shape (scans,)."""
     images: NDArray[np.int64]
+    """Indices into ``names``; an image has one scan per start row. Shape (scans,)."""
     names: tuple[str, ...]
     class_names: tuple[str, ...]
     taxels: int
+    """Channel c belongs to taxel c % taxels."""
     step_s: float
+    """Seconds per step."""
     rate_hz: float
+    """Mean population event rate of the scans over their whole length; of frames, values per second."""
     source: str = ""
+    """Origin of the scans, for the user; without effect on results."""
     lengths: NDArray[np.int64] | None = None
+    """Steps of each scan; later steps are zero. None: all scans have all steps. Shape (scans,), or None."""
 
     def __len__(self) -> int:
         return len(self.values)
@@ -125,52 +112,29 @@ class ScanData:
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Training images and held-out images of a set of scans.
-
-    Attributes
-    ----------
-    data : ScanData
-    learned : sequence of int
-        Training images; all their scans are used.
-    held_out : sequence of int
-        Images of which the accuracy is noted after every epoch; may be empty.
-    test : sequence of int
-        Images whose predictions are stored for the epoch selected by ``held_out``; they select nothing.
-    """
+    """Training images and held-out images of a set of scans."""
 
     data: ScanData
     learned: Sequence[int] | NDArray[np.int64]
+    """Training images; all their scans are used."""
     held_out: Sequence[int] | NDArray[np.int64] | None = None
+    """Images of which the accuracy is noted after every epoch; may be empty."""
     test: Sequence[int] | NDArray[np.int64] | None = None
+    """Images whose predictions are stored for the epoch selected by ``held_out``; they select nothing."""
 
 
-def load_recordings(
-    paths: Path | Iterable[Path], bins: BinConfig, class_names: Sequence[str] | None = None
-) -> ScanData:
-    """Return the event counts of event files.
+def load_recordings(folder: Path, bins: BinConfig, class_names: Sequence[str] | None = None) -> ScanData:
+    """Return the event counts of the event files in a folder, at any depth, ordered by name.
 
-    Parameters
-    ----------
-    paths : Path or iterable of Path
-        Event files, or a folder with event files at any depth, ordered by name.
-    bins : BinConfig
-    class_names : sequence of str, optional
-        Classes in the order of the labels; by default those that occur, in alphabetical order. The class of a file
-        is in its metadata, else it is the name of its folder.
+    Raise InputError if there is no file, a file is damaged or empty, has no class or an unknown class, or the files
+    come from different readouts.
 
-    Raises
-    ------
-    InputError
-        If there is no file, a file is damaged or empty, has no class or an unknown class, or the files come from
-        different readouts.
+    ``class_names``: classes in the order of the labels; by default those that occur, in alphabetical order. The class
+    of a file is in its metadata, else it is the name of its folder.
     """
-    if isinstance(paths, Path):
-        if not paths.is_dir():
-            raise InputError(f"event folder {paths} does not exist; make one with eskin replay")
-        paths = [paths]
-    files = event_files(paths)
-    if not files:
-        raise InputError("the list of event files is empty; give at least one")
+    if not folder.is_dir():
+        raise InputError(f"event folder {folder} does not exist; make one with eskin replay")
+    files = event_files([folder])
     recordings = read_recordings(files)
     for file, recording in zip(files, recordings, strict=True):
         if class_of(recording) is None:

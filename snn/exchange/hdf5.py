@@ -20,10 +20,8 @@ MOST_OBJECTS = 100_000
 def read_hdf5(path: Path, what: str) -> bytes:
     """Return the checked content of an HDF5 file; ``what`` describes the expected content for error messages.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read, is no HDF5, refers to other files, or claims more than ``MOST_UNPACKED`` bytes.
+    Raise InputError if it cannot be read, is no HDF5, refers to other files, or claims more than ``MOST_UNPACKED``
+    bytes.
     """
     try:
         content = path.read_bytes()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -37,46 +37,32 @@ CLOCKS_HZ = (1e3, 1e10)
 
 @dataclass(frozen=True, kw_only=True)
 class Precision:
-    """Bit widths of an integer network, and the clock of its hardware.
-
-    Parameters
-    ----------
-    in_bits, rec_bits, out_bits, bias_bits : int
-    decay_bits : int or None
-        A decay becomes the nearest multiple of 2**-decay_bits, which costs an adder for every 1 or two in it; None:
-        the nearest 1 - 2**-k, which is a shift, or 8 bits in a network with synaptic currents.
-    threshold_bits : int
-        The potential's unit is a weight of 1 divided by a power of two, such that the threshold has at least this many
-        bits. The leak is rounded to this unit.
-    membrane_bits, output_bits : int or None
-        Bits of the potentials; None for as many as they can ever need.
-    lanes : int
-    clock_hz : float
-    narrow : bool
-        Without ``membrane_bits``: let hidden potentials saturate as in ``ClassifierConfig.narrow_bits``.
-    """
+    """Bit widths of an integer network, and the clock of its hardware."""
 
     in_bits: int = 8
     rec_bits: int = 8
     out_bits: int = 8
     bias_bits: int = 9
     decay_bits: int | None = None
+    """A decay becomes the nearest multiple of 2**-decay_bits, which costs an adder for every 1 or two in it; None: the
+    nearest 1 - 2**-k, which is a shift, or 8 bits in a network with synaptic currents."""
     threshold_bits: int = 8
+    """The potential's unit is a weight of 1 divided by a power of two, such that the threshold has at least this many
+    bits. The leak is rounded to this unit."""
     membrane_bits: int | None = None
     output_bits: int | None = None
+    """Bits of the potentials; None for as many as they can ever need."""
     lanes: int = 16
     clock_hz: float = 50e6
     narrow: bool = False
+    """Without ``membrane_bits``: let hidden potentials saturate as in ``ClassifierConfig.narrow_bits``."""
 
     def __post_init__(self) -> None:
-        for name, (low, high) in {"threshold_bits": (2, 16), "bias_bits": (2, 16)}.items():
-            if not low <= getattr(self, name) <= high:
-                raise InputError(f"{name} must be in {low}..{high}, not {getattr(self, name)}")
-        if self.decay_bits is not None and not 2 <= self.decay_bits <= LARGEST_SHIFT:
-            raise InputError(f"decay_bits must be in 2..{LARGEST_SHIFT}, not {self.decay_bits}")
-        for name in ("in_bits", "rec_bits", "out_bits"):
-            if not 2 <= getattr(self, name) <= 8:
-                raise InputError(f"{name} must be in 2..8, not {getattr(self, name)}")
+        most = {"threshold_bits": 16, "bias_bits": 16, "decay_bits": LARGEST_SHIFT}
+        for name, high in (most | dict.fromkeys(("in_bits", "rec_bits", "out_bits"), 8)).items():
+            value = getattr(self, name)
+            if value is not None and not 2 <= value <= high:
+                raise InputError(f"{name} must be in 2..{high}, not {value}")
         if not CLOCKS_HZ[0] <= self.clock_hz <= CLOCKS_HZ[1]:
             raise InputError(f"the clock must be in {CLOCKS_HZ[0]:g}..{CLOCKS_HZ[1]:g} hertz, not {self.clock_hz!r}")
 
@@ -90,7 +76,6 @@ class _Units:
     threshold: int
     bias: NDArray[np.int64]
     bias_shift: int
-    notes: dict[str, float] = field(default_factory=dict)
 
 
 def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
@@ -99,10 +84,7 @@ def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
     The input scale is folded into the input weights. Every matrix uses the step with the smallest error, including
     clipping; the steps of input and recurrence differ by a power of two.
 
-    Raises
-    ------
-    InputError
-        If the network is none that the hardware has.
+    Raise InputError if the network is none that the hardware has.
     """
     network = weights.network
     if not isinstance(network, SpikingNetwork):
@@ -185,13 +167,7 @@ def _check(network: SpikingNetwork, arrays: dict[str, NDArray[np.float64]]) -> N
 
 
 def _leak(decays: NDArray[np.float64], name: str, bits: int | None) -> tuple[Leak, dict[str, float]]:
-    """Return the realisable leak closest to a decay, with both decays.
-
-    Raises
-    ------
-    InputError
-        If neurons have decays of their own.
-    """
+    """Return the realisable leak closest to a decay common to all neurons, with both decays."""
     if decays.max() - decays.min() > 1e-6:
         raise InputError(
             f"the hardware has one {name} for all neurons, but the network learned {decays.min():.3g} to "

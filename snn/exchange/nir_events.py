@@ -17,16 +17,10 @@ from eskin.base.files import atomic_write
 from eskin.model.address_events import EVENT_DTYPE
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
+from eskin.skin.foreign.events import MOST_CLOCKS
 from eskin.snn.data.bins import BinConfig, bin_recording
 from eskin.snn.exchange.hdf5 import read_hdf5
 from eskin.snn.exchange.nir_network import INPUT
-
-MOST_CLOCKS = 2**51
-"""Clocks up to which a time in seconds (float64) names its clock.
-
-The quotient t / clock_hz and its product with clock_hz are each rounded by at most one part in 2**53, together by less
-than half a clock.
-"""
 
 OBSERVABLE = "spikes"
 HEADER = "recording"
@@ -39,10 +33,7 @@ def to_nir_data(recording: Recording) -> nir.NIRGraphData:
     Indices are channels, row * columns + column, plus the number of taxels for OFF; times are in seconds, in the
     order of the recording.
 
-    Raises
-    ------
-    InputError
-        If the recording lasts longer than 2**51 clocks.
+    Raise InputError if the recording lasts longer than 2**51 clocks.
     """
     if recording.duration_clocks > MOST_CLOCKS:
         raise InputError(f"the recording has {recording.duration_clocks} clocks, more than 2**51; split it")
@@ -68,19 +59,10 @@ def to_nir_grid(recording: Recording, bins: BinConfig) -> nir.NIRGraphData:
 def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[str, Any] | None = None) -> Recording:
     """Return the recording for NIRData, the inverse of ``to_nir_data``.
 
-    Parameters
-    ----------
-    data : NIRGraphData
-        Entries with the index -1 are no events.
-    config : ReadoutConfig
-        The readout; NIRData does not carry it.
-    metadata : dict, optional
-        Metadata of the recording.
+    Raise InputError if there are no such events, or events do not fit the readout.
 
-    Raises
-    ------
-    InputError
-        If there are no such events, or events do not fit the readout.
+    - ``data``: entries with the index -1 are no events.
+    - ``config``: the readout; NIRData does not carry it.
     """
     node = data.nodes.get(INPUT)
     events = node.observables.get(OBSERVABLE) if isinstance(node, nir.NIRNodeData) else None
@@ -115,9 +97,6 @@ def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[
     made["y"], made["x"] = np.divmod(channel % config.taxels, config.columns)
     made["p"] = channel < config.taxels
     return Recording(made, config, duration, metadata=metadata or {})
-
-
-# -- files -------------------------------------------------------------------------------------------
 
 
 def load_recording(path: Path) -> Recording:
@@ -156,10 +135,7 @@ def save_nir_data(path: Path, recording: Recording, bins: BinConfig | None = Non
 def load_nir_data(path: Path) -> Recording:
     """Return the recording from a NIRData file that contains events.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is damaged, or has another content.
+    Raise InputError if the file cannot be read, is damaged, or has another content.
     """
     content = read_hdf5(path, "NIRData; convert its event file again")
     try:

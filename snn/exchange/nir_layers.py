@@ -103,27 +103,20 @@ def broadcast(name: str, values: Any, size: int) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Layer:
-    """Neurons of a NIR node in discrete time, scaled to threshold 1.
-
-    Attributes
-    ----------
-    decay, gain, drive : float64 arrays, shape (neurons,)
-        v <- decay v + gain I + drive.
-    synapse_decay : float
-        With a synaptic current J: J <- synapse_decay J + gain I, v <- decay v + J; else 0.
-    raw : float array or None
-        Learned decays before the logistic function, if the file has them.
-    """
+    """Neurons of a NIR node in discrete time, scaled to threshold 1."""
 
     name: str
     fires: bool
     decay: NDArray[np.float64]
     gain: NDArray[np.float64]
     drive: NDArray[np.float64]
+    """v <- decay v + gain I + drive. Shape (neurons,)."""
     synapse_decay: float
+    """With a synaptic current J: J <- synapse_decay J + gain I, v <- decay v + J; else 0."""
     floor: float
     reset: str
     raw: NDArray[np.float64] | None
+    """Learned decays before the logistic function, if the file has them."""
 
     @property
     def size(self) -> int:

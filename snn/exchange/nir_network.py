@@ -53,19 +53,13 @@ INPUT, HIDDEN_IN, HIDDEN = "input", "hidden_in", "hidden"
 RECURRENT, READOUT_IN, READOUT, OUTPUT = "recurrent", "readout_in", "readout", "output"
 
 
-# -- export ------------------------------------------------------------------------------------------
-
-
 def to_nir(weights: Weights) -> nir.NIRGraph:
     """Return the NIR graph of a trained spiking network.
 
     Metadata contain everything that NIR cannot express: ``floor`` and ``reset`` of every neuron, ``raw_decay`` for
     learned decays, and in the graph ``dt``, ``output_scale`` and, as JSON, all of ``NetworkConfig``.
 
-    Raises
-    ------
-    InputError
-        If the network is a baseline for frames.
+    Raise InputError if the network is a baseline for frames.
     """
     network, config = weights.network, config_of(weights.network)
     if not isinstance(network, SpikingNetwork):
@@ -121,10 +115,7 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
 def save_nir(path: Path | str, weights: Weights) -> None:
     """Write a network as a NIR file (HDF5).
 
-    Raises
-    ------
-    InputError
-        If the name does not end in .nir, the network is a baseline, or the file cannot be written.
+    Raise InputError if the name does not end in .nir, the network is a baseline, or the file cannot be written.
     """
     path = Path(path)
     if path.suffix != ".nir":
@@ -164,29 +155,18 @@ def _raw(arrays: dict[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
     return {"raw_decay": arrays[name]} if name in arrays else {}
 
 
-# -- import ------------------------------------------------------------------------------------------
-
-
 def load_nir(
     path: Path | str, step_s: float | None = None, class_names: Sequence[str] | None = None, reset: str | None = None
 ) -> Weights:
     """Return the network from a NIR file.
 
-    Parameters
-    ----------
-    path : Path
-    step_s : float, optional
-        Seconds per time step, required if the file's metadata have no ``dt``.
-    class_names : sequence of str, optional
-        Names of the outputs, by default those in the file, or else their numbers.
-    reset : "zero" or "subtract", optional
-        Effect of a spike on neurons whose metadata do not have it, zero by default: NIR has no reset by subtraction.
+    Raise InputError if the file cannot be read, is damaged, or contains a graph that the network cannot express; the
+    text names the node.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is damaged, or contains a graph that the network cannot express; the text names the
-        node.
+    - ``step_s``: seconds per time step, required if the file's metadata have no ``dt``.
+    - ``class_names``: names of the outputs, by default those in the file, or else their numbers.
+    - ``reset``: "zero" or "subtract". Effect of a spike on neurons whose metadata do not have it, zero by default: NIR
+      has no reset by subtraction.
     """
     data = read_hdf5(Path(path), "a NIR graph; export it again")
     try:

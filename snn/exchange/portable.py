@@ -14,21 +14,14 @@ from eskin.snn.network_config import NetworkConfig
 
 @dataclasses.dataclass(frozen=True)
 class Lack:
-    """A network feature that NIR, snnTorch and Norse lack.
-
-    Attributes
-    ----------
-    name : str
-        Text for a sentence after "without".
-    text : str
-        Feature of the network, and its replacement.
-    network : nn.Module
-        Network without this feature and all earlier ones in the list.
-    """
+    """A network feature that NIR, snnTorch and Norse lack."""
 
     name: str
+    """Text for a sentence after "without"."""
     text: str
+    """Feature of the network, and its replacement."""
     network: nn.Module
+    """Network without this feature and all earlier ones in the list."""
 
 
 def lacks(network: nn.Module) -> list[Lack]:

@@ -23,21 +23,7 @@ class LevelCrossing:
     A callable without state, so that it can be pickled, shared by the workers of a ``DataLoader`` and put into a
     ``torchvision`` ``Compose``. No gradient flows through it.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-        Encoder and its parameters. With ``decide_every="sample"`` a taxel sends at most one event per sample, and the
-        values are -1, 0 and 1; with ``"clock"`` they are counts, since several levels may be crossed in one sample.
-    off_spike : bool
-        OFF events count; else they are left out, as in ``spikegen.delta``.
-    polarity : bool
-        ON and OFF in channels of their own, shape (time, 2, ...), ON first as in the network's channels; else OFF
-        events are negative, in the shape of the signals.
-
-    Raises
-    ------
-    InputError
-        If channels of polarity are wanted of N-LCS, which has no OFF events, or without them.
+    Raise InputError if channels of polarity are wanted of N-LCS, which has no OFF events, or without them.
 
     Examples
     --------
@@ -52,8 +38,13 @@ class LevelCrossing:
     """
 
     config: ReadoutConfig
+    """Encoder and its parameters. With ``decide_every="sample"`` a taxel sends at most one event per sample, and the
+    values are -1, 0 and 1; with ``"clock"`` they are counts, since several levels may be crossed in one sample."""
     off_spike: bool = True
+    """OFF events count; else they are left out, as in ``spikegen.delta``."""
     polarity: bool = False
+    """ON and OFF in channels of their own, shape (time, 2, ...), ON first as in the network's channels; else OFF events
+    are negative, in the shape of the signals."""
 
     def __post_init__(self) -> None:
         if self.polarity and not self.config.has_polarity:
@@ -63,6 +54,8 @@ class LevelCrossing:
 
     def __call__(self, data: Tensor | NDArray[Any]) -> Tensor:
         """Return the event counts of each sample.
+
+        Raise InputError if the data are not floating-point, have no time dimension, hold NaN or do not fit the array.
 
         Parameters
         ----------
@@ -75,11 +68,6 @@ class LevelCrossing:
         -------
         Tensor, shape (time, ...) or (time, 2, ...)
             Type and device of the data.
-
-        Raises
-        ------
-        InputError
-            If the data are not floating-point, have no time dimension, hold NaN or do not fit the array.
         """
         tensor = torch.as_tensor(data)
         if not tensor.is_floating_point():

@@ -27,37 +27,22 @@ LARGEST = 127
 
 @dataclass(frozen=True)
 class Weights:
-    """A trained network with class names and time step.
-
-    Attributes
-    ----------
-    network : nn.Module
-    class_names : tuple of str
-        Names of the outputs, in their order.
-    step_s : float
-        Seconds per time step, with which the counts must be made.
-    """
+    """A trained network with class names and time step."""
 
     network: nn.Module
     class_names: tuple[str, ...]
+    """Names of the outputs, in their order."""
     step_s: float
+    """Seconds per time step, with which the counts must be made."""
 
 
 def save_weights(path: str | Path, weights: Weights, eight_bits: bool = False) -> None:
     """Write a network to a weight file.
 
-    Parameters
-    ----------
-    path : str or Path
-        Ends in .npz.
-    weights : Weights
-    eight_bits : bool
-        Matrices as int8 with one float32 factor per row; vectors stay float32.
+    - ``path``: ends in .npz.
+    - ``eight_bits``: matrices as int8 with one float32 factor per row; vectors stay float32.
 
-    Raises
-    ------
-    InputError
-        If the name does not end in .npz, or the file cannot be written.
+    Raise InputError if the name does not end in .npz, or the file cannot be written.
     """
     path = Path(path)
     if path.suffix != ".npz":
@@ -87,10 +72,7 @@ def save_weights(path: str | Path, weights: Weights, eight_bits: bool = False) -
 def load_weights(path: str | Path) -> Weights:
     """Return the network from a weight file.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is damaged, or is something else.
+    Raise InputError if the file cannot be read, is damaged, or is something else.
     """
     path = Path(path)
     if not path.exists():

@@ -13,7 +13,7 @@ from eskin.snn.data.recordings import event_files, read_recordings
 from eskin.snn.experiments.experiment import Experiment
 
 SCANS = 24
-"""So many scans, evenly spread over the images, are coded; their streams lie one after the other."""
+"""Number of scans that are compressed as one stream, evenly spread over the images."""
 
 
 def coded_bps(experiment: Experiment) -> dict[str, float]:

@@ -25,23 +25,14 @@ from eskin.snn.experiments.intervals import bootstrap, wilson
 from eskin.snn.experiments.points import as_word
 
 
-def run_cell(
-    experiment: Experiment, data: ScanData, fold: int, seed: int, folds: int, fold_seed: int
-) -> dict[str, Any]:
+def run_cell(experiment: Experiment, data: ScanData, fold: int, seed: int, folds: int) -> dict[str, Any]:
     """Return the result of one fold and seed: predictions for the test images."""
     from eskin.snn.train import predicted_classes, train
 
     labels = data.image_labels
-    test = tested(data, folds, fold_seed, experiment.tests)[fold]
+    test = tested(data, folds, experiment.tests)[fold]
     images = np.setdiff1d(np.arange(len(labels)), test)
-    try:
-        inner = stratified_folds(labels[images], INNER_FOLDS, fold_seed + 1)[seed % INNER_FOLDS]
-    except InputError:
-        raise InputError(
-            f"fold {fold} leaves fewer than {INNER_FOLDS} training images or recordings of a class, which inner "
-            f"validation needs; raise --folds, or record more"
-        ) from None
-    held_out = images[inner]
+    held_out = images[stratified_folds(labels[images], INNER_FOLDS, seed=1)[seed % INNER_FOLDS]]
     split = Split(data, np.setdiff1d(images, held_out), held_out, test)
     tried = [
         (train(split, made.network_config(data), made.train, seed), setting, made)
@@ -69,9 +60,7 @@ def run_cell(
 _one_at_a_time = threading.Lock()
 
 
-def run_alone(
-    data: ScanData, experiment: Experiment, fold: int, seed: int, folds: int, fold_seed: int
-) -> dict[str, Any]:
+def run_alone(data: ScanData, experiment: Experiment, fold: int, seed: int, folds: int) -> dict[str, Any]:
     """Return the result of one fold and seed, computed by one thread under a lock.
 
     Two threads on a shared machine can be far slower than one, and dropout draws from a generator that all cells of
@@ -81,7 +70,7 @@ def run_alone(
 
     with _one_at_a_time:
         torch.set_num_threads(1)
-        return run_cell(experiment, data, fold, seed, folds, fold_seed)
+        return run_cell(experiment, data, fold, seed, folds)
 
 
 def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[str, Any]:
@@ -124,9 +113,6 @@ def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[st
             "predictions": [as_word(row) for row in classified],
         }
     return result
-
-
-# -- the files of cells ----------------------------------------------------------------------------
 
 
 def read_cell(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:

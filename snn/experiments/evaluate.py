@@ -27,14 +27,11 @@ from eskin.snn.data.record import Tick
 from eskin.snn.data.recordings import class_of
 from eskin.snn.data.scans import ScanData, collect
 from eskin.snn.exchange.weights import config_of, load_weights
-from eskin.snn.experiments.trained import OTHER, TEST, TRAINING, Trained, read_result
+from eskin.snn.experiments.trained import OTHER, TEST, TRAINING, Places, Trained, result_beside
 from eskin.snn.train import check_fits, logits_of, predicted_classes
 
 LEVELS = ("events", "tensors", "logits", "predictions")
 """What ``check_model`` compares, in the order in which one follows from the other."""
-
-
-# -- recordings in, logits out -----------------------------------------------------------------------
 
 
 def bin_recordings(recordings: Sequence[Recording], trained: Trained) -> ScanData:
@@ -42,10 +39,7 @@ def bin_recordings(recordings: Sequence[Recording], trained: Trained) -> ScanDat
 
     A recording needs no class for that; the label of one without is meaningless.
 
-    Raises
-    ------
-    InputError
-        If a class is unknown, a recording is empty, or array or encoding are not the network's.
+    Raise InputError if a class is unknown, a recording is empty, or array or encoding are not the network's.
     """
     classes = trained.weights.class_names
     complete = [
@@ -67,35 +61,22 @@ def without_unknown_class(recording: Recording, trained: Trained) -> Recording:
     return dataclasses.replace(recording, metadata=kept)
 
 
-# -- RTL against model -------------------------------------------------------------------------------
-
-
 @dataclass
 class Check:
-    """Result of comparing RTL recordings with the model.
-
-    Attributes
-    ----------
-    compared : list of int
-        Indices of the compared RTL recordings.
-    events : int
-        Their events.
-    different : dict of LEVELS to list of int
-        Recordings that differ.
-    first : str
-        First difference in words, empty without differences.
-    where : int
-        The recording of the first difference.
-    logits : shape (recordings, classes)
-        Logits from the model's spikes, if compared.
-    """
+    """Result of comparing RTL recordings with the model."""
 
     compared: list[int]
+    """Indices of the compared RTL recordings."""
     events: int
+    """Number of events of the compared recordings."""
     different: dict[str, list[int]]
+    """Recordings that differ, by level of LEVELS."""
     logits: NDArray[np.float32]
+    """Logits from the model's spikes, if compared. Shape (recordings, classes)."""
     first: str = ""
+    """First difference in words, empty without differences."""
     where: int = -1
+    """The recording of the first difference."""
 
     @property
     def passed(self) -> bool:
@@ -119,20 +100,11 @@ def check_model(
 ) -> Check:
     """Compare every RTL recording with the model: events, counts, logits and prediction.
 
-    Parameters
-    ----------
-    recordings, data, logits
-        Recordings, and the results of ``bin_recordings`` and ``logits_of``.
-    trained : Trained
-    places : Places, optional
-        Locations of textures or recordings.
-    progress : callable, optional
-        Called after each comparison.
+    Raise InputError if a recording does not name its scan, or its texture is missing.
 
-    Raises
-    ------
-    InputError
-        If a recording does not name its scan, or its texture is missing.
+    - ``recordings``, ``data``, ``logits``: recordings, and the results of ``bin_recordings`` and ``logits_of``.
+    - ``places``: locations of textures or recordings.
+    - ``progress``: called after each comparison.
     """
     compared = [number for number, recording in enumerate(recordings) if recording.metadata.get("source") == "rtl"]
     check = Check(compared, 0, {level: [] for level in LEVELS}, logits.copy())
@@ -206,22 +178,6 @@ def _as_long(rtl: Recording, samples: NDArray[np.int32]) -> Recording:
 
 
 @dataclass(frozen=True)
-class Places:
-    """Folders of the textures and recordings that were the inputs of the RTL.
-
-    Attributes
-    ----------
-    dataset : str or None
-        Path of the textures, as for ``eskin.skin.textures.dataset.open_dataset``.
-    data : Path or None
-        Folder of own recordings.
-    """
-
-    dataset: str | None = None
-    data: Path | None = None
-
-
-@dataclass(frozen=True)
 class _Sources:
     """Cache of opened input textures and recordings."""
 
@@ -277,23 +233,14 @@ def _counts(expected: Recording, bins: BinConfig, data: ScanData) -> NDArray[Any
     return values
 
 
-# -- accuracy ----------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Score:
-    """Number of correct predictions in a group of recordings.
-
-    Attributes
-    ----------
-    correct, total : int
-    confusion : shape (classes, classes)
-        Rows are the classes, columns the predictions.
-    """
+    """Number of correct predictions in a group of recordings."""
 
     correct: int
     total: int
     confusion: NDArray[np.int64]
+    """Rows are the classes, columns the predictions. Shape (classes, classes)."""
 
     @property
     def accuracy(self) -> float:
@@ -318,9 +265,6 @@ def scores(
     return found
 
 
-# -- whole numbers ---------------------------------------------------------------------------------
-
-
 def integer_classes(
     network: IntegerNetwork, data: ScanData, images: Sequence[int] | NDArray[np.int64]
 ) -> NDArray[np.int64]:
@@ -335,16 +279,12 @@ def integer_classes(
 def compare_integer(weights_file: Path, made: IntegerWeights) -> str:
     """Return a sentence with the accuracies of float and integer network on the test images.
 
-    Raises
-    ------
-    InputError
-        If no result of the training is beside the weights, or the training used frames.
+    Raise InputError if no result of the training is beside the weights, or the training used frames.
     """
-    note = weights_file.parent / "result.json"
-    if not note.exists():
-        raise InputError(f"--accuracy needs the result.json of the training beside {weights_file.name}")
     weights = load_weights(weights_file)
-    result = read_result(note, weights_file, weights)
+    result = result_beside(weights_file, weights)
+    if result is None:
+        raise InputError(f"--accuracy needs the result.json of the training beside {weights_file.name}")
     data = result.experiment.data()
     images = result.test_images(data.image_labels)
     labels = data.image_labels[images]
@@ -362,15 +302,9 @@ def predictions(
 ) -> dict[str, Any]:
     """Return predictions and logits of every recording, and the accuracy of each group, as a dictionary for JSON.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-    logits : float32 array, shape (recordings, classes)
-    trained : Trained
-    scores : dict of str to Score
-        Result of ``scores``.
-    check : Check, optional
-        Result of ``check_model``.
+    - ``logits``: shape (recordings, classes).
+    - ``scores``: result of ``scores``.
+    - ``check``: result of ``check_model``.
     """
     names = trained.weights.class_names
     images = []

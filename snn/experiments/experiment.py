@@ -23,66 +23,46 @@ from eskin.snn.data.frames import frame_dataset, frames_of_recordings
 from eskin.snn.data.record import Tick, Variant, record_dataset
 from eskin.snn.data.recordings import event_files, read_recordings
 from eskin.snn.data.scans import ScanData, load_recordings
-from eskin.snn.flat import hints_of, refuse_unknown
+from eskin.snn.flat import refuse_unknown
 from eskin.snn.network_config import FIELDS, HINTS, NetworkConfig
-from eskin.snn.training import TrainConfig
+from eskin.snn.training import TrainConfig, parted
 
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """All parameters that determine a result, except fold and seed.
-
-    Parameters
-    ----------
-    dataset : str or None
-        Path as for ``eskin.skin.textures.dataset.open_dataset``.
-    events : str or None
-        Folder of event files (an RTL replay) instead of the model.
-    preset : "physical", "paper" or None
-        None for event files without texture scans.
-    readout : ReadoutConfig
-        Before the preset sets its fields.
-    tau_s : float or None
-        Time constant of a leak in seconds; by default the paper's 0.2 s, or with ``given_leak`` that of ``readout``.
-    given_leak : bool
-        The leak of ``readout`` was asked for, and is not only the default of its fields.
-    taxels : tuple of int
-        Taxels of the array of ``readout`` that are read (``Scan.wired_to``), in their order; empty: all of them.
-    frames : FrameSteps or None
-        Frames instead of events.
-    start_rows : int
-        Scans of each image, evenly spread; tests use the first.
-    disturbed : int
-        Additional scans of each image, randomly disturbed (``eskin.snn.data.disturb``); tests use the clean one.
-    variant : "" or "on"
-        Variant of the events (``eskin.snn.data.record``).
-    bins : BinConfig
-    network : dict
-        Fields of NetworkConfig but inputs and classes, which follow from the data.
-    train : TrainConfig
-    grid : dict or None
-        Values to try by name of a network or training field; inner validation chooses among all their combinations
-        (``eskin.snn.experiments.crossval``).
-    tests : tuple of str
-        Patterns of names; the images of each are the test images of one fold. Empty: stratified folds.
-    """
+    """All parameters that determine a result, except fold and seed."""
 
     dataset: str | None = None
+    """Path as for ``eskin.skin.textures.dataset.open_dataset``."""
     events: str | None = None
+    """Folder of event files (an RTL replay) instead of the model."""
     preset: str | None = "physical"
+    """``physical`` or ``paper``; None for event files without texture scans."""
     readout: ReadoutConfig = field(default_factory=lambda: ReadoutConfig(resolution=4))
+    """Readout before the preset sets its fields."""
     tau_s: float | None = None
+    """Time constant of a leak in seconds; by default the paper's 0.2 s, or with ``given_leak`` that of ``readout``."""
     given_leak: bool = False
+    """The leak of ``readout`` was asked for, and is not only the default of its fields."""
     taxels: tuple[int, ...] = ()
+    """Taxels of the array of ``readout`` that are read (``Scan.wired_to``), in their order; empty: all of them."""
     frames: FrameSteps | None = None
+    """Frames instead of events."""
     start_rows: int = 1
+    """Scans of each image, evenly spread; tests use the first."""
     disturbed: int = 0
+    """Additional scans of each image, randomly disturbed (``eskin.snn.data.disturb``); tests use the clean one."""
     variant: Variant = ""
+    """Variant of the events (``eskin.snn.data.record``)."""
     bins: BinConfig = field(default_factory=BinConfig)
     network: dict[str, Any] = field(default_factory=dict)
+    """Fields of NetworkConfig but inputs and classes, which follow from the data."""
     train: TrainConfig = field(default_factory=TrainConfig)
     grid: dict[str, list[Any]] | None = None
+    """Values to try by name of a network or training field; inner validation chooses among all their combinations
+    (``eskin.snn.experiments.crossval``)."""
     tests: tuple[str, ...] = ()
+    """Patterns of names; the images of each are the test images of one fold. Empty: stratified folds."""
 
     def __post_init__(self) -> None:
         for name in ("dataset", "events", "preset"):
@@ -143,17 +123,12 @@ class Experiment:
     def settings(self) -> list[tuple[dict[str, Any], Experiment]]:
         """Return every parameter combination of the grid with its experiment.
 
-        Raises
-        ------
-        InputError
-            If a field is unknown or a value out of range.
+        Raise InputError if a field is unknown or a value out of range.
         """
-        grid, of_training = self.grid or {}, hints_of(TrainConfig)
-        found = []
+        grid, found = self.grid or {}, []
         for values in itertools.product(*grid.values()):
             setting = dict(zip(grid, values, strict=True))
-            training = {name: value for name, value in setting.items() if name in of_training}
-            network = {name: value for name, value in setting.items() if name not in of_training}
+            network, training = parted(setting)
             train = TrainConfig.from_dict(self.train.to_dict() | training)
             made = dataclasses.replace(self, network=self.network | network, train=train, grid=None)
             found.append((setting, made if grid else self))
@@ -195,10 +170,7 @@ class Experiment:
     def with_readout_of_events(self) -> Experiment:
         """Return the experiment with readout and preset read from its event files.
 
-        Raises
-        ------
-        InputError
-            If there are no event files.
+        Raise InputError if there are no event files.
         """
         assert self.events is not None
         first = read_recordings(event_files([Path(self.events)])[:1])[0]
@@ -227,7 +199,7 @@ class Experiment:
     def to_dict(self) -> dict[str, Any]:
         """Return the fields for ``from_dict`` as plain values; for events, preset and readout are None."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "given_leak"}
-        if not self.disturbed:  # files and cells of experiments without are those of before
+        if not self.disturbed:  # experiments without disturbed scans keep their files and cells
             del fields["disturbed"]
         for name in ("variant", "taxels", "tests"):
             if not fields[name]:
@@ -243,10 +215,7 @@ class Experiment:
     def from_dict(cls, fields: dict[str, Any]) -> Experiment:
         """Return the experiment for a dictionary written by ``to_dict``.
 
-        Raises
-        ------
-        InputError, KeyError or TypeError
-            If fields are missing or unknown.
+        Raise InputError, KeyError or TypeError if fields are missing or unknown.
         """
         made: dict[str, Any] = {
             "frames": None if fields["frames"] is None else FrameSteps(**fields["frames"]),

@@ -28,10 +28,8 @@ def bootstrap(correct: NDArray[np.float64]) -> tuple[float, float]:
     The interval covers new images and new seeds; with one seed, only new images. With two or three seeds the variation
     between seeds is underestimated. If all images are right, the interval is empty.
 
-    Parameters
-    ----------
-    correct : shape (images, seeds)
-        1 if the network of a seed classifies an image correctly, else 0; or the difference of two networks.
+    ``correct``: shape (images, seeds); 1 if the network of a seed classifies an image correctly, else 0; or the
+    difference of two networks.
     """
     images, seeds = correct.shape
     generator = np.random.default_rng(0)

@@ -16,42 +16,29 @@ from eskin.snn.experiments.points import PointSummary, load_sweep
 
 @dataclass(frozen=True)
 class Pair:
-    """Predictions of two sweep points for the same images.
-
-    Attributes
-    ----------
-    accuracy_first, accuracy_second : [float, ...]
-        Accuracy of every seed that both have.
-    only_first, only_second : [int, ...]
-        Images of a seed that only one of the two classifies correctly.
-    p : [float, ...]
-        For every seed: McNemar's exact test, two-sided (Q. McNemar, Psychometrika 12, 1947). It is the probability of
-        numbers at least as unequal, if each image that only one point classifies correctly belongs to either point with
-        probability 1/2.
-    difference : float
-        Second minus first, mean over images and seeds.
-    interval : [float, float]
-        Its 95 % bootstrap interval over images and seeds, which are drawn in pairs.
-    images : int
-    """
+    """Predictions of two sweep points for the same images."""
 
     accuracy_first: list[float]
     accuracy_second: list[float]
+    """Accuracy of every seed that both have."""
     only_first: list[int]
     only_second: list[int]
+    """Images of a seed that only one of the two classifies correctly."""
     p: list[float]
+    """For every seed: McNemar's exact test, two-sided (Q. McNemar, Psychometrika 12, 1947). It is the probability of
+    numbers at least as unequal, if each image that only one point classifies correctly belongs to either point with
+    probability 1/2."""
     difference: float
+    """Second minus first, mean over images and seeds."""
     interval: tuple[float, float]
+    """Its 95 % bootstrap interval over images and seeds, which are drawn in pairs."""
     images: int
 
 
 def find_point(text: str, kept: Path) -> PointSummary:
     """Return the sweep point for a text ``SWEEP:POINT``, with SWEEP a file, a folder or a name in ``kept``.
 
-    Raises
-    ------
-    InputError
-        If the sweep or point does not exist or has no predictions.
+    Raise InputError if the sweep or point does not exist or has no predictions.
     """
     name, colon, wanted = text.rpartition(":")
     if not colon:
@@ -70,10 +57,7 @@ def find_point(text: str, kept: Path) -> PointSummary:
 def pair(first: PointSummary, second: PointSummary, reading: str) -> Pair:
     """Return the comparison of two sweep points over their common seeds.
 
-    Raises
-    ------
-    InputError
-        If the two points have different test images.
+    Raise InputError if the two points have different test images.
     """
     if first.labels != second.labels or first.class_names != second.class_names:
         raise InputError(f"{first.name} and {second.name} have different images or classes and cannot be compared")

@@ -28,33 +28,22 @@ READINGS = {"last": "last epoch", "selected": "epoch selected by inner validatio
 
 @dataclass(frozen=True)
 class Result:
-    """Accuracy results of a sweep point over its completed seeds.
-
-    Attributes
-    ----------
-    accuracy : float
-    sd_over_folds, sd_over_seeds, sd_over_cells : float or None
-        Standard deviations; None of a single one.
-    wilson_95, bootstrap_95 : [float, float]
-    images : int
-    accuracy_of_seeds : list of float
-    confusion : list of list of int
-        Rows are the classes, columns the predictions.
-    predictions : list of str or None
-        One word per seed: the class of every image as a digit of DIGITS, ``.`` for images outside the test; None in
-        older files.
-    """
+    """Accuracy results of a sweep point over its completed seeds."""
 
     accuracy: float
     sd_over_folds: float | None
     sd_over_seeds: float | None
     sd_over_cells: float | None
+    """Standard deviations; None of a single one."""
     wilson_95: Sequence[float]
     bootstrap_95: Sequence[float]
     images: int
     accuracy_of_seeds: Sequence[float]
     confusion: Sequence[Sequence[int]]
+    """Rows are the classes, columns the predictions."""
     predictions: Sequence[str] | None = None
+    """One word per seed: the class of every image as a digit of DIGITS, ``.`` for images outside the test; None in
+    older files."""
 
 
 @dataclass(frozen=True)
@@ -68,45 +57,30 @@ class Cells:
 
 @dataclass(frozen=True)
 class PointSummary:
-    """Summary of one sweep point: readout, rates and accuracies.
-
-    Attributes
-    ----------
-    name : str
-    readout : str
-        One of READOUTS.
-    resolution : int
-        Bits: N of the encoder, or bits of a frame's sample.
-    preset : str or None
-        Preset; None for event files of a user.
-    rate_hz, data_rate_bps, normalised_rate : float or None
-        Events (values, of frames) and bits per second, and bits in units of 640 kb/s; None before the scans are made.
-    bits_per_event : int
-    class_names : list of str or None
-    cells : Cells
-    last, selected : Result or None
-        None before the first seed is complete.
-    labels : str or None
-        The true class of every image, as in ``Result.predictions``.
-    coded_bps : dict or None
-        Bits per second after lossless coding, by what is coded (``eskin.snn.data.coding``); None before the scans are
-        made.
-    """
+    """Summary of one sweep point: readout, rates and accuracies."""
 
     name: str
     readout: str
+    """One of READOUTS."""
     resolution: int
+    """Bits: N of the encoder, or bits of a frame's sample."""
     preset: str | None
+    """Preset; None for event files of a user."""
     rate_hz: float | None
+    """Events per second, or values of frames; None before the scans are made."""
     bits_per_event: int
     data_rate_bps: float | None
     normalised_rate: float | None
+    """Data rate in units of 640 kb/s."""
     class_names: Sequence[str] | None
     cells: Cells
     last: Result | None
     selected: Result | None
+    """Results of the two readings; None before the first seed is complete."""
     labels: str | None = None
+    """The true class of every image, as in ``Result.predictions``."""
     coded_bps: dict[str, float] | None = None
+    """Bits per second after lossless coding, by what is coded (``eskin.snn.data.coding``)."""
 
     @property
     def measured(self) -> bool:
@@ -202,24 +176,14 @@ def _result(found: Any, reading: str, where: str) -> Result:
     return Result(**{field.name: found.get(field.name) for field in dataclasses.fields(Result)})
 
 
-# -- the file ----------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Sweep:
-    """Content of a file written by ``eskin sweep``.
-
-    Attributes
-    ----------
-    name : str
-        Name of the folder, or of a stored file.
-    command : str
-        Command that made the sweep.
-    points : list of PointSummary
-    """
+    """Content of a file written by ``eskin sweep``."""
 
     name: str
+    """Name of the folder, or of a stored file."""
     command: str
+    """Command that made the sweep."""
     points: list[PointSummary]
 
 
@@ -237,10 +201,7 @@ def _without_unknown(fields: dict[str, Any]) -> dict[str, Any]:
 def load_sweep(path: Path) -> Sweep:
     """Return the sweep from a file, or from ``sweep.json`` in a folder.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or a point lacks values for the figures.
+    Raise InputError if the file cannot be read, or a point lacks values for the figures.
     """
     file = path / "sweep.json" if path.is_dir() else path
     content = read_json(file, "the sweep")

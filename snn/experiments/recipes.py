@@ -15,6 +15,17 @@ BASELINES = ("rnn", "gru", "cnn")
 
 _FRAMES: dict[str, Any] = {"input_rms": 1.0, "input_center": True, "cosine": True, "shift_steps": 10}
 
+_TUNED: dict[str, Any] = {
+    "input_rms": 2.0,
+    "decay": 0.8,
+    "output_decay": 0.95,
+    "readout": "membrane",
+    "dropout": 0.3,
+    "weight_decay": 0.01,
+    "cosine": True,
+    "shift_steps": 10,
+}
+
 RECIPES: dict[str, dict[str, Any]] = {
     "plain": {},
     "paper": {
@@ -25,16 +36,7 @@ RECIPES: dict[str, dict[str, Any]] = {
         "cosine": True,
         "shift_steps": 10,
     },
-    "tuned": {
-        "input_rms": 2.0,
-        "decay": 0.8,
-        "output_decay": 0.95,
-        "readout": "membrane",
-        "dropout": 0.3,
-        "weight_decay": 0.01,
-        "cosine": True,
-        "shift_steps": 10,
-    },
+    "tuned": _TUNED,
     "skin": {
         "hidden": 128,
         "input_rms": 2.0,
@@ -59,16 +61,7 @@ RECIPES: dict[str, dict[str, Any]] = {
         "cosine": True,
         "shift_steps": 10,
     },
-    "hardware": {
-        "input_rms": 2.0,
-        "decay": 0.75,
-        "output_decay": 0.9375,
-        "readout": "membrane",
-        "dropout": 0.3,
-        "weight_decay": 0.01,
-        "cosine": True,
-        "shift_steps": 10,
-    },
+    "hardware": _TUNED | {"decay": 0.75, "output_decay": 0.9375},
     "rnn": {"kind": "rnn", **_FRAMES},
     "gru": {"kind": "gru", "dropout": 0.3, "weight_decay": 0.01, **_FRAMES},
     "cnn": {"kind": "cnn", "dropout": 0.3, "weight_decay": 0.01, **_FRAMES},
@@ -78,16 +71,16 @@ training; leaky variants whose outputs do not fire, ``skin`` for own recordings,
 (``for_recordings``); one that other libraries hold whole; and baselines for frames."""
 
 WINDOW_S = 5.0
-"""Length of the windows that are learned of long recordings, unless most are shorter."""
+"""Length of the training windows of long recordings, unless most recordings are shorter."""
 
 WHOLE_STEPS, LIKE = 512, 1.5
-"""Recordings are learned whole where none has more steps, and none is so many times as long as another."""
+"""Recordings of up to this many steps are learned whole, if none is this many times as long as another."""
 
 MOST_WINDOWS = 4
-"""Windows of a recording in an epoch at most."""
+"""Most windows of a recording in an epoch."""
 
 _BATCHES = 8
-"""Batches of an epoch at least, where there are so many scans: few steps teach little."""
+"""Least number of batches in an epoch, if there are enough scans: few steps teach little."""
 
 _LEAK, _OUTPUT_LEAK = 1 / 10, 4 / 10
 """Time constants of the neurons and of the outputs, as parts of a window."""
@@ -99,12 +92,8 @@ def for_recordings(recipe: str, seconds: NDArray[np.float64], bin_s: float) -> d
     Long recordings, or those of unequal length, are learned in windows, as many of each; nine in ten recordings last
     as long as a window. The leaks of the recipe ``skin`` are the shifts that are nearest to parts of a window.
 
-    Parameters
-    ----------
-    recipe : str
-    seconds : float array, shape (recordings,)
-    bin_s : float
-        Seconds of a time step.
+    - ``seconds``: shape (recordings,).
+    - ``bin_s``: seconds of a time step.
     """
     steps = np.maximum(seconds / bin_s + 1e-9, 1).astype(int)
     found: dict[str, Any] = {"balanced": True}

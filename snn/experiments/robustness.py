@@ -35,28 +35,18 @@ Case = tuple[str, float]
 
 @dataclass(frozen=True)
 class Subject:
-    """A trained network under test.
-
-    Attributes
-    ----------
-    network : str
-        Name shared by its folds and seeds: the parent folder of the training.
-    fold, seed : int
-    weights : Weights
-    experiment : Experiment
-    images : int array
-        Test images.
-    digest : str
-        Digest of the weight file.
-    """
+    """A trained network under test."""
 
     network: str
+    """Name shared by its folds and seeds: the parent folder of the training."""
     fold: int
     seed: int
     weights: Weights
     experiment: Experiment
     images: NDArray[np.int64]
+    """Test images."""
     digest: str
+    """Digest of the weight file."""
 
     @classmethod
     def load(cls, file: Path, scenes: bool = True) -> Subject:
@@ -91,19 +81,10 @@ class Subject:
 def kept_cell(subject: Subject, out: Path, asked: dict[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """Return the test results of a network, read from ``out`` or computed.
 
-    Parameters
-    ----------
-    subject : Subject
-    out : Path
-    asked : dict
-        One request of the study.
-    make : callable
-        Returns labels and answers.
+    - ``asked``: one request of the study.
+    - ``make``: returns labels and answers.
 
-    Raises
-    ------
-    InputError
-        If the file is of other weights, or the study was asked for something else.
+    Raise InputError if the file is of other weights, or the study was asked for something else.
     """
     path = out / f"{subject.network}-fold-{subject.fold}-seed-{subject.seed}.json"
     key = {"weights": subject.digest} | asked | {"images": subject.images.tolist()}
@@ -122,10 +103,7 @@ def kept_cell(subject: Subject, out: Path, asked: dict[str, Any], make: Callable
 def cases(names: Sequence[str]) -> list[Case]:
     """Return the clean case, and all strengths of the named disturbances.
 
-    Raises
-    ------
-    InputError
-        If a disturbance is unknown. ``NAME=STRENGTH`` selects one strength.
+    Raise InputError if a disturbance is unknown. ``NAME=STRENGTH`` selects one strength.
     """
     found: list[Case] = [(CLEAN, 0.0)]
     for text in names:
@@ -166,10 +144,7 @@ def run_cells(
 ) -> list[dict[str, Any]]:
     """Return the test results of all networks in all cases; results stored in ``out`` are reused.
 
-    Raises
-    ------
-    InputError
-        If a file is of other weights, or damaged.
+    Raise InputError if a file is of other weights, or damaged.
     """
     found = []
     for case in chosen:

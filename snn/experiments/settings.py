@@ -13,7 +13,7 @@ from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.recipes import BASELINES, RECIPES
 from eskin.snn.flat import hints_of
 from eskin.snn.network_config import HINTS, NetworkConfig
-from eskin.snn.training import TrainConfig
+from eskin.snn.training import TrainConfig, parted
 
 VARIANTS = {encoder.name: ("", "on") if encoder.polarity else ("",) for encoder in registry.ENCODERS}
 """Variants of an encoder's events (``eskin.snn.data.record``), behind its resolution: lcs:6:on."""
@@ -68,10 +68,7 @@ def parse_points(text: str) -> list[tuple[str, str]]:
 
     The numbers are the resolution of an encoder, rate and bits of frames, or frames per step of a baseline.
 
-    Raises
-    ------
-    InputError
-        If the text is not a list of points separated by commas, or contains a point twice.
+    Raise InputError if the text is not a list of points separated by commas, or contains a point twice.
     """
     readouts = (*registry.NAMES, *BASELINES, *get_args(FrameKind))
     found = []
@@ -97,24 +94,13 @@ def experiment_of(
 ) -> Experiment:
     """Return the experiment for a recipe.
 
-    Parameters
-    ----------
-    recipe : str
-        A name of ``eskin.snn.experiments.recipes.RECIPES``.
-    settings : mapping of str to object
-        Fields of NetworkConfig and TrainConfig that replace those of the recipe.
-    epochs : int
-    bins : BinConfig
-        Time bins of events; their length is the step of frames.
-    frames : str, optional
-        Frames instead of events, in the form of ``FrameSteps.parse``.
-    **fields
-        Other fields of Experiment; None means the default.
+    Raise InputError if a name is unknown, or a field does not fit another.
 
-    Raises
-    ------
-    InputError
-        If a name is unknown, or a field does not fit another.
+    - ``recipe``: a name of ``eskin.snn.experiments.recipes.RECIPES``.
+    - ``settings``: fields of NetworkConfig and TrainConfig that replace those of the recipe.
+    - ``bins``: time bins of events; their length is the step of frames.
+    - ``frames``: frames instead of events, in the form of ``FrameSteps.parse``.
+    - ``**fields``: other fields of Experiment; None means the default.
     """
     if recipe not in RECIPES:
         raise InputError(f"recipe must be one of {', '.join(RECIPES)}, not {recipe!r}")
@@ -122,13 +108,11 @@ def experiment_of(
     values = RECIPES[recipe]
     if steps is not None and steps.step_s > bins.bin_s:
         values = values | {"shift_steps": round(values.get("shift_steps", 0) * bins.bin_s / steps.step_s)}
-    values = values | dict(settings)
-    of_training = hints_of(TrainConfig)
-    training = {name: value for name, value in values.items() if name in of_training}
+    network, training = parted(values | dict(settings))
     return Experiment(
         frames=steps,
         bins=bins if steps is None else BinConfig(),
-        network={name: value for name, value in values.items() if name not in of_training},
+        network=network,
         train=TrainConfig.from_dict(training | {"epochs": epochs}),
         **{name: value for name, value in fields.items() if value is not None},
     )

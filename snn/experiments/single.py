@@ -27,22 +27,15 @@ from eskin.snn.training import Epoch, Training
 
 @dataclass(frozen=True)
 class Fold:
-    """Training and test images of one fold of a cross-validation.
-
-    Parameters
-    ----------
-    data : ScanData
-    number, of : int
-        Fold that is tested, from 0, and number of folds; 0 and 1 where names chose it.
-    test, images : int64 arrays
-        Images to test, and images to learn.
-    """
+    """Training and test images of one fold of a cross-validation."""
 
     data: ScanData
     number: int
     of: int
+    """Fold that is tested, from 0, and number of folds; 0 and 1 where names chose it."""
     test: NDArray[np.int64]
     images: NDArray[np.int64]
+    """Images to test, and images to learn."""
 
     @classmethod
     def choose(cls, data: ScanData, number: int, of: int) -> Fold:
@@ -54,10 +47,7 @@ class Fold:
     def named(cls, data: ScanData, pattern: str) -> Fold:
         """Return the fold whose test images have names that match a pattern with ``*`` and ``?``.
 
-        Raises
-        ------
-        InputError
-            If none or all fit, or the others lack a class.
+        Raise InputError if none or all fit, or the others lack a class.
         """
         test = matching(data.names, pattern)
         images = np.setdiff1d(np.arange(len(data.names)), test)
@@ -85,7 +75,6 @@ def train_fold(
     ----------
     experiment : Experiment
         Its grid is not used.
-    fold : Fold
     seed : int
         Seed of weights, order and augmentation.
     out : Path

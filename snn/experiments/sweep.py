@@ -27,28 +27,21 @@ from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.points import Cells, PointSummary, Result, write_sweep
 
 PUBLISHED_BPS = 640e3
-"""Data rate by which published ones are divided."""
+"""Data rate by which the paper divides its data rates."""
 
 OnCell = Callable[["PointRun", "dict[str, Any] | None"], object]
-"""Called with a point and the result of a cell; None: the point is being prepared, or was."""
+"""Function that takes a point and the result of a cell, or None before and after the scans of the point are made."""
 
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """One point of a sweep.
-
-    Attributes
-    ----------
-    name : str
-        Name of the point; empty for a single point.
-    experiment : Experiment
-    data : ScanData or None
-        Its scans, if they are there already; else they are made when its first cell is due.
-    """
+    """One point of a sweep."""
 
     name: str
+    """Name of the point; empty for a single point."""
     experiment: Experiment
     data: ScanData | None = None
+    """Its scans, if they are there already; else they are made when its first cell is due."""
 
     @property
     def readout(self) -> str:
@@ -64,24 +57,24 @@ class SweepPoint:
     @property
     def bits_per_event(self) -> int:
         """Address and polarity bits of an event, or bits of a frame sample."""
-        frames, variant = self.experiment.frames, self.experiment.variant
-        one = {"": 0, "on": -1}[variant]  # ON events alone need no bit for the polarity
-        if frames is not None:
-            return frames.bits
         experiment = self.experiment
+        if experiment.frames is not None:
+            return experiment.frames.bits
         readout = experiment.scan_and_config()[1] if experiment.taxels else experiment.readout
-        return readout.event_bits + one
+        return readout.event_bits - (experiment.variant == "on")  # ON events alone need no bit for the polarity
 
 
 class PointRun:
     """The trainings of one sweep point: finished, missing, and their report.
+
+    Raise InputError if the folder contains other files in place of cells, or cells of another experiment.
 
     Parameters
     ----------
     point : SweepPoint
     folder : Path
         Takes one file per cell, and ``result.json`` when all are done; it is made here.
-    folds, seeds, fold_seed : int
+    folds, seeds : int
         Seeds are 0 .. seeds - 1.
 
     Attributes
@@ -92,20 +85,15 @@ class PointRun:
         The content of ``result.json``.
     shared : Shared or None
         The scans, from ``prepare`` until all cells are done.
-
-    Raises
-    ------
-    InputError
-        If the folder contains other files in place of cells, or cells of another experiment.
     """
 
-    def __init__(self, point: SweepPoint, folder: Path, folds: int, seeds: int, fold_seed: int) -> None:
+    def __init__(self, point: SweepPoint, folder: Path, folds: int, seeds: int) -> None:
         if folds < 2:
             raise InputError(f"folds must be at least 2, not {folds}")
         if seeds < 1:
             raise InputError(f"seeds must be at least 1, not {seeds}")
         self.point, self.folder = point, folder
-        self.folds, self.seeds, self.fold_seed = folds, seeds, fold_seed
+        self.folds, self.seeds = folds, seeds
         self.paths = {(fold, s): folder / f"fold-{fold}-seed-{s}.json" for s in range(seeds) for fold in range(folds)}
         self.done: dict[tuple[int, int], dict[str, Any]] = {}
         self.report: dict[str, Any] | None = None
@@ -113,7 +101,7 @@ class PointRun:
         self.rate_hz: float | None = None
         self.coded_bps: dict[str, float] | None = None
         self._partial: tuple[int, dict[str, Any]] = (0, {})
-        self._key = point.experiment.to_dict() | {"folds": folds, "fold_seed": fold_seed}
+        self._key = point.experiment.to_dict() | {"folds": folds, "fold_seed": 0}
         self._found = {cell: read_cell(path) for cell, path in self.paths.items() if path.exists()}
         for cell, (key, _) in self._found.items():
             check_same(self.paths[cell], key, self._key)
@@ -134,7 +122,7 @@ class PointRun:
     def prepare(self, tick: Callable[[], object]) -> None:
         """Record the scans and read the stored results; ``tick`` is called after each scan."""
         data = self.point.experiment.data(tick) if self.point.data is None else self.point.data
-        check_folds(data, self.folds, self.fold_seed, self.point.experiment.tests)
+        check_folds(data, self.folds, self.point.experiment.tests)
         self._key["data"] = digest(data)
         for cell, (key, result) in self._found.items():
             check_same(self.paths[cell], key, self._key)
@@ -203,21 +191,13 @@ class PointRun:
 def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell | None = None) -> None:
     """Run all missing trainings of sweep points; each result is stored immediately.
 
-    Parameters
-    ----------
-    runs : sequence of PointRun
-        With equal numbers of folds and seeds.
-    pool : WorkerPool
-        Pool for the cells; without effect on the results.
-    progress : callable, optional
-        Called with a point and None before its scans are made, with None again when they are made and cells were
-        found done, and with every cell that was run.
+    Raise InputError if a point has no scans or a cell cannot be trained. The running cells are finished first and their
+    results stored; no other cell starts.
 
-    Raises
-    ------
-    InputError
-        If a point has no scans or a cell cannot be trained. The running cells are finished first and their results
-        stored; no other cell starts.
+    - ``runs``: points with equal numbers of folds and seeds.
+    - ``pool``: pool for the cells; without effect on the results.
+    - ``progress``: called with a point and None before its scans are made, with None again when they are made and cells
+      were found done, and with every cell that was run.
     """
     flight = _Flight(pool, progress or (lambda run, result: None))
     order = [(run, fold, seed) for seed in range(runs[0].seeds) for run in runs for fold in range(runs[0].folds)]
@@ -259,7 +239,7 @@ class _Flight:
     def submit(self, run: PointRun, fold: int, seed: int) -> None:
         """Submit a training to the worker pool."""
         assert run.shared is not None
-        cell = (run.point.experiment, fold, seed, run.folds, run.fold_seed)
+        cell = (run.point.experiment, fold, seed, run.folds)
         future = self._pool.submit(run_alone, *cell, shared=run.shared)
         self.cells += 1
         future.add_done_callback(lambda done: self._landed.put((run, fold, seed, done)))
@@ -295,33 +275,21 @@ def cross_validate(
     *,
     folds: int = 6,
     seeds: int = 3,
-    fold_seed: int = 0,
     workers: int | None = 1,
     data: ScanData | None = None,
     progress: Callable[[dict[str, Any]], object] | None = None,
 ) -> dict[str, Any]:
     """Run the missing trainings of one sweep point, and write ``result.json``; return its content.
 
-    Parameters
-    ----------
-    experiment : Experiment
-    folder : Path
-        Takes folder for a file per fold and seed, and the report.
-    folds, seeds, fold_seed : int
-        Seeds are 0 .. seeds - 1.
-    workers : int or None
-        Processes of one thread each, by default as many as cores; the result does not depend on it.
-    data : ScanData, optional
-        The scans of the experiment, if they are there already.
-    progress : callable, optional
-        Called with every cell, including existing ones.
+    Raise InputError if the folder contains cells of another experiment.
 
-    Raises
-    ------
-    InputError
-        If the folder contains cells of another experiment.
+    - ``folder``: receives a file per fold and seed, and the report.
+    - ``folds``, ``seeds``: seeds are 0 .. seeds - 1.
+    - ``workers``: processes of one thread each, by default as many as cores; the result does not depend on it.
+    - ``data``: the scans of the experiment, if they are there already.
+    - ``progress``: called with every cell, including existing ones.
     """
-    run = PointRun(SweepPoint("", experiment, data), folder, folds, seeds, fold_seed)
+    run = PointRun(SweepPoint("", experiment, data), folder, folds, seeds)
 
     def show(_: PointRun, result: dict[str, Any] | None) -> None:
         if progress is not None:
@@ -341,7 +309,6 @@ def sweep(
     pool: WorkerPool,
     folds: int = 6,
     seeds: int = 3,
-    fold_seed: int = 0,
     command: str | None = None,
     progress: OnCell | None = None,
 ) -> list[PointSummary]:
@@ -349,13 +316,12 @@ def sweep(
 
     Parameters
     ----------
-    points : sequence of SweepPoint
     folder : Path
         Takes ``POINT/fold-F-seed-S.json``, ``POINT/result.json`` and ``sweep.json``, which is up to date after
         every cell.
     pool, progress
         Same as for ``run_points``; ``progress`` receives the names of the points.
-    folds, seeds, fold_seed : int
+    folds, seeds : int
         Seeds are 0 .. seeds - 1.
     command : str, optional
         Command stored in the summary.
@@ -368,7 +334,7 @@ def sweep(
     names = [point.name for point in points]
     if twice := [name for name in names if names.count(name) > 1]:
         raise InputError(f"point {twice[0]} is given twice; leave one out")
-    runs = [PointRun(point, folder / point.name, folds, seeds, fold_seed) for point in points]
+    runs = [PointRun(point, folder / point.name, folds, seeds) for point in points]
     check_file(folder / "sweep.json")
 
     def note(run: PointRun, result: dict[str, Any] | None) -> None:

@@ -30,32 +30,31 @@ TEST, TRAINING, OTHER = "test", "training", "other"
 
 
 @dataclass(frozen=True)
-class TrainingResult:
-    """Content of ``result.json`` written by ``eskin train``.
+class Places:
+    """Folders of the textures and recordings that were the inputs of a training or of the RTL."""
 
-    Attributes
-    ----------
-    experiment : Experiment
-    class_names : tuple of str
-    fold, folds : int
-    labels : list of int
-        Labels of the test images.
-    own : OwnReadout or None
-        Readout, if the data were a user's recordings.
-    predicted : list of int
-        Predictions for the test images; empty if the file has none.
-    tested : list of int or None
-        Test images, if selected by name instead of by fold.
-    """
+    dataset: str | None = None
+    """Path of the textures, if it differs from the training."""
+    data: Path | None = None
+    """Folder of own recordings."""
+
+
+@dataclass(frozen=True)
+class TrainingResult:
+    """Content of ``result.json`` written by ``eskin train``."""
 
     experiment: Experiment
     class_names: tuple[str, ...]
     fold: int
     folds: int
     labels: list[int]
+    """Labels of the test images."""
     own: OwnReadout | None = None
+    """Readout, if the data were a user's recordings."""
     predicted: list[int] = field(default_factory=list)
+    """Predictions for the test images; empty if the file has none."""
     tested: list[int] | None = None
+    """Test images, if selected by name instead of by fold."""
 
     @property
     def right(self) -> list[bool]:
@@ -80,10 +79,7 @@ class TrainingResult:
 def read_result(path: Path, weights_file: Path, weights: Weights) -> TrainingResult:
     """Return the result of the training that produced given weights.
 
-    Raises
-    ------
-    InputError
-        If the file is damaged or something else, or belongs to other weights.
+    Raise InputError if the file is damaged or something else, or belongs to other weights.
     """
     try:
         content = read_json(path, "the result of the training", dict)
@@ -112,37 +108,35 @@ def read_result(path: Path, weights_file: Path, weights: Weights) -> TrainingRes
     return result
 
 
+def result_beside(path: Path, weights: Weights) -> TrainingResult | None:
+    """Return the result of the training beside a weight file, or None without one."""
+    note = path.parent / "result.json"
+    return read_result(note, path, weights) if note.exists() else None
+
+
+def _missing(path: Path) -> str:
+    return f"result.json of the training is missing beside {path.name}"
+
+
 @dataclass(frozen=True)
 class Trained:
-    """A network from a file, with the result of its training.
-
-    Attributes
-    ----------
-    weights : Weights
-    bins : BinConfig
-        Time bins of the training; without its result the defaults with the step of the weights.
-    parts : dict
-        TEST or TRAINING by image name; empty if unknown.
-    dataset : str or None
-        Name of the dataset of these images, or of the folder of own recordings; None of other event files.
-    unknown : str
-        Why ``parts`` is empty.
-    readout : ReadoutConfig or None
-        Readout of the training, if known.
-    own : OwnReadout or None
-        How own recordings of the training were taken.
-    of_recordings : bool
-        Whether the training took event files, not textures.
-    """
+    """A network from a file, with the result of its training."""
 
     weights: Weights
     bins: BinConfig
+    """Time bins of the training; without its result the defaults with the step of the weights."""
     parts: dict[str, str] = field(default_factory=dict)
+    """TEST or TRAINING by image name; empty if unknown."""
     dataset: str | None = None
+    """Name of the dataset of these images, or of the folder of own recordings; None of other event files."""
     unknown: str = ""
+    """Reason why ``parts`` is empty."""
     readout: ReadoutConfig | None = None
+    """Readout of the training, if known."""
     own: OwnReadout | None = None
+    """How own recordings of the training were taken."""
     of_recordings: bool = False
+    """Whether the training took event files, not textures."""
 
     def other_fields(self, config: ReadoutConfig) -> list[str]:
         """Return a text for each field in which a readout differs from the readout of the training."""
@@ -166,17 +160,12 @@ class Trained:
 def load_trained(path: Path) -> Trained:
     """Return the network from a weight file, with bins and folds from ``result.json`` beside it.
 
-    Raises
-    ------
-    InputError
-        If a file is missing or damaged, the two do not belong together, or the network takes frames.
+    Raise InputError if a file is missing or damaged, the two do not belong together, or the network takes frames.
     """
     weights = load_weights(path)
-    note = path.parent / "result.json"
-    if not note.exists():
-        bins = BinConfig(bin_s=weights.step_s)
-        return Trained(weights, bins, unknown=f"{note.name} of the training is missing beside {path.name}")
-    result = read_result(note, path, weights)
+    result = result_beside(path, weights)
+    if result is None:
+        return Trained(weights, BinConfig(bin_s=weights.step_s), unknown=_missing(path))
     experiment = result.experiment
     if experiment.frames is not None:
         raise InputError(f"{path} was trained on frames and cannot classify events; train it without --frames")
@@ -201,15 +190,11 @@ def load_test_scans(
 ) -> tuple[TrainingResult, ScanData, NDArray[np.int64]]:
     """Return ``result.json`` of a weight file, the scans of the training, and the test images.
 
-    Raises
-    ------
-    InputError
-        If the result or the images of the training are missing.
+    Raise InputError if the result or the images of the training are missing.
     """
-    note = path.parent / "result.json"
-    if not note.exists():
-        raise InputError(f"{note.name} of the training is missing beside {path.name}")
-    result = read_result(note, path, weights)
+    result = result_beside(path, weights)
+    if result is None:
+        raise InputError(_missing(path))
     data = result.experiment.data(progress)
     if data.class_names != result.class_names:
         raise InputError("the images differ from those of the training; give its textures with --dataset")
@@ -221,15 +206,8 @@ def accuracies_on_test(
 ) -> tuple[int, dict[str, float]]:
     """Return the number of test images of a training, and the accuracy of each network by name.
 
-    Parameters
-    ----------
-    path : Path
-        Weight file of the training, with ``result.json`` beside it.
-    weights : Weights
-        Its content.
-    networks : mapping of str to nn.Module
-    progress : callable, optional
-        Called while scans are recorded.
+    - ``path``: weight file of the training, with ``result.json`` beside it.
+    - ``progress``: called while scans are recorded.
     """
     from eskin.snn.train import predicted_classes
 
@@ -249,10 +227,9 @@ def said_of_training(path: Path, weights: Weights) -> dict[str, Any]:
         predicted class number of every image outside
         the training, by name; and ``recordings``: how a user's recordings were prepared.
     """
-    note = path.parent / "result.json"
-    if not note.exists():
+    result = result_beside(path, weights)
+    if result is None:
         return {}
-    result = read_result(note, path, weights)
     experiment = result.experiment
     names, labels, dataset = _images_of(experiment, result.class_names, result.own is not None)
     if experiment.events is not None:

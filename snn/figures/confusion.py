@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TITLE_LETTERS = 46
-"""In a line above a matrix; more would leave the picture."""
+"""Most letters of a line above a matrix; a longer line would leave the picture."""
 
 
 def confusion_data(sweeps: Sequence[Sweep], reading: str, name: str | None = None) -> Data:

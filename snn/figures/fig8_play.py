@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -16,16 +15,19 @@ from eskin.base.errors import InputError
 from eskin.model.events.recording import Recording
 from eskin.skin.figures.scan_to_class import ScanToClass
 from eskin.skin.textures.dataset import open_dataset
-from eskin.snn.data.bins import BinConfig
+from eskin.skin.textures.scan import Scan
 from eskin.snn.data.record import record
 from eskin.snn.data.scans import collect
 from eskin.snn.exchange.weights import Weights, load_weights
-from eskin.snn.experiments.trained import TrainingResult, read_result
+from eskin.snn.experiments.trained import Places, TrainingResult, read_result
 from eskin.snn.kernels.layer import layer
 from eskin.snn.network import SpikingNetwork, synaptic
 
 MEANINGS = {"spikes": "output spikes so far", "membrane": "output membranes so far, divided by all steps"}
 """The evidence, by the readout of the network."""
+
+Source = tuple[Recording, NDArray[np.int32], Scan | None, NDArray[np.uint8] | None]
+"""Events and codes of an image; with a texture, its scan and pixels."""
 
 
 @torch.no_grad()
@@ -34,7 +36,6 @@ def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
 
     Parameters
     ----------
-    network : SpikingNetwork
     x : shape (steps, scans, inputs)
 
     Returns
@@ -58,38 +59,16 @@ def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
     return spikes, parts.cumsum(0) * config.output_scale
 
 
-@dataclass(frozen=True)
-class Places:
-    """Folders of the textures or recordings of a training.
-
-    Attributes
-    ----------
-    dataset : str or None
-        Path of the textures, if it differs from the training.
-    data : Path or None
-        Folder of own recordings.
-    """
-
-    dataset: str | None = None
-    data: Path | None = None
-
-
 def play(weights_file: Path, result_file: Path, places: Places | None = None, image: str | None = None) -> ScanToClass:
     """Return the response of a network to a scan of its dataset or to a user's recording.
 
-    Parameters
-    ----------
-    weights_file, result_file : Path
-        What ``eskin train`` wrote: the network, and the experiment that says how scans are made.
-    places : Places, optional
-    image : str, optional
-        Name of the texture or recording. By default the first image of the test fold that the result lists as correctly
-        classified, else the first one.
+    - ``weights_file``, ``result_file``: what ``eskin train`` wrote: the network, and the experiment that says how scans
+      are made.
+    - ``image``: name of the texture or recording. By default the first image of the test fold that the result lists as
+      correctly classified, else the first one.
 
-    Raises
-    ------
-    InputError
-        If the two files do not belong together, or are not of a spiking network on textures or own recordings.
+    Raise InputError if the two files do not belong together, or are not of a spiking network on textures or own
+    recordings.
     """
     weights, places = load_weights(weights_file), places or Places()
     if not result_file.is_file():
@@ -112,23 +91,13 @@ def play(weights_file: Path, result_file: Path, places: Places | None = None, im
             f"the network knows the classes {', '.join(weights.class_names)}, the textures are "
             f"{', '.join(textures.class_names)}; give the textures of the training with --dataset"
         )
-    test = result.test_images(textures.labels)
-    index = result.default_image(test) if image is None else _index(image, [texture.name for texture in textures])
-    texture = textures[index]
-    return _played(
-        weights,
-        experiment.bins,
-        record(texture, textures.name, scan, config),
-        scan.samples(config, texture.load())[0],
-        name=texture.name,
-        true=texture.class_name,
-        label=texture.label,
-        tested=index in test,
-        right=sum(result.right),
-        tests=len(result.right),
-        scan=scan,
-        pixels=texture.load(),
-    )
+
+    def source(index: int) -> Source:
+        texture = textures[index]
+        pixels = texture.load()
+        return record(texture, textures.name, scan, config), scan.samples(config, pixels)[0], scan, pixels
+
+    return _played(weights, result, [texture.name for texture in textures], textures.labels, image, source)
 
 
 def _play_own(weights: Weights, result: TrainingResult, place: Path, image: str | None) -> ScanToClass:
@@ -140,40 +109,37 @@ def _play_own(weights: Weights, result: TrainingResult, place: Path, image: str 
     if strange := [source for source in found.sources if source.class_name not in classes]:
         raise InputError(f"{strange[0].path} is not in a class of the network: {', '.join(classes)}")
     labels = np.array([classes.index(str(source.class_name)) for source in found.sources])
-    test = result.test_images(labels)
-    index = result.default_image(test) if image is None else _index(image, names)
     return _played(
-        weights,
-        result.experiment.bins,
-        found.recording(index)[0],
-        found.codes[index],
-        name=names[index],
-        true=classes[labels[index]],
-        label=int(labels[index]),
-        tested=index in test,
-        right=sum(result.right),
-        tests=len(result.right),
-        scan=None,
-        pixels=None,
+        weights, result, names, labels, image, lambda index: (found.recording(index)[0], found.codes[index], None, None)
     )
 
 
-def _index(image: str, names: list[str]) -> int:
-    if image not in names:
-        raise InputError(f"there is no image {image!r}; there are {len(names)} images, from {names[0]} to {names[-1]}")
-    return names.index(image)
-
-
 def _played(
-    weights: Weights, bins: BinConfig, recording: Recording, codes: NDArray[np.int32], **said: Any
+    weights: Weights,
+    result: TrainingResult,
+    names: list[str],
+    labels: NDArray[np.int64],
+    image: str | None,
+    source: Callable[[int], Source],
 ) -> ScanToClass:
-    """Return the response of a network to a recording; ``said`` holds the descriptive fields of ScanToClass."""
-    network, config = weights.network, recording.config
+    """Return the response of a network to the image of a name, by default to one of the test images."""
+    test = result.test_images(labels)
+    if image is not None and image not in names:
+        raise InputError(f"there is no image {image!r}; there are {len(names)} images, from {names[0]} to {names[-1]}")
+    index = result.default_image(test) if image is None else names.index(image)
+    recording, codes, scan, pixels = source(index)
+    network, config, bins = weights.network, recording.config, result.experiment.bins
     assert isinstance(network, SpikingNetwork)
     spikes, grown = evidence(network, collect([recording], bins, weights.class_names).batch([0]))
-    scale, scan = network.config.output_scale, said["scan"]
+    scale = network.config.output_scale
     counted_s = 0.0 if scan is None else scan.skipped_ticks(config) / config.sample_rate_hz
     return ScanToClass(
+        name=names[index],
+        true=weights.class_names[labels[index]],
+        label=int(labels[index]),
+        tested=index in test,
+        scan=scan,
+        pixels=pixels,
         recording=recording,
         signals=codes / config.full_scale,
         start_s=counted_s if bins.start_s is None else bins.start_s,
@@ -182,5 +148,6 @@ def _played(
         evidence=grown[:, 0].numpy(),
         class_names=weights.class_names,
         meaning=MEANINGS[network.config.neurons.readout] + (f", times {scale:g}" if scale != 1 else ""),
-        **said,
+        right=sum(result.right),
+        tests=len(result.right),
     )

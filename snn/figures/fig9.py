@@ -16,13 +16,13 @@ from eskin.snn.experiments.points import READINGS, PointSummary, Sweep, load_swe
 Data = dict[str, Any]
 
 PUBLISHED = Path(__file__).with_name("published_fig9.json")
-"""The points of the paper's Fig. 9; nowhere else."""
+"""The points of the paper's Fig. 9."""
 
 KEPT = Path(__file__).with_name("sweeps")
 """Sweeps that come with the project: copies of ``sweep.json``, each with a name of its own."""
 
 LATEST = Path("out/sweep/sweep.json")
-"""Where ``eskin sweep`` writes unless told otherwise."""
+"""Default output of ``eskin sweep``."""
 
 NAMES = {readout: look(readout).title for readout in dict.fromkeys((*READOUTS, *LOOKS))}
 """All readouts, those of the paper first, as the legend has them."""
@@ -33,21 +33,18 @@ TITLES = {
     "tuned": "leaky network, bins of 4 ms",
     "tuned-2ms": "leaky network, bins of 2 ms",
 }
-"""What the sweeps that come with the project are called in pictures; those of a user have the names that he gave."""
+"""Titles of the project's sweeps in figures; a sweep of a user keeps its name."""
 
 FRAME_NETWORKS = {"rnn": "ReLU units", "cnn": "convolutions", "gru": "gated units"}
 """Networks on frames in words, by the recipe, which is the beginning of a point's name."""
 
 RECEIVED = {"diff": "differences ", "onoff": "ON/OFF "}
-"""What the receiver makes of frames, by the second word of a point's name (``eskin.snn.data.frame_steps``)."""
+"""Frames after preprocessing in the receiver, by the second word of a point's name (``eskin.snn.data.frame_steps``)."""
 
 RATES = "rates-"
-"""Names of the sweeps whose points belong to the frontier begin with it."""
+"""First letters of the names of sweeps whose points belong to the frontier."""
 
 PUBLISHED_NAME = "published"
-
-
-# -- sweeps ------------------------------------------------------------------------------------------
 
 
 def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
@@ -65,9 +62,6 @@ def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
 def kept_sweeps() -> list[Path]:
     """Return the paths of the project's sweeps, without those of the frontier."""
     return [path for path in sorted(KEPT.glob("*.json")) if not path.name.startswith(RATES)]
-
-
-# -- Fig. 9, data ------------------------------------------------------------------------------------
 
 
 def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:

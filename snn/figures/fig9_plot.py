@@ -39,7 +39,6 @@ class Series:
 
     sweep: str
     readout: str
-    detail: str
     points: list[Data]
 
 
@@ -113,7 +112,7 @@ def _series(points: list[Data], sweeps: list[str]) -> Iterator[Series]:
             for network in networks:
                 found = [p for p in chosen if network in ("", detail(p))]
                 if found:
-                    yield Series(sweep, readout, network, sorted(found, key=lambda p: p["normalised_rate"]))
+                    yield Series(sweep, readout, sorted(found, key=lambda p: p["normalised_rate"]))
 
 
 def _style(sweep: str, sweeps: list[str]) -> Data:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from eskin.base.figures.style import PALETTE
 from eskin.model.encoders import registry
 from eskin.skin.figures.readouts import FRAME, look
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 COLOURS = tuple(PALETTE[name] for name in ("blue", "sky", "grey", "black"))
 """Colours of networks whose readout is not known, in turn."""
@@ -76,3 +79,18 @@ def network_styles(points: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, A
             style = look(readout).colour, look(readout).marker, LINES[before % len(LINES)]
         styles[network] = dict(zip(("color", "marker", "linestyle"), style, strict=True))
     return styles
+
+
+def accuracies(points: Sequence[Mapping[str, Any]]) -> tuple[list[float], list[list[float]]]:
+    """Return accuracies and the lengths of their error bars, in %."""
+    ends = [[100 * abs(point["accuracy"] - point["bootstrap_95"][end]) for point in points] for end in (0, 1)]
+    return [100 * point["accuracy"] for point in points], ends
+
+
+def draw_accuracies(
+    axis: Axes, x: Sequence[float], points: Sequence[Mapping[str, Any]], style: Mapping[str, Any], **line: Any
+) -> None:
+    """Draw a line through the accuracies of points, with pale error bars."""
+    middle, ends = accuracies(points)
+    axis.errorbar(x, middle, ends, color=style["color"], alpha=0.25, linestyle="none", capsize=2)
+    axis.plot(x, middle, **style, **line)

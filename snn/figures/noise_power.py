@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from eskin.base.figures.labels import Box, Taken, on_page, place_label
 from eskin.base.figures.style import GREY, dress, legend_below, new_figure, plain_numbers, save_figure
-from eskin.snn.figures.networks import label, network_styles
+from eskin.snn.figures.networks import draw_accuracies, label, network_styles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,11 +31,7 @@ def plot_noise_power(data: Mapping[str, Any], path: Path) -> None:
         for network, style in network_styles(points).items():
             own = [point for point in points if (point["network"], point["mode"]) == (network, mode)]
             power = [1e6 * point["power_w"]["total"] for point in own]
-            accuracy = [100 * point["accuracy"] for point in own]
-            ends = [[100 * abs(p["accuracy"] - p["bootstrap_95"][end]) for p in own] for end in (0, 1)]
-            colour = style["color"]
-            axis.errorbar(power, accuracy, ends, color=colour, alpha=0.25, linestyle="none", capsize=2)
-            axis.plot(power, accuracy, **style, markersize=4.5, label=label(network))
+            draw_accuracies(axis, power, own, style, markersize=4.5, label=label(network))
         axis.set_xscale("log")
         plain_numbers(axis)
         axis.set_ylim(0, 104)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eskin.base.figures.style import GREY, dress, legend_below, new_figure, plain_numbers, save_figure
-from eskin.snn.figures.networks import MARKERS, family
+from eskin.snn.figures.networks import MARKERS, draw_accuracies, family
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,8 +43,12 @@ def plot_precision(data: Mapping[str, Any], path: Path) -> None:
         for network in networks:
             own_points = [p for p in points if p["network"] == network and p["variant"].isdigit()]
             label = family(network)[1]
-            _line(axes[0, column], own_points, "memory_bits", 1 / 8000, styles[label], label)
-            _line(axes[1, column], own_points, "operations_hz", 1e-6, styles[label], label)
+            for axis, key, unit in (
+                (axes[0, column], "memory_bits", 1 / 8000),
+                (axes[1, column], "operations_hz", 1e-6),
+            ):
+                x = [point[key] * unit for point in own_points]
+                draw_accuracies(axis, x, own_points, styles[label], markersize=4, linewidth=1, label=label)
             _bits(axes[0, column], own_points, styles[label]["color"])
         for axis in axes[:, column]:
             axis.set_xscale("log")
@@ -80,16 +84,6 @@ def _styles(labels: Sequence[str]) -> dict[str, dict[str, Any]]:
             "markerfacecolor": "white" if few else colour,
         }
     return found
-
-
-def _line(
-    axis: Axes, points: Sequence[dict[str, Any]], key: str, unit: float, style: dict[str, Any], label: str
-) -> None:
-    x = [point[key] * unit for point in points]
-    accuracy = [100 * point["accuracy"] for point in points]
-    ends = [[100 * abs(p["accuracy"] - p["bootstrap_95"][end]) for p in points] for end in (0, 1)]
-    axis.errorbar(x, accuracy, ends, color=style["color"], alpha=0.25, linestyle="none", capsize=2)
-    axis.plot(x, accuracy, **style, markersize=4, linewidth=1, label=label)
 
 
 def _bits(axis: Axes, points: Sequence[dict[str, Any]], colour: str) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from eskin.base.figures.style import dress, legend_below, new_figure, save_figure
 from eskin.snn.data.disturb import DISTURBANCES
-from eskin.snn.figures.networks import label, network_styles
+from eskin.snn.figures.networks import accuracies, label, network_styles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,12 +65,6 @@ def _of(points: Points, network: str, name: str) -> Points:
     return sorted(own, key=lambda point: float(point["strength"]))
 
 
-def _bars(own: Points) -> tuple[list[float], list[list[float]]]:
-    """Return accuracies and the lengths of their error bars, in %."""
-    ends = [[100 * abs(point["accuracy"] - point["bootstrap_95"][end]) for point in own] for end in (0, 1)]
-    return [100 * point["accuracy"] for point in own], ends
-
-
 def _draw_curve(
     panel: Axes, name: str, strengths: Sequence[float], points: Points, styles: Mapping[str, dict[str, Any]]
 ) -> None:
@@ -78,7 +72,7 @@ def _draw_curve(
     dress(panel)
     for network, style in styles.items():
         own = _of(points, network, name)
-        middle, ends = _bars(own)
+        middle, ends = accuracies(own)
         at = [strengths.index(point["strength"]) for point in own]
         panel.errorbar(at, middle, ends, **style, markersize=4, capsize=2, label=label(network))
         for point in _of(points, network, "clean"):
@@ -93,7 +87,7 @@ def _draw_rows(panel: Axes, names: Sequence[str], points: Points, styles: Mappin
     dress(panel, "disturbances at one strength", "accuracy (%)")
     for number, (network, style) in enumerate(styles.items()):
         own = [point for name in names for point in _of(points, network, name)]
-        middle, ends = _bars(own)
+        middle, ends = accuracies(own)
         move = 0.3 * (number / max(len(styles) - 1, 1) - 0.5)
         at = [names.index(point["disturbance"]) + move for point in own]
         panel.errorbar(middle, at, xerr=ends, **style | {"linestyle": "none"}, markersize=4, capsize=2,

@@ -23,14 +23,8 @@ PAGES = templates(Path(__file__).parent)
 def draw_training(result: Mapping[str, Any], tested: list[str], out: Path) -> list[Path]:
     """Write ``confusion.png``, and ``training.html`` for a training on event files; return the files.
 
-    Parameters
-    ----------
-    result : mapping
-        Content of ``result.json``.
-    tested : list of str
-        Names of the test recordings, in the order of the result.
-    out : Path
-        Folder.
+    - ``result``: content of ``result.json``.
+    - ``tested``: names of the test recordings, in the order of the result.
     """
     picture = out / "confusion.png"
     plot_confusion(_matrix(result), picture)

@@ -42,21 +42,14 @@ class _Rule(ctypes.Structure):
 
 
 class Entries(NamedTuple):
-    """Non-zero entries of a matrix, row by row.
-
-    Attributes
-    ----------
-    first : int32 tensor, shape (rows + 1,)
-        Entries of row r are ``first[r] .. first[r + 1]``.
-    column : int32 tensor
-        Column of each entry; may be longer than the number of entries.
-    value : float32 tensor or None
-        Values; None if all are 1.
-    """
+    """Non-zero entries of a matrix, row by row."""
 
     first: Tensor
+    """Entries of row r are ``first[r] .. first[r + 1]``. Shape (rows + 1,)."""
     column: Tensor
+    """Column of each entry; may be longer than the number of entries."""
     value: Tensor | None
+    """Values; None if all are 1."""
 
     @property
     def filled(self) -> int:
@@ -119,12 +112,10 @@ def outer(entries: Entries, columns: int, grad: Tensor) -> Tensor:
 def forward(rule: NeuronRule, decay: Tensor, recurrent: Tensor | None, v: Tensor) -> tuple[Tensor, Entries]:
     """Compute potentials from currents in place, and return the spikes, dense and sparse.
 
-    Parameters
-    ----------
-    decay : shape (width,)
-    recurrent : shape (width, width) or None
-        Row j goes to the currents of the next step for every spike of neuron j.
-    v : shape (steps, batch, width)
+    - ``decay``: shape (width,).
+    - ``recurrent``: shape (width, width) or None; row j goes to the currents of the next step for every spike of neuron
+      j.
+    - ``v``: shape (steps, batch, width).
     """
     steps, batch, width = v.shape
     s = torch.empty_like(v)
@@ -147,9 +138,6 @@ def backward(
     sizes = (steps, batch, width, neurons)
     _call("kernel_backward", *sizes, _rule(rule), decay, matrix, v, grad_s, grad, grad_decay)
     return grad, grad_decay
-
-
-# -- library -----------------------------------------------------------------------------------------
 
 
 def _rule(rule: NeuronRule) -> Any:

@@ -24,7 +24,7 @@ from torch.nn import functional
 
 from eskin.base.errors import InputError
 from eskin.snn.kernels import cpu as kernel
-from eskin.snn.kernels.dense import DenseLayer, dense_gradients
+from eskin.snn.kernels import dense
 from eskin.snn.kernels.reference import layer_reference
 from eskin.snn.kernels.rule import NeuronRule
 from eskin.snn.kernels.sparse import SparseLayer
@@ -50,7 +50,6 @@ def layer(
 
     Parameters
     ----------
-    rule : NeuronRule
     x : shape (steps, batch, inputs)
         Counts, spikes or any numbers.
     w_in : shape (neurons, inputs)
@@ -87,41 +86,53 @@ def layer(
         )
     if backend == "kernel" or (backend == "auto" and suits and kernel.available()):
         return SparseLayer.apply(rule, x, w_in, bias, decay, w_rec)
+    loop: Any = dense
     if backend == "triton" or (backend == "auto" and x.is_cuda):
-        if _triton_takes(x, w_in, bias, decay, w_rec):
-            return _TritonLayer.apply(rule, x, w_in, bias, decay, w_rec)
-        if backend == "triton":
+        loop = _triton_for(x, w_in, bias, decay, w_rec) or dense
+        if backend == "triton" and loop is dense:
             raise InputError("the Triton kernel needs float32 on a CUDA GPU and the package triton; use torch")
-    return DenseLayer.apply(rule, x, w_in, bias, decay, w_rec)
+    return _LoopLayer.apply(loop, rule, x, w_in, bias, decay, w_rec)
 
 
-def _triton_takes(*tensors: Tensor | None) -> bool:
-    """Return True if Triton is installed and supports the arguments."""
+def _triton_for(*tensors: Tensor | None) -> Any:
+    """Return the Triton time loop, or None if Triton is not installed or does not support the arguments."""
     try:
-        from eskin.snn.kernels import triton as kernel_triton
+        from eskin.snn.kernels import triton
     except ImportError:
-        return False
-    return all(p is None or (p.dtype == torch.float32 and (p.is_cuda or kernel_triton.INTERPRETED)) for p in tensors)
+        return None
+    fits = all(p is None or (p.dtype == torch.float32 and (p.is_cuda or triton.INTERPRETED)) for p in tensors)
+    return triton if fits else None
 
 
-class _TritonLayer(torch.autograd.Function):
-    """Autograd function with one Triton launch forward and one backward."""
+class _LoopLayer(torch.autograd.Function):
+    """Autograd function of the layer, with the time loop of a module (``dense`` or ``triton``)."""
 
     @staticmethod
     def forward(
-        ctx: Any, rule: NeuronRule, x: Tensor, w_in: Tensor, bias: Tensor, decay: Tensor, w_rec: Tensor | None
+        ctx: Any,
+        loop: Any,
+        rule: NeuronRule,
+        x: Tensor,
+        w_in: Tensor,
+        bias: Tensor,
+        decay: Tensor,
+        w_rec: Tensor | None,
     ) -> Tensor:
-        from eskin.snn.kernels import triton as kernel_triton
-
         decay = decay.contiguous()
-        v, s = kernel_triton.forward(rule, decay, w_rec, functional.linear(x, w_in, bias).contiguous())
-        ctx.rule = rule
+        v, s = loop.forward(rule, decay, w_rec, functional.linear(x, w_in, bias).contiguous())
+        ctx.loop, ctx.rule = loop, rule
         ctx.save_for_backward(x, w_in, w_rec, decay, v, s)
         return s
 
     @staticmethod
     def backward(ctx: Any, grad_s: Tensor) -> tuple[Tensor | None, ...]:
-        from eskin.snn.kernels import triton as kernel_triton
-
-        _, _, w_rec, decay, v, _ = ctx.saved_tensors
-        return dense_gradients(ctx, kernel_triton.backward(ctx.rule, decay, w_rec, v, grad_s.contiguous()))
+        x, w_in, w_rec, decay, v, s = ctx.saved_tensors
+        grad = ctx.loop.backward(ctx.rule, decay, w_rec, v, grad_s.contiguous())
+        rows = grad.flatten(0, 1)
+        grad_x = grad @ w_in if ctx.needs_input_grad[2] else None
+        grad_decay = None
+        if ctx.needs_input_grad[5]:
+            carry = v - s if ctx.rule.reset == "subtract" else v * (1.0 - s)
+            grad_decay = (grad[1:] * carry[:-1]).sum((0, 1))
+        grad_rec = None if w_rec is None else grad[1:].flatten(0, 1).t() @ s[:-1].flatten(0, 1)
+        return None, None, grad_x, rows.t() @ x.flatten(0, 1), rows.sum(0), grad_decay, grad_rec

@@ -19,29 +19,20 @@ SURROGATES = ("gaussian", "fast-sigmoid", "triangle", "arctan")
 
 @dataclass(frozen=True, kw_only=True)
 class NeuronRule:
-    """Constants of a neuron with threshold 1.
-
-    Parameters
-    ----------
-    floor : float
-        v is held above it (paper's network: -1); minus infinity for none.
-    reset : "zero" or "subtract"
-    reset_gradient : bool
-        The gradient also flows through the spike that resets, as in the rule as written; else that spike counts as
-        a constant, and with reset by subtraction gradients become large (docs/guide/classifier.md).
-    surrogate : str
-        Shape f of the derivative of a spike, scale / width * f((v - 1) / width): gaussian (normal density),
-        fast-sigmoid 1 / (1 + |d|)**2, triangle max(0, 1 - |d|), arctan 1 / (1 + d**2).
-    surrogate_scale, surrogate_width : float
-        Paper's network: 0.5 times the normal density with sigma 0.5.
-    """
+    """Constants of a neuron with threshold 1."""
 
     floor: float = -1.0
+    """v is held above it (paper's network: -1); minus infinity for none."""
     reset: NeuronReset = "zero"
     reset_gradient: bool = True
+    """The gradient also flows through the spike that resets, as in the rule as written; else that spike counts as a
+    constant, and with reset by subtraction gradients become large (docs/guide/classifier.md)."""
     surrogate: str = "gaussian"
+    """Shape f of the derivative of a spike, scale / width * f((v - 1) / width): gaussian (normal density), fast-sigmoid
+    1 / (1 + |d|)**2, triangle max(0, 1 - |d|), arctan 1 / (1 + d**2)."""
     surrogate_scale: float = 0.5
     surrogate_width: float = 0.5
+    """Paper's network: 0.5 times the normal density with sigma 0.5."""
 
     def __post_init__(self) -> None:
         if self.reset not in ("zero", "subtract"):

@@ -87,9 +87,6 @@ def _tile(v: Tensor) -> dict[str, int]:
     return {"ROWS": ROWS, "COLUMNS": columns, "INNER": INNER}
 
 
-# -- kernels -----------------------------------------------------------------------------------------
-
-
 @triton.jit
 def forward_kernel(
     currents: tl.tensor,

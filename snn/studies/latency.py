@@ -6,9 +6,6 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from eskin.skin.textures.dataset import open_dataset
-from eskin.snn.data.bins import counted_from
-from eskin.snn.data.record import record
 from eskin.snn.data.scans import ScanData
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.intervals import bootstrap
@@ -50,10 +47,10 @@ def begin_of(experiment: Experiment) -> float:
     """Return the time in seconds from the start of a scan to the first network step."""
     if experiment.frames is not None:
         return 0.0
+    if experiment.bins.start_s is not None:
+        return experiment.bins.start_s
     scan, config = experiment.scan_and_config()
-    textures = open_dataset(experiment.dataset)
-    made = record(textures[0], textures.name, scan, config)
-    return counted_from(made, experiment.bins.start_s) / config.clock_hz
+    return scan.skipped_ticks(config) / config.sample_rate_hz
 
 
 def _point(network: str, time_s: float, answers: Points) -> dict[str, Any]:

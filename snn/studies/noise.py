@@ -20,11 +20,11 @@ from eskin.model.events.recording import Recording
 from eskin.power.equations import CORRECTIONS, FloatArray, PowerModel, TaxelRates
 from eskin.power.parameters import PowerParameters
 from eskin.power.readouts import Readout, equations_of
-from eskin.skin.textures.dataset import Texture, open_dataset
-from eskin.skin.textures.scan import Scan, quantise
+from eskin.skin.textures.dataset import open_dataset
+from eskin.skin.textures.scan import quantise
 from eskin.snn.data.bins import counted_from
 from eskin.snn.data.disturb import SLOW_HZ, noisy
-from eskin.snn.data.frames import sampled_config, values_of
+from eskin.snn.data.frames import frame_data, sampled_config, values_of
 from eskin.snn.data.record import said_of
 from eskin.snn.data.scans import ScanData, collect
 from eskin.snn.exchange.weights import config_of
@@ -50,7 +50,7 @@ class Noisy:
     mode: Mode
     noise_v: float
 
-    def samples(self, scan: Scan, config: Any, signals: NDArray[np.float64], image: int) -> NDArray[np.int32]:
+    def samples(self, config: Any, signals: NDArray[np.float64], image: int) -> NDArray[np.int32]:
         """Return the codes of a scan with noise, equal for all networks with the same samples."""
         generator = np.random.default_rng([MODES.index(self.mode), round(1e7 * self.noise_v), image])
         pole_hz = POLE_HZ[self.mode]
@@ -71,9 +71,6 @@ class Rates:
         return TaxelRates(self.population_hz * ones, self.square_sum_hz2 * ones)
 
 
-# -- scans with noise --------------------------------------------------------------------------------
-
-
 def noisy_scans(
     experiment: Experiment, images: Sequence[int], noises: Sequence[Noisy], progress: Callable[[], object]
 ) -> list[tuple[ScanData, Rates]]:
@@ -87,16 +84,16 @@ def noisy_scans(
         texture = dataset[int(image)]
         signals = scan.signals(config, texture.load())
         for noise, kept in zip(noises, found, strict=True):
-            codes = noise.samples(scan, config, signals, int(image))
+            codes = noise.samples(config, signals, int(image))
             said = said_of(texture, dataset.name, scan)
             kept.append(values_of(frames, codes) if frames is not None else recorded(config, codes, said))
         progress()
     if frames is None:
         return [(collect(kept, experiment.bins, dataset.class_names), rates_of(kept)) for kept in found]
-    rate_hz = frames.rate_hz * config.taxels
     textures = [dataset[int(image)] for image in images]
-    made = (_frame_data(experiment, textures, np.stack(kept), dataset.class_names, rate_hz) for kept in found)
-    return [(data, Rates(rate_hz, rate_hz**2 / config.taxels)) for data in made]
+    places = range(len(textures))
+    made = [frame_data(frames, textures, kept, places, dataset.class_names, config.taxels) for kept in found]
+    return [(data, Rates(data.rate_hz, data.rate_hz**2 / config.taxels)) for data in made]
 
 
 def recorded(config: Any, codes: NDArray[np.int32], metadata: dict[str, Any]) -> Recording:
@@ -118,34 +115,12 @@ def rates_of(recordings: Sequence[Recording]) -> Rates:
     return Rates(float(of_taxels.sum()), float((of_taxels**2).sum()))
 
 
-def _frame_data(
-    experiment: Experiment, textures: Sequence[Texture], values: Any, classes: tuple[str, ...], rate_hz: float
-) -> ScanData:
-    assert experiment.frames is not None
-    return ScanData(
-        values=values,
-        labels=np.array([texture.label for texture in textures], np.int64),
-        images=np.arange(len(textures)),
-        names=tuple(texture.name for texture in textures),
-        class_names=classes,
-        taxels=experiment.readout.taxels,
-        step_s=experiment.frames.step_s,
-        rate_hz=rate_hz,
-    )
-
-
-# -- networks ----------------------------------------------------------------------------------------
-
-
 def under_noise(
     subjects: Sequence[Subject], noises_v: Sequence[float], out: Path, progress: Callable[[], object]
 ) -> list[dict[str, Any]]:
     """Return the predictions of every network at every noise level; results stored in ``out`` are reused.
 
-    Raises
-    ------
-    InputError
-        If a file is of other weights or noises.
+    Raise InputError if a file is of other weights or noises.
     """
     asked = {"noises_v": list(noises_v)}
     return [kept_cell(one, out, asked, partial(_cell, one, noises_v, progress)) for one in subjects]
@@ -170,9 +145,6 @@ def _cell(subject: Subject, noises_v: Sequence[float], progress: Callable[[], ob
         for noise, (scans, rates) in zip(noises, data, strict=True)
     ]
     return {"labels": data[0][0].labels.tolist(), "answers": answers}
-
-
-# -- accuracy, rate and power ------------------------------------------------------------------------
 
 
 def points_of(subjects: Sequence[Subject], cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from eskin.snn.experiments.pairs import mcnemar
 
 Points = Sequence[dict[str, Any]]
-"""Results with the fields network and answers, and others that say of what."""
+"""Results with the fields ``network`` and ``answers``, and fields that describe the case."""
 
 
 def right_of(answers: Points) -> NDArray[np.float64]:

@@ -34,10 +34,7 @@ def parse_variants(text: str) -> dict[str, Precision]:
     A variant gives the bits of all weights, the least bits of the threshold (t),
     and the bits of a hidden potential (m).
 
-    Raises
-    ------
-    InputError
-        If the text has another form, or repeats a variant.
+    Raise InputError if the text has another form, or repeats a variant.
     """
     found: dict[str, Precision] = {}
     for name in (part.strip() for part in text.split(",")):
@@ -60,10 +57,7 @@ def in_precisions(
 ) -> list[dict[str, Any]]:
     """Return the predictions of every network at every precision; results stored in ``out`` are reused.
 
-    Raises
-    ------
-    InputError
-        If a file is of other weights or variants.
+    Raise InputError if a file is of other weights or variants.
     """
     found = []
     for subject in subjects:

@@ -24,10 +24,10 @@ from eskin.snn.data.frames import sampled_config
 from eskin.snn.studies.noise import recorded
 
 REST_S = 0.6
-"""How long the array goes on without a texture."""
+"""Seconds of the scan after the texture ended."""
 
 SETTLED_S = 0.3
-"""The end of it, which counts as rest: two time constants of the sensor's high-pass after the texture ended."""
+"""Last seconds of the scan, which count as rest; they begin two time constants of the high-pass after the texture."""
 
 Readout = ReadoutConfig | FrameSteps
 

@@ -20,6 +20,7 @@ HUGE = "1" + "0" * 400
 
 REFUSED = {
     "sim --ticks 0": "--ticks must be in 1..1e+12, not 0\n",
+    "sim --textures 1000000001": "--textures must be in 0..1e+09, not 1000000001\n",
     "replay --workers 0": "--workers must be in 1..4096, not 0\n",
     "rates --limit 0": "--limit must be in 1..1e+09, not 0\n",
     "frames --frame-rate 0": "--frame-rate must be in 1e-09..1e+12, not 0.0\n",

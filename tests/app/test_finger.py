@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from eskin.app.catalogue import MODULES
+from eskin.app.cli import Commands
 from eskin.app.commands.signals.recordings import FINGER
 from eskin.model.classifier.file import IntegerWeights
 from eskin.snn.data.bins import BinConfig
@@ -71,3 +73,14 @@ def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(
     assert found["class"] in data.class_names
     assert f"{name}: {found['class']}\n" in out
     assert out.splitlines()[-1].endswith(" events, 0 mismatches, true classes not known")
+
+
+def test_every_command_with_recordings_knows_the_name_of_the_finger(folder: Path) -> None:
+    commands = Commands(MODULES)
+    names = [name for name in MODULES if any("--data" in option.opts for option in commands[name].params)]
+    assert {"train", "crossval", "sweep", "study", "sim", "replay", "predict", "touch", "play", "fig8"} <= set(names)
+    for name in names:
+        words = [*(["weights.npz", "--port", "none"] if name == "play" else []), "--data", "finger"]
+        assert commands[name].make_context(name, words).params["data"] == FINGER, name
+    demo = commands["demo"].make_context("demo", ["finger"])
+    assert FINGER in demo.params.values()

@@ -2,38 +2,20 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
-import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import pytest
-from typer.testing import CliRunner
-
 from eskin.model.encoders import registry
 
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "encoder.py"
+NAME = "encoder"
 SMALL = ["--signals", "128", "--samples", "300", "--rounds", "1"]
 
 
-@pytest.fixture
-def encoder(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(SCRIPT.parent))
-    spec = importlib.util.spec_from_file_location("encoder", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, "encoder", module)
-    spec.loader.exec_module(module)
-    monkeypatch.setattr(module.os, "sched_setaffinity", lambda *_: None, raising=False)
-    return module
-
-
-def test_it_times_every_encoder_against_a_copy(encoder: ModuleType, tmp_path: Path) -> None:
+def test_it_times_every_encoder_against_a_copy(invoke: Any, tmp_path: Path) -> None:
     path = tmp_path / "numbers.json"
-    result = CliRunner().invoke(encoder.app, [*SMALL, "--json", str(path)])
+    result = invoke(*SMALL, "--json", path)
     assert result.exit_code == 0, result.output
     report = json.loads(path.read_text())
     events = {line["name"]: line["events"] for line in report["results"]}
@@ -42,13 +24,13 @@ def test_it_times_every_encoder_against_a_copy(encoder: ModuleType, tmp_path: Pa
     assert all(events[name] > 0 for name in registry.NAMES)
 
 
-def test_it_fails_where_the_same_rule_gives_other_events(encoder: ModuleType, monkeypatch: Any) -> None:
-    monkeypatch.setattr(encoder, "numpy_lcs", lambda config, samples, counts: None)
-    result = CliRunner().invoke(encoder.app, SMALL)
+def test_it_fails_where_the_same_rule_gives_other_events(program: ModuleType, invoke: Any, monkeypatch: Any) -> None:
+    monkeypatch.setattr(program, "numpy_lcs", lambda config, samples, counts: None)
+    result = invoke(*SMALL)
     assert result.exit_code == 1
     assert "disagree" in result.output
 
 
-def test_a_file_that_cannot_be_written_is_refused_at_once(encoder: ModuleType, tmp_path: Path) -> None:
-    result = CliRunner().invoke(encoder.app, ["--json", str(tmp_path / "none" / "numbers.json")])
+def test_a_file_that_cannot_be_written_is_refused_at_once(invoke: Any, tmp_path: Path) -> None:
+    result = invoke("--json", tmp_path / "none" / "numbers.json")
     assert result.exit_code == 2

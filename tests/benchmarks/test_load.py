@@ -2,34 +2,18 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
-import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
-import pytest
 
 from eskin.model.arbiter import ROW_DTYPE, new_state
 from eskin.model.config import ReadoutConfig
 from eskin.model.readout import Stimulus, simulate
 
+NAME = "load"
 ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture(scope="module")
-def load() -> Any:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "benchmarks"))
-        spec = importlib.util.spec_from_file_location("load", ROOT / "benchmarks" / "load.py")
-        assert spec is not None
-        assert spec.loader is not None
-        module: ModuleType = importlib.util.module_from_spec(spec)
-        patch.setitem(sys.modules, "load", module)
-        spec.loader.exec_module(module)
-        yield module
 
 
 def order(load: Any, kind: int, lists: list[list[int]], rows: int) -> list[tuple[int, int]]:
@@ -41,27 +25,27 @@ def order(load: Any, kind: int, lists: list[list[int]], rows: int) -> list[tuple
     return sorted((int(t), int(i)) for t, i in zip(left, taxel, strict=True) if t >= 0)
 
 
-def test_each_serves_in_its_own_order(load: Any) -> None:
+def test_each_serves_in_its_own_order(program: Any) -> None:
     twice = [[0, 0] for _ in range(4)]
-    taxels = {kind: [i for _, i in order(load, kind, twice, 2)] for kind in range(4)}
-    assert taxels[load.OURS] == [0, 1, 2, 3, 0, 1, 2, 3]
-    assert taxels[load.FIXED] == [0, 0, 1, 1, 2, 2, 3, 3]
-    assert taxels[load.FLAT] == [0, 1, 2, 3, 0, 1, 2, 3]
-    assert taxels[load.TREE] == [0, 2, 1, 3, 0, 2, 1, 3]
+    taxels = {kind: [i for _, i in order(program, kind, twice, 2)] for kind in range(4)}
+    assert taxels[program.OURS] == [0, 1, 2, 3, 0, 1, 2, 3]
+    assert taxels[program.FIXED] == [0, 0, 1, 1, 2, 2, 3, 3]
+    assert taxels[program.FLAT] == [0, 1, 2, 3, 0, 1, 2, 3]
+    assert taxels[program.TREE] == [0, 2, 1, 3, 0, 2, 1, 3]
     for kind in range(4):
-        assert [t for t, _ in order(load, kind, twice, 2)] == list(range(2, 10)), (
+        assert [t for t, _ in order(program, kind, twice, 2)] == list(range(2, 10)), (
             "one event per clock, 2 after it is due"
         )
 
 
-def test_ours_is_that_of_the_readout(load: Any) -> None:
+def test_ours_is_that_of_the_readout(program: Any) -> None:
     rng = np.random.default_rng(0)
     config = ReadoutConfig(rows=3, columns=4)
     moves = rng.random((60, config.taxels)) < np.repeat([0.2, 0.03], 30)[:, None]  # more than the link takes, then less
     samples = np.cumsum(moves, axis=0) * config.step
     events = simulate(config, Stimulus.from_samples(config, samples, clocks_per_sample=1, clocks=160))
     due = [(np.flatnonzero(line) + 1).tolist() for line in moves.T]  # the clock of the decision
-    got = order(load, load.OURS, due, 3)
+    got = order(program, program.OURS, due, 3)
     assert got == [(int(e["t"]), int(e["y"]) * 4 + int(e["x"])) for e in events if e["t"] < 100]
     assert len(got) > 60
 

@@ -34,29 +34,14 @@ puts "PERIOD <<$high>>"
 
 
 def period_s(timing: Timing, library: Library) -> float:
-    """Return the shortest clock period that OpenSTA finds with the estimated wires.
-
-    Parameters
-    ----------
-    timing : Timing
-    library : Library
-
-    Returns
-    -------
-    float
-        To within 1/16,384 of twice the estimate.
-    """
+    """Return the shortest clock period that OpenSTA finds with the estimated wires, to 1/8192 of the estimate."""
     array = timing.array
     made = Netlist("", top_block(array.config).module_name, array.config, library, True)
     high = 2e9 * timing.worst().period_s
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "netlist.v").write_text(verilog(array))
-        (folder / "wires.spef").write_text(spef(timing))
-        (folder / "cells.lib").write_bytes(OWN_WIRES.sub(b"", library.content))
-        (folder / "constraints.sdc").write_text(sdc(made, "$period"))
-        script = SCRIPT.format(top=made.top, high=high, rounds=ROUNDS)
-        said, _ = opensta.run(script, folder)
+        files = {"netlist.v": verilog(array), "wires.spef": spef(timing), "constraints.sdc": sdc(made, "$period")}
+        files["cells.lib"] = OWN_WIRES.sub(b"", library.content)
+        said, _ = opensta.run(SCRIPT.format(top=made.top, high=high, rounds=ROUNDS), Path(name), files)
     found = re.search(r"PERIOD <<(.*)>>", said)
     if not found:
         raise RuntimeError(f"OpenSTA failed: {said[-300:]}")
@@ -132,23 +117,15 @@ def spef(timing: Timing) -> str:
                     pins[net] += load
                     path = f"*I {_path(array, int(cell))}:{pin} {'O' if out else 'I'}"
                     ends.setdefault(int(net), []).insert(0 if out else len(ends.get(int(net), [])), path)
-    lines = list(HEAD)
+    found = []
     for net, on in ends.items():
         taxel, inner = divmod(net - array.nets, len(timing.inner) or 1)
         name = names[net] if net < array.nets else f"t{taxel}/n{timing.inner[inner]}"
         wire_pf = 1e12 * max(timing.load[net] - pins[net] - (array.port_load_f if "*P" in on[-1] else 0.0), 0.0)
-        first, *others = (end.split()[1] for end in on)
-        lines += [f"*D_NET {name} {wire_pf:.6g}", "*CONN", *on, "*CAP", f"1 {first} {wire_pf:.6g}", "*RES"]
-        lines += [*(f"{i} {first} {other} 0.001" for i, other in enumerate(others, 1)), "*END"]
-    return "\n".join(lines) + "\n"
+        found.append((name, wire_pf, on))
+    return opensta.spef(found)
 
 
-HEAD = (
-    '*SPEF "IEEE 1481-1998"',
-    *(f'*{word} ""' for word in ("DESIGN", "DATE", "VENDOR", "PROGRAM", "VERSION", "DESIGN_FLOW")),
-    *("*DIVIDER /", "*DELIMITER :", "*BUS_DELIMITER [ ]"),
-    *("*T_UNIT 1 NS", "*C_UNIT 1 PF", "*R_UNIT 1 OHM", "*L_UNIT 1 HENRY"),
-)
 OWN_WIRES = re.compile(rb"^\s*default_wire_load\w* .*$", re.MULTILINE)
 """What a library itself says of wires, which OpenSTA takes wherever nothing else does."""
 

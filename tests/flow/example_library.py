@@ -36,11 +36,7 @@ SLEWS, LOADS = (0.02, 0.5), (0.001, 0.1)
 def library(corner: Corner = TYPICAL, without: tuple[str, ...] = ()) -> str:
     """Return the text of the Liberty file.
 
-    Parameters
-    ----------
-    corner : Corner
-    without : tuple of str
-        Names of cells that are left out.
+    ``without``: names of cells that are left out.
     """
     cells = {name: _logic(name, *what, corner) for name, what in LOGIC.items()}
     cells |= {name: _tie(name, level, corner) for name, level in (("NAUGHT", 0), ("UNITY", 1))}

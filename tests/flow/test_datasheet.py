@@ -92,13 +92,7 @@ def test_times_are_those_of_the_microarchitecture(config: ReadoutConfig) -> None
     assert found.bound_clocks == found.bound_events * found.clocks_per_event + 2
     assert config.taxels * found.clocks_per_event <= found.longest_gap <= found.bound_clocks
     table = cells(section(datasheet(config), "Latency, throughput and the longest wait"))
-    clocks = [
-        found.latency,
-        found.latency - 1,
-        found.clocks_per_event,
-        found.bound_clocks,
-        found.longest_gap,
-    ]
+    clocks = [found.latency, found.latency - 1, found.clocks_per_event, found.bound_clocks, found.longest_gap]
     assert [int(row[1]) for row in table] == clocks[-len(table) :]
     for _, number, time in table:
         value, unit = time.split()

@@ -16,7 +16,7 @@ from eskin.flow.asic.synthesis import Netlist, synthesise
 from eskin.flow.gatesim import icarus
 from eskin.flow.gatesim.flat_netlist import FlatNetlist, flatten
 from eskin.flow.gatesim.models import models
-from eskin.flow.gatesim.reset_check import from_reset
+from eskin.flow.gatesim.sim import from_reset
 from eskin.flow.liberty.boolean import verilog_of
 from eskin.flow.liberty.library import Library, read
 from eskin.model.config import ReadoutConfig

@@ -170,7 +170,7 @@ def test_a_report_says_where_it_is_from() -> None:
     assert said["command"] == "make layout"
     assert {"commit", "date"} <= set(said)
     assert said["utilisation"] == 0.5
-    assert said["rules"] == {"checked": 194, "violations": []}
+    assert said["rules"] == {"checked": 194, "violations": ()}
     assert said["comparison"]["transistors"] == 82
     assert "coriolis-eda==2.5.4" in said["packages"]
     assert report.command_of(ReadoutConfig(rows=2, columns=2), False) == "make layout ROWS=2 COLUMNS=2 COMPARE=0"
@@ -198,8 +198,10 @@ def test_a_stage_is_kept_until_its_inputs_change_and_begins_anew_after_a_stop(tm
     assert [path.name for path in tmp_path.iterdir()] == [other.name]
 
 
-def layout_of(folder: Path, library: Path = Path("library")) -> run.Layout:
-    return run.Layout(TOY, 250.0, library, KNOWN, Stages(folder, lambda stage: None))
+def layout_of(
+    folder: Path, library: Path, known: dict[str, transistors.SwitchCell] = KNOWN, circuit: Circuit = TOY
+) -> run.Layout:
+    return run.Layout(circuit, 250.0, library, known, Stages(folder, lambda stage: None))
 
 
 def test_margins_are_tried_until_one_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -261,8 +263,7 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> tuple[run.Layout, Path]:
     """Return a placed and routed layout of eight cells, and its folder."""
     folder = tmp_path_factory.mktemp("toy")
     library = run._cells(Stages(folder, lambda stage: None))
-    known = transistors.read((library / "cells.spi").read_text())
-    layout = run.Layout(TOY, 250.0, library, known, Stages(folder, lambda stage: None))
+    layout = layout_of(folder, library, transistors.read((library / "cells.spi").read_text()))
     return layout, layout.place(1.0)
 
 
@@ -282,10 +283,9 @@ def test_a_small_layout_is_clean_and_equal(toy: tuple[run.Layout, Path]) -> None
     assert found.rules
     assert found.rules.checked > 150
     compared = layout.compare(placed)
-    assert compared
     assert compared.equal
     assert compared.ports == 7  # of eight: one is read by nothing
-    assert compared.devices == sum(len(layout.known[kind].switches) for kind, _ in TOY.cells.values())
+    assert compared.transistors == sum(len(layout.known[kind].switches) for kind, _ in TOY.cells.values())
 
 
 @NEEDS_TOOLS
@@ -297,9 +297,7 @@ def test_a_broken_connection_is_found(toy: tuple[run.Layout, Path], tmp_path: Pa
         kind, pins = TOY.cells[name]
         other[name] = (kind, {pin: pairs.get(wire, wire) for pin, wire in pins.items()})
     circuit = Circuit(TOY.top, TOY.inputs, TOY.outputs, other)
-    broken = run.Layout(circuit, 250.0, layout.library, layout.known, Stages(tmp_path, lambda stage: None))
-    compared = broken.compare(placed)
-    assert compared
+    compared = layout_of(tmp_path, layout.library, layout.known, circuit).compare(placed)
     assert not compared.equal
     assert compared.differ
 
@@ -315,8 +313,7 @@ def test_a_broken_rule_is_found(toy: tuple[run.Layout, Path], tmp_path: Path) ->
     words = [str(environment.python()), "-I", "-c", narrow, str(placed / gds.name), str(gds)]
     subprocess.run(words, check=True)
     shutil.copy(placed / "placed.json", tmp_path)
-    other = run.Layout(TOY, 250.0, layout.library, layout.known, Stages(tmp_path / "work", lambda stage: None))
-    found = other.judge(1.0, tmp_path)
+    found = layout_of(tmp_path / "work", layout.library, layout.known).judge(1.0, tmp_path)
     assert found.rules
     assert found.rules.violations
     assert {one.partition(" at ")[0] for one in found.rules.violations} <= {"m3 width", "m3 area"}
@@ -381,7 +378,6 @@ def test_an_open_segment_is_found(
     layout, _ = toy
     plain = environment.run
     monkeypatch.setattr(environment, "run", lambda *words, **named: plain(*words, "1", **named))
-    hurried = run.Layout(TOY, 250.0, layout.library, layout.known, Stages(tmp_path, lambda stage: None))
-    tries, placed = hurried.route((1.0,))
+    tries, placed = layout_of(tmp_path, layout.library, layout.known).route((1.0,))
     assert tries[-1].problem == "a segment is open"
     assert placed is None

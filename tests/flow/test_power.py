@@ -17,15 +17,13 @@ from eskin.cocotb_tests.bench.chip import network_of
 from eskin.flow.gatesim import flat_netlist
 from eskin.flow.liberty.library import Library
 from eskin.flow.power import classifier
-from eskin.flow.power import measure as measuring
 from eskin.flow.power.activity import Activity, read_dump
 from eskin.flow.power.event_bench import Mismatch, play
 from eskin.flow.power.liberty_power import LibertyPower
-from eskin.flow.power.measure import Disagreement, PowerMeter, measure
+from eskin.flow.power.measure import Disagreement, PowerMeter, measure, wires_f
 from eskin.flow.power.opensta_power import OpenstaPower
-from eskin.flow.power.results import energies, name_of
+from eskin.flow.power.results import name_of
 from eskin.flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, scenarios
-from eskin.flow.power.wires import Wires
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
@@ -215,34 +213,10 @@ def test_a_net_that_is_missing_or_unknown_in_the_dump_is_one_sentence(tmp_path: 
 
 
 def test_wires_grow_with_what_they_cross(made: Made) -> None:
-    wires = Wires(1, 2, 200.0).capacitance_f(made.flat)
-    assert Wires(1, 2, 0.0).capacitance_f(made.flat) == {}
+    wires = wires_f(made.flat, 1, 2, 200.0)
+    assert wires_f(made.flat, 1, 2, 0.0) == {}
     assert wires["rst"] > 0.2e-15 * 200
     assert min(wires.values()) > 0
-
-
-def test_the_report_of_a_netlist_gets_its_energies(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = {}
-    content = {name: number for number, name in enumerate([*"abc"])}
-
-    def once(config: ReadoutConfig, text: str, library: Library, pitches: tuple[float, ...]) -> list[dict[str, Any]]:
-        asked["pitches"] = pitches
-        return [content | {"idle_w_per_taxel": pitch, "scenarios": {IDLE: {"blocks": {}}}} for pitch in pitches]
-
-    from eskin.flow.power import results as module
-
-    monkeypatch.setattr(module, "measure", once)
-    said = energies(CONFIG, "", made.library.path)
-    assert asked["pitches"] == (0.0, 200.0)
-    assert said == content | {
-        "idle_w_per_taxel": 0.0,
-        "power": {IDLE: {"blocks": {}}},
-        "with_wires": content | {"idle_w_per_taxel": 200.0, "scenarios": {IDLE: {}}},
-    }
-
-
-def test_five_percent_is_what_is_allowed() -> None:
-    assert measuring.MOST_APART == 0.05
 
 
 def test_power_with_wires_that_the_two_ways_do_not_agree_on_is_not_given(

@@ -135,13 +135,6 @@ def test_cells_stand_where_their_wires_pull_them(plain: Array) -> None:
     assert np.mean(rows[0]) < np.mean(rows[1])
 
 
-def test_a_table_is_read_as_one_looks_a_number_up(plain: Array) -> None:
-    table = plain.kinds["HOOT"].ways[0].delay[0]
-    slews, loads = np.array([0.02e-9, 0.26e-9, 1.0e-9]), np.array([0.001e-12, 0.05e-12, 0.2e-12])
-    wanted = [0.03 + 0.2 * s + 4.0 * c for s, c in zip(slews * 1e9, loads * 1e12, strict=True)]
-    assert table.at(slews, loads) * 1e9 == pytest.approx(wanted)
-
-
 def test_a_path_between_flops_touches_no_port(plain: Array) -> None:
     timing = Timing(plain, drawn(plain, NO_WIRE))
     names = {name for _, name, _, _ in plain.ports}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from eskin.cocotb_tests.bench.reference import ReceiverReference
 from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.model.config import ReadoutConfig
@@ -20,34 +21,11 @@ from .readout import Readout
 from .settings import Settings
 
 
-class Receiver:
-    """Asynchronous receiver: ACK follows each edge of REQ after a delay in 1/8 clock."""
-
-    def __init__(self, delays):
-        self.delays = delays.tolist()
-        self.edges = 0
-        self.req = self.ack = 0
-        self.at = 0
-
-    def before(self, clock):
-        """Return the level of ACK just before a clock edge."""
-        if self.ack != self.req and 8 * clock > self.at:
-            self.ack = self.req
-        return self.ack
-
-    def after(self, clock, req):
-        """Sample REQ just after a clock edge."""
-        if req != self.req:
-            self.req = req
-            self.at = 8 * clock + self.delays[self.edges % len(self.delays)]
-            self.edges += 1
-
-
 def play(config: ReadoutConfig, stimulus: Stimulus, readout: Readout | None = None) -> tuple[Events, Readout]:
     """Return the events of the second model, and its final state."""
     readout = readout or Readout(Settings.of(config.to_dict()))
     begun = len(readout.events)
-    receiver = Receiver(stimulus.ack_delay)
+    receiver = ReceiverReference(stimulus.ack_delay.tolist())
     signal = [0] * config.taxels
     tick = change = 0
     mask = None
@@ -68,11 +46,11 @@ def play(config: ReadoutConfig, stimulus: Stimulus, readout: Readout | None = No
             sample=sample,
             enable=mask,
             ready=bool(stimulus.ready[clock % len(stimulus.ready)]),
-            ack=receiver.before(clock),
+            ack=receiver.ack_at(clock),
             decisions=decisions,
         )
         if four_phase:
-            receiver.after(clock, readout.outputs()["aer_req"])
+            receiver.see(bool(readout.outputs()["aer_req"]), clock)
         if valid:
             signal, tick = signals(readout.settings, sample), tick + 1
     events = [(t, x, y, bool(p)) for t, x, y, p in readout.events[begun:]]

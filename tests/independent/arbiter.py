@@ -25,13 +25,7 @@ class Arbiter:
         return self.queue[0] if self.queue else None
 
     def granted_row(self, requests, ready):
-        """Return the row granted in this clock, or None.
-
-        Parameters
-        ----------
-        requests : list of rows, each a list of None or polarity
-        ready : the sink takes an event in this clock
-        """
+        """Return the row granted in this clock, or None; `requests` has None or a polarity for each row and column."""
         left = len(self.queue) - (1 if self.queue and ready else 0)
         if left:
             return None

@@ -40,12 +40,7 @@ class Neuron:
         self.gathered = limited(self.gathered + weight, self.bits)
 
     def end_bin(self):
-        """Apply floor, comparison and reset, then leak and bias for the next bin.
-
-        Returns
-        -------
-        (potential as compared, whether it fires)
-        """
+        """Apply floor, comparison and reset, then leak and bias; return the compared potential and whether it fires."""
         value = limited(self.potential + self.gathered, self.bits) if self.synapse[0] else self.gathered
         value = value if self.floor is None else max(value, self.floor)
         fires = self.fires and value > self.threshold
@@ -84,9 +79,7 @@ class Network:
     def run_bin(self, channels):
         """Process one bin with its events in order.
 
-        Returns
-        -------
-        (class, evidence, potentials of the hidden neurons, which of them fired, potentials of the outputs)
+        Return class, evidence, potentials of the hidden neurons, which of them fired, and potentials of the outputs.
         """
         for channel in channels:
             for n, neuron in enumerate(self.hidden):

@@ -29,13 +29,7 @@ class FourPhaseLink:
         return self.state == "rest" and not self.flops[1]
 
     def clock(self, offered, acknowledge):
-        """Apply a rising edge.
-
-        Parameters
-        ----------
-        offered : the arbiter's event, or None
-        acknowledge : the wire ACK in this clock, 0 or 1
-        """
+        """Apply a rising edge with the arbiter's event, or None, and the wire ACK, 0 or 1."""
         seen = self.flops[1]
         if self.ready() and offered is not None:
             self.event = offered

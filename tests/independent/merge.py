@@ -24,12 +24,7 @@ class Merge:
         return self.queue[0] if self.queue else None
 
     def taken(self, offered):
-        """Return the tile whose event is taken in this clock, or None.
-
-        Parameters
-        ----------
-        offered : for each tile the event that it offers, or None
-        """
+        """Return the tile whose event is taken in this clock, or None; `offered` has an event or None for each tile."""
         if len(self.queue) == 2:
             return None
         for distance in range(1, self.tiles + 1):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.cocotb_tests.bench.reference import ArbiterReference
@@ -13,7 +13,6 @@ from eskin.model.config import ReadoutConfig
 WORD = st.integers(1, 2**64 - 1) | st.integers(0, 63).map(lambda bit: 1 << bit)
 
 
-@settings(deadline=None)  # the first call may compile the model
 @given(WORD)
 def test_lowest_bit_of_a_word(word: int) -> None:
     bits = [bit for bit in range(64) if word >> bit & 1]
@@ -21,7 +20,6 @@ def test_lowest_bit_of_a_word(word: int) -> None:
     assert int(without_lowest(np.uint64(word))) == sum(1 << bit for bit in bits[1:])
 
 
-@settings(deadline=None)
 @given(st.integers(1, 64), st.data())
 def test_next_row_equals_the_reference_over_a_run_of_grants(rows: int, data: st.DataObject) -> None:
     reference = ArbiterReference(ReadoutConfig(rows=rows, columns=1))

@@ -10,7 +10,7 @@ import pytest
 
 from eskin.base.errors import InputError
 from eskin.model.classifier.config import ClassifierConfig, Leak, bits_of, ends, highest, lowest
-from eskin.model.classifier.file import IntegerWeights, neuron_image, weight_image, write_images
+from eskin.model.classifier.file import ARRAYS, IntegerWeights, neuron_image, weight_image, write_images
 from eskin.model.classifier.network import IntegerNetwork, State
 from eskin.model.classifier.run import first_ready, simulate, work_clocks
 
@@ -225,6 +225,6 @@ def test_damaged_files_are_refused(tmp_path: Path) -> None:
     np.savez(path, w_in=np.zeros(3))
     with pytest.raises(InputError, match="an archive, but not an integer network"):
         IntegerWeights.load(path)
+    arrays = {name: getattr(network(), name) for name in ARRAYS}
     with pytest.raises(InputError, match=r"w_in must be in -2\.\.1, 2 bits, not -?\d"):
-        network().__class__(network().config.replace(in_bits=2), *(getattr(network(), n) for n in
-                            ("w_in", "w_rec", "w_out", "b_hidden", "b_out")))  # fmt: skip
+        IntegerNetwork(network().config.replace(in_bits=2), **arrays)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
+from tests.model.refused import refused
 
 ENCODERS = ", ".join(registry.NAMES)
 
@@ -33,13 +35,14 @@ REFUSALS: list[tuple[dict[str, Any], str]] = [
     ({"sample_rate_hz": math.inf}, "sample_rate_hz must be a positive number of hertz, not inf"),
     ({"sample_rate_hz": 1e-300}, "sample_rate_hz must be in 1e-09..1e+12 hertz, not 1e-300"),
     ({"registers": "i2c"}, "registers must be one of none, spi, not 'i2c'"),
+    (
+        {"registers": "spi", "encoding": "nlcs", "leak_period": 7},
+        "leak_period must be at least the number of rows, 8, with registers=spi, not 7",
+    ),
     ({"sample_rate_hz": "fast"}, "sample_rate_hz must be of type float, not 'fast'"),
     ({"reference_reset": -2049}, "reference_reset must be in -2048..2047, not -2049"),
     ({"encoding": "nlcs", "reference_reset": -16}, "reference_reset must be in 0..2047, not -16"),
-    (
-        {"reference_reset": 8},
-        "reference_reset must be a multiple of 16 codes (a level of the encoder), not 8",
-    ),
+    ({"reference_reset": 8}, "reference_reset must be a multiple of 16 codes (a level of the encoder), not 8"),
     (
         {"encoding": "cw-lcs", "reference_reset": 2},
         "reference_reset must be a multiple of 4 codes (a level of the encoder), not 2",
@@ -49,9 +52,8 @@ REFUSALS: list[tuple[dict[str, Any], str]] = [
 
 @pytest.mark.parametrize(("fields", "sentence"), REFUSALS, ids=lambda value: str(value))
 def test_refuses_with_a_sentence(fields: dict[str, Any], sentence: str) -> None:
-    with pytest.raises(InputError) as refused:
+    with refused(sentence):
         ReadoutConfig(**fields)
-    assert str(refused.value) == sentence
 
 
 def test_a_link_with_two_requests_has_no_address_bit_for_the_polarity() -> None:
@@ -99,27 +101,11 @@ def test_from_tau_is_within_one_per_cent_with_fine_steps(tau_s: float) -> None:
     ],
 )
 def test_from_tau_names_the_nearest_reachable_ones(tau_s: float, ts_s: float, nearest: list[str]) -> None:
-    with pytest.raises(InputError) as refused:
+    near = " or ".join(nearest)
+    with refused(f"tau {tau_s:g} s is not reachable with a sample period of {ts_s:g} s; the nearest is {near} s"):
         ReadoutConfig.from_tau(tau_s, ts_s)
-    assert str(refused.value) == (
-        f"tau {tau_s:g} s is not reachable with a sample period of {ts_s:g} s; the nearest is {' or '.join(nearest)} s"
-    )
     for near_s in map(float, nearest):
         assert ReadoutConfig.from_tau(near_s, ts_s).tau_s == pytest.approx(near_s, rel=0.005)
-
-
-@pytest.mark.parametrize(
-    ("tau_s", "ts_s", "sentence"),
-    [
-        (0.0, 5e-5, "tau must be a positive number of seconds, not 0.0"),
-        (math.nan, 5e-5, "tau must be a positive number of seconds, not nan"),
-        (0.2, -1.0, "sample period must be a positive number of seconds, not -1.0"),
-    ],
-)
-def test_from_tau_refuses_what_is_no_time(tau_s: float, ts_s: float, sentence: str) -> None:
-    with pytest.raises(InputError) as refused:
-        ReadoutConfig.from_tau(tau_s, ts_s)
-    assert str(refused.value) == sentence
 
 
 # -- exchange ----------------------------------------------------------------------------------------
@@ -147,36 +133,41 @@ def test_json_round_trip(fields: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "sentence"),
+    ("call", "sentence"),
     [
-        ("", "the configuration is not JSON: Expecting value: line 1 column 1 (char 0)"),
-        ("[1]", "a configuration must be a JSON object, not list"),
-        ('{"rows": 4.5}', "rows must be of type int, not 4.5"),
-        ('{"encoding": ["lcs"]}', f"encoding must be one of {ENCODERS}, not ['lcs']"),
+        (lambda: ReadoutConfig.from_tau(0.0, 5e-5), "tau must be a positive number of seconds, not 0.0"),
+        (lambda: ReadoutConfig.from_tau(math.nan, 5e-5), "tau must be a positive number of seconds, not nan"),
+        (lambda: ReadoutConfig.from_tau(0.2, -1.0), "sample period must be a positive number of seconds, not -1.0"),
+        (
+            lambda: ReadoutConfig.from_json(""),
+            "the configuration is not JSON: Expecting value: line 1 column 1 (char 0)",
+        ),
+        (lambda: ReadoutConfig.from_json("[1]"), "a configuration must be a JSON object, not list"),
+        (lambda: ReadoutConfig.from_json('{"rows": 4.5}'), "rows must be of type int, not 4.5"),
+        (
+            lambda: ReadoutConfig.from_json('{"encoding": ["lcs"]}'),
+            f"encoding must be one of {ENCODERS}, not ['lcs']",
+        ),
+        (
+            lambda: ReadoutConfig(resolution=7).replace(sample_bits=8),
+            "resolution must be in 1..sample_bits - 2 = 6, not 7",
+        ),
     ],
 )
-def test_from_json_refuses(text: str, sentence: str) -> None:
-    with pytest.raises(InputError) as refused:
-        ReadoutConfig.from_json(text)
-    assert str(refused.value) == sentence
+def test_calls_that_are_refused_with_a_sentence(call: Callable[[], object], sentence: str) -> None:
+    with refused(sentence):
+        call()
 
 
 def test_unknown_fields_are_named() -> None:
-    with pytest.raises(InputError, match=r"^unknown configuration field 'row'; known fields are clocks_per_sample, "):
-        ReadoutConfig.from_dict({"row": 8})
-    with pytest.raises(InputError, match=r"^unknown configuration field 'row'; known fields are clocks_per_sample, "):
-        ReadoutConfig().replace(row=8)
-
-
-def test_replace_validates_again() -> None:
-    with pytest.raises(InputError, match=r"^resolution must be in 1\.\.sample_bits - 2 = 6, not 7$"):
-        ReadoutConfig(resolution=7).replace(sample_bits=8)
+    for call in (ReadoutConfig.from_dict, lambda fields: ReadoutConfig().replace(**fields)):
+        with pytest.raises(InputError, match=r"^unknown configuration field 'row'; known fields are clocks_per_"):
+            call({"row": 8})
 
 
 def test_load_names_a_file_that_is_not_there(tmp_path: Path) -> None:
     path = tmp_path / "none.json"
-    with pytest.raises(InputError) as refused:
+    with refused(f"cannot read the configuration {path}: No such file or directory"):
         ReadoutConfig.load(path)
-    assert str(refused.value) == f"cannot read the configuration {path}: No such file or directory"
     path.write_text('{"rows": 3}')
     assert ReadoutConfig.load(path) == ReadoutConfig(rows=3)

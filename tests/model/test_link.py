@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.cocotb_tests.bench.reference import AddressEvent, LinkReference, ReceiverReference
@@ -12,7 +12,6 @@ from eskin.model import link
 DELAYS = st.lists(st.integers(1, 100).filter(lambda delay: delay % 8), min_size=1, max_size=6)
 
 
-@settings(deadline=None)  # the first call may compile the model
 @given(DELAYS, st.lists(st.booleans(), min_size=1, max_size=60))
 def test_model_equals_the_reference_clock_by_clock(delays: list[int], offers: list[bool]) -> None:
     state, reference, receiver = link.new_state(), LinkReference(), ReceiverReference(delays)
@@ -30,7 +29,6 @@ def test_model_equals_the_reference_clock_by_clock(delays: list[int], offers: li
             assert not receiver.ack_at(clock + 1)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 40), st.integers(0, 40))
 def test_an_event_takes_seven_clocks_and_the_whole_clocks_of_both_delays(up: int, down: int) -> None:
     delays = np.array([8 * up + 1, 8 * down + 7])

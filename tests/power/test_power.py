@@ -46,9 +46,6 @@ def with_corrections(chosen: frozenset[str], **parameters: float) -> PowerModel:
     return PowerModel(corrections=chosen, measured=RATES, parameters=PowerParameters().replace(**parameters))
 
 
-# -- published numbers -------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("noise", "readout", "afe", "converter", "io", "total"),
     [
@@ -129,15 +126,6 @@ def test_switching_power_grows_with_the_square_of_the_supply(readout):
     assert high["comparator_dynamic"] == pytest.approx(4 * low["comparator_dynamic"])
 
 
-def test_numbers_beyond_what_a_float_can_hold_are_refused_at_both_ends():
-    for noise in (SMALLEST / 2, LARGEST * 2):
-        with pytest.raises(InputError, match=r"noise.* must be in .*, not "):
-            PAPER.breakdown("lcs", 6, noise)
-
-
-# -- invariants --------------------------------------------------------------------------------------
-
-
 @settings(deadline=None, max_examples=60)
 @given(readouts, resolutions, noises, taus, choices)
 def test_totals_are_the_sum_of_positive_parts(readout, n, noise, tau, chosen):
@@ -215,13 +203,10 @@ def test_arrays_give_what_single_numbers_give():
             assert float(found.total[6, 1, 1]) == pytest.approx(float(single.total), rel=1e-12)
 
 
-# -- corrections -------------------------------------------------------------------------------------
-
-
-def alone(name: str, readout: str, n: int = 6, **parameters: float) -> tuple[dict, dict]:
+def alone(name: str, readout: str, **parameters: float) -> tuple[dict, dict]:
     """Return the power breakdowns without and with one correction."""
     return tuple(
-        with_corrections(frozenset(chosen), **parameters).breakdown(readout, n, 1e-3).to_dict()
+        with_corrections(frozenset(chosen), **parameters).breakdown(readout, 6, 1e-3).to_dict()
         for chosen in ((), (name,))
     )
 
@@ -370,9 +355,6 @@ def test_arrays_of_other_shapes():
     assert float(one.breakdown("nlcs", 6, 1e-3).io) == pytest.approx(2 * 125e-12 * 3009.6 * 4 / 64)
 
 
-# -- refusals ----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
@@ -381,6 +363,8 @@ def test_arrays_of_other_shapes():
         (lambda: PAPER.breakdown("lcs", 6.5, 1e-3), "resolution must be a whole number in 1..10, not 6.5"),
         (lambda: PAPER.breakdown("lcs", 6, -1e-3), "noise must be a positive number of volts, not -0.001"),
         (lambda: PAPER.breakdown("lcs", 6, math.nan), "noise must be a positive number of volts, not nan"),
+        (lambda: PAPER.breakdown("lcs", 6, SMALLEST / 2), "noise must be in 1e-15..1e+15 volts, not 5e-16"),
+        (lambda: PAPER.breakdown("lcs", 6, LARGEST * 2), "noise must be in 1e-15..1e+15 volts, not 2e+15"),
         (lambda: PAPER.breakdown("nlcs", 6, 1e-3, 0.0), "tau must be a positive number of seconds, not 0"),
         (lambda: PAPER.breakdown("cw-lcs", 6, 1e-3), "readout must be one of nlcs, lcs, frame, not 'cw-lcs'"),
         (lambda: PAPER.crossover("frame", 6), "a crossover is of a spiking readout, nlcs or lcs, not 'frame'"),

@@ -30,32 +30,17 @@ DELAYS = [delay for delay in range(1, 60) if delay % 8]
 
 @dataclass(frozen=True)
 class Case:
-    """A configuration and its inputs.
+    """A configuration and its inputs."""
 
-    Attributes
-    ----------
-    config : dict
-        Fields of the configuration that are not the default.
-    samples : list
-        For every clock the codes of all taxels, or None where there is no sample tick.
-    rest : int
-        Clocks behind these.
-    off : list of (clock, taxels)
-        Taxels that are off from a clock on, all others are on.
-    ready : list of int
-        ``event_ready``, repeated.
-    ack_delay : list of int
-        In 1/8 clock, repeated.
-    decisions : list of list of int
-        What the comparators say in the first clocks, 1 for above, 2 for below; empty: what the signal tells them.
-    """
-
-    config: dict[str, Any]
+    config: dict[str, Any]  # fields of the configuration that are not the default
+    # for every clock the codes of all taxels, or None where there is no sample tick
     samples: list[list[int] | None] = field(default_factory=list)
-    rest: int = 0
+    rest: int = 0  # clocks behind these
+    # taxels that are off from a clock on, all others are on
     off: list[tuple[int, list[int]]] = field(default_factory=list)
-    ready: list[int] = field(default_factory=lambda: [1])
-    ack_delay: list[int] = field(default_factory=lambda: [1])
+    ready: list[int] = field(default_factory=lambda: [1])  # ``event_ready``, repeated
+    ack_delay: list[int] = field(default_factory=lambda: [1])  # in 1/8 clock, repeated
+    # decisions of the comparators in the first clocks, 1 for above, 2 for below; if empty, those of the signal
     decisions: list[list[int]] = field(default_factory=list)
 
     @property
@@ -102,13 +87,7 @@ class Case:
 
     @classmethod
     def from_json(cls, text: str) -> Case:
-        """Return the case for a line of JSON.
-
-        Raises
-        ------
-        InputError
-            If it is none.
-        """
+        """Return the case for a line of JSON."""
         try:
             case = cls(**json.loads(text))
             case.parts()[1].check(ReadoutConfig.from_dict(case.config))
@@ -206,20 +185,11 @@ def cases(draw: st.DrawFn, **fixed: Any) -> Case:
 
 @dataclass
 class Search:
-    """Result of a search.
+    """Result of a search."""
 
-    Attributes
-    ----------
-    examples : int
-        Cases that were played, those of the shrinking among them.
-    case : Case or None
-        The smallest in which RTL and model differ.
-    designs : dict
-        The last configurations, elaborated: most of what a shrinking tries differs in the stimulus alone.
-    """
-
-    examples: int = 0
-    case: Case | None = None
+    examples: int = 0  # cases that were played, including shrinking
+    case: Case | None = None  # the smallest in which RTL and model differ
+    # the last configurations, elaborated: most of what a shrinking tries differs in the stimulus alone
     designs: dict[str, Design] = field(default_factory=dict)
 
     def differs(self, case: Case) -> bool:
@@ -248,13 +218,7 @@ class Search:
 def search(examples: int, seed: int, **fixed: Any) -> Search:
     """Draw cases until RTL and model differ, and shrink the failing case.
 
-    Parameters
-    ----------
-    examples : int
-        Cases that are drawn at most.
-    seed : int
-    **fixed
-        Fields of the configuration that are not drawn.
+    ``fixed`` are fields of the configuration that are not drawn.
     """
     found = Search()
     rules = settings(

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 from amaranth.sim import Simulator
 
+from eskin.cocotb_tests.bench.reference import ReceiverReference
 from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.fields import seen
 from eskin.model.readout import Stimulus
 from eskin.rtl import readout
 from eskin.rtl.link import requests
-from tests.independent.agreement import Receiver, look
+from tests.independent.agreement import look
 
 
 class Breach(AssertionError):
@@ -36,18 +37,12 @@ class Design:
         self.played = False
 
     def play(self, stimulus: Stimulus) -> Events:
-        """Simulate a stimulus after a reset; return the events in order.
-
-        Raises
-        ------
-        Breach
-            If a link breaks its protocol.
-        """
+        """Simulate a stimulus after a reset; return the events in order."""
         stimulus.check(self.config)
         self.stimulus = stimulus
         self.driven: dict[str, int] = {}
         self.events: list[tuple[int, int, int, bool]] = []
-        self.receiver = Receiver(stimulus.ack_delay)
+        self.receiver = ReceiverReference(stimulus.ack_delay.tolist())
         self.signal = [0] * self.config.taxels
         self.waiting: tuple[int, ...] | None = None
         self.before = (0, 0, 0)
@@ -86,7 +81,7 @@ class Design:
                 self._four_phase(ctx, clock)
             await ctx.tick()
             if config.handshake:
-                self.receiver.after(clock, sum(self._read(ctx, name) for name in requests(config)))
+                self.receiver.see(any(self._read(ctx, name) for name in requests(config)), clock)
             self.signal = self.signal if codes is None else seen(config, np.array([codes]))[0].tolist()
 
     def _look(self, ctx: Any, clock: int) -> None:
@@ -117,7 +112,7 @@ class Design:
 
     def _four_phase(self, ctx: Any, clock: int) -> None:
         config = self.config
-        ack = self.receiver.before(clock)
+        ack = int(self.receiver.ack_at(clock))
         self._drive(ctx, aer_ack=ack)
         high, address = [self._read(ctx, name) for name in requests(config)], self._read(ctx, "aer_addr")
         req = sum(high)

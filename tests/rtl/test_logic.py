@@ -44,7 +44,7 @@ def test_depth_is_logarithmic_and_area_linear() -> None:
 
 
 @pytest.mark.parametrize("width", [1, 2, 3, 5, 8, 64])
-@settings(max_examples=2, deadline=None)  # each makes the network anew, which takes seconds
+@settings(max_examples=2)  # each makes the network anew, which takes seconds
 @given(data=st.data())
 def test_networks_compute_what_they_say(width: int, data: st.DataObject) -> None:
     values = data.draw(st.lists(st.integers(0, 2**width - 1), min_size=20, max_size=40))

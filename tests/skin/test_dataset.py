@@ -53,9 +53,6 @@ def nowhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "repo"
 
 
-# -- a directory -------------------------------------------------------------------------------------
-
-
 def test_directory_gives_classes_and_images_in_alphabetical_order(textures):
     data = open_dataset(textures)
     assert data.name == "cloth"
@@ -150,9 +147,6 @@ def test_a_directory_that_is_no_dataset_is_refused(textures, what):
         open_dataset(textures)
 
 
-# -- images ------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("content", [b"", b"\x89PNG\r\n\x1a\n" + bytes(99)])
 def test_file_that_is_no_png_is_refused(tmp_path, content):
     path = tmp_path / "x.png"
@@ -181,9 +175,6 @@ def test_image_that_is_not_8_bit_gray_is_refused(tmp_path, mode, shown):
         match=rf"^image .*x\.png must be 8-bit gray, not {shown}; convert it to 8-bit gray \(mode L\) first$",
     ):
         read_gray_png(path)
-
-
-# -- where it is found -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("place", ["data/kylberg", "../shared/data/kylberg"])
@@ -224,9 +215,6 @@ def test_variable_that_names_no_directory_is_refused(monkeypatch):
     monkeypatch.setenv("ESKIN_DATA", "gone")
     with pytest.raises(InputError, match=r"^\$ESKIN_DATA gone is not a directory; give a directory with a folder"):
         open_dataset()
-
-
-# -- the embedded default ----------------------------------------------------------------------------
 
 
 def test_embedded_has_48_distinct_patches_of_3_classes():
@@ -275,9 +263,6 @@ def test_embedded_with_another_photograph_is_a_clear_error(monkeypatch):
         r"install the version in constraints\.txt or give --dataset DIR$",
     ):
         embedded_dataset()
-
-
-# -- use ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

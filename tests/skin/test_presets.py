@@ -38,9 +38,6 @@ def paper_reference(config: ReadoutConfig, image: np.ndarray) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
-# -- quantiser ---------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("signals", "bits", "codes", "clipped"),
     [
@@ -68,9 +65,6 @@ def test_quantised_signals_are_within_half_a_code_or_clipped(signals, bits):
 def test_quantise_refuses_nan():
     with pytest.raises(InputError, match=r"^signals must be numbers, not NaN; check the image they come from$"):
         quantise(np.array([0.0, math.nan]), 12)
-
-
-# -- paper -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -174,9 +168,6 @@ def test_paper_refuses_a_tau_that_is_no_time():
         PAPER.configure(ReadoutConfig(encoding="nlcs"), -1)
 
 
-# -- physical ----------------------------------------------------------------------------------------
-
-
 def test_physical_scan_of_a_kylberg_image_takes_the_whole_width():
     config = ReadoutConfig()
     pitch = 200e-6 / (26e-3 / 576)
@@ -237,9 +228,6 @@ def test_physical_sets_only_the_leak():
     assert leaky.tau_s == pytest.approx(0.05, rel=0.01)
     assert leaky.sample_rate_hz == 20_000
     assert PHYSICAL.skipped_ticks(leaky) == 0
-
-
-# -- both --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("frequency_hz", [0.5, 10.0, 150.0, 2_000.0])

@@ -44,9 +44,6 @@ def paper(encoding: str, resolution: int, **fields) -> ReadoutConfig:
     return PAPER.configure(ReadoutConfig(encoding=encoding, resolution=resolution, **fields))
 
 
-# -- published rates ---------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("encoding", "resolution"), sorted(PUBLISHED_RATES_HZ))
 def test_published_rates_are_met(kylberg, encoding, resolution):
     required = {("lcs", 2), ("lcs", 6), ("nlcs", 4), ("nlcs", 8)}  # docs/specification.md, section 6
@@ -55,7 +52,6 @@ def test_published_rates_are_met(kylberg, encoding, resolution):
     config = paper(encoding, resolution)
     rates = measure_rates(kylberg, PAPER, config)
     published = published_rate_hz(kylberg, PAPER, config)
-    assert published is not None
     assert rates.population_rate_hz == pytest.approx(published, rel=TOLERANCE[encoding, resolution])
     assert rates.clipped_samples == 0
 
@@ -71,9 +67,6 @@ def test_published_rates_are_only_for_what_was_published():
     assert published_rate_hz(kylberg, PAPER, paper("lcs", 5)) is None
     short = PAPER.configure(ReadoutConfig(encoding="nlcs", resolution=6), tau_s=0.02)
     assert published_rate_hz(kylberg, PAPER, short) is None
-
-
-# -- integers against numbers ------------------------------------------------------------------------
 
 
 def float_nlcs_events(signals: np.ndarray, config: ReadoutConfig, first: int) -> int:
@@ -102,9 +95,6 @@ def test_integer_nlcs_is_within_0_3_percent_of_the_exponential(resolution):
     first = PAPER.skipped_ticks(config)
     exact = sum(float_nlcs_events(PAPER.signals(config, t.load()), config, first) for t in data)
     assert measure_rates(data, PAPER, config).events == pytest.approx(exact, rel=0.003)
-
-
-# -- what a rate is ----------------------------------------------------------------------------------
 
 
 def test_rate_is_events_over_the_whole_scan_without_those_skipped():
@@ -146,9 +136,6 @@ def test_nothing_to_measure_is_refused():
         measure_rates(Dataset("none", (), ()), PHYSICAL, ReadoutConfig())
     with pytest.raises(InputError, match=r"^a rate needs at least one image and one start row; "):
         measure_rates(data, PHYSICAL, ReadoutConfig(), [])
-
-
-# -- the command -------------------------------------------------------------------------------------
 
 
 def test_json_is_one_object_and_nothing_else(call):

@@ -274,12 +274,13 @@ def test_a_baseline_that_is_left_and_dead_columns_are_named(tmp_path):
 
 def test_warnings_say_what_is_there_and_no_more():
     wave = np.sin(np.arange(100.0) / 3)
-    flat = Table(Path("x.csv"), np.stack([wave, 0 * wave, 0 * wave, 0 * wave], 1), tuple("abcd"), False, None, 35, ())
+    said = {"codes": False, "time_s": None, "rate_hz": 35, "notes": (), "named": False, "filled": 0, "start_s": 0.0}
+    flat = Table(Path("x.csv"), np.stack([wave, 0 * wave, 0 * wave, 0 * wave], 1), tuple("abcd"), **said)
     found = prepare([flat], Preparation(scale="2"), 12)
     assert found.warnings[0].startswith("column 'b' (and 2 more) never changes")
     assert found.warnings[1].startswith(f"{found.clipped / 400:.1%} of the samples are beyond full scale")
     assert 0.1 < found.clipped / 400 < 0.25
-    quiet = Table(Path("x.csv"), 100.0 + wave[:, None], ("a",), False, None, 35, ())  # little moves, on little
+    quiet = Table(Path("x.csv"), 100.0 + wave[:, None], ("a",), **said)  # little moves, on little
     assert prepare([quiet], Preparation(scale="0.001"), 12).warnings == ()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,8 @@ import numpy as np
 from PIL import Image
 
 from eskin.snn.data.scans import ScanData
+from eskin.snn.exchange.weights import Weights
+from eskin.snn.network import build
 from eskin.snn.network_config import NetworkConfig
 
 CLASSES = ("brick", "grass", "gravel")
@@ -34,6 +37,12 @@ def two_textures(folder: Path) -> None:
         for number in range(4):
             pixels = generator.integers(0, 256 if name == "rough" else 64, (40, 160), np.uint8)
             Image.fromarray(pixels).save(folder / name / f"{number}.png")
+
+
+def some_weights(classes: Sequence[str] = "abc", step_s: float = 0.002, seed: int = 0, **fields: Any) -> Weights:
+    """Return an untrained network of 6 inputs and 5 hidden neurons, unless ``fields`` give others."""
+    config = NetworkConfig.from_dict({"inputs": 6, "classes": len(classes), "hidden": 5} | fields)
+    return Weights(build(config, seed), tuple(classes), step_s)
 
 
 def small_network(**fields: Any) -> NetworkConfig:

@@ -22,9 +22,7 @@ def scans(seed: int = 0, rate: float = 2.0) -> torch.Tensor:
 
 
 def spiking(seed: int = 2, **fields: float) -> SpikingNetwork:
-    network = build(NetworkConfig.from_dict(dict(inputs=16, classes=6, hidden=64, **fields)), seed)  # type: ignore[arg-type]
-    assert isinstance(network, SpikingNetwork)
-    return network
+    return build(NetworkConfig.from_dict(dict(inputs=16, classes=6, hidden=64, **fields)), seed)
 
 
 def test_without_the_fields_nothing_changes() -> None:
@@ -77,7 +75,6 @@ def test_frames_are_centred_and_scaled() -> None:
     frames = 0.4 + 0.1 * torch.randn(50, 8, 16, generator=torch.Generator().manual_seed(1))
     calibrate(network, frames)
     config = network.config
-    assert isinstance(config, NetworkConfig)
     entering = (frames - config.to_dict()["input_offset"]) * config.input_scale
     assert float(entering.mean()) == pytest.approx(0.0, abs=1e-4)
     assert float(entering.std()) == pytest.approx(1.0, rel=1e-3)

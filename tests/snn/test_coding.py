@@ -12,6 +12,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.snn.data.coding import coded_bits, coded_events, coded_frames
 from eskin.snn.data.frame_steps import FrameSteps
+from eskin.snn.experiments import coded
 from eskin.snn.experiments.coded import coded_bps
 from eskin.snn.experiments.experiment import Experiment
 
@@ -61,6 +62,13 @@ def test_differences_cost_what_they_say_whatever_the_width_of_a_word(bits: int) 
     found = coded_frames([walk[:, :2], walk[:, 2:]], bits)
     assert np.log2(3) * walk.size < found["differences"] < 1.25 * np.log2(3) * walk.size
     assert found["samples"] > found["differences"]
+
+
+def test_twenty_four_scans_are_coded_as_one_stream(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = []
+    monkeypatch.setattr(coded, "coded_events", lambda recordings, _: {"events": seen.append(recordings) or 1})
+    coded_bps(Experiment(dataset="embedded", readout=ReadoutConfig(rows=1, columns=1, resolution=2)))
+    assert [len(recordings) for recordings in seen] == [24]
 
 
 def test_a_readout_has_coded_rates_below_its_own() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from eskin.base.errors import InputError
 from eskin.model.address_events import make_events, no_events
@@ -179,12 +180,7 @@ def test_a_scan_that_has_not_begun_has_no_differences() -> None:
     assert not frames.frames, "what a shift in time brings in is 0, not the difference at the edge again"
 
 
-# -- augmentation ------------------------------------------------------------------------------------
-
-
 def test_scans_at_other_speeds_keep_their_events() -> None:
-    import torch
-
     counts = torch.poisson(torch.full((40, 6, 4), 1.3), generator=torch.Generator().manual_seed(0))
     assert torch.equal(at_speed(counts, torch.ones(6)), counts)
     faster = at_speed(counts, torch.full((6,), 2.0))
@@ -202,8 +198,6 @@ def test_scans_at_other_speeds_keep_their_events() -> None:
 
 
 def test_frames_that_enter_repeat_the_edge() -> None:
-    import torch
-
     frames = torch.arange(40.0)[:, None, None].expand(40, 8, 4)
     shifted = augment(frames, 4, AugmentConfig(shift_steps=5), np.random.default_rng(0), frames=True)
     shifts = np.random.default_rng(0).integers(-5, 6, 8)
@@ -212,8 +206,6 @@ def test_frames_that_enter_repeat_the_edge() -> None:
 
 
 def test_the_speed_of_every_scan_is_drawn_anew() -> None:
-    import torch
-
     counts = torch.poisson(torch.full((40, 6, 4), 1.3), generator=torch.Generator().manual_seed(0))
     config = AugmentConfig(speed_spread=0.2)
     once = augment(counts, 4, config, np.random.default_rng(0))
@@ -226,8 +218,6 @@ def test_the_speed_of_every_scan_is_drawn_anew() -> None:
 
 
 def test_augmentation_shifts_and_silences_whole_scans() -> None:
-    import torch
-
     batch = torch.arange(1.0, 6.0)[:, None, None].expand(5, 40, 8).contiguous()
     shifted = augment(batch, 4, AugmentConfig(shift_steps=2), np.random.default_rng(0))
     seen = {tuple(shifted[:, scan, 0].tolist()) for scan in range(40)}
@@ -239,9 +229,6 @@ def test_augmentation_shifts_and_silences_whole_scans() -> None:
     again = augment(batch, 4, AugmentConfig(drop_taxels=0.5), np.random.default_rng(0))
     assert torch.equal(again, dropped)
     assert torch.equal(augment(batch, 4, AugmentConfig(), np.random.default_rng(0)), batch)
-
-
-# -- bad input ---------------------------------------------------------------------------------------
 
 
 def refused(recordings: list[Recording], bins: BinConfig, classes: list[str] | None = None) -> str:

@@ -14,16 +14,13 @@ import numpy as np
 import pytest
 import torch
 
+from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.scans import ScanData, Split
 from eskin.snn.exchange.nir_network import load_nir, save_nir
 from eskin.snn.exchange.weights import Weights, load_weights, save_weights
-from eskin.snn.experiments.recipes import RECIPES
-from eskin.snn.flat import hints_of
-from eskin.snn.network import SpikingNetwork
-from eskin.snn.network_config import NetworkConfig
+from eskin.snn.experiments.settings import experiment_of
 from eskin.snn.studies.agreement import random_events
 from eskin.snn.train import predicted_classes, train
-from eskin.snn.training import TrainConfig
 from tests.snn.helpers import easy_data
 from tests.snn.test_nir_network import made, scans
 
@@ -66,35 +63,36 @@ def hidden_spikes(net: Any, name: str = "hidden") -> list[torch.Tensor]:
     return seen
 
 
+def same(there: dict[str, Any], weights: Weights, x: torch.Tensor, node: str = "hidden") -> tuple[Any, set[int]]:
+    """Check that spikes and classes of a library are ours; return the spikes, and the classes that occur."""
+    seen = hidden_spikes(there["net"], node)
+    classes = there["classify"](there["net"], x).tolist()
+    network = weights.network.eval()
+    with torch.no_grad():
+        spikes, logits = network.spikes(x), network(x).logits
+    assert torch.equal(torch.stack(seen), spikes)
+    assert classes == logits.argmax(1).tolist()
+    return spikes, set(classes)
+
+
 @pytest.mark.parametrize("library", LIBRARIES)
 @pytest.mark.parametrize("name", WHOLE)
 def test_an_export_spikes_in_a_library_as_it_does_here(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, library: str
 ) -> None:
-    weights, x = made(**WHOLE[name]), scans()
+    weights = made(**WHOLE[name])
     save_nir(tmp_path / "net.nir", weights)
-    found = there(library, tmp_path, monkeypatch)
-    seen = hidden_spikes(found["net"])
-    classes = found["classify"](found["net"], x)
-    network = weights.network.eval()
-    assert isinstance(network, SpikingNetwork)
-    with torch.no_grad():
-        spikes, logits = network.spikes(x), network(x).logits
+    spikes, classes = same(there(library, tmp_path, monkeypatch), weights, scans())
     assert 0.05 < float(spikes.mean()) < 0.9
-    assert torch.equal(torch.stack(seen), spikes)
-    assert classes.tolist() == logits.argmax(1).tolist()
-    assert len(set(classes.tolist())) > 1
+    assert len(classes) > 1
 
 
 @pytest.fixture(scope="module")
 def trained() -> tuple[Weights, ScanData]:
     data = easy_data(steps=40)
-    of_training = hints_of(TrainConfig)
-    fields = RECIPES["portable"] | {"epochs": 20, "batch": 8}
-    config = {"inputs": 8, "classes": 3, "hidden": 32} | {k: v for k, v in fields.items() if k not in of_training}
-    training = TrainConfig.from_dict({k: v for k, v in fields.items() if k in of_training})
+    experiment = experiment_of("portable", {"batch": 8, "hidden": 32}, 20, BinConfig())
     split = Split(data, np.arange(len(data.names)))
-    network = train(split, NetworkConfig.from_dict(config), training, seed=0).network
+    network = train(split, experiment.network_config(data), experiment.train, seed=0).network
     return Weights(network, data.class_names, data.step_s), data
 
 
@@ -120,14 +118,10 @@ def test_what_a_library_lacks_is_another_network_there(tmp_path: Path, monkeypat
     seen = hidden_spikes(found["net"])
     found["classify"](found["net"], x)
     network = weights.network
-    assert isinstance(network, SpikingNetwork)
     assert not torch.equal(torch.stack(seen), network.spikes(x))
     without = made(decay=0.5, output_decay=0.75, **NO_FLOOR).network
-    assert isinstance(without, SpikingNetwork)
     assert torch.equal(torch.stack(seen), without.spikes(x))
 
-
-# -- theirs ------------------------------------------------------------------------------------------
 
 STEP_S = 0.004
 BRAILLE = Path(__file__).parent / "nir_paper"
@@ -150,17 +144,9 @@ def test_published_networks_spike_here_as_in_the_libraries(
     nir.write(tmp_path / "net.nir", graph)
     weights = load_nir(BRAILLE / f"{name}.nir", 1e-4, reset=reset)
     x = torch.from_numpy(random_events(32, 128, 12, 0.5, seed=1)).float().transpose(0, 1)
-    found = there(library, tmp_path, monkeypatch)
-    seen = hidden_spikes(found["net"], "lif1_lif")
-    classes = found["classify"](found["net"], x)
-    network = weights.network.eval()
-    assert isinstance(network, SpikingNetwork)
-    with torch.no_grad():
-        spikes, logits = network.spikes(x), network(x).logits
+    spikes, classes = same(there(library, tmp_path, monkeypatch), weights, x, "lif1_lif")
     assert spikes.sum() > 500
-    assert torch.equal(torch.stack(seen), spikes)
-    assert classes.tolist() == logits.argmax(1).tolist()
-    assert len(set(classes.tolist())) > 3
+    assert len(classes) > 3
 
 
 def snntorch_network(recurrent: bool) -> torch.nn.Sequential:

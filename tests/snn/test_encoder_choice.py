@@ -19,7 +19,7 @@ from eskin.snn.data.scans import load_recordings
 from eskin.snn.encoder_choice import ByClasses, _statistics
 from eskin.snn.experiments.single import Fold
 from eskin.snn.reference import event_statistics
-from tests.skins import counts, write_csv, write_skin
+from tests.skins import counts, write_csv, write_skin, write_uneven
 
 FIRST = Preparation(baseline="first")
 
@@ -62,8 +62,37 @@ def test_it_takes_the_cheapest_of_the_accurate_encoders(folder: Path) -> None:
 def test_of_encoders_that_find_all_classes_the_one_with_fewest_bits_is_taken() -> None:
     found = read_set(FINGER, Preparation(), ReadoutConfig(), fit=ByClasses())
     assert any(
-        "encoder cw-lcs with 3 b, 271 bit/s" in note and " of 100% with the best" in note for note in found.notes
+        "encoder cw-lcs with 3 b and a common scale, 271 bit/s" in note
+        and " of 100% with the best of 48 settings" in note
+        for note in found.notes
     )
+
+
+def test_taxels_of_very_different_ranges_have_a_scale_each(folder: Path) -> None:
+    write_uneven(folder / "skin", each=6)
+    fit = ByClasses(folds=3)
+    found = chosen(fit)
+    assert any("b and a scale per taxel, " in note and "finds the class of 100% of 8 " in note for note in found.notes)
+    learned = fit.learned([source.name for source in found.sources], [str(one.class_name) for one in found.sources])
+    rest = [np.loadtxt(source.path, delimiter=",", skiprows=1)[:, 1:] for source in found.sources]
+    rest = [signal - signal[0] for signal in rest]
+    tops = np.abs(np.concatenate([rest[number] for number in learned])).max(0)
+    assert found.scale == pytest.approx(2047 / 2048 / tops)
+    for codes, signal in zip(found.codes, rest, strict=True):
+        assert np.array_equal(codes, np.clip(np.rint(signal * found.scale * 2048), -2048, 2047))
+    common = read_set(Path("skin"), FIRST, ReadoutConfig(), {"scale"}, fit=fit)  # as with --scale max
+    assert common.scale == pytest.approx(2047 / 2048 / tops.max())
+    assert any("; --encoding and --resolution choose others" in note for note in common.notes)
+    both = chosen(fit, encoding="lcs", resolution=4)
+    assert isinstance(both.scale, float), "nothing is compared"
+
+
+def test_a_taxel_that_never_moves_in_training_has_the_smallest_of_the_scales(folder: Path) -> None:
+    for number in range(2):
+        values = np.stack([np.arange(100) * 5, np.arange(100) % 7, np.full(100, 3)], axis=1)
+        write_csv(folder / f"skin/a/{number}.csv", values)
+    found = read_set(Path("skin/a/0.csv"), Preparation(baseline="first", scale="per-taxel"), ReadoutConfig())
+    assert found.scale == pytest.approx(2047 / 2048 / np.array([495, 6, 495]))
 
 
 def test_encoders_are_compared_by_the_statistics_that_train_prints(folder: Path) -> None:

@@ -28,21 +28,16 @@ from eskin.snn.data.scans import Split
 from eskin.snn.exchange.integer import Precision
 from eskin.snn.exchange.nir_events import load_nir_data, save_nir_data
 from eskin.snn.exchange.nir_network import load_nir, save_nir
-from eskin.snn.exchange.weights import Weights, load_weights, save_weights
+from eskin.snn.exchange.weights import load_weights, save_weights
 from eskin.snn.experiments.crossval import read_cell
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.trained import read_result
-from eskin.snn.network import build
 from eskin.snn.network_config import NetworkConfig
 from eskin.snn.train import train
 from eskin.snn.training import DivergedError, TrainConfig
-from tests.snn.helpers import easy_data, small_network
+from tests.snn.helpers import easy_data, small_network, some_weights
 
 CLASSES = ("a", "b", "c")
-
-
-def some_weights(**fields: Any) -> Weights:
-    return Weights(build(NetworkConfig.from_dict({"inputs": 6, "classes": 3, "hidden": 5} | fields), 0), CLASSES, 0.002)
 
 
 def changed(path: Path, header: dict[str, Any] | None = None, **arrays: Any) -> Path:
@@ -58,9 +53,6 @@ def changed(path: Path, header: dict[str, Any] | None = None, **arrays: Any) -> 
 def recording(**fields: Any) -> Recording:
     config = ReadoutConfig(rows=1, columns=2, **fields)
     return Recording(make_events([5, 90], [0, 0], [0, 1]), config, 100, metadata={"name": "a", "class": "sand"})
-
-
-# -- weights -----------------------------------------------------------------------------------------
 
 
 NETWORK = some_weights().network.config.to_dict()  # type: ignore[union-attr, operator]
@@ -127,9 +119,6 @@ def test_an_archive_that_unpacks_to_more_than_memory_is_for_is_not_read(tmp_path
             read(path)
 
 
-# -- NIR ---------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("kind", ["external link", "soft link", "external storage", "virtual", "bomb", "circle"])
 @pytest.mark.parametrize("reader", [load_nir, load_nir_data])
 def test_a_nir_file_reads_no_other_file_and_no_more_than_it_may(tmp_path: Path, kind: str, reader: Any) -> None:
@@ -165,9 +154,6 @@ def test_a_nir_file_reads_no_other_file_and_no_more_than_it_may(tmp_path: Path, 
     with pytest.raises(InputError) as error:
         reader(path)
     assert sentence in str(error.value)
-
-
-# -- training ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("rate", ["1e30", "1e38", "1e300", "11", "0", "nan", "inf"])
@@ -220,8 +206,6 @@ def test_a_checkpoint_that_is_no_training_does_not_go_on(tmp_path: Path, change:
     with pytest.raises(InputError, match=r"^checkpoint .*c\.pt is damaged; remove it to start again$"):
         train(Split(data, range(21)), small_network(), TrainConfig(epochs=2), 0, checkpoint=Checkpoint(path))
 
-
-# -- results -----------------------------------------------------------------------------------------
 
 CELL = {"fold": 0, "seed": 0, "test_images": [0], "labels": [1], "last": [1], "selected": [0]}
 
@@ -287,9 +271,6 @@ def test_frames_per_step_is_a_whole_number(bad: Any) -> None:
         FrameSteps(frames_per_step=bad)
 
 
-# -- numbers beyond reason ---------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("rate", [1e-9, 1e12])  # the ends of what a configuration takes
 def test_events_at_an_absurd_clock_are_converted_or_refused_in_one_sentence(call: Any, rate: float) -> None:
     recording(sample_rate_hz=rate).save(Path("a.npz"))
@@ -305,7 +286,7 @@ def test_events_at_an_absurd_clock_are_converted_or_refused_in_one_sentence(call
 
 
 def test_export_of_an_absurd_time_step_is_one_sentence(refuses: Any, folder: Path) -> None:
-    save_weights(Path("w.npz"), Weights(some_weights(decay=0.5).network, CLASSES, 1e308))
+    save_weights(Path("w.npz"), some_weights(step_s=1e308, decay=0.5))
     refuses("gives time constants that NIR cannot store", "export w.npz -o w.nir")
 
 
@@ -322,9 +303,6 @@ def test_import_takes_a_name_for_each_class(refuses: Any, names: str, sentence: 
     refuses(f"error: w.nir: {sentence}", "import w.nir -o b.npz --classes", names)
 
 
-# -- names on a terminal -----------------------------------------------------------------------------
-
-
 def test_a_name_is_shown_and_not_obeyed() -> None:
     assert printable("\x1b[2Jclear\x07 \u202egnp.exe \x9b1m") == "\\x1b[2Jclear\\x07 \\u202egnp.exe \\x9b1m"
     assert printable("Kylberg Gefühl, 砂 — ok") == "Kylberg Gefühl, 砂 — ok"
@@ -332,7 +310,7 @@ def test_a_name_is_shown_and_not_obeyed() -> None:
 
 def test_commands_and_errors_print_names_safely(call: Any, folder: Path) -> None:
     evil = "sand\x1b]0;title\x07"
-    save_weights(Path("w.npz"), Weights(some_weights(inputs=4, readout="membrane").network, (evil, "b", "c"), 1e-5))
+    save_weights(Path("w.npz"), some_weights((evil, "b", "c"), 1e-5, inputs=4, readout="membrane"))
     made = recording()
     Recording(made.events, made.config, 100, metadata={"name": evil, "class": evil}).save(Path("a.npz"))
     code, out, error = call("predict", "w.npz", "--events", "a.npz", "-o", "p.json")

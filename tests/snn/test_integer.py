@@ -30,7 +30,6 @@ def network(seed: int = 0, step: float | None = None, **fields: Any) -> SpikingN
     """Return a network with random weights, or with random multiples of a step."""
     base = {"inputs": 6, "classes": 3, "hidden": 24, "input_scale": 0.5}
     made = build(NetworkConfig.from_dict(base | fields), seed)
-    assert isinstance(made, SpikingNetwork)
     generator = torch.Generator().manual_seed(seed)
     with torch.no_grad():
         for name, parameter in made.named_parameters():
@@ -174,7 +173,6 @@ def test_a_network_that_rounds_its_weights_learns_through_it_and_becomes_what_it
     x = torch.from_numpy(COUNTS.transpose(1, 0, 2)).float()
     made(x).logits.sum().backward()
     gradient = made.w_rec.grad
-    assert gradient is not None
     assert gradient.abs().sum() > 0
     w_in, w_rec, w_out = (matrix.detach().numpy() for matrix in made.weights())
     assert len(np.unique(w_rec)) <= 7
@@ -184,8 +182,6 @@ def test_a_network_that_rounds_its_weights_learns_through_it_and_becomes_what_it
         assert np.allclose(integers * whole.notes[name]["step"], matrix * scale, atol=1e-6)
     with pytest.raises(InputError, match="rounds its weights to 3 bits, which NIR cannot express"):
         to_nir(weights_of(made))
-    with pytest.raises(InputError, match=r"weight_bits must be 0 or in 2\.\.8, not 9"):
-        network(weight_bits=9)
 
 
 def test_the_command_writes_the_network_and_its_images(tmp_path: Path) -> None:

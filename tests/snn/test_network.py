@@ -17,8 +17,9 @@ from eskin.snn.kernels import cpu as kernel
 from eskin.snn.kernels.layer import MOST_ENTRIES, Backend, layer
 from eskin.snn.kernels.reference import layer_reference
 from eskin.snn.kernels.rule import SURROGATES, NeuronReset, NeuronRule
-from eskin.snn.network import SpikingNetwork, build
+from eskin.snn.network import Output, SpikingNetwork, build
 from eskin.snn.network_config import NetworkConfig
+from tests.snn.helpers import small_network
 
 needs_kernel = pytest.mark.skipif(not kernel.available(), reason="no C++ compiler for the kernel")
 RESETS: tuple[NeuronReset, ...] = ("zero", "subtract")
@@ -57,28 +58,27 @@ def run(function: Any, rule: NeuronRule, values: dict[str, Tensor], **options: A
     return spikes.detach(), list(gradients)
 
 
+def check(function, rule: NeuronRule, values: dict[str, Tensor], rtol=1e-3, part=1e-4, atol=0.0, **options) -> Tensor:
+    """Compare spikes and gradients with plain autograd, to ``atol`` plus ``part`` of the largest; return the spikes."""
+    spikes, gradients = run(function, rule, values, **options)
+    expected, expected_gradients = run(layer_reference, rule, values)
+    assert torch.equal(spikes, expected)
+    for got, wanted in zip(gradients, expected_gradients, strict=True):
+        torch.testing.assert_close(got, wanted, rtol=rtol, atol=atol + part * float(wanted.abs().max()))
+    return spikes
+
+
 @pytest.mark.parametrize("rule", RULES, ids=str)
 def test_torch_path_equals_plain_autograd_in_double_precision(rule: NeuronRule) -> None:
     values = {name: value.double() for name, value in tensors(20, 3, 6, 11, 0.5).items()}
     values["decay"] = torch.linspace(0.5, 1.0, 11).double()
-    spikes, gradients = run(layer, rule, values)
-    expected, expected_gradients = run(layer_reference, rule, values)
-    assert torch.equal(spikes, expected)
-    assert 0.02 < spikes.mean() < 0.6
-    for got, wanted in zip(gradients, expected_gradients, strict=True):
-        torch.testing.assert_close(got, wanted, rtol=1e-10, atol=1e-10)
+    assert 0.02 < check(layer, rule, values, rtol=1e-10, part=0, atol=1e-10).mean() < 0.6
 
 
 @needs_kernel
 @pytest.mark.parametrize("rule", RULES, ids=str)
 def test_kernel_equals_plain_autograd(rule: NeuronRule) -> None:
-    values = tensors(20, 5, 12, 40, 0.2)
-    spikes, gradients = run(layer, rule, values, backend="kernel")
-    expected, expected_gradients = run(layer_reference, rule, values)
-    assert torch.equal(spikes, expected)
-    assert 0.02 < spikes.mean() < 0.6
-    for got, wanted in zip(gradients, expected_gradients, strict=True):
-        torch.testing.assert_close(got, wanted, rtol=1e-3, atol=1e-4 * float(wanted.abs().max()))
+    assert 0.02 < check(layer, rule, tensors(20, 5, 12, 40, 0.2), backend="kernel").mean() < 0.6
 
 
 @needs_kernel
@@ -94,12 +94,7 @@ def test_kernel_equals_plain_autograd(rule: NeuronRule) -> None:
     ],
 )
 def test_kernel_takes_any_size_and_density(steps: int, batch: int, inputs: int, neurons: int, density: float) -> None:
-    values = tensors(steps, batch, inputs, neurons, density)
-    spikes, gradients = run(layer, NeuronRule(), values, backend="kernel")
-    expected, expected_gradients = run(layer_reference, NeuronRule(), values)
-    assert torch.equal(spikes, expected)
-    for got, wanted in zip(gradients, expected_gradients, strict=True):
-        torch.testing.assert_close(got, wanted, rtol=1e-3, atol=1e-4 * float(wanted.abs().max()) + 1e-7)
+    check(layer, NeuronRule(), tensors(steps, batch, inputs, neurons, density), atol=1e-7, backend="kernel")
 
 
 @needs_kernel
@@ -108,11 +103,7 @@ def test_decays_and_layers_without_recurrence(backend: Backend) -> None:
     values = tensors(25, 4, 8, 20, 0.4)
     values["decay"] = torch.linspace(0.2, 0.99, 20)
     del values["w_rec"]
-    spikes, gradients = run(layer, NeuronRule(floor=-0.5), values, backend=backend)
-    expected, expected_gradients = run(layer_reference, NeuronRule(floor=-0.5), values)
-    assert torch.equal(spikes, expected)
-    for got, wanted in zip(gradients, expected_gradients, strict=True):
-        torch.testing.assert_close(got, wanted, rtol=1e-3, atol=1e-4 * float(wanted.abs().max()))
+    check(layer, NeuronRule(floor=-0.5), values, backend=backend)
 
 
 def test_a_kernel_that_cannot_take_a_sequence_refuses_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -189,12 +180,8 @@ def test_the_surrogate_of_the_paper_is_half_the_normal_density() -> None:
     torch.testing.assert_close(NeuronRule().slope(v), 0.5 * normal.log_prob(v).exp())
 
 
-# -- networks ----------------------------------------------------------------------------------------
-
-
 def test_the_default_network_is_that_of_the_paper() -> None:
     network = build(NetworkConfig.from_dict({"inputs": 128, "classes": 6}), seed=1)
-    assert isinstance(network, SpikingNetwork)
     eye = network.w_rec @ network.w_rec.t()
     torch.testing.assert_close(eye, torch.eye(256), atol=1e-5, rtol=0)
     limit = (6 / (128 + 256)) ** 0.5
@@ -231,11 +218,25 @@ def test_every_variant_learns_on_every_parameter(variant: dict[str, Any]) -> Non
         assert parameter.grad.abs().sum() > 0 or "bias_hh" in name, name
 
 
+def test_only_rates_above_the_limit_of_a_weighted_penalty_cost() -> None:
+    def found(**fields: float) -> Output:
+        network = build(small_network(**fields), seed=0)
+        x = torch.poisson(torch.full((25, 6, 8), 2.0), generator=torch.Generator().manual_seed(0))
+        output: Output = network(x)
+        assert isinstance(network, SpikingNetwork)
+        excess = (network.spikes(x).mean((0, 1)) - fields.get("rate_limit", 0.0)).clamp_min(0.0)
+        torch.testing.assert_close(output.penalty, fields.get("rate_weight", 0.0) * excess.square().mean())
+        return output
+
+    assert found(rate_limit=0.01).penalty == 0
+    assert found(rate_weight=2.0, rate_limit=0.05).penalty > 0
+    assert found(rate_weight=2.0, rate_limit=1.0).penalty == 0
+
+
 @pytest.mark.parametrize("fields", [{}, {"output_synapse_decay": 0.5}, {"learn_decay": True, "decay": 0.9}])
 def test_the_mean_membrane_and_its_gradients_are_those_of_a_loop(fields: dict[str, Any]) -> None:
     common = {"inputs": 5, "classes": 3, "hidden": 16, "readout": "membrane", "output_decay": 0.8, "dropout": 0.5}
     network = build(NetworkConfig.from_dict(common | fields), seed=0)
-    assert isinstance(network, SpikingNetwork)
     if "learn_decay" in fields:
         network.raw_output_decay.data += torch.tensor([-1.0, 0.0, 1.0])
     x = torch.poisson(torch.full((12, 2, 5), 1.0), generator=torch.Generator().manual_seed(0))

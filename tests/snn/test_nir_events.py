@@ -20,9 +20,7 @@ from eskin.skin.foreign.events import in_unit
 from eskin.snn.data.bins import BinConfig, bin_recording
 from eskin.snn.exchange.nir_events import from_nir_data, load_nir_data, save_nir_data, to_nir_data
 from eskin.snn.exchange.nir_network import to_nir
-from eskin.snn.exchange.weights import Weights
-from eskin.snn.network import build
-from eskin.snn.network_config import NetworkConfig
+from tests.snn.helpers import some_weights
 
 READOUT = ReadoutConfig(rows=2, columns=3, sample_rate_hz=17_001.0)
 
@@ -59,11 +57,7 @@ def test_channels_and_times_are_those_of_the_counts() -> None:
 
 def test_counts_and_events_fit_the_graph_of_a_network(tmp_path: Path) -> None:
     original, bins = recording(), BinConfig(bin_s=0.01)
-    graph = to_nir(
-        Weights(
-            build(NetworkConfig.from_dict({"inputs": 12, "classes": 3, "hidden": 5}), seed=0), ("a", "b", "c"), 0.01
-        )
-    )
+    graph = to_nir(some_weights(step_s=0.01, inputs=12))
     to_nir_data(original).check_nodes(graph)
     save_nir_data(tmp_path / "counts.nir", original, bins)
     data = nir.read_data(tmp_path / "counts.nir")
@@ -112,9 +106,6 @@ def test_the_array_of_event_tools() -> None:
     assert np.array_equal(in_unit(original, "clocks"), original.events)
     with pytest.raises(InputError, match="events are written in us or clocks, not 's'"):
         in_unit(original, "s")
-
-
-# -- command -----------------------------------------------------------------------------------------
 
 
 def test_events_go_out_and_come_back(call: Any, folder: Path) -> None:

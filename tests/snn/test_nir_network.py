@@ -19,8 +19,7 @@ from eskin.base.errors import InputError
 from eskin.snn.exchange.nir_network import from_nir, load_nir, save_nir, to_nir
 from eskin.snn.exchange.portable import lacks
 from eskin.snn.exchange.weights import Weights, load_weights, save_weights
-from eskin.snn.network import SpikingNetwork, build
-from eskin.snn.network_config import NetworkConfig
+from tests.snn.helpers import some_weights
 
 CLASSES = ("a", "b", "c")
 STEP_S = 0.002
@@ -36,16 +35,15 @@ VARIANTS: dict[str, dict[str, Any]] = {
 
 def made(**fields: Any) -> Weights:
     """Return a firing network with random biases and decays."""
-    network = build(NetworkConfig.from_dict(dict(inputs=6, classes=3, hidden=20, **fields)), seed=4)
-    assert isinstance(network, SpikingNetwork)
+    weights = some_weights(CLASSES, STEP_S, seed=4, hidden=20, **fields)
     generator = torch.Generator().manual_seed(1)
     with torch.no_grad():
-        for name, tensor in network.named_parameters():
+        for name, tensor in weights.network.named_parameters():
             if name.startswith(("b_", "raw_")):
                 tensor.add_(torch.randn(tensor.shape, generator=generator), alpha=0.1)
             else:
                 tensor.mul_(1.5)
-    return Weights(network, CLASSES, STEP_S)
+    return weights
 
 
 def scans() -> torch.Tensor:
@@ -95,9 +93,6 @@ def run(graph: nir.NIRGraph, x: NDArray[Any], floors: bool = True) -> dict[str, 
     return {name: np.array(values) for name, values in found.items()}
 
 
-# -- networks ----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", VARIANTS)
 def test_the_file_alone_gives_the_spikes_and_predictions(tmp_path: Path, name: str) -> None:
     weights, x = made(**VARIANTS[name]), scans()
@@ -105,7 +100,6 @@ def test_the_file_alone_gives_the_spikes_and_predictions(tmp_path: Path, name: s
     graph = nir.read(tmp_path / "net.nir")
     found = run(graph, x.numpy())
     network = weights.network.eval()
-    assert isinstance(network, SpikingNetwork)
     with torch.no_grad():
         spikes, logits = network.spikes(x).numpy(), network(x).logits.numpy()
     assert 0.05 < spikes.mean() < 0.9
@@ -140,7 +134,6 @@ def test_a_network_comes_back_bit_exact(tmp_path: Path, name: str) -> None:
 def test_learned_decays_may_reach_their_ends(tmp_path: Path) -> None:
     weights = made(**VARIANTS["learned"])
     network = weights.network
-    assert isinstance(network, SpikingNetwork)
     with torch.no_grad():
         network.raw_decay[:2] = torch.tensor([60.0, -200.0])
     assert network.decays()[0][:2].tolist() == [1.0, 0.0]
@@ -221,7 +214,6 @@ def test_a_graph_of_another_program_is_run_as_it_says(tmp_path: Path) -> None:
     assert 0.02 < hidden.mean() < 0.9
     assert output.sum() > 20
     network = loaded.network.eval()
-    assert isinstance(network, SpikingNetwork)
     np.testing.assert_array_equal(network.spikes(x).detach().numpy(), hidden)
     np.testing.assert_array_equal(network(x).logits.detach().numpy(), output.sum(0))
     assert (loaded.class_names, loaded.step_s) == (("x", "y"), 0.001)
@@ -233,7 +225,6 @@ def test_leaks_that_differ_come_in_as_learned_ones_that_began_as_the_first() -> 
     lif = nir.LIF(tau=tau, r=np.full(5, 3.0), v_leak=np.zeros(5), v_threshold=np.ones(5))
     leaky = nir.LIF(tau=np.full(2, 0.02), r=np.full(2, 0.5), v_leak=np.zeros(2), v_threshold=np.ones(2))
     network = from_nir(foreign(lif1=lif, if2=leaky), step_s=0.001).network
-    assert isinstance(network, SpikingNetwork)
     np.testing.assert_allclose(network.decays()[0].detach().numpy(), 1 - 0.001 / tau, rtol=1e-6)
     neurons = network.config.neurons
     assert (neurons.learn_decay, neurons.decay, neurons.output_decay) == (True, pytest.approx(0.9), pytest.approx(0.95))
@@ -311,13 +302,7 @@ def test_other_forms_and_broken_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="the graph is incomplete"):
         from_nir(graph, step_s=0.001)
     with pytest.raises(InputError, match=r"export it as \.npz"):
-        to_nir(
-            Weights(
-                build(NetworkConfig.from_dict({"inputs": 6, "classes": 3, "hidden": 5, "kind": "gru"}), seed=0),
-                CLASSES,
-                STEP_S,
-            )
-        )
+        to_nir(some_weights(kind="gru"))
     with pytest.raises(InputError, match=r"NIR files end in \.nir, net\.h5 does not"):
         save_nir(tmp_path / "net.h5", made())
     with pytest.raises(InputError, match="cannot read"):
@@ -353,9 +338,6 @@ def test_metadata_that_contradict_the_nodes_are_refused() -> None:
     graph.metadata["header"] = "{"
     with pytest.raises(InputError, match="the metadata of the graph are damaged"):
         from_nir(graph)
-
-
-# -- commands ----------------------------------------------------------------------------------------
 
 
 def test_networks_go_out_and_come_back(call: Any, folder: Path) -> None:
@@ -396,7 +378,6 @@ def test_what_is_lacking_is_taken_away_one_after_the_other() -> None:
     state = made(**VARIANTS["tuned"]).network.state_dict()
     for lack, readout in zip(found, ("membrane", "spikes"), strict=True):
         config = lack.network.config
-        assert isinstance(config, NetworkConfig)
         assert (config.neurons.rule.floor, config.neurons.readout) == (float("-inf"), readout)
         assert all(torch.equal(tensor, state[name]) for name, tensor in lack.network.state_dict().items())
 
@@ -414,9 +395,8 @@ def test_what_is_lacking_is_taken_away_one_after_the_other() -> None:
     ],
 )
 def test_wrong_commands_are_one_sentence_and_leave_nothing(refuses: Any, line: str, message: str) -> None:
-    gru = build(NetworkConfig.from_dict({"inputs": 6, "classes": 3, "hidden": 5, "kind": "gru"}), seed=0)
     save_weights(Path("w.npz"), made())
-    save_weights(Path("gru.npz"), Weights(gru, CLASSES, STEP_S))
+    save_weights(Path("gru.npz"), some_weights(kind="gru"))
     refuses(f"error: {message}", line)
 
 

@@ -64,7 +64,6 @@ def test_a_sweep_keeps_every_prediction_and_pairs_are_made_from_its_file(tmp_pat
     assert first.labels == as_word(data.image_labels)
     for reading in ("last", "selected"):
         words = first.result(reading).predictions
-        assert words is not None
         for fold, seed in ((0, 0), (1, 0), (0, 1), (1, 1)):
             _, cell = read_cell(tmp_path / "hidden-8" / f"fold-{fold}-seed-{seed}.json")
             assert [int(words[seed][image]) for image in cell["test_images"]] == cell[reading]

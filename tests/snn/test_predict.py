@@ -23,13 +23,12 @@ from eskin.skin.textures.dataset import embedded_dataset
 from eskin.skin.textures.physical import PhysicalScan
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.record import record, record_dataset
-from eskin.snn.exchange.weights import Weights, save_weights
+from eskin.snn.exchange.weights import save_weights
 from eskin.snn.experiments import evaluate
 from eskin.snn.experiments.evaluate import Check
 from eskin.snn.experiments.trained import load_trained
-from eskin.snn.network import build
-from eskin.snn.network_config import NetworkConfig
 from tests.conftest import Call
+from tests.snn.helpers import some_weights
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ReadoutConfig(rows=1, columns=4)
@@ -74,9 +73,6 @@ def predict(call: Call, trained: Path, tmp_path: Path) -> Call:
 
 def images_in(folder: Path) -> list[dict[str, Any]]:
     return json.loads((folder / "predictions.json").read_text())["images"]
-
-
-# -- predictions -------------------------------------------------------------------------------------
 
 
 def test_foreign_events_get_the_class_of_ours(tmp_path: Path, replayed: Path, predict: Call) -> None:
@@ -223,10 +219,8 @@ def test_a_recording_without_a_class_is_only_classified(tmp_path: Path, replayed
 
 
 def test_the_bins_are_those_of_the_training(tmp_path: Path, trained: Path, replayed: Path, predict: Call) -> None:
-    network = build(NetworkConfig.from_dict({"inputs": 4, "classes": 3, "hidden": 8, "readout": "membrane"}), seed=0)
     result = json.loads((trained / "result.json").read_text())
-    weights = Weights(network, tuple(result["class_names"]), 0.02)
-    save_weights(tmp_path / "weights.npz", weights)
+    save_weights(tmp_path / "weights.npz", some_weights(result["class_names"], 0.02, inputs=4, readout="membrane"))
     code, _, error = predict("--events", replayed, weights=tmp_path / "weights.npz")
     assert code == 2
     assert error.startswith("error: the network has 4 input channels, but the scans have 8 (4 taxels)")
@@ -247,9 +241,6 @@ def test_a_readout_that_is_not_that_of_the_training_is_told(tmp_path: Path, repl
     assert predict("--events", replayed)[2] == ""
 
 
-# -- RTL against model -------------------------------------------------------------------------------
-
-
 def tampered(replayed: Path, folder: Path, **changes: Any) -> Path:
     """Copy the recordings with one changed; return the changed file."""
     shutil.copytree(replayed, folder)
@@ -260,13 +251,6 @@ def tampered(replayed: Path, folder: Path, **changes: Any) -> Path:
 
 def changed_events(replayed: Path) -> Any:
     return Recording.load(replayed / "gravel" / "gravel-00.npz").events.copy()
-
-
-def quiet_place(events: Any) -> int:
-    """Return an event that can move by one clock within its bin."""
-    width = round(BINS.bin_s * CONFIG.clock_hz)
-    free = (np.diff(events["t"]) > 1) & ((events["t"][:-1] + 1) // width == events["t"][:-1] // width)
-    return int(np.flatnonzero(free)[7])
 
 
 def test_an_intact_replay_passes(replayed: Path, predict: Call, tmp_path: Path) -> None:
@@ -286,7 +270,9 @@ def test_an_intact_replay_passes(replayed: Path, predict: Call, tmp_path: Path) 
 
 def test_an_event_moved_by_a_clock_in_its_bin_is_found(tmp_path: Path, replayed: Path, predict: Call) -> None:
     events = changed_events(replayed)
-    place = quiet_place(events)
+    width = round(BINS.bin_s * CONFIG.clock_hz)
+    free = (np.diff(events["t"]) > 1) & ((events["t"][:-1] + 1) // width == events["t"][:-1] // width)
+    place = int(np.flatnonzero(free)[7])
     clock = int(events["t"][place])
     events["t"][place] += 1
     path = tampered(replayed, tmp_path / "in", events=events)
@@ -304,14 +290,6 @@ def test_an_event_moved_by_a_clock_in_its_bin_is_found(tmp_path: Path, replayed:
     assert report["check"]["different"]["events"] == ["gravel/gravel-00"]
 
 
-def drop(events: Any) -> Any:
-    return np.delete(events, 40)
-
-
-def drop_last(events: Any) -> Any:
-    return events[:-1]
-
-
 def flip(events: Any) -> Any:
     events["p"][40] = ~events["p"][40]
     return events
@@ -325,8 +303,8 @@ def other_taxel(events: Any) -> Any:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (drop, "event 40 differs in"),
-        (drop_last, "; RTL nothing more\n"),  # behind the last whole bin
+        (lambda events: np.delete(events, 40), "event 40 differs in"),
+        (lambda events: events[:-1], "; RTL nothing more\n"),  # behind the last whole bin
         (flip, "event 40 differs in polarity: model"),
         (other_taxel, "event 40 differs in column: model"),
     ],
@@ -412,9 +390,6 @@ def test_nothing_compared_is_a_failure(tmp_path: Path, replayed: Path, predict: 
     assert code == 0
     assert "1 recordings do not come from the RTL and were not compared" in output
     assert output.splitlines()[-1].startswith("6 of 6 recordings: same events")
-
-
-# -- bad input ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -41,9 +41,9 @@ def texture() -> Texture:
     return open_dataset("embedded")[0]
 
 
-def disturbed(texture: Texture, **strengths: float) -> Recording:
+def disturbed(texture: Texture, config: ReadoutConfig = CONFIG, **strengths: float) -> Recording:
     named = {name.replace("_", "-"): strength for name, strength in strengths.items()}
-    return record_disturbed(texture, "embedded", SCAN, CONFIG, named, np.random.default_rng(0))
+    return record_disturbed(texture, "embedded", SCAN, config, named, np.random.default_rng(0))
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +78,7 @@ def test_each_does_what_it_says(texture: Texture, clean: Recording) -> None:
     assert abs(len(disturbed(texture, lost=0.3).events) / n - 0.7) < 0.05
     more = len(disturbed(texture, hot=0.25).events) - n
     assert abs(more / (3 * 1000.0 * clean.duration_s) - 1) < 0.15
+    assert disturbed(texture, CONFIG.replace(encoding="nlcs"), hot=0.25).events["p"].all(), "N-LCS has no OFF events"
     assert disturbed(texture, short=0.1).events["t"].max() < 0.1 * clock_hz
     late = disturbed(texture, late=0.05).events
     assert len(late) == (clean.events["t"] >= 0.05 * clock_hz).sum()
@@ -144,9 +145,6 @@ def test_training_scans_are_disturbed_within_their_ranges_and_the_first_is_clean
     assert data.images.tolist() == [0, 0, 0, 1, 1, 1]
     assert int(data.values[0].sum()) >= 0.95 * len(clean.events)
     assert len({scan.tobytes() for scan in data.values}) == 6
-
-
-# -- cells -------------------------------------------------------------------------------------------
 
 
 def test_cells_are_kept_resumed_and_paired(call: Any, refuses: Any, folder: Path) -> None:

@@ -14,7 +14,6 @@ from eskin.model.config import ReadoutConfig
 from eskin.power.equations import CORRECTIONS, PowerModel
 from eskin.power.parameters import PowerParameters
 from eskin.skin.textures.dataset import Dataset, open_dataset
-from eskin.snn.data.disturb import noisy
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.exchange.weights import Weights
 from eskin.snn.experiments.experiment import Experiment
@@ -33,15 +32,6 @@ SMALL = ReadoutConfig(rows=2, columns=3, resolution=4)
 @pytest.fixture(scope="module")
 def textures() -> Dataset:
     return open_dataset("embedded").limit(2)
-
-
-def test_noise_has_its_rms_and_its_bandwidth() -> None:
-    quiet = np.zeros((20_000, 4))
-    white, slow = (noisy(quiet, 0.01, np.random.default_rng(0), pole) for pole in (None, 0.005))
-    for found, next_sample in ((white, 0.0), (slow, np.exp(-2 * np.pi * 0.005))):
-        assert found.std() == pytest.approx(0.01, rel=0.1)
-        assert (found[1:] * found[:-1]).mean() / found.var() == pytest.approx(next_sample, abs=0.02)
-    assert slow[0].std() > 0.002  # from the start
 
 
 @pytest.mark.parametrize("kind", ["lcs", "nlcs", "frames"])
@@ -157,6 +147,7 @@ def test_both_commands_write_what_they_print(call: Any, refuses: Any, folder: Pa
         ("a", "paper", 0.05),
         ("a", "consistent", 0.001),
     ]
+    assert {(p["network"], p["readout"]) for p in points} == {("a", "lcs"), ("b", "frame")}
     assert points[1]["rate_hz"] > points[3]["rate_hz"] > points[2]["rate_hz"]  # slow noise makes fewer events
     answer = points[0]["answers"][0]
     assert points[0]["accuracy"] == np.mean(

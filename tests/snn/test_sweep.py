@@ -106,7 +106,7 @@ def test_cells_of_other_scans_or_another_experiment_are_refused(tmp_path: Path) 
 
 def test_rates_of_the_summary_by_hand(tmp_path: Path) -> None:
     def summary(experiment: Experiment) -> dict[str, Any]:
-        run = PointRun(SweepPoint("x", experiment, easy_data()), tmp_path, 2, 1, 0)
+        run = PointRun(SweepPoint("x", experiment, easy_data()), tmp_path, 2, 1)
         assert run.summary().normalised_rate is None
         run.prepare(lambda: None)
         return dataclasses.asdict(run.summary())
@@ -121,9 +121,6 @@ def test_rates_of_the_summary_by_hand(tmp_path: Path) -> None:
     assert summary(bipolar)["bits_per_event"] == 7
     frame = summary(Experiment(frames=FrameSteps(frames_per_step=5), network={"kind": "rnn"}))
     assert (frame["readout"], frame["resolution"], frame["data_rate_bps"]) == ("frame", 10, 10_000)
-
-
-# -- the command -------------------------------------------------------------------------------------
 
 
 def command(folder: Path) -> list[str]:
@@ -231,9 +228,6 @@ def test_points_are_encoder_and_number() -> None:
         ("frame-diff", "62.5:8"),
     ]
     assert parse_points("lcs:6:on,nlcs-bipolar:04") == [("lcs", "6:on"), ("nlcs-bipolar", "4")]
-
-
-# -- a Dask cluster ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x", "tcp://127.0.0.1:port", "tcp:///"])

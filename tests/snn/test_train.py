@@ -36,10 +36,9 @@ from eskin.snn.experiments.crossval import check_same, run_cell, summarise
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.intervals import bootstrap, wilson
 from eskin.snn.experiments.recipes import RECIPES
-from eskin.snn.experiments.settings import parse_settings
+from eskin.snn.experiments.settings import experiment_of, parse_settings
 from eskin.snn.experiments.single import Fold
 from eskin.snn.experiments.sweep import cross_validate
-from eskin.snn.flat import hints_of
 from eskin.snn.network import build
 from eskin.snn.network_config import FIELDS, KINDS, NetworkConfig
 from eskin.snn.train import logits_of, predicted_classes, train
@@ -49,18 +48,13 @@ from tests.snn.helpers import CLASSES, easy_data, small_network
 ROOT = Path(__file__).parents[2]
 
 
-# -- training ----------------------------------------------------------------------------------------
-
-
 def test_a_network_learns_an_easy_task() -> None:
     data = easy_data()
     made = train(Split(data, range(21)), small_network(), TrainConfig(epochs=25, batch=8), seed=0)
     assert made.history[-1].loss < 0.5 * made.history[0].loss
     assert (predicted_classes(made.network, data, range(21, 30)) == data.labels[21:]).mean() >= 8 / 9
-    assert (
-        predicted_classes(made.network, data, [25, 3]).tolist()
-        == predicted_classes(made.network, data, [3, 25]).tolist()[::-1]
-    )
+    one, other = (predicted_classes(made.network, data, images).tolist() for images in ([25, 3], [3, 25]))
+    assert one == other[::-1]
 
 
 def test_a_resumed_training_ends_in_the_same_bits(tmp_path: Path) -> None:
@@ -162,27 +156,29 @@ def test_a_loss_that_is_no_number_stops_the_training() -> None:
 
 
 def test_a_checkpoint_of_another_configuration_or_a_damaged_one_is_refused(tmp_path: Path) -> None:
-    data, path = easy_data(), tmp_path / "c.pt"
-    config = TrainConfig(epochs=1)
-    train(Split(data, range(21)), small_network(), config, 0, checkpoint=Checkpoint(path))
+    path = tmp_path / "c.pt"
+
+    def train_on(images: int = 21, seed: int = 0, epochs: int = 1, **fields: Any) -> None:
+        split, config = Split(easy_data(), range(images)), TrainConfig(epochs=epochs)
+        train(split, small_network(**fields), config, seed, checkpoint=Checkpoint(path))
+
+    train_on()
+    remedy = "remove it or choose another folder with --out"
     with pytest.raises(InputError) as error:
-        train(Split(data, range(21)), small_network(), config, 1, checkpoint=Checkpoint(path))
-    assert str(error.value) == (
-        f"checkpoint {path} belongs to another configuration (seed: 0 there, 1 now); "
-        f"remove it or choose another folder with --out"
-    )
+        train_on(seed=1)
+    assert str(error.value) == f"checkpoint {path} belongs to another configuration (seed: 0 there, 1 now); {remedy}"
     with pytest.raises(InputError, match=r"\(hidden: 16 there, 17 now\)"):
-        train(Split(data, range(21)), small_network(hidden=17), config, 0, checkpoint=Checkpoint(path))
+        train_on(hidden=17)
     with pytest.raises(InputError, match=r"\(other images; epochs: 1 there, 100 now\)"):
-        train(Split(data, range(20)), small_network(), TrainConfig(epochs=100), 0, checkpoint=Checkpoint(path))
+        train_on(20, epochs=100)
     content = torch.load(path, weights_only=True)
     del content["network"]["w_in"]
     torch.save(content, path)
     with pytest.raises(InputError, match="is damaged; remove it to start again"):
-        train(Split(data, range(21)), small_network(), config, 0, checkpoint=Checkpoint(path))
+        train_on()
     path.write_bytes(path.read_bytes()[:1000])
     with pytest.raises(InputError, match="is damaged; remove it to start again"):
-        train(Split(data, range(21)), small_network(), config, 0, checkpoint=Checkpoint(path))
+        train_on()
 
 
 def test_scans_of_another_array_are_refused() -> None:
@@ -190,9 +186,6 @@ def test_scans_of_another_array_are_refused() -> None:
         train(Split(easy_data(), range(21)), small_network(inputs=128), TrainConfig(), 0)
     with pytest.raises(InputError, match="the network has 6 classes, but the data have 3"):
         train(Split(easy_data(), range(21)), small_network(classes=6), TrainConfig(), 0)
-
-
-# -- cross-validation --------------------------------------------------------------------------------
 
 
 def test_folds_are_stratified_and_cover_every_image_once() -> None:
@@ -209,6 +202,16 @@ def test_folds_are_stratified_and_cover_every_image_once() -> None:
         Fold.choose(easy_data(), 0, 11)
     with pytest.raises(InputError, match=r"but class b has 1; record more$"):
         stratified_folds(np.array([0, 0, 1]), 6, class_names=("a", "b"))
+
+
+def test_every_image_is_tested_once_and_never_learned_where_it_is_tested() -> None:
+    data = easy_data()
+    folds = [Fold.choose(data, number, 3) for number in range(3)]
+    assert sorted(np.concatenate([fold.test for fold in folds])) == list(range(len(data.image_labels)))
+    for number, fold in enumerate(folds):
+        assert (fold.number, fold.of) == (number, 3)
+        assert sorted([*fold.test, *fold.images]) == list(range(len(data.image_labels)))
+        assert set(data.image_labels[fold.test]) == set(data.image_labels)
 
 
 def test_the_published_interval_comes_out() -> None:
@@ -244,15 +247,14 @@ def test_the_summary_of_two_cells_by_hand() -> None:
     assert found["last"]["sd_over_folds"] == pytest.approx(0.5 / 2**0.5)
     assert found["selected"]["accuracy"] == 0.5
     assert found["last"]["bootstrap_95"] == bootstrap(np.array([[1.0], [1.0], [0.0], [1.0]]))
+    assert (found["labels"], found["last"]["predictions"]) == ("0101", ["0111"])
+    assert summarise(cells[1:], 4, 2)["last"]["predictions"] == ["..11"], "no class for an image that was not tested"
     others = [cell | {"seed": 1, "last": cell["selected"], "selected": cell["last"]} for cell in cells]
     found = summarise([*cells, *others], 4, 2)["last"]
     assert found["accuracy"] == 0.625
     assert found["wilson_95"] == wilson(2.5, 4)
     assert found["bootstrap_95"] == bootstrap(np.array([[1.0, 1.0], [1.0, 0.0], [0.0, 1.0], [1.0, 0.0]]))
     assert found["sd_over_cells"] == pytest.approx(np.std([1.0, 0.5, 0.5, 0.5], ddof=1))
-
-
-# -- commands ----------------------------------------------------------------------------------------
 
 
 def test_settings_become_fields() -> None:
@@ -275,12 +277,7 @@ def test_settings_become_fields() -> None:
 
 @pytest.mark.parametrize("name", RECIPES)
 def test_every_recipe_is_a_valid_experiment(name: str) -> None:
-    of_training = set(hints_of(TrainConfig))
-    fields = RECIPES[name]
-    experiment = Experiment(
-        network={key: value for key, value in fields.items() if key not in of_training},
-        train=TrainConfig.from_dict({key: value for key, value in fields.items() if key in of_training}),
-    )
+    experiment = experiment_of(name, {}, 100, BinConfig())
     assert Experiment.from_dict(json.loads(json.dumps(experiment.to_dict()))) == experiment
 
 
@@ -325,11 +322,14 @@ def small_scans(readout: ReadoutConfig, frames: FrameSteps | None) -> ScanData:
 
 def test_the_leak_of_an_nlcs_experiment() -> None:
     def tau_of(experiment: Experiment) -> float:
-        return Experiment.from_dict(json.loads(json.dumps(experiment.to_dict()))).scan_and_config()[1].tau_s
+        again = Experiment.from_dict(json.loads(json.dumps(experiment.to_dict())))
+        assert again == experiment
+        return again.scan_and_config()[1].tau_s
 
     plain = ReadoutConfig(encoding="nlcs", resolution=4)
     assert tau_of(Experiment(readout=plain)) == pytest.approx(0.2, rel=0.01)
     assert tau_of(Experiment(readout=plain, tau_s=0.1)) == pytest.approx(0.1, rel=0.01)
+    assert tau_of(Experiment(readout=plain, given_leak=True)) == plain.tau_s
     own = plain.replace(leak_shift=4, leak_period=20)
     assert tau_of(Experiment(readout=own, given_leak=True)) == own.tau_s
     with pytest.raises(InputError, match="the readout has its own leak; set given_leak to use it"):
@@ -412,8 +412,8 @@ def test_a_grid_is_chosen_by_inner_validation_in_each_cell_and_counts_for_both_r
     data = easy_data()
     fixed = {rate: Experiment(network=small, train=TrainConfig(epochs=4, learning_rate=rate)) for rate in (1e-6, 5e-3)}
     both = Experiment(network=small, train=TrainConfig(epochs=4), grid={"learning_rate": [1e-6, 5e-3]})
-    cells = {rate: run_cell(experiment, data, 0, 0, 2, 0) for rate, experiment in fixed.items()}
-    found = run_cell(both, data, 0, 0, 2, 0)
+    cells = {rate: run_cell(experiment, data, 0, 0, 2) for rate, experiment in fixed.items()}
+    found = run_cell(both, data, 0, 0, 2)
     assert found.pop("inner_accuracies") == [cell["inner_accuracy"] for cell in cells.values()]
     assert found.pop("setting") == {"learning_rate": 5e-3}
     assert found == cells[5e-3] != cells[1e-6]

@@ -19,10 +19,10 @@ import torch
 from torch import Tensor
 
 from eskin.base.errors import InputError
+from eskin.snn.kernels import dense
 from eskin.snn.kernels.layer import layer
-from eskin.snn.kernels.reference import layer_reference
 from eskin.snn.kernels.rule import NeuronRule
-from tests.snn.test_network import RULES, run, tensors
+from tests.snn.test_network import RULES, check, tensors
 
 triton = pytest.importorskip("triton", reason="triton is not installed: pip install '.[gpu]'")
 
@@ -52,20 +52,12 @@ def test_in_the_interpreter() -> None:
     assert NOT_RUN not in result.stdout
 
 
-# -- equal to a plain loop ---------------------------------------------------------------------------
-
-
 def on_device(rule: NeuronRule, **values: Tensor) -> Tensor:
     return layer(rule, **{name: value.to(DEVICE) for name, value in values.items()}, backend="triton").cpu()
 
 
-def check(rule: NeuronRule, values: dict[str, Tensor]) -> Tensor:
-    spikes, gradients = run(on_device, rule, values)
-    expected, expected_gradients = run(layer_reference, rule, values)
-    assert torch.equal(spikes, expected)
-    for got, wanted in zip(gradients, expected_gradients, strict=True):
-        torch.testing.assert_close(got, wanted, rtol=1e-4, atol=1e-5 * float(wanted.abs().max()))
-    return spikes
+def check_on_device(rule: NeuronRule, values: dict[str, Tensor]) -> Tensor:
+    return check(on_device, rule, values, rtol=1e-4, part=1e-5)
 
 
 @runs
@@ -77,7 +69,7 @@ def test_equals_plain_autograd(rule: NeuronRule, recurrent: bool, monkeypatch: p
     values["decay"][::2] = 0.5  # sums stay exact
     if not recurrent:
         del values["w_rec"]
-    assert 0.02 < check(rule, values).mean() < 0.6
+    assert 0.02 < check_on_device(rule, values).mean() < 0.6
 
 
 @runs
@@ -87,10 +79,7 @@ def test_equals_plain_autograd(rule: NeuronRule, recurrent: bool, monkeypatch: p
 )
 @pytest.mark.parametrize("floor", [-0.25, -float("inf")])
 def test_any_size_and_floor(steps: int, batch: int, inputs: int, neurons: int, floor: float) -> None:
-    check(NeuronRule(floor=floor), tensors(steps, batch, inputs, neurons, 0.7))
-
-
-# -- no races ----------------------------------------------------------------------------------------
+    check_on_device(NeuronRule(floor=floor), tensors(steps, batch, inputs, neurons, 0.7))
 
 
 class Memory:
@@ -176,9 +165,6 @@ def test_barriers_part_all_reads_from_writes(recurrent: bool, monkeypatch: pytes
     assert len(memory.all_written) == v.numel()
 
 
-# -- compiles for a GPU ------------------------------------------------------------------------------
-
-
 class Compiler:
     """Fake kernel that compiles for an H100 instead of launching."""
 
@@ -256,15 +242,12 @@ def test_every_rule_compiles(rule: NeuronRule, monkeypatch: pytest.MonkeyPatch, 
         assert compiled(direction, rule, (200, 32, 16), False, monkeypatch).asm["cubin"]
 
 
-# -- choice of the kernel ----------------------------------------------------------------------------
-
-
 @pytest.mark.skipif(DEVICE == "cpu", reason="no CUDA GPU")
 def test_a_gpu_takes_the_kernel_for_float32() -> None:
     values = {name: value.cuda().requires_grad_() for name, value in tensors(3, 2, 3, 5, 1.0).items()}
-    assert type(layer(NeuronRule(), **values).grad_fn).__name__ == "_TritonLayerBackward"
+    assert layer(NeuronRule(), **values).grad_fn.loop is kernel_triton
     doubles = {name: value.double() for name, value in values.items()}
-    assert type(layer(NeuronRule(), **doubles).grad_fn).__name__ == "_TorchLayerBackward"
+    assert layer(NeuronRule(), **doubles).grad_fn.loop is dense
 
 
 @pytest.mark.parametrize("dtype", [torch.float64, *([] if INTERPRETED else [torch.float32])])

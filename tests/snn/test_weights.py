@@ -14,16 +14,13 @@ from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.snn.exchange.weights import Weights, load_weights, quantise, save_weights
-from eskin.snn.network import build
-from eskin.snn.network_config import NetworkConfig
+from tests.snn.helpers import some_weights
 
 CLASSES = ("a", "b", "c")
 
 
 def made(**fields: Any) -> Weights:
-    return Weights(
-        build(NetworkConfig.from_dict(dict(inputs=6, classes=3, hidden=20, **fields)), seed=4), CLASSES, 0.002
-    )
+    return some_weights(seed=4, hidden=20, **fields)
 
 
 @pytest.mark.parametrize(

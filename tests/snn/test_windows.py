@@ -9,8 +9,10 @@ import pytest
 import torch
 
 from eskin.base.errors import InputError
+from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.scans import ScanData, Split
-from eskin.snn.experiments.recipes import RECIPES, for_recordings
+from eskin.snn.experiments.recipes import for_recordings
+from eskin.snn.experiments.settings import experiment_of
 from eskin.snn.experiments.single import Fold
 from eskin.snn.network_config import NetworkConfig
 from eskin.snn.reference import references
@@ -58,14 +60,11 @@ def test_what_fills_a_recording_up_changes_nothing() -> None:
 def test_a_network_learns_from_windows() -> None:
     data = recordings()
     follows = for_recordings("skin", LENGTHS * 0.03, 0.03)
-    settings = RECIPES["skin"] | follows | {"hidden": 16}
-    known = {field.name for field in dataclasses.fields(TrainConfig)}
-    training = {name: value for name, value in settings.items() if name in known}
-    network = {name: value for name, value in settings.items() if name not in known}
-    assert (training["window_steps"], training["windows"], training["balanced"]) == (30, 4, True)
+    experiment = experiment_of("skin", follows | {"hidden": 16}, 20, BinConfig())
+    training = experiment.train
+    assert (training.window_steps, training.windows, training.balanced) == (30, 4, True)
     fold = Fold.named(data, "*/1_*")
-    config = NetworkConfig.from_dict({"inputs": 2, "classes": 2} | network)
-    found = train(Split(data, fold.images), config, TrainConfig.from_dict(training | {"epochs": 20}), 0)
+    found = train(Split(data, fold.images), experiment.network_config(data), training, 0)
     assert (predicted_classes(found.network, data, fold.test) == LABELS[fold.test]).mean() >= 0.9
     plain = references(data, fold.images, fold.test)
     assert plain["events"]["accuracy"] >= 0.9

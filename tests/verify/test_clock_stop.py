@@ -16,13 +16,12 @@ from eskin.model.encoders.registry import ENCODERS
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl import readout, taxel
 from eskin.rtl.arbiter import Arbiter
-from eskin.rtl.block import RtlilModules
 from eskin.rtl.classifier.chip import Chip
 from eskin.rtl.classifier.core import Classifier
 from eskin.rtl.frame import FramePacker, FrameReadout, FrameSequencer
 from eskin.rtl.registers.host import Host
 from eskin.rtl.verilog import top_block
-from eskin.verify.proofs.clock_stop import Clocked, clocked, stands_still
+from eskin.verify.proofs.clock_stop import Clocked, clocked, rtlil_of, stands_still
 from eskin.verify.proofs.mutants import make
 
 FEW = ReadoutConfig(rows=2, columns=2, sample_bits=6, resolution=2, window_period=3, leak_period=3)
@@ -73,9 +72,7 @@ def test_a_block_that_is_awake_moves(block: Any) -> None:
 )
 def test_a_row_that_sleeps_when_it_must_not_is_found(wire: str) -> None:
     row = taxel.Row(FEW.replace(encoding="cw-lcs"))
-    made = RtlilModules(async_reset=False)
-    made.add(row)
-    found = make(made.text, row.module_name, 4, 0, f"-mode const0 -wire {wire}")
+    found = make(rtlil_of(row), row.module_name, 4, 0, f"-mode const0 -wire {wire}")
     assert found
     assert not any(stands_still(row, mutant=mutant.rtlil) for mutant in found)
 
@@ -83,9 +80,7 @@ def test_a_row_that_sleeps_when_it_must_not_is_found(wire: str) -> None:
 @pytest.mark.parametrize("term", ["arbiter_awake", "row_0_awake", "row_1_awake", "tick"])
 def test_a_term_that_the_readout_leaves_out_is_found(term: str) -> None:
     top = readout.Readout(FEW.replace(encoding="nlcs"))
-    made = RtlilModules(async_reset=False)
-    made.add(top)
-    others, name, own = made.text.partition(f"module \\{top.module_name}\n")
+    others, name, own = rtlil_of(top).partition(f"module \\{top.module_name}\n")
     mutant, count = re.subn(rf"(connect \\[AB]) \\{term} \[0\]\n", r"\1 1'0\n", own)
     assert count == 1
     assert not stands_still(top, mutant=others + name + mutant)
@@ -97,17 +92,14 @@ ARRIVES = ("event_valid", "bin_end", "scan_start", "load_valid")
 @pytest.mark.parametrize("term", ["load_valid", "class_valid"])
 def test_a_term_that_the_classifier_leaves_out_is_found(term: str) -> None:
     block = Classifier(NETWORKS[0])
-    made = RtlilModules(async_reset=False)
-    made.add(block)
-    (terms,) = (found for found in re.findall(r"connect \\A (\{[^}]*\})", made.text) if f"\\{term} [0]" in found)
-    assert not stands_still(block, mutant=made.text.replace(terms, terms.replace(f"\\{term} [0]", "1'0")))
+    text = rtlil_of(block)
+    (terms,) = (found for found in re.findall(r"connect \\A (\{[^}]*\})", text) if f"\\{term} [0]" in found)
+    assert not stands_still(block, mutant=text.replace(terms, terms.replace(f"\\{term} [0]", "1'0")))
 
 
 def test_a_memory_that_reads_in_every_clock_is_found() -> None:
     block = Classifier(NETWORKS[0])
-    made = RtlilModules(async_reset=False)
-    made.add(block)
-    found = make(made.text, block.module_name, 3, 1, "-mode const1 -wire read_valid")
+    found = make(rtlil_of(block), block.module_name, 3, 1, "-mode const1 -wire read_valid")
     assert len(found) == 3
     assert not any(stands_still(block, mutant=mutant.rtlil) for mutant in found)
 
@@ -202,8 +194,6 @@ WASTE = [
 
 @pytest.mark.parametrize(("block", "given", "mutation"), WASTE, ids=lambda value: getattr(value, "module_name", ""))
 def test_a_clock_that_is_not_needed_is_found(block: Any, given: dict[str, Any], mutation: str) -> None:
-    made = RtlilModules(async_reset=False)
-    made.add(block)
-    (mutant, *_) = make(made.text, block.module_name, 1, 0, f"-mode {mutation}")
+    (mutant, *_) = make(rtlil_of(block), block.module_name, 1, 0, f"-mode {mutation}")
     assert clocked(block, **given) == Clocked((), True)
     assert clocked(block, **given, mutant=mutant.rtlil).others

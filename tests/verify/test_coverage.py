@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +91,7 @@ def test_what_is_executed_under_a_condition_counts_only_there() -> None:
 def reached_of(*found: tuple[Construct, int]) -> Reached:
     """Return the coverage of runs that cover the given constructs."""
     digest = modules(TEXT)[0].digest
-    return Reached(dict(found), {("eskin_a", digest): TEXT}, {("lcs", "held"): 1}, ["one"])
+    return Reached(Counter(dict(found)), {("eskin_a", digest): TEXT}, {("lcs", "held"): 1}, ["one"])
 
 
 def test_what_is_not_reached_needs_a_reason() -> None:

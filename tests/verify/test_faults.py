@@ -14,10 +14,10 @@ from eskin.model.frame_config import FrameConfig
 from eskin.rtl.readout import Readout
 from eskin.verify.faults import classifier, host, merge
 from eskin.verify.faults import frame_readout as frames
-from eskin.verify.faults.bench import bench_gates
+from eskin.verify.faults.bench import bench_gates, inside
 from eskin.verify.faults.cases import CASES, ack_never_falls, cases
 from eskin.verify.faults.outcomes import CLASSES, UnlikeModel, Upset, upsets
-from eskin.verify.faults.plan import FEW, Trial, classifiers, hosts, surroundings, tiles, trials
+from eskin.verify.faults.plan import FEW, FIELDS, Trial, classifiers, hosts, surroundings, tiles, trials
 from eskin.verify.faults.run import campaign, problems_of, run, write
 from tests.planted import planted
 
@@ -50,6 +50,15 @@ def test_every_flop_of_a_small_readout_is_upset_and_none_reaches_further_than_st
     assert of["taxel"]["others changed"] == of["taxel"]["never recovers"] == 0
     assert all(of["taxel"][what] for what in ("nothing", "own events", "others moved"))
     assert of["arbiter"]["others changed"] > 0
+
+
+def test_receptive_fields_have_no_flop_and_leave_the_limits_of_all_blocks() -> None:
+    lines, problems = run(Trial(FIELDS, stride=19))
+    assert problems == []
+    flops = {line["block"]: line["flops"] for line in lines}
+    assert (flops.pop("fields"), min(flops.values()) > 0) == (0, True)
+    with planted("encoders.fields", ("m.d.comb += self.signal", "m.d.sync += self.signal")):
+        assert inside(bench_gates(Readout(FIELDS)), "fields")
 
 
 FORGETS = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import astuple, dataclass, field
@@ -25,22 +26,15 @@ UNCOUNTED = "/* verilator coverage_off */\n"
 
 @dataclass
 class Counts:
-    """Coverage counts of several simulations.
+    """Coverage counts of several simulations."""
 
-    Attributes
-    ----------
-    counts : dict of Construct to int
-    texts : dict of (str, str) to str
-        A Verilog text that holds it, for each module's name and digest.
-    """
-
-    counts: dict[Construct, int] = field(default_factory=dict)
+    counts: Counter[Construct] = field(default_factory=Counter)
+    # a Verilog text that holds it, for each module's name and digest
     texts: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def add(self, counted: str, verilog: str) -> None:
         """Add the coverage counts of one simulation."""
-        for construct, count in read(counted, verilog, TEXT).items():
-            self.counts[construct] = self.counts.get(construct, 0) + count
+        self.counts.update(read(counted, verilog, TEXT))
         plain = POINT.sub("", verilog)
         self.texts |= {(module.name, module.digest): plain for module in modules(plain)}
 
@@ -56,7 +50,7 @@ class Counts:
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Counts:
         """Return the counts for a dictionary written by ``to_dict``."""
-        counts = {Construct(*fields): count for *fields, count in content["constructs"]}
+        counts = Counter({Construct(*fields): count for *fields, count in content["constructs"]})
         return cls(counts, {(name, own): content["texts"][at] for name, own, at in content["modules"]})
 
 
@@ -64,10 +58,7 @@ class Counts:
 def counting(points: Callable[[Config], list[Point]]) -> Iterator[Counts]:
     """Build simulations with coverage counters, and yield the collected counts.
 
-    Parameters
-    ----------
-    points : callable
-        Gives the points of a configuration.
+    ``points`` returns the points of a configuration.
     """
     found = Counts()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,30 +20,16 @@ COUNT = re.compile(r"^C '(.*)' (\d+)$", re.MULTILINE)
 
 @dataclass(frozen=True, order=True)
 class Construct:
-    """A coverable construct in a module: a line, a branch, a condition, a toggle or a point.
+    """A coverable construct in a module: a line, a branch, a condition, a toggle or a point."""
 
-    Attributes
-    ----------
-    kind : str
-        ``line``, ``branch``, ``condition``, ``toggle`` or ``point``.
-    module : str
-    text : str
-        Digest of the module's text: designs in which it is the same share its constructs.
-    line, column : int
-        Within the module, from 1 on.
-    what : str
-        Which of the place's constructs: ``elsif``, ``cond_else``, ``sample[3]:0->1``.
-    source : str
-        The line of the text.
-    """
-
-    kind: str
+    kind: str  # ``line``, ``branch``, ``condition``, ``toggle`` or ``point``
     module: str
-    text: str
+    text: str  # digest of the module's text: designs in which it is the same share its constructs
+    # within the module, from 1 on
     line: int
     column: int
-    what: str
-    source: str
+    what: str  # which of the place's constructs: ``elsif``, ``cond_else``, ``sample[3]:0->1``
+    source: str  # the line of the text
 
     @property
     def signals(self) -> set[str]:
@@ -94,21 +81,14 @@ def modules(verilog: str) -> list[Module]:
     return found
 
 
-def read(counts: str, verilog: str, file: str) -> dict[Construct, int]:
+def read(counts: str, verilog: str, file: str) -> Counter[Construct]:
     """Return the number of times that each construct of a Verilog text was covered.
 
-    Parameters
-    ----------
-    counts : str
-        What Verilator left, ``coverage.dat``: lines ``C 'key' count``, the key made of names and values that are set
-        off by the characters 1 and 2.
-    verilog : str
-        The text.
-    file : str
-        Its name; what belongs to other files is left out.
+    ``counts`` is Verilator's ``coverage.dat``: lines ``C 'key' count``, whose key has names and values set off by the
+    characters 1 and 2. What belongs to another file than ``file`` is left out.
     """
     starts = {n: module for module in modules(verilog) for n in range(module.first, module.last + 1)}
-    found: dict[Construct, int] = {}
+    found: Counter[Construct] = Counter()
     for key, count in COUNT.findall(counts):
         fields = dict(FIELD.findall(key))
         if Path(fields["f"]).name != file:
@@ -120,19 +100,15 @@ def read(counts: str, verilog: str, file: str) -> dict[Construct, int]:
         own = Construct(
             kind, module.name, module.digest, number - module.first + 1, int(fields["n"]), fields["o"], source
         )
-        found[own] = found.get(own, 0) + int(count)
+        found[own] += int(count)
     return found
 
 
 def with_points(verilog: str, points: Iterable[tuple[str, str, str]]) -> str:
     """Return a Verilog text with cover statements added at the end of its modules.
 
-    Parameters
-    ----------
-    verilog : str
-    points : iterable of (module, label, expression)
-        An expression over names of the module, in Verilog, that holds at a rising edge of its clock where the point
-        is reached.
+    A point is (module, label, expression). The expression, over names of the module in Verilog, holds at a rising edge
+    of the clock where the point is reached.
     """
     put: dict[str, list[str]] = {}
     for module, label, expression in points:

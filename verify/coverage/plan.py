@@ -23,24 +23,13 @@ from eskin.verify.coverage.boards.play import board, small_board
 
 @dataclass(frozen=True)
 class Run:
-    """A design and its stimuli.
-
-    Attributes
-    ----------
-    name : str
-    config : Config
-    player : callable
-        Simulates a configuration in Verilator, in a folder, and holds everything to a model.
-    small : bool
-        Part of the gate.
-    only : tuple of str
-        Modules whose constructs count, all if empty: others are there as they are in other runs, and played less.
-    """
+    """A design and its stimuli."""
 
     name: str
     config: Config | BoardConfig
-    player: Callable[[Any, Path], object]
-    small: bool = False
+    player: Callable[[Any, Path], object]  # simulates a configuration in a folder, and compares it with a model
+    small: bool = False  # part of the gate
+    # modules whose constructs count; all modules if empty
     only: tuple[str, ...] = ()
 
     def play(self, folder: Path) -> None:

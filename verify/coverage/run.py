@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -34,22 +34,12 @@ KINDS = ("line", "branch", "toggle", "condition")
 
 @dataclass
 class Reached:
-    """Coverage of several runs together.
+    """Coverage of several runs together."""
 
-    Attributes
-    ----------
-    counts : dict of Construct to int
-        How often, over all runs.
-    texts : dict of (str, str) to str
-        A Verilog text that holds it, for each module's name and digest.
-    points : dict of (str, str) to int
-        How often, for every functional point by its group and name.
-    runs : list of str
-    """
-
-    counts: dict[Construct, int] = field(default_factory=dict)
+    counts: Counter[Construct] = field(default_factory=Counter)  # over all runs
+    # a Verilog text that holds it, for each module's name and digest
     texts: dict[tuple[str, str], str] = field(default_factory=dict)
-    points: dict[tuple[str, str], int] = field(default_factory=dict)
+    points: Counter[tuple[str, str]] = field(default_factory=Counter)  # by group and name
     runs: list[str] = field(default_factory=list)
 
     def add(self, name: str, counts: Counts, wanted: Iterable[Point]) -> None:
@@ -60,11 +50,10 @@ class Reached:
             if construct.kind == "point":
                 by_label[construct.what] += count
             else:
-                self.counts[construct] = self.counts.get(construct, 0) + count
+                self.counts[construct] += count
         self.texts |= counts.texts
         for point in wanted:
-            key = point.group, point.name
-            self.points[key] = self.points.get(key, 0) + by_label[f"point_{point.label}"]
+            self.points[point.group, point.name] += by_label[f"point_{point.label}"]
 
     def of(self, kind: str) -> list[Construct]:
         """Return all constructs of a kind."""
@@ -77,34 +66,18 @@ class Reached:
 
 @dataclass
 class Verdict:
-    """Result of a coverage campaign.
-
-    Attributes
-    ----------
-    explained : dict of Construct to Waiver
-    problems : list of str
-        Points that are missing, constructs without a reason, reasons without a construct, proofs that failed.
-    """
+    """Result of a coverage campaign."""
 
     explained: dict[Construct, Waiver]
+    # points that are missing, constructs without a reason, reasons without a construct, proofs that failed
     problems: list[str]
 
 
 def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], None]) -> Reached:
     """Simulate the runs without stored results; return the coverage of all runs.
 
-    Parameters
-    ----------
-    runs : iterable of Run
-    folder : Path
-        What each run reached is kept there.
-    on_run : callable
-        Called with the name of each run, its constructs and how many of them it reached.
-
-    Raises
-    ------
-    MismatchFound, AssertionError
-        If RTL and model differ.
+    The folder keeps what each run reached. ``on_run`` is called with the name of each run, its constructs, and how many
+    of them it reached.
     """
     folder.mkdir(parents=True, exist_ok=True)
     pieces, reached = Pieces(folder / "coverage.json", SOURCES), Reached()
@@ -113,7 +86,8 @@ def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], No
         key = [run.name, _fields(run.config), [asdict(point) for point in wanted]]
         counts = Counts.from_dict(pieces.of(digest(key), partial(_played, run, folder)))
         if run.only:
-            counts.counts = {c: n for c, n in counts.counts.items() if c.kind == "point" or c.module in run.only}
+            kept = {c: n for c, n in counts.counts.items() if c.kind == "point" or c.module in run.only}
+            counts.counts = Counter(kept)
         reached.add(run.name, counts, wanted)
         own = [count for construct, count in counts.counts.items() if construct.kind != "point"]
         on_run(run.name, len(own), sum(count > 0 for count in own))
@@ -143,27 +117,32 @@ def judge(reached: Reached, listed: list[Waiver], whole: bool = True) -> Verdict
     for construct, waiver in found.items():
         if waiver.proof:
             key = construct.module, construct.text
-            claims.setdefault(key, {})[construct] = claim(construct, _became_1(reached, construct), reached.texts[key])
+            rise = replace(construct, what=f"{construct.what.partition(':')[0]}:0->1")
+            became_1 = reached.counts[rise] > 0
+            claims.setdefault(key, {})[construct] = claim(construct, became_1, reached.texts[key])
     for (module, text), of_module in claims.items():
         failed = unproved(reached.texts[module, text], module, of_module)
         problems += [f"reason not proved: {construct.said}" for construct in failed]
     return Verdict(found, problems)
 
 
-def _became_1(reached: Reached, construct: Construct) -> bool:
-    """Return True if a simulation set the bit of a toggle construct to 1."""
-    bit = construct.what.partition(":")[0]
-    rise = Construct(**{**asdict(construct), "what": f"{bit}:0->1"})
-    return reached.counts.get(rise, 0) > 0
+def _of_kinds(reached: Reached, verdict: Verdict) -> dict[str, dict[str, int]]:
+    """Return how many constructs of each kind there are, were reached, and have a reason why they were not."""
+    found = {}
+    for kind in KINDS:
+        own = reached.of(kind)
+        found[kind] = {
+            "total": len(own),
+            "reached": sum(reached.counts[construct] > 0 for construct in own),
+            "explained": sum(construct in verdict.explained for construct in own),
+        }
+    return found
 
 
 def closing_line(reached: Reached, verdict: Verdict) -> str:
     """Return the final message of ``make coverage``."""
-    parts = []
-    for kind, word in zip(KINDS, ("lines", "branches", "toggles", "conditions"), strict=True):
-        own = reached.of(kind)
-        done = sum(reached.counts[construct] > 0 or construct in verdict.explained for construct in own)
-        parts.append(f"{done:,} of {len(own):,} {word}")
+    words = zip(_of_kinds(reached, verdict).values(), ("lines", "branches", "toggles", "conditions"), strict=True)
+    parts = [f"{own['reached'] + own['explained']:,} of {own['total']:,} {word}" for own, word in words]
     hit = sum(count > 0 for count in reached.points.values())
     told = f"{', '.join(parts)} ({len(verdict.explained):,} explained)"
     return f"coverage: {told}, {hit:,} of {len(reached.points):,} points"
@@ -171,14 +150,6 @@ def closing_line(reached: Reached, verdict: Verdict) -> str:
 
 def summary(reached: Reached, verdict: Verdict) -> dict[str, Any]:
     """Return the result as a dictionary for JSON."""
-    constructs = {}
-    for kind in KINDS:
-        own = reached.of(kind)
-        constructs[kind] = {
-            "total": len(own),
-            "reached": sum(reached.counts[construct] > 0 for construct in own),
-            "explained": sum(construct in verdict.explained for construct in own),
-        }
     reasons: dict[str, dict[str, Any]] = {}
     for waiver in verdict.explained.values():
         line = reasons.setdefault(waiver.reason, {"constructs": 0, "proved": waiver.proof})
@@ -191,7 +162,7 @@ def summary(reached: Reached, verdict: Verdict) -> dict[str, Any]:
     modules = Counter(construct.module for construct in reached.counts)
     return {
         "result": closing_line(reached, verdict),
-        "constructs": constructs,
+        "constructs": _of_kinds(reached, verdict),
         "modules": dict(sorted(modules.items())),
         "reasons": reasons,
         "points": groups,

@@ -20,6 +20,7 @@ from eskin.cocotb_tests.blocks.host import play as play_host
 from eskin.cocotb_tests.blocks.merge import play as play_merge
 from eskin.cocotb_tests.blocks.relay import play as play_relay
 from eskin.cocotb_tests.blocks.skin import play as play_skin
+from eskin.cocotb_tests.runner.block import cosimulate
 from eskin.cocotb_tests.touch import noise
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
@@ -133,9 +134,11 @@ def host(config: ReadoutConfig, folder: Path) -> None:
 def alone(block: ModuleType, test: str) -> Callable[[Any, Path], None]:
     """Return a function that runs the co-simulation of one block with several seeds."""
 
+    top = f"eskin_{block.__name__.rpartition('.')[2]}"
+
     def play_block(config: Any, folder: Path) -> None:
         for seed in (11, 12, 13):
-            block.play(config, VERILATOR, test, folder, seed)
+            cosimulate(config, VERILATOR, top, test, folder, seed, block.__name__)
 
     return play_block
 

@@ -26,30 +26,17 @@ Names = str | tuple[str, ...]
 
 @dataclass(frozen=True)
 class Waiver:
-    """Reason why certain constructs are not covered.
+    """Reason why certain constructs are not covered."""
 
-    Attributes
-    ----------
-    kind : str or tuple of str
-        ``line``, ``branch``, ``toggle`` or ``condition``.
-    reason : str
-    module : str or tuple of str
-    signal : str or tuple of str
-        Signal of a toggle, also with its bit, ``fall[2]``, or its range, ``fall[3:0]``; signal or term of a condition,
-        ``remains[2]==1``; signal that a branch assigns.
-        ``*`` stands for any characters.
-    operator : str or tuple of str
-        Edge of a toggle (``1->0``), result of a condition (``=> 0``), branch (``cond_else``).
-    proof : bool
-        Whether it is proved of every construct by induction, in its module alone and for any inputs, that it is never
-        reached: a toggle's bit never changes, a condition never comes.
-    """
-
-    kind: Names
+    kind: Names  # ``line``, ``branch``, ``toggle`` or ``condition``
     reason: str
     module: Names = ()
+    # signal of a toggle, also with its bit, ``fall[2]``, or its range, ``fall[3:0]``; signal or term of a condition,
+    # ``remains[2]==1``; signal that a branch assigns. ``*`` stands for any characters
     signal: Names = ()
-    operator: Names = ()
+    operator: Names = ()  # edge of a toggle (``1->0``), result of a condition (``=> 0``), branch (``cond_else``)
+    # whether it is proved of every construct by induction, in its module alone and for any inputs, that it is never
+    # reached: a toggle's bit never changes, a condition never comes
     proof: bool = False
 
     def explains(self, construct: Construct) -> bool:
@@ -67,13 +54,7 @@ def _fits(wanted: Names, names: Iterable[str]) -> bool:
 
 
 def waivers(text: str | None = None) -> list[Waiver]:
-    """Return the waivers in a text, by default those of the project.
-
-    Raises
-    ------
-    InputError
-        If one is not whole.
-    """
+    """Return the waivers in a text, by default those of the project."""
     listed: list[dict[str, Any]] = tomllib.loads(FILE.read_text() if text is None else text).get("waiver", [])
     for entry in listed:
         entry |= {name: tuple(value) for name, value in entry.items() if isinstance(value, list)}
@@ -108,14 +89,9 @@ def explained(
 def claim(construct: Construct, once: bool, verilog: str = "") -> str:
     """Return an expression that is never true if a construct is unreachable.
 
-    Parameters
-    ----------
-    construct : Construct
-        A toggle, a condition, or a branch of a choice.
-    once : bool
-        Of a toggle: whether its bit has become 1, as a bit that is always 1 does at the beginning of a simulation.
-    verilog : str
-        The text it stands in: a condition counts only where its statement is executed.
+    The construct is a toggle, a condition, or a branch of a choice. ``once`` says that the bit of a toggle has become
+    1, as a bit that is always 1 does at the beginning. A condition counts only where its statement in ``verilog`` is
+    executed.
     """
     if construct.kind == "toggle":
         bit = construct.what.partition(":")[0]
@@ -142,12 +118,7 @@ def chosen(line: str, column: int, other: bool) -> str:
 def guards(lines: Sequence[str], line: int, column: int) -> list[str]:
     """Return the condition of a statement in an always block, from its ``if`` and ``else if``.
 
-    Parameters
-    ----------
-    lines : sequence of str
-        Of the module.
-    line, column : int
-        From 1 on.
+    ``line`` and ``column`` of the module's lines count from 1 on.
     """
     first = next((n for n in range(line, 0, -1) if lines and lines[n - 1].startswith("  always @")), 0)
     if not first or any(";" in text for text in lines[first : line - 1] if not text.lstrip().startswith("if (")):

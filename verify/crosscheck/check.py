@@ -25,18 +25,12 @@ class Mismatch(AssertionError):
 
 @dataclass(frozen=True)
 class CxxrtlResult:
-    """Results of runs in CXXRTL that are equal to the golden model.
+    """Results of runs in CXXRTL that are equal to the golden model."""
 
-    Attributes
-    ----------
-    runs, clocks : int
-        Runs and their clocks.
-    events, of_texture : int
-        Events of all of them, and of the scan of a texture.
-    """
-
+    # runs and their clocks
     runs: int
     clocks: int
+    # events of all of them, and of the scan of a texture
     events: int
     of_texture: int
 
@@ -44,21 +38,8 @@ class CxxrtlResult:
 def play(config: ReadoutConfig, texture: int = 0, ticks: int | None = None, text: str = "") -> CxxrtlResult:
     """Simulate scenarios and a texture scan in CXXRTL, and compare every event with the golden model.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-        With the digital front end and the stream link.
-    texture : int
-        Number of the texture.
-    ticks : int, optional
-        Sample ticks of the scan at most.
-    text : str
-        Verilog to play instead of the configuration's own.
-
-    Raises
-    ------
-    Mismatch
-        At the first event that differs, or where the texture gives none.
+    The configuration has the digital front end and the stream link; ``text`` is Verilog to play instead of its own.
+    Mismatch is raised at the first event that differs, and where the texture gives none.
     """
     if texture >= (most := len(embedded_dataset())):
         raise InputError(f"--texture must be in 0..{most - 1}, not {texture}")

@@ -68,13 +68,7 @@ int main() {
 
 
 def build(config: ReadoutConfig, verilog: str, folder: Path) -> Path:
-    """Return the path of the compiled simulator of a readout.
-
-    Raises
-    ------
-    InputError
-        If the configuration has no codes and no stream, which alone the program drives, or there is no compiler.
-    """
+    """Return the path of the compiled simulator of a readout."""
     if config.frontend != "digital" or config.link != "stream" or config.registers != "none":
         raise InputError("CXXRTL plays the digital front end with the stream link and no registers; leave others out")
     require_programs("verilator")  # the same compiler

@@ -29,45 +29,24 @@ MUTANTS = 6
 
 @dataclass
 class Compared:
-    """The results of two solvers for one design.
-
-    Attributes
-    ----------
-    block, size : str
-    mutant : str
-        Arguments of Yosys' ``mutate``; empty for the block as it is.
-    depth : int
-        Clocks that both searched.
-    properties : int
-    failed : dict of str to int
-        Properties that fail, with the first clock, by the first solver.
-    problems : list of str
-        Where the solvers differ, and failures of a block that is no mutant.
-    seconds : float
-        Of the second solver.
-    """
+    """The results of two solvers for one design."""
 
     block: str
     size: str
-    mutant: str
-    depth: int
+    mutant: str  # arguments of Yosys' ``mutate``; empty for the block as it is
+    depth: int  # clocks that both searched
     properties: int
-    failed: dict[str, int]
+    failed: dict[str, int]  # properties that fail, with the first clock, by the first solver
+    # where the solvers differ, and failures of a block that is no mutant
     problems: list[str] = field(default_factory=list)
-    seconds: float = 0.0
+    seconds: float = 0.0  # of the second solver
 
 
 def campaign(proofs: list[Proof], grounds: list[Proof], out: Path | None) -> Iterator[Compared]:
     """Run both solvers on all blocks and then on mutants; yield the comparison of each.
 
-    Parameters
-    ----------
-    proofs : list of Proof
-        Blocks and configurations as they are.
-    grounds : list of Proof
-        Those of which mutants are searched: the first ``MUTANTS`` that ``make formal`` draws.
-    out : Path or None
-        File for the results. Finished comparisons are written beside it until ``write``: a stopped run goes on there.
+    The mutants are the first ``MUTANTS`` that ``make formal`` draws in each of ``grounds``. Finished comparisons are
+    written beside ``out`` until ``write``: a stopped run goes on there.
     """
     pieces = Pieces(out, VERSIONS)
 

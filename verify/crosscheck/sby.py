@@ -56,24 +56,7 @@ class SolverFailed(RuntimeError):
 
 
 def search(checker: Checker[Any], depth: int, blocks: Callable[[Checker[Any]], str] = netlist) -> Verdict:
-    """Return the first clock of each failure, and of each covered case, within a depth.
-
-    Parameters
-    ----------
-    checker : Checker
-        Properties, block and configuration.
-    depth : int
-        Clocks.
-    blocks : callable
-        Returns the RTLIL of the block.
-
-    Raises
-    ------
-    InputError
-        If z3 is not installed.
-    SolverFailed
-        If a solver gives up.
-    """
+    """Return the first clock of each failure, and of each covered case, within a depth."""
     if find_spec("z3") is None:
         raise InputError("z3-solver is missing; run make crossproof, or pip install -c constraints.txt -e '.[proof]'")
     started = time.monotonic()

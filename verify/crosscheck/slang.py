@@ -23,20 +23,7 @@ SAID = re.compile(r"^(\S+:\d+:\d+: (?:error|warning): .*?)(?: \[-W([\w-]+)\])?$"
 
 
 def problems(texts: Mapping[str, str], top: str) -> list[str]:
-    """Return slang's messages about a design, without waived ones.
-
-    Parameters
-    ----------
-    texts : mapping of str to str
-        Files by their names.
-    top : str
-        Top module.
-
-    Raises
-    ------
-    InputError
-        If slang is not installed.
-    """
+    """Return slang's messages about a design, without waived ones."""
     design, sources = compilation(texts, top)
     from pyslang import DiagnosticEngine
 

@@ -39,16 +39,8 @@ ADC_CLOCKS = 3
 class Bench(Elaboratable):
     """The block under test with its environment.
 
-    Parameters
-    ----------
-    block : Block
-    slow : int
-        Clocks that the receiver of a four-phase link takes to raise ACK, and to lower it. Its inputs ``ack_high`` and
-        ``ack_turned`` hold ACK high, and turn it over.
-
-    Attributes
-    ----------
-    inputs, outputs : list of Signal
+    The receiver of a four-phase link takes ``slow`` clocks to raise ACK, and to lower it. Its inputs ``ack_high`` and
+    ``ack_turned`` hold ACK high, and turn it over.
     """
 
     def __init__(self, block: Block[Any], slow: int = 0) -> None:
@@ -210,8 +202,3 @@ def inside(gates: Gates, pattern: str = "") -> list[int]:
     """Return the indices of the block's own flops whose names match a pattern."""
     own = re.compile(rf"({DUT}\.|(?={TIMER}\.)){pattern}")
     return [number for number, name in enumerate(gates.flops) if own.match(name)]
-
-
-def name_of(gates: Gates, flop: int) -> str:
-    """Return the name of a flop of a block."""
-    return gates.flops[flop].removeprefix(f"{DUT}.")

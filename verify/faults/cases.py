@@ -26,23 +26,13 @@ PHASES = 200
 
 @dataclass(frozen=True)
 class Case:
-    """A test with one kind of hostile input.
-
-    Parameters
-    ----------
-    name : str
-    stated : str
-        What happens then.
-    holds : callable
-        Takes a configuration; returns in how many runs that was so, of how many.
-    link : str
-        The link that it is about; empty for both.
-    """
+    """A test with one kind of hostile input."""
 
     name: str
-    stated: str
+    stated: str  # documented behaviour
+    # returns the number of runs with this behaviour, and the number of runs
     holds: Callable[[ReadoutConfig], tuple[int, int]]
-    link: str = ""
+    link: str = ""  # link that the test needs; empty for any
 
 
 def _play(
@@ -55,16 +45,24 @@ def _play(
     return outputs, codes_of(config, outputs, ready if ready.ndim == 2 else ready[:, 0])
 
 
-def _own(bits: NDArray[np.uint8], values: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Return a one-bit input that is inverted in given clocks of given runs, shape (clocks, 1, LANES)."""
-    return (bits[:, :, None] ^ values[:, None, :]).astype(np.uint8)
-
-
 def _from(clocks: int, first: int, length: int) -> NDArray[np.bool_]:
     """Return True for ``length`` clocks from ``first + p`` in each run p >= 1, shape (clocks, LANES)."""
     since = np.arange(clocks)[:, None] - first - np.arange(LANES)
     mine = (np.arange(LANES) >= 1) & (np.arange(LANES) <= PHASES)
     return (since >= 0) & (since < length) & mine
+
+
+def _disturbed(
+    config: ReadoutConfig, calm: bool, port: str, length: int
+) -> tuple[Stimulus, NDArray[np.bool_], dict[str, NDArray[np.int64]], NDArray[np.int16]]:
+    """Invert an input for ``length`` clocks, at a different time in each run.
+
+    Return stimulus, clocks in which the input is inverted, outputs, and events of each run.
+    """
+    played = course(config, calm)
+    when = _from(len(played.inputs[port]), RESET, length)
+    inverted = played.inputs[port][:, :, None] ^ when[:, None, :]
+    return played.stimulus, when, *_play(config, played.inputs | {port: inverted.astype(np.uint8)})
 
 
 def _equal(config: ReadoutConfig, codes: NDArray[np.int16], stimulus: Stimulus) -> bool:
@@ -77,11 +75,11 @@ def _equal(config: ReadoutConfig, codes: NDArray[np.int16], stimulus: Stimulus) 
 
 
 def _changed(
-    config: ReadoutConfig, changes: Callable[[Stimulus, np.random.Generator], dict[str, object]]
+    config: ReadoutConfig, changes: Callable[[int, np.random.Generator], dict[str, object]]
 ) -> tuple[int, int]:
     """Simulate the overload stimulus with changes, and compare it with the model."""
     played = course(config, calm=False)
-    stimulus = dataclasses.replace(played.stimulus, **changes(played.stimulus, np.random.default_rng(1)))  # type: ignore[arg-type]
+    stimulus = dataclasses.replace(played.stimulus, **changes(played.stimulus.clocks, np.random.default_rng(1)))  # type: ignore[arg-type]
     _, codes = _play(config, inputs_of(config, stimulus))
     return int(_equal(config, codes[:, 0], stimulus)), 1
 
@@ -89,29 +87,25 @@ def _changed(
 def every_sample(config: ReadoutConfig) -> tuple[int, int]:
     """Compare a run with a new random sample in every clock with the model."""
 
-    def changes(stimulus: Stimulus, rng: np.random.Generator) -> dict[str, object]:
-        samples = rng.integers(-config.full_scale, config.full_scale, (stimulus.clocks, config.taxels))
-        return {"samples": samples.astype(np.int32), "sample_clock": np.arange(stimulus.clocks)}
+    def samples(clocks: int, rng: np.random.Generator) -> dict[str, object]:
+        codes = rng.integers(-config.full_scale, config.full_scale, (clocks, config.taxels))
+        return {"samples": codes.astype(np.int32), "sample_clock": np.arange(clocks)}
 
-    return _changed(config, changes)
+    return _changed(config, samples)
 
 
 def every_mask(config: ReadoutConfig) -> tuple[int, int]:
     """Compare a run with a new random mask in every clock with the model."""
 
-    def changes(stimulus: Stimulus, rng: np.random.Generator) -> dict[str, object]:
-        masks = rng.random((stimulus.clocks, config.taxels)) < 0.8
-        return {"enable": masks, "enable_clock": np.arange(stimulus.clocks)}
+    def masks(clocks: int, rng: np.random.Generator) -> dict[str, object]:
+        return {"enable": rng.random((clocks, config.taxels)) < 0.8, "enable_clock": np.arange(clocks)}
 
-    return _changed(config, changes)
+    return _changed(config, masks)
 
 
 def reset_at_every_phase(config: ReadoutConfig) -> tuple[int, int]:
     """Reset for one clock, at a different time in each run, and check the events before and after."""
-    played = course(config, calm=False)
-    stimulus, inputs = played.stimulus, dict(played.inputs)
-    inputs["rst"] = _own(inputs["rst"], _from(len(inputs["rst"]), RESET, 1))
-    _, codes = _play(config, inputs)
+    stimulus, _, _, codes = _disturbed(config, False, "rst", 1)
     good = 0
     for phase in range(1, PHASES + 1):
         before = dataclasses.replace(stimulus, clocks=phase + 1)
@@ -162,11 +156,7 @@ def sink_stuck(config: ReadoutConfig) -> tuple[int, int]:
 
 def ack_never_falls(config: ReadoutConfig) -> tuple[int, int]:
     """Hold ACK high from a different time in each run; check that no REQ rises and no event is lost."""
-    played = course(config, calm=True)
-    inputs = dict(played.inputs)
-    stuck = _from(len(inputs["rst"]), RESET, STUCK)
-    inputs["ack_high"] = _own(inputs["ack_high"], stuck)
-    outputs, codes = _play(config, inputs)
+    _, stuck, outputs, codes = _disturbed(config, True, "ack_high", STUCK)
     rises = np.diff(outputs["aer_req"], axis=0, prepend=0) > 0
     settled = stuck & np.roll(stuck, 4, axis=0)  # a REQ on its way when ACK sticks still rises, three clocks later
     quiet = ~(rises & settled).any(axis=0)
@@ -176,10 +166,7 @@ def ack_never_falls(config: ReadoutConfig) -> tuple[int, int]:
 
 def ack_glitches(config: ReadoutConfig) -> tuple[int, int]:
     """Invert ACK for one clock at a different time in each run, and check that each REQ carries one event."""
-    played = course(config, calm=True)
-    inputs = dict(played.inputs)
-    inputs["ack_turned"] = _own(inputs["ack_turned"], _from(len(inputs["rst"]), RESET, 1))
-    _, codes = _play(config, inputs)
+    *_, codes = _disturbed(config, True, "ack_turned", 1)
     alike = _balance(config, codes) == _balance(config, codes[:, :1])
     return int(alike.all(axis=0)[1 : PHASES + 1].sum()), PHASES
 

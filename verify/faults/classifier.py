@@ -14,7 +14,7 @@ from eskin.model.classifier.file import neuron_image, weight_image
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.model.classifier.run import first_ready, simulate
 from eskin.rtl.classifier import core
-from eskin.verify.faults.bench import NUMBER_BITS, bench_gates, channel_of, inside, name_of
+from eskin.verify.faults.bench import NUMBER_BITS, bench_gates, channel_of, inside
 from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, NOTHING, WRITTEN, UnlikeModel, Upset
 from eskin.verify.faults.parallel import last_clock, upset_runs
 from eskin.verify.faults.scenario import RESET
@@ -33,19 +33,11 @@ WATCHED = ("event_ready", "class_valid", "class_index", "evidence", "overrun", "
 
 @dataclass(frozen=True)
 class Scans:
-    """Stimulus of a classifier: three scans.
-
-    Attributes
-    ----------
-    network : IntegerNetwork
-    inputs : dict of str to ndarray, shape (clocks, bits)
-        For the gates, ``RESET`` clocks of reset first.
-    starts, ends : list of int
-        Clocks of ``scan_start``, and those behind the last of each scan.
-    """
+    """Stimulus of a classifier: three scans."""
 
     network: IntegerNetwork
-    inputs: dict[str, NDArray[np.uint8]]
+    inputs: dict[str, NDArray[np.uint8]]  # for the gates, shape (clocks, bits), reset first
+    # clocks of ``scan_start``, and those behind the last of each scan
     starts: list[int]
     ends: list[int]
 
@@ -57,11 +49,6 @@ def upsets(config: ClassifierConfig, stride: int = 1, flops: str = "") -> Iterat
     potentials, and "others changed" where they are not, and the next scan is right in every output and clock. It is
     "until written" where only a scan with weights loaded anew is, or where the core waits for a scan to begin. See
     ``eskin.verify.faults.outcomes.upsets``.
-
-    Raises
-    ------
-    UnlikeModel
-        If the run without upsets does not give the golden model's classes in their clocks.
     """
     gates, what = bench_gates(core.Classifier(config)), _scans(config)
     expected = _expected(config, what)
@@ -77,8 +64,7 @@ def upsets(config: ClassifierConfig, stride: int = 1, flops: str = "") -> Iterat
         values = [[one[1:] for one in _bins(outputs, scans[0], run)] for run in range(len(part) + 1)]
         stays, never = (np.logical_or.reduce(differs[scan]) for scan in scans[1:])
         stops = ~np.logical_and.reduce([(outputs[name][late] != 0).any(axis=0) for name in GOES_ON])
-        for lane, (clock, flop) in enumerate(part, 1):
-            name = name_of(gates, flop)
+        for lane, (clock, name) in enumerate(part, 1):
             passes = CHANGED if values[lane] != values[0] else MOVED if last[lane] >= 0 else NOTHING
             outcome = NEVER if never[lane] else WRITTEN if stays[lane] or stops[lane] else passes
             may_stay = MEMORY.match(name) is not None and not stops[lane]

@@ -11,7 +11,7 @@ from eskin.model.frame import FrameModel
 from eskin.model.frame import Inputs as ModelInputs
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl.frame import FrameReadout
-from eskin.verify.faults.bench import ADC_CLOCKS, bench_gates, inside, name_of
+from eskin.verify.faults.bench import ADC_CLOCKS, bench_gates, inside
 from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, NOTHING, UnlikeModel, Upset
 from eskin.verify.faults.parallel import upset_runs
 from eskin.verify.faults.scenario import RESET
@@ -45,7 +45,7 @@ def upsets(config: FrameConfig, stride: int = 1, flops: str = "") -> Iterator[Up
             never = last >= FRAMES - 2
             outcome = NEVER if never else CHANGED if len(bad) else MOVED if moved[lane] else NOTHING
             ticks = last - (clock - RESET) // period if len(bad) else -1
-            yield Upset(name_of(gates, flop), clock, outcome, ticks=ticks, lost=len(bad))
+            yield Upset(flop, clock, outcome, ticks=ticks, lost=len(bad))
 
 
 def _inputs(config: FrameConfig, period: int) -> dict[str, NDArray[np.uint8]]:

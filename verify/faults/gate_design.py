@@ -28,28 +28,15 @@ ZERO, ONE = 0, 1
 
 @dataclass(frozen=True)
 class Gates:
-    """Gate-level design with one clock; nets are numbered constants, inputs, flops and gates.
+    """Gate-level design with one clock; nets are numbered constants, inputs, flops and gates."""
 
-    Attributes
-    ----------
-    inputs, outputs : dict of str to list of int
-        Nets of the ports, lowest bit first.
-    flops : list of str
-        Names, each with its place in the hierarchy: ``row_0.taxel_1.pending``, with ``[bit]`` in a word.
-    first_flop : int
-        Net of the first flop; they follow each other.
-    next : ndarray of int32, shape (flops,)
-        Nets that the flops take at a rising edge.
-    gates : ndarray of int32, shape (gates, 4)
-        Kind and inputs; the gates' outputs are the last nets, in this order.
-    """
-
+    # nets of the ports, lowest bit first
     inputs: dict[str, list[int]]
     outputs: dict[str, list[int]]
-    flops: list[str]
-    first_flop: int
-    next: NDArray[np.int32]
-    gates: NDArray[np.int32]
+    flops: list[str]  # names, each with its place in the hierarchy: ``row_0.taxel_1.pending``, with ``[bit]`` in a word
+    first_flop: int  # net of the first flop; they follow each other
+    next: NDArray[np.int32]  # nets that the flops take at a rising edge, shape (flops,)
+    gates: NDArray[np.int32]  # kind and inputs, shape (gates, 4); their outputs are the last nets, in this order
 
     @property
     def nets(self) -> int:

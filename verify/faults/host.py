@@ -16,7 +16,7 @@ from eskin.model.readout import Stimulus
 from eskin.model.registers.description import WORD_BYTES, Register, registers
 from eskin.model.registers.spi import HIGH_CLOCKS, LOW_CLOCKS, LOW_CLOCKS_TO_READ, Pins, transfer
 from eskin.rtl.readout import Readout
-from eskin.verify.faults.bench import bench_gates, inside, name_of
+from eskin.verify.faults.bench import bench_gates, inside
 from eskin.verify.faults.outcomes import (
     CHANGED,
     MOVED,
@@ -45,24 +45,14 @@ ON_THE_WAY = 6
 
 @dataclass(frozen=True)
 class Play:
-    """Stimulus of a readout with registers.
-
-    Attributes
-    ----------
-    stimulus : Stimulus
-    pins : list of Pins
-        Of every clock from the end of reset on.
-    upset, alone : range
-        Clocks in which flops are turned, and in which what is no setting must be as ever by itself.
-    written : int
-        From this clock on, after all registers were written anew, everything must be.
-    """
+    """Stimulus of a readout with registers."""
 
     stimulus: Stimulus
-    pins: list[Pins]
+    pins: list[Pins]  # of every clock from the end of reset on
+    # clocks in which flops are flipped, and in which all but settings must have recovered
     upset: range
     alone: range
-    written: int
+    written: int  # clock from which on everything must have recovered: all registers were written again
 
 
 def upsets(config: ReadoutConfig, mode: int = 0, stride: int = 1, flops: str = HOST) -> Iterator[Upset]:
@@ -71,21 +61,7 @@ def upsets(config: ReadoutConfig, mode: int = 0, stride: int = 1, flops: str = H
     An upset counts as *until written* if the readout is not as ever by itself, but is after the host has written all
     its registers once more and cleared the readout: in every event, and in every bit that is read back.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-        With registers and the stream link.
-    mode : int
-        Of the test pattern; 0 for the array.
-    stride : int
-        Clocks from one upset to the next.
-    flops : str
-        Pattern of the names of those that are turned.
-
-    Raises
-    ------
-    UnlikeModel
-        If the run without upsets does not give the events and the levels of MISO of the golden model.
+    ``mode`` is that of the test pattern, 0 for the array. ``flops`` is a pattern of the names of the flops.
     """
     gates, what = bench_gates(Readout(config)), _play(config, mode)
     inputs = inputs_of(config, what.stimulus) | _levels(what.pins)
@@ -107,8 +83,7 @@ def upsets(config: ReadoutConfig, mode: int = 0, stride: int = 1, flops: str = H
         stays = np.abs(left_alone).max(axis=0) > near
         stops = np.abs(left_alone.sum(axis=0)) > near
         never = misread[written].any(axis=0) | (np.abs(_more(config, codes[written])).max(axis=0) > slack(config))
-        for lane, (clock, flop) in enumerate(part, 1):
-            name = name_of(gates, flop)
+        for lane, (clock, name) in enumerate(part, 1):
             passes = CHANGED if changed[lane] else MOVED if last[lane] >= 0 else NOTHING
             outcome = NEVER if never[lane] else WRITTEN if stays[lane] else passes
             if TRANSFER.match(name):

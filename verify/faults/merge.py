@@ -11,7 +11,7 @@ from eskin.model.tiles.config import TilesConfig
 from eskin.model.tiles.merge import merge
 from eskin.rtl.tiles import merge as rtl_merge
 from eskin.rtl.tiles import relay
-from eskin.verify.faults.bench import FIELDS, NUMBER_BITS, bench_gates, inside, name_of
+from eskin.verify.faults.bench import FIELDS, NUMBER_BITS, bench_gates, inside
 from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, NOTHING, UnlikeModel, Upset
 from eskin.verify.faults.parallel import last_clock, upset_runs
 from eskin.verify.faults.scenario import RESET
@@ -26,11 +26,6 @@ def upsets(config: TilesConfig, stride: int = 1, flops: str = "") -> Iterator[Up
     Of a skin with relay stations it is one of those that is upset. Every event of a tile has a number of its own, so
     what is lost and what is added is known one by one. Before the last load tile 0 alone sends an event: then its turn
     is the same in all runs. See ``eskin.verify.faults.outcomes.upsets``.
-
-    Raises
-    ------
-    UnlikeModel
-        If the run without upsets does not give the events of the golden model.
     """
     # A relay station does what the merge of a single tile does.
     block = relay.Relay(config) if config.relays else rtl_merge.Merge(config)
@@ -50,7 +45,7 @@ def upsets(config: TilesConfig, stride: int = 1, flops: str = "") -> Iterator[Up
             moved = MOVED if last[lane] >= 0 else NOTHING
             outcome = NEVER if never[lane] else CHANGED if lost or added else moved
             others = max(int(last[lane]) - clock, -1)
-            name = f"{'relay' if config.relays else 'merge'}.{name_of(gates, flop)}"
+            name = f"{'relay' if config.relays else 'merge'}.{flop}"
             yield Upset(name, clock, outcome, other_clocks=others, lost=lost, added=added)
 
 

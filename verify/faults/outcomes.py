@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from eskin.model.config import ReadoutConfig
 from eskin.model.readout import simulate as simulate_model
 from eskin.rtl.readout import Readout
-from eskin.verify.faults.bench import bench_gates, inside, name_of
-from eskin.verify.faults.gate_design import Gates
+from eskin.verify.faults.bench import bench_gates, inside
 from eskin.verify.faults.parallel import last_clock, upset_runs
 from eskin.verify.faults.scenario import Course, codes_of, course, events_of
 
@@ -25,7 +24,7 @@ PLACES = (
     (TAXEL.pattern + r"window\.", "window"),
     (TAXEL.pattern, "taxel"),
     (r"classifier\.(inputs|recurrent|neurons)\.memory", "weights"),
-    *((rf"{block}\.", block) for block in ("arbiter", "link", "decay_ticks", "merge", "relay", "classifier")),
+    *((rf"{block}\.", block) for block in ("arbiter", "link", "fields", "decay_ticks", "merge", "relay", "classifier")),
     *((rf"host\.{block}\.", block) for block in ("spi", "registers", "pattern")),
     (r"host\.", "host"),
     (r"ticks\.", "settable_ticks"),
@@ -39,37 +38,24 @@ NOTHING, OWN, MOVED, CHANGED, WRITTEN, NEVER = CLASSES
 
 @dataclass(frozen=True)
 class Upset:
-    """One bit flip and its outcome.
-
-    Attributes
-    ----------
-    flop : str
-    clock : int
-    outcome : str
-        One of ``CLASSES``.
-    own_clocks, other_clocks : int
-        From the upset to the last clock in which events of its own taxel, or of others, differ; -1 if none does.
-    ticks : int
-        Sample ticks from the upset to the last that others answer by other events; -1 where they never do.
-    lost, added : int
-        Events of others that are missing, and that are too many; a wrong address is both. Under load they count what
-        other taxels did later or earlier, too.
-    may_stay : bool
-        Whether what was turned is a setting, or a transfer of one: then it may stay until it is written anew.
-    off : int
-        Steps by which the signals of other taxels are wrong for good where a receiver adds events up; -1 for encoders
-        whose reference depends on the way there.
-    """
+    """One bit flip and its outcome."""
 
     flop: str
     clock: int
-    outcome: str
+    outcome: str  # one of ``CLASSES``
+    # from the upset to the last clock in which events of its own taxel, or of others, differ; -1 if none does
     own_clocks: int = -1
     other_clocks: int = -1
+    # sample ticks from the upset to the last that others answer by other events; -1 where they never do
     ticks: int = -1
+    # events of others that are missing, and that are too many; a wrong address is both. Under load they count what
+    # other taxels did later or earlier, too
     lost: int = 0
     added: int = 0
+    # whether what was turned is a setting, or a transfer of one: then it may stay until it is written anew
     may_stay: bool = False
+    # steps by which the signals of other taxels are wrong for good where a receiver adds events up; -1 for encoders
+    # whose reference depends on the way there
     off: int = -1
 
     @property
@@ -85,22 +71,8 @@ class UnlikeModel(AssertionError):
 def upsets(config: ReadoutConfig, calm: bool, slow: int = 0, stride: int = 1, flops: str = "") -> Iterator[Upset]:
     """Flip every flop of a readout in every clock of a window, one per run; yield the outcomes.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-    calm : bool
-        Which course is played.
-    slow : int
-        Of the receiver.
-    stride : int
-        Clocks from one upset to the next.
-    flops : str
-        Pattern of the names of those that are turned.
-
-    Raises
-    ------
-    UnlikeModel
-        If the run without upsets does not give the events of the golden model.
+    ``stride`` is the number of clocks from one upset to the next, and ``flops`` a pattern of the names of the flops.
+    UnlikeModel is raised if the run without upsets does not give the events of the golden model.
     """
     gates, played = bench_gates(Readout(config), slow), course(config, calm, slow)
     expected = simulate_model(config, played.stimulus)
@@ -110,22 +82,16 @@ def upsets(config: ReadoutConfig, calm: bool, slow: int = 0, stride: int = 1, fl
         found = events_of(config, codes[:, 0])
         if not len(expected) or not np.array_equal(found[: len(expected)], expected):
             raise UnlikeModel(f"{config.encoding}, {config.link}: the gates do not give the model's events")
-        yield from _judged(config, gates, (played, calm), codes, part)
-
-
-def own_taxel(config: ReadoutConfig, flop: str) -> int:
-    """Return the taxel of a flop, or ``NOBODY`` for a shared flop."""
-    place = TAXEL.match(flop)
-    return int(place[1]) * config.columns + int(place[2]) if place else NOBODY
+        yield from _judged(config, (played, calm), codes, part)
 
 
 def _judged(
-    config: ReadoutConfig, gates: Gates, run: tuple[Course, bool], codes: NDArray[np.int16], part: list[tuple[int, int]]
+    config: ReadoutConfig, run: tuple[Course, bool], codes: NDArray[np.int16], part: list[tuple[int, str]]
 ) -> Iterator[Upset]:
     """Return the outcomes of runs by comparison with run 0, which has no bit flip."""
     played, calm = run
-    names = [name_of(gates, flop) for _, flop in part]
-    own = np.array([own_taxel(config, name) for name in names])
+    places = [TAXEL.match(flop) for _, flop in part]
+    own = np.array([int(at[1]) * config.columns + int(at[2]) if at else NOBODY for at in places])
     good, runs = codes[:, :1], codes[:, 1:]
     differs = runs != good
     of_own = (_taxel(runs) == own) | (_taxel(good) == own)
@@ -146,8 +112,9 @@ def _judged(
     wrong = np.abs(net[1::2] - net[::2])
     kept = np.all(played.stimulus.enable, axis=0, keepdims=True).T  # a mask puts a reference back
     counts = kept & (np.arange(config.taxels)[:, None] != own)
-    off = (wrong * counts).sum(axis=0) if adds_up(config) else np.full(len(part), -1)
-    for lane, (name, (clock, _)) in enumerate(zip(names, part, strict=True)):
+    adds_up = config.has_polarity and not config.encoder.leaks and not config.closes  # by one fixed step per event
+    off = (wrong * counts).sum(axis=0) if adds_up else np.full(len(part), -1)
+    for lane, (clock, name) in enumerate(part):
         lost, added = int(-others[:, lane].clip(max=0).sum()), int(others[:, lane].clip(min=0).sum())
         own_differ = OWN if own_last[lane] >= 0 else NOTHING
         outcome = NEVER if never[lane] else CHANGED if lost or added else MOVED if other_last[lane] >= 0 else own_differ
@@ -159,11 +126,6 @@ def _answers(config: ReadoutConfig, codes: NDArray[np.int16], played: Course) ->
     """Return the events after each sample tick by taxel and polarity, shape (2 * taxels, ticks, runs)."""
     codes = codes[: played.last]
     return np.stack([np.add.reduceat(codes == kind, played.ticks, axis=0) for kind in range(2 * config.taxels)])
-
-
-def adds_up(config: ReadoutConfig) -> bool:
-    """Return True if the reference moves by one fixed step per ON or OFF event."""
-    return config.has_polarity and not config.encoder.leaks and not config.closes
 
 
 def slack(config: ReadoutConfig) -> int:

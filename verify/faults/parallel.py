@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from eskin.verify.faults.bench import DUT
 from eskin.verify.faults.gate_design import Gates
 
 WORDS = 16
@@ -20,14 +21,9 @@ def simulate(
 ) -> dict[str, NDArray[np.int64]]:
     """Simulate ``LANES`` runs in parallel; return every output port as a number, shape (clocks, runs).
 
-    Parameters
-    ----------
-    gates : Gates
-    inputs : dict of str to ndarray
-        Of every input port but the clock its bits, lowest first: shape (clocks, bits) for all runs alike, or
-        (clocks, bits, LANES) with those of each run.
-    upsets : ndarray of int64, shape (upsets, 3)
-        Clock, flop and run, in rising order of clocks: the flop's value is turned just before that clock.
+    ``inputs`` has the bits of every input port but the clock, lowest first: shape (clocks, bits) for all runs alike, or
+    (clocks, bits, LANES). ``upsets``, shape (upsets, 3), has clock, flop and run in rising order of clocks: the flop's
+    value is turned just before that clock.
     """
     clocks = len(next(iter(inputs.values())))
     rows, nets = [], []
@@ -60,14 +56,10 @@ def simulate(
 
 def upset_runs(
     gates: Gates, inputs: dict[str, NDArray[np.uint8]], clocks: Iterable[int], flops: Iterable[int]
-) -> Iterator[tuple[list[tuple[int, int]], dict[str, NDArray[np.int64]]]]:
+) -> Iterator[tuple[list[tuple[int, str]], dict[str, NDArray[np.int64]]]]:
     """Simulate a bit flip of each given flop in each given clock, one per run; run 0 has no bit flip.
 
-    Yields
-    ------
-    part : list of (clock, flop)
-        Upsets of the runs 1, 2, ...
-    outputs : dict of str to ndarray, shape (clocks, runs)
+    Yield clock and name of the flop for the runs 1, 2, ..., and the outputs, each of shape (clocks, runs).
     """
     flops = list(flops)
     todo = [(clock, flop) for clock in clocks for flop in flops]
@@ -76,7 +68,8 @@ def upset_runs(
         part = todo[start : start + LANES - 1]
         turned = np.array([(clock, flop, lane) for lane, (clock, flop) in enumerate(part, 1)], np.int64)
         outputs = simulate(gates, driven, turned)
-        yield part, {name: values[:, : len(part) + 1] for name, values in outputs.items()}
+        named = [(clock, gates.flops[flop].removeprefix(f"{DUT}.")) for clock, flop in part]
+        yield named, {name: values[:, : len(part) + 1] for name, values in outputs.items()}
 
 
 def last_clock(happens: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -12,7 +12,8 @@ from eskin.model.tiles.config import TilesConfig
 
 FEW = ReadoutConfig(rows=2, columns=2, sample_bits=6, resolution=2, leak_period=3, leak_shift=3, fraction_bits=3)
 """Few bits, so that the ends of the scale and of every counter are near."""
-
+FIELDS = FEW.replace(fields="both")
+"""A readout with receptive fields."""
 
 Config = ReadoutConfig | FrameConfig | ClassifierConfig
 """A ``TilesConfig``, which is a ``ReadoutConfig`` too, means the merge, or a relay station if it has one."""
@@ -21,26 +22,13 @@ COURSES = ("host", "pattern of one", "pattern of all")
 
 @dataclass(frozen=True)
 class Trial:
-    """A design whose flops are flipped, one per run.
-
-    Parameters
-    ----------
-    config : ReadoutConfig, TilesConfig, FrameConfig or ClassifierConfig
-    calm : bool
-        Which scenario is played, see ``eskin.verify.faults.scenario``; only readouts without registers read it.
-    slow : int
-        Clocks that the receiver of a four-phase link takes for an edge of ACK.
-    stride : int
-        Clocks from one upset of a flop to the next.
-    mode : int
-        Of the test pattern, where there are registers.
-    """
+    """A design whose flops are flipped, one per run."""
 
     config: Config
-    calm: bool = True
-    slow: int = 0
-    stride: int = 1
-    mode: int = 0
+    calm: bool = True  # low load, see ``eskin.verify.faults.scenario``; for readouts without registers
+    slow: int = 0  # clocks that the receiver of a four-phase link takes for an edge of ACK
+    stride: int = 1  # clocks from one upset of a flop to the next
+    mode: int = 0  # of the test pattern, where there are registers
 
     @property
     def name(self) -> str:
@@ -53,6 +41,7 @@ class Trial:
         if isinstance(c, TilesConfig):
             return "a tile's relay station, loaded" if c.relays else f"{c.tile_rows} x {c.tile_columns} tiles, loaded"
         words = [f"{c.rows} x {c.columns}", c.encoding, c.link, c.frontend, f"{c.sample_bits} bits"]
+        words += [f"fields {c.fields}"] * (c.fields != "own")
         words += ["by the tick"] * (c.decide_every == "sample") + [f"ACK after {self.slow}"] * bool(self.slow)
         if c.registers != "none":
             return ", ".join([*words, "registers", COURSES[self.mode]])
@@ -73,6 +62,7 @@ def trials(small: bool = False) -> list[Trial]:
         *(config.replace(**sides) for config in every),
         *(c.replace(frontend="analog", decide_every="sample" if c.encoder.late else "clock") for c in every),
         FEW.replace(sample_bits=12, resolution=6),
+        FIELDS,
     ]
     found = [Trial(config, calm) for config in stream for calm in (True, False)]
     for calm in (True, False):
@@ -80,6 +70,7 @@ def trials(small: bool = False) -> list[Trial]:
         found += [Trial(closing.replace(link="four_phase"), calm, 0, 3)]
     found += [*map(Trial, frames()), *map(Trial, tiles())]
     first, *others = hosts()
+    others.append(first.replace(fields="settable"))
     found += [Trial(first, stride=3), *(Trial(config, stride=37) for config in others)]
     found += [Trial(first, stride=37, mode=mode) for mode in (1, 2)]
     return [*found, *(Trial(config, stride=2) for config in classifiers())]

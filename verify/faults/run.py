@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,52 +25,17 @@ CODE = Needs(packages=("base", "model", "rtl", "verify.faults"))
 """What results depend on."""
 
 
-@dataclass
-class Tally:
-    """Counts of the outcomes for one block in one trial.
-
-    Attributes
-    ----------
-    outcomes : Counter of str
-    flops : set of str
-    own_clocks, other_clocks, ticks, lost, added, off : int
-        The most of any upset, see ``Upset``.
-    """
-
-    outcomes: Counter[str] = field(default_factory=Counter)
-    flops: set[str] = field(default_factory=set)
-    own_clocks: int = -1
-    other_clocks: int = -1
-    ticks: int = -1
-    lost: int = 0
-    added: int = 0
-    off: int = -1
-
-    def add(self, upset: Upset) -> None:
-        """Count the outcome of a bit flip."""
-        self.outcomes[upset.outcome] += 1
-        self.flops.add(upset.flop)
-        for name in ("own_clocks", "other_clocks", "ticks", "lost", "added", "off"):
-            setattr(self, name, max(getattr(self, name), getattr(upset, name)))
+MOST = ("own_clocks", "other_clocks", "ticks", "lost", "added", "off")
+"""Fields of an upset of which the results have the largest value."""
 
 
 @dataclass
 class Done:
-    """Results of a fault injection campaign.
+    """Results of a fault injection campaign."""
 
-    Attributes
-    ----------
-    blocks : list of dict
-        What came of the upsets of each block in each trial.
-    cases : list of dict
-        What came of each hostile case.
-    problems : list of str
-        What went beyond what is stated.
-    """
-
-    blocks: list[dict[str, Any]]
-    cases: list[dict[str, Any]]
-    problems: list[str]
+    blocks: list[dict[str, Any]]  # what came of the upsets of each block in each trial
+    cases: list[dict[str, Any]]  # what came of each hostile case
+    problems: list[str]  # what went beyond what is stated
 
 
 def problems_of(trial: Trial, upset: Upset) -> str:
@@ -94,13 +59,15 @@ def problems_of(trial: Trial, upset: Upset) -> str:
 
 def run(trial: Trial) -> tuple[list[dict[str, Any]], list[str]]:
     """Run a trial; return one result per block, and a sentence for each bit flip whose effect exceeds the limits."""
-    tallies: dict[str, Tally] = {}
+    of_block: dict[str, list[Upset]] = {}
+    if getattr(trial.config, "fields", "own") != "own":
+        of_block["fields"] = []  # a line in the report even without a flop
     problems: list[str] = []
     for upset in _upsets(trial):
-        tallies.setdefault(upset.block, Tally()).add(upset)
+        of_block.setdefault(upset.block, []).append(upset)
         if wrong := problems_of(trial, upset):
             problems.append(f"{trial.name}: {upset.flop} turned at clock {upset.clock}: {wrong}")
-    return [_line(trial, block, tally) for block, tally in sorted(tallies.items())], problems
+    return [_line(trial, block, found) for block, found in sorted(of_block.items())], problems
 
 
 def _upsets(trial: Trial) -> Iterator[Upset]:
@@ -116,43 +83,19 @@ def _upsets(trial: Trial) -> Iterator[Upset]:
     return upsets(config, trial.calm, trial.slow, stride)
 
 
-def _line(trial: Trial, block: str, tally: Tally) -> dict[str, Any]:
+def _line(trial: Trial, block: str, found: list[Upset]) -> dict[str, Any]:
     """Return the result of a block in a trial as a dictionary."""
-    return {
-        "block": block,
-        "trial": trial.name,
-        "flops": len(tally.flops),
-        "upsets": sum(tally.outcomes.values()),
-        **{name: tally.outcomes[name] for name in CLASSES},
-        "own clocks": tally.own_clocks,
-        "other clocks": tally.other_clocks,
-        "ticks": tally.ticks,
-        "lost": tally.lost,
-        "added": tally.added,
-        "off": tally.off,
-    }
-
-
-def meet(config: ReadoutConfig) -> Iterator[dict[str, Any]]:
-    """Run all tests with hostile inputs on a readout; yield the result of each."""
-    for case in cases(config):
-        good, runs = case.holds(config)
-        said = f"{config.rows} x {config.columns}, {config.encoding}, {config.link}, {config.frontend}"
-        yield {"case": case.name, "stated": case.stated, "readout": said, "runs": runs, "as stated": good}
+    outcomes = Counter(upset.outcome for upset in found)
+    numbers = {"flops": len({upset.flop for upset in found}), "upsets": len(found)}
+    most = {name.replace("_", " "): max((getattr(upset, name) for upset in found), default=0) for name in MOST}
+    return {"block": block, "trial": trial.name, **numbers, **{name: outcomes[name] for name in CLASSES}, **most}
 
 
 def campaign(small: bool, out: Path | None, tell: Callable[[str], None]) -> Done:
     """Run all fault injection trials and all tests with hostile inputs.
 
-    Parameters
-    ----------
-    small : bool
-        Only a few.
-    out : Path or None
-        File for the results. Beside it each piece is kept as it comes, until ``write``: a campaign that was stopped
-        goes on behind them, unless the code has changed.
-    tell : callable
-        Takes a line for each piece.
+    Each piece is kept beside ``out`` as it comes, until ``write``: a campaign that was stopped goes on behind them,
+    unless the code has changed. ``tell`` takes a line for each piece.
     """
     pieces = Pieces(out, version(CODE))
     done = Done([], [], [])
@@ -176,11 +119,14 @@ def _tried(trial: Trial) -> dict[str, Any]:
 
 
 def _met(config: ReadoutConfig) -> dict[str, Any]:
-    met = list(meet(config))
-    said = [
-        f"{line['readout']:<36}{line['case']:<42}{line['as stated']:>4} of {line['runs']} as stated" for line in met
-    ]
-    return {"blocks": [], "cases": met, "problems": [], "said": said}
+    """Run all tests with hostile inputs on a readout."""
+    met, told = [], []
+    readout = f"{config.rows} x {config.columns}, {config.encoding}, {config.link}, {config.frontend}"
+    for case in cases(config):
+        good, runs = case.holds(config)
+        met.append({"case": case.name, "stated": case.stated, "readout": readout, "runs": runs, "as stated": good})
+        told.append(f"{readout:<36}{case.name:<42}{good:>4} of {runs} as stated")
+    return {"blocks": [], "cases": met, "problems": [], "said": told}
 
 
 def closing_line(done: Done) -> str:

@@ -24,47 +24,32 @@ SWING = 5
 
 @dataclass(frozen=True)
 class Course:
-    """A stimulus, with the clocks in which flops are flipped and responses are compared.
+    """A stimulus, with the clocks in which flops are flipped and responses are compared."""
 
-    Attributes
-    ----------
-    stimulus : Stimulus
-        For the model.
-    inputs : dict of str to ndarray, shape (clocks, bits)
-        For the gates; ``RESET`` clocks more.
-    first, last : int
-        The clocks in which upsets happen, counted with those of reset, ``last`` not among them.
-    answer : int
-        The clock from which on all that differs is lasting.
-    ticks : ndarray of int, shape (ticks + 1,)
-        The beginning of the run, and the sample ticks before ``last``.
-    """
-
-    stimulus: Stimulus
-    inputs: dict[str, NDArray[np.uint8]]
+    stimulus: Stimulus  # for the model
+    inputs: dict[str, NDArray[np.uint8]]  # for the gates, shape (clocks, bits); ``RESET`` clocks more
+    # the clocks in which upsets happen, counted with those of reset, ``last`` not among them
     first: int
     last: int
-    answer: int
-    ticks: NDArray[np.int64]
+    answer: int  # clock from which on every difference is lasting
+    ticks: NDArray[np.int64]  # the beginning of the run, and the sample ticks before ``last``, shape (ticks + 1,)
 
 
 def course(config: ReadoutConfig, calm: bool, slow: int = 0, seed: int = 0) -> Course:
     """Return a stimulus for a configuration.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-    calm : bool
-        Few taxels move with a tick, and all is silent before the next; else there is overload, the mask changes and the
-        sink stands still.
-    slow : int
-        Clocks that the receiver, if any, takes for each edge of ACK.
-    seed : int
+    In a calm course few taxels move with a tick, and all is silent before the next; else there is overload, the mask
+    changes and the sink stands still. ``slow`` is the number of clocks that a receiver takes for each edge of ACK.
     """
     rng = np.random.default_rng(seed)
-    per_event, gap = clocks_per_event(config, slow), gap_of(config, calm, slow)
-    ticks = CALM_TICKS if calm else LOADED_TICKS
-    moves = [_calm(config, rng) if calm else _loaded(config, rng) for _ in range(ticks)]
+    per_event = 7 + 2 * slow if config.handshake else 1
+    gap, ticks = (16 * per_event + 8, CALM_TICKS) if calm else (16, LOADED_TICKS)
+    moves = np.zeros((ticks, config.taxels), np.int64)
+    for move in moves:
+        if calm:  # up to three taxels move by up to two steps
+            move[rng.integers(config.taxels, size=3)] = config.step * rng.integers(-2, 3, size=3)
+        else:
+            move[:] = rng.integers(-config.full_scale, config.full_scale, config.taxels)
     levels = list(np.clip(np.cumsum(moves, axis=0) if calm else moves, -config.full_scale, config.full_scale - 1))
     clocks = (3 + gap * np.arange(ticks)).tolist()
     end = gap * ticks
@@ -103,40 +88,13 @@ def swings(config: ReadoutConfig, start: int, number: int, pause: int) -> Iterat
 
     Behind each swing they rest so that windows close.
     """
-    quiet = _quiet_ticks(config)
+    quiet = 12 * config.leak_period if config.encoder.leaks else 0
+    if config.closes:
+        quiet = config.window_period << config.closing_levels_log2
     for swing in range(number):
         level = np.full(config.taxels, SWING * config.step * (1 - 2 * ((number - 1 - swing) % 2)))
         for tick in range(quiet + 1):
             yield start + swing * pause + tick * ((pause - 8) // (quiet + 1)), level
-
-
-def clocks_per_event(config: ReadoutConfig, slow: int) -> int:
-    """Return the clocks that the link needs per event."""
-    return 7 + 2 * slow if config.handshake else 1
-
-
-def gap_of(config: ReadoutConfig, calm: bool, slow: int) -> int:
-    """Return the clocks between sample ticks during fault injection."""
-    return (16 * clocks_per_event(config, slow) if calm else 8) + 8
-
-
-def _calm(config: ReadoutConfig, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return samples for low load: up to three taxels move by up to two steps."""
-    moves = np.zeros(config.taxels, np.int64)
-    moves[rng.integers(config.taxels, size=3)] = config.step * rng.integers(-2, 3, size=3)
-    return moves
-
-
-def _loaded(config: ReadoutConfig, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return samples for overload: random levels."""
-    return rng.integers(-config.full_scale, config.full_scale, config.taxels)
-
-
-def _quiet_ticks(config: ReadoutConfig) -> int:
-    """Return the number of extra ticks after a swing for windows to close and references to leak."""
-    if config.closes:
-        return config.window_period << config.closing_levels_log2
-    return 12 * config.leak_period if config.encoder.leaks else 0
 
 
 def inputs_of(config: ReadoutConfig, stimulus: Stimulus) -> dict[str, NDArray[np.uint8]]:

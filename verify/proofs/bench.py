@@ -31,18 +31,7 @@ CONSTANTS = ("watch", "rival")
 class Bench(Elaboratable):
     """Block under proof with its checker; all inputs are free unless the checker drives them.
 
-    Parameters
-    ----------
-    checker : Checker
-    clocked : bool
-        Whether the block has a clock.
-
-    Attributes
-    ----------
-    free : list of Signal
-        Inputs of the design.
-    bad, seen : dict of str to Signal
-        Outputs of the design by the name of the property: it fails; what it speaks of happens.
+    ``bad`` and ``seen`` are outputs of the design by the name of the property: it fails; its case happens.
     """
 
     def __init__(self, checker: Checker[Any], clocked: bool) -> None:

@@ -22,35 +22,20 @@ Config = TypeVar("Config")
 
 @dataclass(frozen=True)
 class Property:
-    """A property: a sentence about a block that must always hold.
+    """A property: a sentence about a block that must always hold."""
 
-    Parameters
-    ----------
-    name : str
-        Snake case; the checker's outputs ``ok_NAME`` and ``seen_NAME`` are called after it.
-    meaning : str
-        The sentence.
-    applies : callable
-        Whether a configuration has anything that the property speaks of.
-    """
-
-    name: str
+    name: str  # snake case; the checker's outputs ``ok_NAME`` and ``seen_NAME`` are called after it
     meaning: str
-    applies: Callable[[Any], bool] = lambda config: True
+    applies: Callable[[Any], bool] = lambda config: True  # whether a configuration has this property
 
 
 class Checker(Block[Config]):
     """Checker of one block.
 
-    Attributes
-    ----------
-    watch : In(bits)
-        Index of the taxel that is looked at, any one of them, for good; absent where it is not needed.
-    ok_NAME, seen_NAME : Out(1)
-        The property holds in this clock; what it speaks of happens in this clock, so that it is not vacuous.
-    holds_NAME : Out(1)
-        An assumption about what is around the block holds in this clock. A bench guarantees it (``drive``), or the
-        properties that need it hold as long as it held (they say so); simulation checks it where the block is at work.
+    ``ok_NAME``: the property holds in this clock. ``seen_NAME``: its case happens in this clock, so that it is not
+    vacuous. ``holds_NAME``: an assumption about what is around the block holds in this clock. A bench guarantees it
+    (``drive``), or the properties that need it hold as long as it held (they say so); simulation checks it where the
+    block is at work.
     """
 
     block: ClassVar[type[Any]]
@@ -98,12 +83,42 @@ class Checker(Block[Config]):
         m.d.comb += getattr(self, f"holds_{name}").eq(holds)
         self._said.add(name)
 
+    @staticmethod
+    def keep(m: Module, value: Signal, clears: Any, when: Any, new: Any, start: Any = 0) -> Signal:
+        """Set a register to ``start`` if it is cleared, else to a new value when there is one."""
+        with m.If(clears):
+            m.d.sync += value.eq(start)
+        with m.Elif(when):
+            m.d.sync += value.eq(new)
+        return value
+
+    def count_up(self, m: Module, number: Signal, clears: Any, counts: Any, start: Any = 0) -> Signal:
+        """Count clocks from ``start`` in a signal; clearing comes first."""
+        return self.keep(m, number, clears, counts, number + 1, start)
+
+    @staticmethod
+    def unchanged(m: Module, valid: Any, ready: Any, payload: Value, names: tuple[str, str]) -> tuple[Value, Signal]:
+        """Return whether an offer that waits stays as it is, and whether one waits."""
+        waits = before(m, valid & ~ready, names[0])
+        same = payload == before(m, payload, names[1]) if len(payload) else Const(1)
+        return implies(waits, valid & same), waits
+
+    def fair(self, m: Module, given: Any, asks: Any, other: Any) -> tuple[Any, Any]:
+        """Return whether one is never given twice while the other asks, and whether the other was owed its turn."""
+        due, waits = Signal(name="owed"), asks & ~other
+        self.keep(m, due, given, due, waits, start=waits)
+        return ~(due & given & asks & ~other), due & other
+
     def finish(self, m: Module) -> Module:
         """Return the module; raise an error for an undefined property or assumption."""
         left = {p.name for p in self.proved} | set(self.assumptions)
         if left - self._said:
             raise AssertionError(f"{type(self).__name__} says nothing of {', '.join(sorted(left - self._said))}")
         return m
+
+    def port(self, name: str) -> Any:
+        """Return an input or output of the checker, 0 if the configuration lacks it."""
+        return getattr(self, name) if self.has(name) else Const(0)
 
     def has(self, name: str) -> bool:
         """Return True if the checker has an input or output of that name."""
@@ -133,19 +148,16 @@ def implies(condition: Any, then: Any) -> Value:
     return ~Value.cast(condition).bool() | Value.cast(then).bool()
 
 
-def bit_of(word: Any, index: Signal) -> Any:
-    """Return the bit of a word at an index, 0 beyond its end."""
-    return Array([*word, *[Const(0, 1)] * ((1 << len(index)) - len(word))])[index]
+def pick(values: Any, index: Signal) -> Any:
+    """Return the value at an index, or the bit of a word; 0 beyond the last."""
+    nothing = Const(0, len(Value.cast(values[0])))
+    return Array([*values, *[nothing] * ((1 << len(index)) - len(values))])[index]
 
 
 def cyclic(m: Module, asks: Any, taken: Any) -> tuple[Signal, Any]:
     """Return the last chosen index, and whether the current choice violates round-robin order.
 
-    Parameters
-    ----------
-    m : Module
-    asks, taken : Value(n)
-        A bit each; at most one is taken.
+    Of the bits ``taken`` at most one is high.
     """
     number = len(taken)
     last = Signal(number, init=1 << (number - 1))

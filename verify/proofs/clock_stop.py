@@ -46,14 +46,8 @@ PATH = re.compile(r"\\([^.\\]+)\.")
 def stands_still(block: Block[Any], awake: int = 0, mutant: str = "") -> bool:
     """Return True if all registers and memories of a block are stable while ``awake`` is low, except in reset.
 
-    Parameters
-    ----------
-    block : Block
-        One with a signal ``awake``, or with parts that have one: then all of these are low.
-    awake : int
-        The value of these signals; for 1 the answer tells whether anything can change at all.
-    mutant : str
-        RTLIL that takes the place of the block's own.
+    The block has a signal ``awake``, or parts that have one: then all of these are low. With ``awake`` 1 the answer
+    tells whether anything can change at all. ``mutant`` is RTLIL that takes the place of the block's own.
     """
     top = block.module_name
     module = _flat(block, TO_FLOPS, mutant)
@@ -78,18 +72,11 @@ def stands_still(block: Block[Any], awake: int = 0, mutant: str = "") -> bool:
 
 @dataclass(frozen=True)
 class Clocked:
-    """Registers that receive a clock in an idle block.
+    """Registers that receive a clock in an idle block."""
 
-    Attributes
-    ----------
-    others : tuple of str
-        Registers that are clocked, and signals ``awake`` that are high, though nobody expects it: those of one case.
-    reached : bool
-        Whether all that are expected can be so in one and the same case.
-    """
-
+    # registers that are unexpectedly clocked, and signals ``awake`` that are unexpectedly high, in one case
     others: tuple[str, ...]
-    reached: bool
+    reached: bool  # whether all expected ones can be so in a single case
 
 
 def clocked(
@@ -105,19 +92,9 @@ def clocked(
     A block is at rest where no register of it would change. A register gets a clock where its enable is high, and so is
     ``awake`` of every block that it is in, as far as these have such a signal.
 
-    Parameters
-    ----------
-    block : Block
-    expected : collection of str
-        Registers and signals ``awake``, those of inner blocks by their paths: ``row_0.taxel_1.newest``.
-    rest : mapping of str to int, optional
-        Inputs with which the block is at rest; the others have any value.
-    then : mapping of str to int, optional
-        Inputs that have other values in the clock that is looked at.
-    held : mapping of str to int, optional
-        Registers that have a value, and not any.
-    mutant : str
-        RTLIL that takes the place of the block's own.
+    ``expected`` are registers and signals ``awake``, those of inner blocks by their paths: ``row_0.taxel_1.newest``.
+    The block is at rest with the inputs ``rest``; ``then`` are inputs that have other values in the clock that is
+    looked at, and ``held`` registers that have one value. ``mutant`` is RTLIL that takes the place of the block's own.
     """
     before = dict(rest or {})
     module = _flat(block, TO_ENABLES, mutant)
@@ -169,12 +146,17 @@ def clocked(
     return Clocked(tuple(name for name in high if name not in expected), "SAT solving finished - model found" in said)
 
 
-def _flat(block: Block[Any], script: str, mutant: str) -> Any:
-    """Return a block as one flat module of simple Yosys cells and flops."""
+def rtlil_of(block: Block[Any]) -> str:
+    """Return the RTLIL of a block and of the blocks within it."""
     made = RtlilModules(async_reset=False)
     made.add(block)
+    return made.text
+
+
+def _flat(block: Block[Any], script: str, mutant: str) -> Any:
+    """Return a block as one flat module of simple Yosys cells and flops."""
     top = block.module_name
-    return json.loads(yosys.run(script.format(top=top), mutant or made.text, "flops.json"))["modules"][top]
+    return json.loads(yosys.run(script.format(top=top), mutant or rtlil_of(block), "flops.json"))["modules"][top]
 
 
 def _flops(module: Any, kinds: tuple[str, ...]) -> list[tuple[str, Any]]:

@@ -42,25 +42,12 @@ MAPPED_GATE = b".model netlist\n.inputs a b\n.outputs y\n.names a b y\n11 1\n.en
 
 @dataclass(frozen=True)
 class Verdict:
-    """Results of the solvers for a block.
+    """Results of the solvers for a block."""
 
-    Attributes
-    ----------
-    proved : frozenset of str
-        Properties that hold in every clock of every run.
-    failed : dict of str to int
-        Properties that fail, and in which clock at the latest search did so; the first clock is 0.
-    reached : dict of str to int
-        What properties speak of, and the first clock in which it can happen.
-    depth : int
-        Clocks of the bounded search.
-    seconds : float
-    """
-
-    proved: frozenset[str]
-    failed: dict[str, int]
-    reached: dict[str, int]
-    depth: int
+    proved: frozenset[str]  # properties that hold in every clock of every run
+    failed: dict[str, int]  # properties that fail, and the clock of the failure; the first clock is 0
+    reached: dict[str, int]  # properties whose case can happen, and the first clock in which it does
+    depth: int  # clocks of the bounded search
     seconds: float
 
 
@@ -73,18 +60,8 @@ def solve(
 ) -> Verdict:
     """Search for counterexamples and covered cases, then prove the properties.
 
-    Parameters
-    ----------
-    checker : Checker
-        Properties, block and configuration.
-    depth : int
-        Clocks of the bounded search.
-    limit_s : int
-        Seconds for the proof of properties that did not fail; 0 leaves the proof out.
-    blocks : callable
-        Returns the RTLIL of the block.
-    cases : bool
-        Whether the search looks for covered cases too, which takes most of its time.
+    The search has ``depth`` clocks, and takes most of its time for covered ``cases``. The proof of properties that did
+    not fail takes ``limit_s`` seconds at most; 0 leaves it out. ``blocks`` returns the RTLIL of the block.
     """
     started = time.monotonic()
     text, bench = design(checker, blocks)

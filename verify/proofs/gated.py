@@ -35,7 +35,6 @@ def prove_gated(config: Config, text: str = "") -> int:
 
     Parameters
     ----------
-    config : Config
     text : str
         Verilog to be proved, by default as delivered.
 
@@ -69,12 +68,7 @@ def prove_gated(config: Config, text: str = "") -> int:
 class _Enables:
     """Logic added to a flat module in place of its clock gates, which are removed.
 
-    Attributes
-    ----------
-    root : int
-        Net of the clock input, in front of all gates.
-    gates : dict of int to (int, int)
-        Nets of the clock and the enable of the gate that drives a net.
+    ``root`` is the net of the clock input, and ``gates`` has the nets of clock and enable for each gated net.
     """
 
     def __init__(self, module: dict[str, Any]) -> None:

@@ -27,18 +27,10 @@ CLOCK_PIN = re.compile(r"-port \\?clk ", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Mutant:
-    """One mutant of a block.
+    """One mutant of a block."""
 
-    Attributes
-    ----------
-    name : str
-        Arguments with which Yosys' ``mutate`` makes it from the block.
-    rtlil : str
-        The block with the mutant, and the blocks within it.
-    """
-
-    name: str
-    rtlil: str
+    name: str  # arguments with which Yosys' ``mutate`` makes it from the block
+    rtlil: str  # the block with the mutant, and the blocks within it
 
     def instead(self, checker: Checker[Any]) -> str:
         """Return the mutated block as RTLIL."""
@@ -48,16 +40,8 @@ class Mutant:
 def mutants(checker: Checker[Any], count: int, seed: int, only: str = "") -> list[Mutant]:
     """Return mutants of the block that a checker observes; the modules that its proof cuts out have none.
 
-    Parameters
-    ----------
-    checker : Checker
-    count : int
-        Mutants that Yosys draws. Those of clock pins are left out.
-    seed : int
-        Another seed gives other mutants; some may be those of the first seed. Those of seed 0 are of cells that compute
-        or store, those of other seeds also of mere wires.
-    only : str
-        Arguments of ``mutate -list`` that choose, as in "-mode const0 -wire aer_req".
+    Seed 0 gives mutants of cells that compute or store, other seeds also those of mere wires. Mutants of clock pins are
+    left out. ``only`` are arguments of ``mutate -list``, as in "-mode const0 -wire aer_req".
     """
     return make(netlist(checker), checker.block.module_name, count, seed, only, cutting(checker))
 

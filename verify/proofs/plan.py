@@ -33,26 +33,13 @@ from eskin.verify.proofs.checker import Checker
 
 @dataclass(frozen=True)
 class Proof:
-    """One block in one configuration.
+    """One block in one configuration."""
 
-    Parameters
-    ----------
-    checker : type of Checker
-        Block and properties.
-    config : ReadoutConfig, FrameConfig, TilesConfig or ClassifierConfig
-    depth : int
-        Clocks of the search for failures, and for what the properties speak of.
-    small : bool
-        Part of the gate.
-    hunts : bool
-        Planted bugs are looked for in it.
-    """
-
-    checker: type[Checker[Any]]
+    checker: type[Checker[Any]]  # block and properties
     config: Any
-    depth: int
-    small: bool = False
-    hunts: bool = False
+    depth: int  # clocks of the search for failures and covered cases
+    small: bool = False  # part of the gate
+    hunts: bool = False  # whether mutants are generated and tested
 
     @property
     def block(self) -> str:

@@ -28,14 +28,7 @@ def earlier(path: Path | None) -> dict[str, Any]:
 def write(results: list[Outcome], found: list[Hunt], path: Path, command: str, block: str = "") -> None:
     """Write the results of properties and mutants with command, commit and date.
 
-    Parameters
-    ----------
-    results : list of Outcome
-    found : list of Hunt
-    path : Path
-    command : str
-    block : str
-        The block that was proved, if it was one alone: the file keeps its results of other blocks.
+    If one ``block`` alone was proved, the file keeps its results of other blocks.
     """
     here = origin(command)
     rows: dict[str, list[dict[str, Any]]] = {

@@ -24,34 +24,16 @@ DRAWN, MOST_DRAWS = 40, 12
 
 @dataclass
 class Outcome:
-    """The combined result of all proofs for one property of one block.
-
-    Attributes
-    ----------
-    block : str
-    property : Property
-    sizes : list of str
-        Configurations in which it was proved.
-    problems : list of str
-        Why it counts as failed; empty where it holds.
-    seconds : float
-        Of all proofs of its block: the solver takes the properties of a block together.
-    depth : int
-        Clocks of the deepest search for a failure.
-    reached : int or None
-        First clock in which what it speaks of happens, the least of all configurations.
-    mutants : int
-        Generated mutants by which it fails; 0 where none were drawn.
-    """
+    """The combined result of all proofs for one property of one block."""
 
     block: str
     property: Property
-    sizes: list[str] = field(default_factory=list)
-    problems: list[str] = field(default_factory=list)
-    seconds: float = 0.0
-    depth: int = 0
-    reached: int | None = None
-    mutants: int = 0
+    sizes: list[str] = field(default_factory=list)  # configurations in which the property was proved
+    problems: list[str] = field(default_factory=list)  # reasons why the property counts as failed
+    seconds: float = 0.0  # of the whole block: the solver takes its properties together
+    depth: int = 0  # clocks of the deepest search for a failure
+    reached: int | None = None  # first clock in which its case happens in any configuration
+    mutants: int = 0  # generated mutants that violate the property
 
     def add(self, proof: Proof, verdict: Verdict) -> None:
         """Add the result for a configuration."""
@@ -70,11 +52,6 @@ class Outcome:
             )
         else:
             self.sizes.append(proof.size)
-
-    def finish(self) -> None:
-        """Mark a property that no configuration uses as failed."""
-        if not self.sizes and not self.problems:
-            self.problems.append("no proof has it")
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as an entry of the report."""
@@ -95,11 +72,7 @@ class Outcome:
 def outcomes(verdicts: Iterable[tuple[Proof, Verdict]], whole: bool = True) -> list[Outcome]:
     """Return the result for every property of every block.
 
-    Parameters
-    ----------
-    verdicts : iterable of (Proof, Verdict)
-    whole : bool
-        Whether all configurations are among them: then a property that none has is a failure.
+    If the ``whole`` plan was proved, a property that no configuration has is a failure.
     """
     found: dict[tuple[str, str], Outcome] = {}
     for proof, verdict in verdicts:
@@ -110,7 +83,8 @@ def outcomes(verdicts: Iterable[tuple[Proof, Verdict]], whole: bool = True) -> l
             if item.name in applies:
                 found[proof.block, item.name].add(proof, verdict)
     for outcome in found.values():
-        outcome.finish()
+        if not outcome.sizes and not outcome.problems:
+            outcome.problems.append("no proof has it")
     return list(found.values())
 
 
@@ -123,20 +97,12 @@ def closing_line(problems: Collection[list[str]]) -> str:
 
 @dataclass(frozen=True)
 class Hunt:
-    """Mutants of a block in one configuration, and the properties that each violates.
-
-    Attributes
-    ----------
-    block, size : str
-    seed : int
-        With which they were drawn.
-    mutants : dict of str to list of str
-        Failed properties by the arguments of Yosys' ``mutate``; none where the mutant survives.
-    """
+    """Mutants of a block in one configuration, and the properties that each violates."""
 
     block: str
     size: str
-    seed: int
+    seed: int  # seed of the mutants
+    # failed properties by the arguments of Yosys' ``mutate``; none where the mutant survives
     mutants: dict[str, list[str]]
 
     @property
@@ -145,12 +111,12 @@ class Hunt:
         return sum(bool(failed) for failed in self.mutants.values())
 
 
-def hunt(proof: Proof, seed: int, count: int = DRAWN) -> Hunt:
+def hunt(proof: Proof, seed: int) -> Hunt:
     """Generate mutants of a block in one configuration, and find the properties that each violates."""
     checker = proof.checker(proof.config)
     found = {
         mutant.name: sorted(solve(checker, proof.depth, 0, mutant.instead, cases=False).failed)
-        for mutant in mutants(checker, count, seed)
+        for mutant in mutants(checker, DRAWN, seed)
     }
     return Hunt(proof.block, proof.size, seed, found)
 
@@ -179,15 +145,7 @@ def hunts(block: str, proofs: Iterable[Proof], pieces: Pieces) -> Iterator[Hunt]
 
 
 def judge(results: list[Outcome], found: Iterable[Hunt]) -> None:
-    """Count the mutants that violate each property; a property violated by too few mutants fails.
-
-    Parameters
-    ----------
-    results : list of Outcome
-        Of all properties of a block.
-    found : iterable of Hunt
-        All hunts in the block.
-    """
+    """Count the mutants that violate each property; a property violated by too few mutants fails."""
     of = {outcome.property.name: outcome for outcome in results}
     drawn = 0
     for one in found:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import time
 from collections import Counter
@@ -15,7 +14,7 @@ from typing import Any
 from eskin.base.files import atomic_write, make_folder, origin, write_json
 from eskin.base.shapes import read_shaped
 from eskin.cocotb_tests.bench.draw import Draw
-from eskin.cocotb_tests.runner.build_cache import SOURCES
+from eskin.cocotb_tests.runner.build_cache import SOURCES, locked
 from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 from eskin.cocotb_tests.runner.process import MismatchFound
 from eskin.verify.soak.play import Failure, failure, failure_of, play, shrink
@@ -29,26 +28,13 @@ SMALL_CLOCKS = 20_000
 
 @dataclass(frozen=True)
 class Plan:
-    """Parameters of a soak test.
+    """Parameters of a soak test."""
 
-    Attributes
-    ----------
-    seconds : float
-        After that no further run is begun, of this configuration or of another.
-    seed : int
-        The first.
-    clocks : int
-        Of each configuration.
-    simulator : "verilator" or "icarus"
-    folder : Path
-        Holds a file for every configuration that is done, and one for each that failed.
-    """
-
-    seconds: float
-    seed: int
-    clocks: int
+    seconds: float  # time after which no further run begins
+    seed: int  # first seed
+    clocks: int  # of each configuration
     simulator: Simulator
-    folder: Path
+    folder: Path  # holds a file for every configuration that is done, and one for each that failed
 
 
 class SoakFailed(Exception):  # the outcome that is looked for, not a defect of the program
@@ -73,16 +59,6 @@ def soak(plan: Plan, on_piece: Callable[[dict[str, Any]], None]) -> None:
     """Test random configurations until the time is over.
 
     A configuration that the end of the time has cut off keeps the runs that are done, and goes on there.
-
-    Parameters
-    ----------
-    plan : Plan
-    on_piece : callable
-        Called with what each configuration came to.
-
-    Raises
-    ------
-    SoakFailed
     """
     folder = make_folder(plan.folder, "pieces")
     _pieces(plan.folder)  # a damaged one is told before the work
@@ -145,14 +121,11 @@ def _kept(plan: Plan, found: Failure) -> str:
 @contextlib.contextmanager
 def _claimed(piece: Path, plan: Plan) -> Iterator[bool]:
     """Yield True if a configuration has runs left and no other process tests it; keep others away meanwhile."""
-    handle = os.open(piece.with_suffix(".lock"), os.O_RDWR | os.O_CREAT)
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield _kept_piece(piece).get("clocks", 0) < plan.clocks
+        with locked(piece.with_suffix(".lock"), os.O_RDWR | os.O_CREAT, wait=False):
+            yield _kept_piece(piece).get("clocks", 0) < plan.clocks
     except BlockingIOError:
         yield False
-    finally:
-        os.close(handle)
 
 
 def _kept_piece(piece: Path) -> dict[str, Any]:
@@ -167,13 +140,7 @@ def _pieces(folder: Path) -> list[dict[str, Any]]:
 
 
 def summary(folder: Path) -> dict[str, Any]:
-    """Return the totals of a folder, of the current and of other sources together.
-
-    Raises
-    ------
-    InputError
-        If a file is damaged.
-    """
+    """Return the totals of a folder, of the current and of other sources together."""
     pieces = _pieces(folder)
     mismatches = len(list((folder / "mismatches").glob("*.txt")))
     total = {name: sum(piece[name] for piece in pieces) for name in ("runs", "clocks", "events")}

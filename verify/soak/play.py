@@ -9,17 +9,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from eskin.base.errors import InputError
 from eskin.cocotb_tests.bench.draw import MOST_TAXELS, Draw
-from eskin.cocotb_tests.bench.readout import Prepared, StimulusDriver
 from eskin.cocotb_tests.runner.build_cache import BUILD, scratch_folder
 from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 from eskin.cocotb_tests.runner.player import Job
-from eskin.cocotb_tests.runner.process import MismatchFound, Tally, run_job
+from eskin.cocotb_tests.runner.process import MismatchFound, Tally, prepare, run_job
 from eskin.cocotb_tests.runner.simulator import build
-from eskin.model.readout import simulate
 
 
 def command(draw: Draw, simulator: Simulator) -> str:
@@ -33,46 +29,27 @@ def command(draw: Draw, simulator: Simulator) -> str:
     return " ".join(words)
 
 
-def play(draws: Sequence[Draw], simulator: Simulator, on_run: Callable[[Any], None] | None = None) -> Tally:
-    """Simulate random runs of one configuration, and return the comparison totals.
-
-    Raises
-    ------
-    MismatchFound
-        If RTL and model differ; its text ends with the command that shows it again.
-    """
+def play(draws: Sequence[Draw], simulator: Simulator, on_run: Callable[[Any], None] = lambda run: None) -> Tally:
+    """Simulate random runs of one configuration, and return the comparison totals."""
     config = draws[0].config
     program = build(config, simulator)
     with scratch_folder(BUILD / "run", "soak") as folder:
-        prepared = [_prepare(draw, simulator, folder / str(number)) for number, draw in enumerate(draws)]
+        prepared = [_prepared(draw, simulator, folder / str(number)) for number, draw in enumerate(draws)]
         return run_job(program, Job(config.to_dict(), "", scenarios=prepared), folder, on_run)
 
 
-def _prepare(draw: Draw, simulator: Simulator, place: Path) -> dict[str, Any]:
-    """Write stimulus and expected events of a run into a folder; return the parameters of the testbench."""
-    place = place.resolve()
-    place.mkdir()
-    stimulus = draw.stimulus
-    StimulusDriver(draw.config, place).write(stimulus)
-    np.save(place / "expected.npy", simulate(draw.config, stimulus))
+def _prepared(draw: Draw, simulator: Simulator, place: Path) -> dict[str, Any]:
+    """Prepare a run in a folder."""
     name, again = f"seed {draw.seed}, run {draw.run}", command(draw, simulator)
-    return asdict(Prepared(name, draw.clocks, 0, str(place), asdict(draw), again))
+    return prepare(draw.config, name, draw.stimulus, place, draw=asdict(draw), reproduce=again)
 
 
 @dataclass(frozen=True)
 class Failure:
-    """A run in which RTL and model differ.
-
-    Attributes
-    ----------
-    draw : Draw
-    clock : int
-        Of the first difference; the last clock where the text names none.
-    text : str
-    """
+    """A run in which RTL and model differ."""
 
     draw: Draw
-    clock: int
+    clock: int  # of the first difference; the last clock where the text names none
     text: str
 
 
@@ -110,16 +87,7 @@ SIMPLER: dict[str, tuple[Any, ...]] = {
 
 
 def shrink(found: Failure, fails: Callable[[Draw], Failure | None], tries: int = 60) -> Failure:
-    """Return a smaller run that still fails, with every parameter simplified.
-
-    Parameters
-    ----------
-    found : Failure
-    fails : callable
-        Plays a draw.
-    tries : int
-        Draws that are played at most.
-    """
+    """Return a smaller run that still fails, with every parameter simplified."""
     room, best = max(found.clock + 2, 200), _cut(found, fails)
     for name, values in SIMPLER.items():
         for value in values:

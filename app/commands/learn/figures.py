@@ -9,6 +9,7 @@ from typing import Annotated
 from eskin.app.cli import asked_for, echo
 from eskin.app.commands.learn.options import Seeds, check_device
 from eskin.app.commands.options import DataOutOption, OutOption, TexturesOption
+from eskin.app.commands.signals.recordings import named_place
 from eskin.app.options import TRAINED, arg, opt, out_file, out_folder
 from eskin.app.tables import filled
 from eskin.base.errors import InputError
@@ -50,7 +51,9 @@ def fig8(
     weights: Annotated[Path, opt("FILE", "weights from eskin train")] = TRAINED,
     result: Annotated[Path | None, opt("FILE", "result of the same training [result.json beside the weights]")] = None,
     dataset: Annotated[str | None, opt("DIR|embedded", "textures [folder used in training]")] = None,
-    data: Annotated[Path | None, opt("DIR", "your own recordings, if the network was trained on them")] = None,
+    data: Annotated[
+        Path | None, opt("DIR|finger", "your own recordings, if the network was trained on them", callback=named_place)
+    ] = None,
     image: Annotated[
         str | None, opt("NAME", "texture or recording, such as brick/brick-00 [first correct test image]")
     ] = None,
@@ -113,6 +116,9 @@ def frontier(
         arg("POINT...", "PRESET/NETWORK/READOUT/TAXELS, such as physical/leaky/lcs:3/across:4 [all documented points]"),
     ] = None,
     seeds: Seeds = 1,
+    device: Annotated[
+        str, opt("device name of torch; a GPU trains the convolutional networks of a point together")
+    ] = "cpu",
     inner: Annotated[
         int | None, opt("FOLDS", "only inner validation, in this number of folds, without test images", min=1, max=6)
     ] = None,
@@ -122,7 +128,8 @@ def frontier(
 ) -> None:
     """Train networks on chosen taxels, and compare accuracy with events/s, bits/s and power.
 
-    A stopped run continues with the missing trainings.
+    Without POINT, inner validation chooses a readout of every encoder, and frames, at every event rate. A stopped run
+    continues with the missing trainings.
     """
     from eskin.base.shapes import read_shaped
     from eskin.snn.experiments.points import load_sweep
@@ -139,16 +146,17 @@ def frontier(
         return
     if inner is not None and not points:
         raise InputError("--inner needs points, such as physical/leaky/lcs:3/across:4")
-    named = {study.Point.parse(text): seeds for text in points or ()}
-    trained = named or {study.Point.parse(text): number for text, number in study.PLAN.items()}
-    judged = {study.Point.parse(text): number for text, number in ({} if points else study.CANDIDATES).items()}
-    if inner is not None:
-        trained, judged = {}, dict.fromkeys(named, inner)
-    check_device("cpu", 1)
-    run = study.Frontier(out / "frontier.json", dataset)
-    with bar("cells", sum(judged.values()) + study.FOLDS * sum(trained.values())) as step:
-        validated = [run.inner(point, number, step) for point, number in judged.items()]
-        made = [run.point(point, number, step) for point, number in trained.items()]
+    named = [study.Point.parse(text) for text in points or ()]
+    check_device(device, 1)
+    run = study.Frontier(out / "frontier.json", dataset, device)
+    made, validated = [], []
+    with bar("cells", (inner or study.FOLDS * seeds) * len(named) if named else None) as step:
+        if not named:
+            made, validated = study.measured(run, step)
+        elif inner is not None:
+            validated = [run.inner(point, inner, step) for point in named]
+        else:
+            made = [run.point(point, seeds, step) for point in named]
     for one in validated:
         echo(f"{one['name']}: {100 * one['accuracy']:.1f} % in inner validation of {one['folds']} folds")
     if inner is not None:

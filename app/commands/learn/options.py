@@ -154,7 +154,8 @@ def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experim
     prepared = parse_fields(Preparation, {name: options[name] for name in PREPARATION})
     follows: dict[str, Any] = {}
     if options["data"] is not None:
-        fixed = given if options["frames"] is None else given | {"encoding", "resolution"}
+        fixed = given | ({"scale"} & set(prepared))
+        fixed = fixed if options["frames"] is None else fixed | {"encoding", "resolution"}
         folder = events_of(options["data"], {"strict": True} | prepared, readout, fixed, fit=fit)
         options = options | {"events": folder, "bin_s": options["bin_s"] or _bin_of(folder)}
         bin_s = options["bin_s"] or BinConfig().bin_s

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from eskin.app.cli import echo, printable
 from eskin.app.commands.learn.bars import epoch_bar
 from eskin.app.commands.learn.options import Folds, Seeds, Workers, check_device, output_folder, with_experiment
+from eskin.app.commands.signals.recordings import scale_text
 from eskin.app.options import opt, out_folder
 from eskin.base.errors import InputError
 from eskin.base.progress import bar
@@ -106,11 +107,16 @@ def train(
 
 
 def _print_result(training: Training, result: dict[str, Any], data: ScanData, noun: str) -> None:
-    """Print the test accuracy, and the accuracy of baseline classifiers."""
+    """Print readout and scale of recordings, the test accuracy, and the accuracy of baseline classifiers."""
+    from eskin.skin.recordings.trained_on import OwnReadout
     from eskin.snn.reference import is_unbalanced, sentences
 
     last, labels = training.history[-1], result["labels"]
     right = sum(a == b for a, b in zip(result["predicted"], labels, strict=True))
+    if "recordings" in result:
+        own = OwnReadout.from_dict(result["recordings"])
+        events = f"{own.config.encoding} {own.config.resolution} b, " if result["experiment"]["frames"] is None else ""
+        print(f"readout: {events}{scale_text(own.options.factors())}")
     print(f"after epoch {last.number}: loss {last.loss:.3f}, accuracy of the training scans {last.accuracy:.1%}")
     unbalanced = is_unbalanced(data.image_labels)
     more = f", balanced {result['balanced_accuracy']:.1%}" if unbalanced else ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -138,8 +138,10 @@ def print_set(recordings: RecordingSet, again: bool = False) -> None:
     )
 
 
-def scale_text(scale: float) -> str:
-    """Return a text for the factor from the values of a file to full scale."""
+def scale_text(scale: float | Sequence[float]) -> str:
+    """Return a text for the factor from the values of a file to full scale, or for the factor of each taxel."""
+    if isinstance(scale, Sequence):
+        return f"scale per taxel, {min(scale):.4g} to {max(scale):.4g}"
     return f"scale {scale:.4g}"
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from eskin.app.cli import asked_for, echo
 from eskin.app.commands.options import JsonOption, OutOption, Scheduler, Workers, open_pool
+from eskin.app.commands.signals.recordings import named_place
 from eskin.app.options import opt
 from eskin.app.tables import filled, print_report, print_table
 from eskin.base.errors import InputError
@@ -16,7 +17,10 @@ from eskin.model.encoders import registry
 
 
 def study(
-    data: Annotated[Path | None, opt("DIR", "class folders of your own recordings [generated slow signals]")] = None,
+    data: Annotated[
+        Path | None,
+        opt("DIR|finger", "class folders of your own recordings [generated slow signals]", callback=named_place),
+    ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     out: OutOption = DEFAULT_OUT,

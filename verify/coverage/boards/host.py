@@ -27,17 +27,7 @@ class Mismatch(AssertionError):
 
 
 class Host:
-    """A host with the records that it expects from the board.
-
-    Attributes
-    ----------
-    said : list of Record
-        What has come and was not yet held to what must come, but for events, classes and losses.
-    data : list of Event, Class or Lost
-        Those, since ``restart`` or ``hello``.
-    taken, refused : int
-        Frames, as the board must have counted them.
-    """
+    """A host with the records that it expects from the board."""
 
     def __init__(self, dut: Any, config: BoardConfig, rng: random.Random) -> None:
         self.dut, self.config, self.rng = dut, config, rng
@@ -53,8 +43,8 @@ class Host:
         described = (chip.classifier.inputs, self.interval) if chip else ()
         self.frames, self.records = FrameReader(), RecordReader(self.classes, *described)
         self.begun, self.due, self.sequence, self.taken, self.refused = False, 0, 1, 0, 0
-        self.said: list[Record] = []
-        self.data: list[Record] = []
+        self.said: list[Record] = []  # not yet compared with the expected ones
+        self.data: list[Record] = []  # events, classes and losses, since the last restart
         self.counted = {"events": 0, "bins": 0, "lost": 0}
         self.came = 0
 

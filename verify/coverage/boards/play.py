@@ -97,13 +97,7 @@ def scans_of(chip: ChipConfig) -> dict[str, NDArray[np.int16]]:
 def hold(
     chip: ChipConfig, network: IntegerNetwork, samples: NDArray[np.int16], left: dict[str, Any], name: str
 ) -> None:
-    """Compare the records of a scan with the models of readout and classifier.
-
-    Raises
-    ------
-    AssertionError
-        If they differ.
-    """
+    """Compare the records of a scan with the models of readout and classifier."""
     clocks = len(samples) * chip.readout.clocks_per_sample + sum(RUN_CLOCKS)
     model = simulate_chip(chip, network, samples, clocks)
     channels = channels_of(chip, model.events)

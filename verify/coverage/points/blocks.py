@@ -8,15 +8,13 @@ from collections.abc import Iterator
 from eskin.model.frame_config import FrameConfig
 from eskin.model.frame_words import bit_positions
 from eskin.model.tiles.config import TilesConfig
-from eskin.verify.coverage.points.point import Named, Point, began
+from eskin.verify.coverage.points.point import Named, Point, began, points_of
 
 
 def frames(config: FrameConfig) -> Iterator[Point]:
-    """Yield the coverage points of a frame readout."""
+    """Return the coverage points of a frame readout."""
     group = f"frames {config.rows} x {config.columns}, {config.resolution} in {config.word_bits} bits"
-    for part in (_scans, _codes, _words):
-        for name, expression in part(config):
-            yield Point(group, name, "eskin_frame_readout", expression)
+    return points_of(group, "eskin_frame_readout", _scans(config), _codes(config), _words(config))
 
 
 def _scans(config: FrameConfig) -> Named:
@@ -114,12 +112,9 @@ def merge(config: TilesConfig) -> Iterator[Point]:
 def lines(config: TilesConfig) -> Iterator[Point]:
     """Yield the coverage points of relay stations and lines."""
     kind = f"{config.tile.encoding}, reset {config.reset}"
-    for part, module, group in (
-        (_station, "eskin_relay", f"relay station {kind}"),
-        (_stations, "eskin_tiles", f"{config.relays} relay stations a line, {config.tiles} tiles {kind}"),
-    ):
-        for name, expression in part(config):
-            yield Point(group, name, module, expression)
+    yield from points_of(f"relay station {kind}", "eskin_relay", _station(config))
+    group = f"{config.relays} relay stations a line, {config.tiles} tiles {kind}"
+    yield from points_of(group, "eskin_tiles", _stations(config))
 
 
 def _station(config: TilesConfig) -> Named:

@@ -8,7 +8,7 @@ from eskin.board.config import BoardConfig
 from eskin.board.records import Reason
 from eskin.board.serial_frames import MOST_PAYLOAD
 from eskin.verify.coverage.points.classifier import loads
-from eskin.verify.coverage.points.point import Named, Point, began
+from eskin.verify.coverage.points.point import Named, Point, began, points_of
 
 
 def board(config: BoardConfig) -> Iterator[Point]:
@@ -22,8 +22,7 @@ def board(config: BoardConfig) -> Iterator[Point]:
         ("eskin_board_core_recorder", _records(config)),
         ("eskin_board_core_sender", _sender()),
     ):
-        for name, expression in found:
-            yield Point(group, name, module, expression)
+        yield from points_of(group, module, found)
 
 
 def _line() -> Named:

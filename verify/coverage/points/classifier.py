@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig, highest, lowest
-from eskin.verify.coverage.points.point import Named, Point, began
+from eskin.verify.coverage.points.point import Named, Point, began, points_of
 
 STATES = (
     "at rest",
@@ -20,12 +20,11 @@ STATES = (
 
 
 def classifier(config: ClassifierConfig) -> Iterator[Point]:
-    """Yield the coverage points of a classifier."""
+    """Return the coverage points of a classifier."""
     kind = f"{config.neuron_reset}, {config.membrane_bits} bits, {config.classes} classes"
     group = f"classifier {config.readout}, reset to {kind}"
-    for part in (_events, _bins, _ends, _classes):
-        for name, expression in part(config):
-            yield Point(group, name, "eskin_classifier", expression)
+    parts = (_events(config), _bins(config), _ends(config), _classes(config))
+    return points_of(group, "eskin_classifier", *parts)
 
 
 def _events(config: ClassifierConfig) -> Named:
@@ -96,9 +95,8 @@ def _classes(config: ClassifierConfig) -> Named:
 
 
 def chip(config: ChipConfig) -> Iterator[Point]:
-    """Yield the coverage points of a chip."""
-    group = f"chip {config.readout.encoding}"
-    for name, expression in (
+    """Return the coverage points of a chip."""
+    found = (
         ("event of the readout taken by the classifier", "event_valid && event_ready"),
         ("event of the readout waits for the classifier", "event_valid && !event_ready"),
         ("class while an event waits", "class_valid && event_valid && !event_ready"),
@@ -106,5 +104,5 @@ def chip(config: ChipConfig) -> Iterator[Point]:
         ("class found", "class_valid"),
         ("sample while an event waits", "sample_valid && event_valid && !event_ready"),
         ("hidden neuron fires", "hidden_valid && hidden_spike"),
-    ):
-        yield Point(group, name, "eskin_chip", expression)
+    )
+    return points_of(f"chip {config.readout.encoding}", "eskin_chip", iter(found))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -12,28 +13,23 @@ Named = Iterator[tuple[str, str]]
 
 @dataclass(frozen=True)
 class Point:
-    """A condition that at least one simulation should reach.
+    """A condition that at least one simulation should reach."""
 
-    Attributes
-    ----------
-    group : str
-        Kind of readout, or block.
-    name : str
-    module : str
-        Whose names the expression speaks of.
-    expression : str
-        SystemVerilog, true at a rising edge of the clock where the point is reached.
-    """
-
-    group: str
+    group: str  # kind of readout, or block
     name: str
-    module: str
-    expression: str
+    module: str  # module whose names the expression uses
+    expression: str  # SystemVerilog, true at a rising edge of the clock where the point is reached
 
     @property
     def label(self) -> str:
         """Name of the point for Verilator, equal in all designs of a group."""
         return re.sub(r"\W+", "_", f"{self.group} {self.name}")
+
+
+def points_of(group: str, module: str, *found: Named) -> Iterator[Point]:
+    """Yield named expressions over one module as points of a group."""
+    for name, expression in itertools.chain(*found):
+        yield Point(group, name, module, expression)
 
 
 def any_of(terms: Iterable[str]) -> str:

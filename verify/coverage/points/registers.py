@@ -7,23 +7,17 @@ from collections.abc import Iterator
 from eskin.model.config import ReadoutConfig
 from eskin.model.registers import description
 from eskin.model.registers.description import Field, Register
-from eskin.verify.coverage.points.point import Named, Point, any_of, began
+from eskin.verify.coverage.points.point import Named, Point, began, points_of
+from eskin.verify.coverage.points.readout import some
 
 
 def registers(config: ReadoutConfig) -> Iterator[Point]:
     """Yield the coverage points of a readout with registers, and of the host interface."""
     group = f"registers {config.encoding}"
-    for register in description.registers(config):
-        for name, expression in _register(register):
-            yield Point(group, name, "eskin_registers", expression)
-    for name, expression in _file(config):
-        yield Point(group, name, "eskin_registers", expression)
-    for name, expression in _pattern(config):
-        yield Point(f"test pattern {config.encoding}", name, "eskin_pattern", expression)
-    for name, expression in _spi():
-        yield Point("spi", name, "eskin_spi", expression)
-    for name, expression in _array(config):
-        yield Point(f"{group} {config.frontend}", name, "eskin_readout", expression)
+    yield from points_of(group, "eskin_registers", *map(_register, description.registers(config)), _file(config))
+    yield from points_of(f"test pattern {config.encoding}", "eskin_pattern", _pattern(config))
+    yield from points_of("spi", "eskin_spi", _spi())
+    yield from points_of(f"{group} {config.frontend}", "eskin_readout", _array(config))
 
 
 def _plain(register: Register) -> str:
@@ -132,12 +126,11 @@ def _beyond(config: ReadoutConfig) -> Named:
     """Return the directions in which a step can be requested beyond the scale."""
     if config.frontend == "digital":
         return
-    taxels = [f"row_{r}.taxel_{c}" for r in range(config.rows) for c in range(config.columns)]
     if not config.has_polarity:
-        yield "up", any_of(f"{t}.enable && {t}.above && !{t}.on && !{t}.pending" for t in taxels)
+        yield "up", some(config, "T.enable && T.above && !T.on && !T.pending")
         return
-    yield "up", any_of(f"{t}.enable && {t}.above && !{t}.fits && !{t}.pending" for t in taxels)
-    yield "down", any_of(f"{t}.enable && {t}.below && !{t}.above && !{t}.fits && !{t}.pending" for t in taxels)
+    yield "up", some(config, "T.enable && T.above && !T.fits && !T.pending")
+    yield "down", some(config, "T.enable && T.below && !T.above && !T.fits && !T.pending")
 
 
 def _array(config: ReadoutConfig) -> Named:
@@ -146,8 +139,7 @@ def _array(config: ReadoutConfig) -> Named:
     file = "host.registers"
     for bits in range(1, config.resolution + 1):
         step = 1 << config.resolution - bits
-        asks = any_of(f"row_{r}.taxel_{c}.asks" for r in range(config.rows) for c in range(config.columns))
-        yield f"a taxel asks at {bits} bits", f"host.step == {step} && {asks}"
+        yield f"a taxel asks at {bits} bits", f"host.step == {step} && {some(config, 'T.asks')}"
         for way, side in _beyond(config):
             yield (
                 f"a step {way} that would leave the scale at {bits} bits is not made",
@@ -177,9 +169,5 @@ def _array(config: ReadoutConfig) -> Named:
             yield f"leak with P = {period}", f"|ticks.decay && host.decay_period == {period}"
     if config.closes:
         for period in range(1, config.window_period + 1):
-            closes = any_of(
-                f"row_{r}.taxel_{c}.window.tick && row_{r}.taxel_{c}.window.last && !row_{r}.taxel_{c}.window.closed"
-                for r in range(config.rows)
-                for c in range(config.columns)
-            )
+            closes = some(config, "T.window.tick && T.window.last && !T.window.closed")
             yield f"window closes with a period of {period}", f"host.window_period == {period} && {closes}"

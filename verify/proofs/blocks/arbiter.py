@@ -5,23 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, ClassVar
 
-from amaranth.hdl import Cat, Const, Module, Signal
+from amaranth.hdl import Cat, Module, Signal
 from amaranth.lib.wiring import In
 
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.arbiter import Arbiter
-from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, bit_of, cyclic, implies, within
+from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, cyclic, implies, pick, within
 
 
 class ArbiterChecker(Checker[ReadoutConfig]):
     """Checker of the arbiter and of the requests of all taxels.
 
-    Attributes
-    ----------
-    request, polarity : In(rows * columns)
-        What every taxel asks for, selected or not.
-    watch, rival : In(bits)
-        Two taxels, any, for good.
+    ``request`` and ``polarity`` have a bit for every taxel, selected or not. ``watch`` and ``rival`` are any two
+    taxels, for good.
     """
 
     block = Arbiter
@@ -129,9 +125,8 @@ class ArbiterChecker(Checker[ReadoutConfig]):
 
     def _stream(self, m: Module) -> None:
         payload = Cat(getattr(self, n) for n in ("event_row", "event_col", "event_polarity") if self.has(n))
-        waits = before(m, self.event_valid & ~self.event_ready, "waits")
-        same = payload == before(m, payload, "payload") if len(payload) else Const(1)
-        self.promise(m, "payload_stable", implies(waits, self.event_valid & same), waits)
+        stable = self.unchanged(m, self.event_valid, self.event_ready, payload, ("waits", "payload"))
+        self.promise(m, "payload_stable", *stable)
 
     def _order(self, m: Module) -> None:
         asked, granted = self.row_request.any(), self.granted.any()
@@ -140,7 +135,7 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         wraps = granted & (self.granted <= last)
         self.promise(m, "row_order", ~jumps, wraps & asked)
         if self.config.columns > 1:
-            row = self.event_row if self.has("event_row") else Const(0)
+            row = self.port("event_row")
             goes_on = before(m, self.event_valid & self.event_ready & ~granted, "goes_on") & self.event_valid
             again = goes_on & before(m, self.event_valid, "valid")
             rises = (self.event_col > before(m, self.event_col, "column")) & (row == before(m, row, "row"))
@@ -151,10 +146,11 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         """Track the requests of one taxel until their events leave."""
         columns = self.config.columns
         bound = (self.config.rows + 1) * columns
-        requests, grants = bit_of(self.request, self.watch), Cat(grant.replicate(columns) for grant in self.granted)
-        takes = requests & bit_of(grants, self.watch)
+        requests, grants = pick(self.request, self.watch), Cat(grant.replicate(columns) for grant in self.granted)
+        takes = requests & pick(grants, self.watch)
         leaves = self.event_valid & self.event_ready
-        named = self.event_valid & self._names(self.watch)
+        row, column = self.port("event_row"), self.port("event_col")
+        named = self.event_valid & (row * self.config.columns + column == self.watch)
         mine = leaves & named
         latched = Signal()
         m.d.sync += latched.eq(takes | (latched & ~mine))
@@ -167,14 +163,12 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         with m.If(~latched & ~requests | mine):
             m.d.sync += clocks.eq(0)
         self.promise(m, "leaves_in_time", clocks != bound, mine & (clocks >= columns))
-        self.promise(m, "address_correct", implies(named, latched) & self._exists(), named)
+        exists = ~self.event_valid | ((row < self.config.rows) & (column < self.config.columns))
+        self.promise(m, "address_correct", implies(named, latched) & exists, named)
         self.promise(m, "exactly_one_event", implies(takes & latched, mine), takes & latched)
 
         ahead = Signal(range(columns + 1))
-        with m.If(takes):
-            m.d.sync += ahead.eq(0)
-        with m.Elif(leaves & (ahead != columns)):
-            m.d.sync += ahead.eq(ahead + 1)
+        self.count_up(m, ahead, takes, leaves & (ahead != columns))
         self.promise(m, "in_turn", implies(latched, ahead < columns), mine & (ahead == columns - 1))
 
         # Events that left since the request was raised, the one that leaves now not counted; kept when it is latched.
@@ -182,41 +176,19 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         after = Signal(range(bound + 2))
         m.d.comb += after.eq(waited + (leaves & (waited != bound)))
         m.d.sync += waited.eq(after & (requests & ~takes).replicate(len(after)))
-        with m.If(takes):
-            m.d.sync += kept.eq(after)
-        with m.Elif(leaves & (kept != bound)):
-            m.d.sync += kept.eq(kept + 1)
+        self.count_up(m, kept, takes, leaves & (kept != bound), start=after)
         late = (latched & (kept >= bound)) | (waited >= bound)
         self.promise(m, "no_starvation", ~late, mine & (kept == bound - 1))
 
         if self.config.has_polarity:
             polarity = Signal()
             with m.If(takes):
-                m.d.sync += polarity.eq(bit_of(self.polarity, self.watch))
+                m.d.sync += polarity.eq(pick(self.polarity, self.watch))
             self.promise(m, "polarity_kept", implies(named & latched, self.event_polarity == polarity), named)
 
     def _fairness(self, m: Module) -> None:
         if self.config.rows == 1:
             return
         grants = Cat(grant.replicate(self.config.columns) for grant in self.granted)
-        takes, rival = (bit_of(self.request & grants, taxel) for taxel in (self.watch, self.rival))
-        # The rival has asked all the time since the watched taxel was granted, and was not granted.
-        owed = Signal()
-        asks = bit_of(self.request, self.rival) & ~rival
-        with m.If(takes):
-            m.d.sync += owed.eq(asks)
-        with m.Elif(owed):
-            m.d.sync += owed.eq(asks)
-        self.promise(m, "fairness", ~(owed & takes & bit_of(self.request, self.rival) & ~rival), owed & rival)
-
-    def _names(self, taxel: Signal) -> Any:
-        """Return whether the address of the event is that of a taxel."""
-        row = self.event_row if self.has("event_row") else Const(0)
-        column = self.event_col if self.has("event_col") else Const(0)
-        return row * self.config.columns + column == taxel
-
-    def _exists(self) -> Any:
-        """Return whether the address of the event belongs to the array."""
-        row = self.event_row if self.has("event_row") else Const(0)
-        column = self.event_col if self.has("event_col") else Const(0)
-        return ~self.event_valid | ((row < self.config.rows) & (column < self.config.columns))
+        takes, rival = (pick(self.request & grants, taxel) for taxel in (self.watch, self.rival))
+        self.promise(m, "fairness", *self.fair(m, takes, pick(self.request, self.rival), rival))

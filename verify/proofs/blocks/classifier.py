@@ -26,12 +26,8 @@ MEMORIES = ("eskin_input_weights", "eskin_recurrent_weights", "eskin_neuron_weig
 class _ClassifierChecker(Checker[ClassifierConfig]):
     """Common checker of the classifier; the words of the memories are free in every clock.
 
-    Attributes
-    ----------
-    watch : In(bits)
-        A row of weights, any, for good; below ``hidden`` also the neuron of that number.
-    rival : In(bits)
-        A class, any, for good; its lowest bits also number a word of a row.
+    ``watch`` is any row of weights, for good; below ``hidden`` also the neuron of that number. ``rival`` is any class,
+    for good; its lowest bits also number a word of a row.
     """
 
     block = Classifier
@@ -63,13 +59,9 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         }
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
-        count = Signal(range(self.config.events_per_bin + 1), name="events_of_bin")
-        full = count == self.config.events_per_bin
-        m.d.comb += self.event_valid.eq(free("event_valid", 1) & ~full)
-        with m.If(self.bin_end | self.scan_start):
-            m.d.sync += count.eq(0)
-        with m.Elif(self.event_valid & self.event_ready):
-            m.d.sync += count.eq(count + 1)
+        events = Signal(range(self.config.events_per_bin + 1), name="events_of_bin")
+        m.d.comb += self.event_valid.eq(free("event_valid", 1) & ~(events == self.config.events_per_bin))
+        self.count_up(m, events, self.bin_end | self.scan_start, self.event_valid & self.event_ready)
         return {"event_valid"}
 
     def _look(self, m: Module) -> None:
@@ -78,10 +70,7 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         clears = config.hidden + config.classes + 2
         self.taken = self.event_valid & self.event_ready
         events = Signal(range(config.events_per_bin + 2))
-        with m.If(self.bin_end | self.scan_start):
-            m.d.sync += events.eq(0)
-        with m.Elif(self.taken & (events <= config.events_per_bin)):
-            m.d.sync += events.eq(events + 1)
+        self.count_up(m, events, self.bin_end | self.scan_start, self.taken & (events <= config.events_per_bin))
         self.suppose(m, "events_fit", events <= config.events_per_bin)
         self.left = Signal(range(clears + 1), init=clears)
         m.d.sync += self.left.eq(Mux(self.scan_start, clears, self.left - (self.left != 0)))
@@ -97,10 +86,7 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         self.output = self.output_valid | self.clears
         turns = self.spike | self.output
         self.turn = Signal(range(max(config.classes, 2)))
-        with m.If(self.scan_start):
-            m.d.sync += self.turn.eq(0)
-        with m.Elif(turns):
-            m.d.sync += self.turn.eq(Mux(self.turn == config.classes - 1, 0, self.turn + 1))
+        self.keep(m, self.turn, self.scan_start, turns, Mux(self.turn == config.classes - 1, 0, self.turn + 1))
 
     def _added(self, m: Module, neuron: Any, name: str) -> tuple[Value, Value, Signal, Signal]:
         """Return whether a neuron gets a weight, whether it is preset, and the rows and events added in this bin."""
@@ -119,12 +105,8 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
 
     def _count(self, m: Module, more: Value, ends: Value, most: int, name: str) -> Signal:
         """Return the number of additions in a bin, counted up to one above the limit."""
-        count = Signal(range(most + 2), name=name)
-        with m.If(ends | self.scan_start):
-            m.d.sync += count.eq(0)
-        with m.Elif(more & (count <= most)):
-            m.d.sync += count.eq(count + 1)
-        return count
+        added = Signal(range(most + 2), name=name)
+        return self.count_up(m, added, ends | self.scan_start, more & (added <= most))
 
 
 class ScheduleChecker(_ClassifierChecker):
@@ -160,8 +142,7 @@ class ScheduleChecker(_ClassifierChecker):
         group = self.rival[: config.row_bits]
         real = (group < config.groups) & (self.watch < config.hidden + config.inputs)
         adds = self.lane_0_add_valid & (self.read == Cat(group, self.watch)) & real
-        channel = self.event_channel if config.channel_bits else Const(0)
-        arrives = self.taken & (channel + config.hidden == self.watch) & real
+        arrives = self.taken & (self.port("event_channel") + config.hidden == self.watch) & real
         owed = Signal(3)
         with m.If(self.scan_start):
             m.d.sync += owed.eq(0)
@@ -231,16 +212,10 @@ class ScheduleChecker(_ClassifierChecker):
         config = self.config
         most = config.groups + 2 * self._longest + config.hidden + config.classes + 2
         waits = Signal(range(most + 2))
-        with m.If(self.event_ready | self.bin_end | self.scan_start):
-            m.d.sync += waits.eq(0)
-        with m.Elif(waits <= most):
-            m.d.sync += waits.eq(waits + 1)
+        self.count_up(m, waits, self.event_ready | self.bin_end | self.scan_start, waits <= most)
         self.promise(m, "ready_in_time", waits <= most, self.event_ready & (waits > config.hidden))
         stalls = Signal(STALL_BITS)
-        with m.If(self.scan_start):
-            m.d.sync += stalls.eq(0)
-        with m.Elif(self.event_valid & ~self.event_ready & ~stalls.all()):
-            m.d.sync += stalls.eq(stalls + 1)
+        self.count_up(m, stalls, self.scan_start, self.event_valid & ~self.event_ready & ~stalls.all())
         self.promise(m, "stalls_counted", self.stall_count == stalls, stalls != 0)
 
 
@@ -289,11 +264,7 @@ class SumsChecker(_ClassifierChecker):
     def _begun(self, m: Module, begins: Value, name: str) -> Signal:
         """Return whether a given condition has occurred since the start of the scan."""
         begun = Signal(name=f"{name}_begun")
-        with m.If(self.scan_start):
-            m.d.sync += begun.eq(0)
-        with m.Elif(begins):
-            m.d.sync += begun.eq(1)
-        return begun
+        return self.keep(m, begun, self.scan_start, begins, 1)
 
     def _neurons(self, m: Module, added: list[tuple[Value, Value, Signal, Signal]]) -> None:
         config = self.config
@@ -379,10 +350,7 @@ class SumsChecker(_ClassifierChecker):
             rest = stays = _leaked(rest, leak)
             if synapse.shift:
                 stays = _leaked(total, synapse)
-                with m.If(self.scan_start):
-                    m.d.sync += rested.eq(0)
-                with m.Elif(self.output & own):
-                    m.d.sync += rested.eq(Mux(self.clears, 0, rest))
+                self.keep(m, rested, self.scan_start, self.output & own, Mux(self.clears, 0, rest))
                 rested_there = self._in_turn(self.rest_ring, bits, number, passed) == rested
             exact = Signal(signed(bits + SPARE_BITS), name=f"output_sum_{number}")
             m.d.comb += exact.eq(Mux(self.output, Mux(self.clears, 0, stays) + bias, total + weight))
@@ -417,21 +385,14 @@ class SumsChecker(_ClassifierChecker):
     def _passed(self, m: Module) -> Signal:
         """Return the next class of the evidence, which turns with the outputs alone and not with spikes."""
         passed = Signal.like(self.turn)
-        with m.If(self.scan_start):
-            m.d.sync += passed.eq(0)
-        with m.Elif(self.output):
-            m.d.sync += passed.eq(Mux(passed == self.config.classes - 1, 0, passed + 1))
-        return passed
+        following = Mux(passed == self.config.classes - 1, 0, passed + 1)
+        return self.keep(m, passed, self.scan_start, self.output, following)
 
     def _gathered(self, m: Module, gained: Value, shown: Value, name: str) -> Signal:
         """Return the sum of what a class gained since the scan began, limited to the bits of evidence."""
         evidence = Signal(signed(self.config.evidence_bits), name=name)
         more, _ = _limited(evidence + gained, self.config.evidence_bits, True)
-        with m.If(self.scan_start):
-            m.d.sync += evidence.eq(0)
-        with m.Elif(shown):
-            m.d.sync += evidence.eq(more)
-        return evidence
+        return self.keep(m, evidence, self.scan_start, shown, more)
 
     def _in_turn(self, ring: Value, bits: int, number: int, turn: Signal) -> Value:
         """Return the word of a class in a ring after a number of rotations."""

@@ -5,23 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, ClassVar
 
-from amaranth.hdl import Array, Const, Module, Mux, Signal
+from amaranth.hdl import Const, Module, Mux, Signal
 from amaranth.lib.wiring import In
 
 from eskin.model.config import ReadoutConfig
 from eskin.model.decay import decay_phases
 from eskin.rtl.decay import DecayTicks
 from eskin.rtl.registers.decay import SettableDecayTicks
-from eskin.verify.proofs.checker import Checker, Property, before
+from eskin.verify.proofs.checker import Checker, Property, before, pick
 
 
 class DecayChecker(Checker[ReadoutConfig]):
     """Checker of decay ticks with a fixed period.
 
-    Attributes
-    ----------
-    watch : In(bits)
-        A row, any, for good.
+    ``watch`` is any row, for good.
     """
 
     block: ClassVar[type[Any]] = DecayTicks
@@ -49,7 +46,7 @@ class DecayChecker(Checker[ReadoutConfig]):
             m.d.sync += ticks.eq(Mux(ticks + 1 >= period, 0, ticks + 1))
             m.d.sync += since.eq(Mux(leaks, 1, since + (since != 0)))
         phases = [(row * period) // rows for row in range(rows)]
-        phase = Array([*phases, *[Const(0)] * ((1 << len(self.watch)) - rows)])[self.watch]
+        phase = pick(phases, self.watch)
         real = self.watch < rows
         self.promise(m, "only_on_ticks", counts | ~leaks, leaks)
         self.promise(
@@ -70,7 +67,7 @@ class DecayChecker(Checker[ReadoutConfig]):
         """Return whether the watched row leaks."""
         found = sorted(set(decay_phases(self.config).tolist()))
         lines = [self.decay[found.index(phase)] for phase in decay_phases(self.config)]
-        return Array([*lines, *[Const(0)] * ((1 << len(self.watch)) - len(lines))])[self.watch]
+        return pick(lines, self.watch)
 
 
 class SettableDecayChecker(DecayChecker):
@@ -99,5 +96,4 @@ class SettableDecayChecker(DecayChecker):
         return self.period, self.restart
 
     def _of_row(self) -> Any:
-        lines = list(self.decay)
-        return Array([*lines, *[Const(0)] * ((1 << len(self.watch)) - len(lines))])[self.watch]
+        return pick(self.decay, self.watch)

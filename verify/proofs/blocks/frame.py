@@ -9,16 +9,13 @@ from amaranth.lib.wiring import In
 
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl.frame import FrameReadout
-from eskin.verify.proofs.checker import Checker, Property, before, implies
+from eskin.verify.proofs.checker import Checker, Property, before, implies, pick
 
 
 class FrameChecker(Checker[FrameConfig]):
     """Checker of the frame readout; ADC and sink are free.
 
-    Attributes
-    ----------
-    watch : In(bits)
-        A bit of a frame's words, any, for good.
+    ``watch`` is any bit of a frame's words, for good.
     """
 
     block = FrameReadout
@@ -61,10 +58,7 @@ class FrameChecker(Checker[FrameConfig]):
         self.promise(m, "taxels_in_order", selected, self.adc_start & row[-1] & column[-1])
         self.promise(m, "one_conversion_each", implies(self.adc_start, scan & ~converting), self.adc_start)
         waited = Signal(range(settle + 6))
-        with m.If(~scan | converting):
-            m.d.sync += waited.eq(0)
-        with m.Elif(waited != settle + 5):
-            m.d.sync += waited.eq(waited + 1)
+        self.count_up(m, waited, ~scan | converting, waited != settle + 5)
         self.promise(m, "settled", implies(self.adc_start, waited >= settle), self.adc_start & (waited == settle))
         stuck = Signal(range(settle + 6))
         m.d.sync += stuck.eq(
@@ -100,16 +94,12 @@ class FrameChecker(Checker[FrameConfig]):
             sent = Array([*(self.adc_code[place % bits] for place in places), *padding])[self.watch]
             m.d.sync += kept[into].eq(sent)
         real = self.watch < codes
-        due = (
-            self.word_valid
-            & Array([*(number == place // width for place in places), *[Const(0, 1)] * len(padding)])[self.watch]
-        )
+        due = self.word_valid & pick([number == place // width for place in places], self.watch)
         shown = Array([*(self.word_data[place % width] for place in places), *padding])[self.watch]
         self.promise(m, "words_carry_codes", implies(due, shown == (kept[out] & real)), due & shown)
         self.promise(m, "sync_on_first", implies(self.word_valid, self.word_sync == (number == 0)), ends)
         behind = Signal(range(6))
         m.d.sync += behind.eq((behind + (behind != 5)) & ((into != out) & self.word_ready & ~ends).replicate(3))
         self.promise(m, "frame_completes", behind < 4, (into != out) & ends)
-        waits = before(m, self.word_valid & ~self.word_ready, "waits")
         word = Cat(self.word_data, self.word_sync)
-        self.promise(m, "word_stable", implies(waits, self.word_valid & (word == before(m, word, "word"))), waits)
+        self.promise(m, "word_stable", *self.unchanged(m, self.word_valid, self.word_ready, word, ("waits", "word")))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal
+from amaranth.hdl import Cat, Const, Module, Mux, Signal
 from amaranth.lib.wiring import In
 
 from eskin.model.tiles.config import TilesConfig
 from eskin.rtl.tiles.merge import Merge
 from eskin.rtl.tiles.relay import Relay
-from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, bit_of, cyclic, implies, within
+from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, cyclic, implies, pick, within
 
 DEPTH = 2
 """Events that a merge, or a relay station, holds at most."""
@@ -19,10 +19,7 @@ DEPTH = 2
 class MergeChecker(Checker[TilesConfig]):
     """Checker of the merge; the event streams of the tiles are free.
 
-    Attributes
-    ----------
-    watch, rival : In(bits)
-        Two tiles, any, for good.
+    ``watch`` and ``rival`` are any two tiles, for good.
     """
 
     block = Merge
@@ -56,13 +53,11 @@ class MergeChecker(Checker[TilesConfig]):
         comes, leaves = taken.any(), self.event_valid & self.event_ready
 
         # The tiles' side: what is offered stays.
-        waits = self.tile_valid & ~self.tile_ready
         offers = [self._payload("tile", index) for index in range(tiles)]
         stays = Const(1)
         for index, payload in enumerate(offers):
-            waited = before(m, waits[index], f"waits_{index}")
-            same = payload == before(m, payload, f"payload_{index}") if len(payload) else Const(1)
-            stays &= implies(waited, self.tile_valid[index] & same)
+            valid, ready, names = self.tile_valid[index], self.tile_ready[index], (f"waits_{index}", f"payload_{index}")
+            stays &= self.unchanged(m, valid, ready, payload, names)[0]
         kept = Signal(init=1)
         m.d.sync += kept.eq(kept & stays)
         self.suppose(m, "tiles_hold_events", stays)
@@ -81,9 +76,8 @@ class MergeChecker(Checker[TilesConfig]):
             before(m, self.tile_valid.any() & leaves, "left") & self.event_valid,
         )
         offered = self._payload("event", 0, with_tile=True)
-        stalls = before(m, self.event_valid & ~self.event_ready, "stalls")
-        same = offered == before(m, offered, "offered") if len(offered) else Const(1)
-        self.promise(m, "payload_stable", implies(stalls, self.event_valid & same), stalls)
+        stable = self.unchanged(m, self.event_valid, self.event_ready, offered, ("stalls", "offered"))
+        self.promise(m, "payload_stable", *stable)
         last, jumps = cyclic(m, self.tile_valid, taken)
         self.promise(m, "tile_order", ~jumps, taken.any() & (taken <= last))
         self._watched(m, taken, leaves, kept & stays, offers)
@@ -92,13 +86,11 @@ class MergeChecker(Checker[TilesConfig]):
     def _watched(self, m: Module, taken: Any, leaves: Any, kept: Any, offers: list[Any]) -> None:
         """Track the events of one tile: those in the merge, and the offered event."""
         tiles = self.config.tiles
-        given = bit_of(taken, self.watch)
-        mine = leaves & self._names(self.watch)
+        given = pick(taken, self.watch)
+        mine = leaves & (self._tile() == self.watch)
         inside = Signal(range(DEPTH + 2))
         m.d.sync += inside.eq(inside + given - mine)
-        payload = (
-            Array([*offers, *[offers[0]] * ((1 << len(self.watch)) - tiles)])[self.watch] if len(offers[0]) else None
-        )
+        payload = pick(offers, self.watch) if len(offers[0]) else None
         right: Any = inside != 0
         if payload is not None:
             oldest, newest = (Signal(len(offers[0]), name=name) for name in ("oldest", "newest"))
@@ -112,28 +104,19 @@ class MergeChecker(Checker[TilesConfig]):
 
         # Events that left since the watched tile's was offered, the one that leaves now not counted.
         bound = tiles + DEPTH
-        waits = bit_of(self.tile_valid & ~self.tile_ready, self.watch)
+        waits = pick(self.tile_valid & ~self.tile_ready, self.watch)
         waited, kept_count = Signal(range(bound + 1)), Signal(range(bound + 1))
         after = Signal(range(bound + 1))
         m.d.comb += after.eq(waited + (leaves & (waited != bound)))
         m.d.sync += waited.eq(Mux(waits, after, 0))
         # The newest event of the tile within the merge is the latest to leave.
-        with m.If(given):
-            m.d.sync += kept_count.eq(after)
-        with m.Elif(leaves & (kept_count != bound)):
-            m.d.sync += kept_count.eq(kept_count + 1)
+        self.count_up(m, kept_count, given, leaves & (kept_count != bound), start=after)
         late = ((inside != 0) & (kept_count >= bound)) | (waited >= bound)
         self.promise(m, "no_starvation", implies(kept, ~late), mine & (inside == 1) & (kept_count == bound - 1))
 
         if tiles > 1:
-            other = bit_of(taken, self.rival)
-            asks = bit_of(self.tile_valid, self.rival) & ~other
-            owed = Signal()
-            with m.If(given):
-                m.d.sync += owed.eq(asks)
-            with m.Elif(owed):
-                m.d.sync += owed.eq(asks)
-            self.promise(m, "fairness", ~(owed & given & asks), owed & other)
+            other = pick(taken, self.rival)
+            self.promise(m, "fairness", *self.fair(m, given, pick(self.tile_valid, self.rival), other))
 
     def _payload(self, stream: str, index: int, with_tile: bool = False) -> Any:
         """Return the payload of a tile's stream or of the merged stream."""
@@ -145,10 +128,6 @@ class MergeChecker(Checker[TilesConfig]):
 
     def _tile(self) -> Any:
         return self.event_tile if self.has("event_tile") else Const(0, 1)
-
-    def _names(self, tile: Signal) -> Any:
-        """Return whether the offered event comes from a tile."""
-        return self._tile() == tile
 
 
 class RelayChecker(Checker[TilesConfig]):
@@ -192,9 +171,8 @@ class RelayChecker(Checker[TilesConfig]):
         self.promise(m, "none_lost", counts, held == DEPTH)
         same = offered == oldest[: len(offered)] if len(offered) else Const(1)
         self.promise(m, "in_order", implies(leaves, (held != 0) & same), leaves & (held == DEPTH))
-        stalls = before(m, self.event_valid & ~self.event_ready, "stalls")
-        stands = offered == before(m, offered, "offered") if len(offered) else Const(1)
-        self.promise(m, "payload_stable", implies(stalls, self.event_valid & stands), stalls & (held == DEPTH))
+        stands, stalls = self.unchanged(m, self.event_valid, self.event_ready, offered, ("stalls", "offered"))
+        self.promise(m, "payload_stable", stands, stalls & (held == DEPTH))
         came = before(m, comes, "came")
         self.promise(m, "no_bubble", implies(came, self.event_valid), came & before(m, leaves, "left"))
         took = before(m, self.event_ready, "took")

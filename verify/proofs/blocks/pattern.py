@@ -75,13 +75,13 @@ class PatternChecker(Checker[ReadoutConfig]):
         same = request == before(m, request, "request")
         self.promise(m, "waits_for_grant", implies(waited, asks & same), waited & (taxel != 0))
 
-        # What comes next: kept by the last request that was taken.
+        # What comes next: kept by the last request that was taken, in arrays whose sides are powers of two.
         begun, due, due_sign = Signal(), Signal(len(taxel)), Signal(init=1)
         last = taxel == config.taxels - 1
         with m.If(self.restart):
             m.d.sync += begun.eq(0)
         with m.Elif(taken):
-            m.d.sync += [begun.eq(1), due.eq(Mux(self.mode == ALL, self._following(taxel), taxel))]
+            m.d.sync += [begun.eq(1), due.eq(Mux(self.mode == ALL, (taxel + 1)[: len(taxel)], taxel))]
         right = implies(runs & ~begun, place == first) & implies(asks & ~begun, taxel == first)
         self.promise(m, "starts_there", right, asks & ~begun & (first != 0))
         right = implies(runs & begun, place == due) & implies(asks & begun, taxel == due)
@@ -94,10 +94,6 @@ class PatternChecker(Checker[ReadoutConfig]):
             self.promise(m, "polarity_turns", implies(asks, sign == due_sign), asks & (due_sign != self.on))
         self._pace(m, asks, taken, quiet)
         return self.finish(m)
-
-    def _following(self, taxel: Any) -> Any:
-        """Return the next taxel, for arrays whose sides are powers of two."""
-        return (taxel + 1)[: len(taxel)]
 
     def _pace(self, m: Module, asks: Signal, taken: Signal, quiet: Any) -> None:
         """Count the clocks since a request rose."""

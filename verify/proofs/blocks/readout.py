@@ -10,7 +10,7 @@ from amaranth.lib.wiring import In
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.link import requests
 from eskin.rtl.readout import Readout
-from eskin.verify.proofs.checker import Checker, Property, before, implies
+from eskin.verify.proofs.checker import Checker, Property, before, implies, pick
 
 
 def shows_steps(config: ReadoutConfig) -> bool:
@@ -23,11 +23,6 @@ class ReadoutChecker(Checker[ReadoutConfig]):
 
     A step is a move of the reference, where the ports show it (``shows_steps``). Else it is the taxel's own decision:
     ``TaxelChecker`` proves that the reference moves with it.
-
-    Attributes
-    ----------
-    watch : In(bits)
-        Index of the taxel, constant.
     """
 
     block = Readout
@@ -66,7 +61,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         m = Module()
         config = self.config
         enable = Signal()
-        m.d.comb += enable.eq(self._pick([*self.taxel_enable], 0))
+        m.d.comb += enable.eq(pick([*self.taxel_enable], self.watch))
         event, polarity = self._event(m)
         step, up = self._steps_at_ports(m, enable) if shows_steps(config) else self._steps_within(m)
         self._queue(m, enable, step, up, event, polarity)
@@ -87,7 +82,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         found = {}
         for wire in ("asks", "moves", "polarity"):
             own = [getattr(self, name) for name in self.places(self.config) if name.startswith(f"{wire}_")]
-            found[wire] = self._pick(own, 0) if own else Const(1)
+            found[wire] = pick(own, self.watch) if own else Const(1)
         return before(m, found["asks"] & found["moves"], "decided"), found["polarity"]
 
     def _steps_at_ports(self, m: Module, enable: Signal) -> tuple[Any, Any]:
@@ -95,7 +90,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         config = self.config
         reference = Signal(signed(config.sample_bits), name="u")
         words = [self.reference_code[i * config.sample_bits :][: config.sample_bits] for i in range(config.taxels)]
-        m.d.comb += reference.eq(self._pick(words, 0).as_signed())
+        m.d.comb += reference.eq(pick(words, self.watch).as_signed())
         old, on = before(m, reference, "u"), before(m, enable, "enable")
         known = before(m, Const(1, 1), "known")
         step = Signal()
@@ -113,18 +108,12 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         )
         return step, reference > old
 
-    def _pick(self, values: list[Any], default: int) -> Any:
-        """Return the signal of the watched taxel."""
-        spare = (1 << len(self.watch)) - len(values)
-        return Array([*values, *[Const(default, len(values[0]))] * spare])[self.watch]
-
     def _event(self, m: Module) -> tuple[Signal, Any]:
         """Return whether an event of the watched taxel leaves in this clock, and its polarity."""
         config = self.config
         event = Signal(name="event_leaves")
         if config.link == "stream":
-            row = self.event_row if self.has("event_row") else Const(0)
-            column = self.event_col if self.has("event_col") else Const(0)
+            row, column = self.port("event_row"), self.port("event_col")
             leaves = self.event_valid & self.event_ready
             polarity = self.event_polarity if config.has_polarity else None
         else:
@@ -157,10 +146,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
             bound = (self.config.rows + 1) * self.config.columns + 2
             clocks = Signal(range(bound + 2))
             waiting = (now != 0) & self.event_ready & ~event
-            with m.If(event | (now == 0)):
-                m.d.sync += clocks.eq(0)
-            with m.Elif(waiting & (clocks <= bound)):
-                m.d.sync += clocks.eq(clocks + 1)
+            self.count_up(m, clocks, event | (now == 0), waiting & (clocks <= bound))
             self.promise(
                 m, "leaves_in_time", implies(steady, clocks < bound), event & steady & (clocks >= self.config.columns)
             )
@@ -168,18 +154,12 @@ class ReadoutChecker(Checker[ReadoutConfig]):
     def _masked(self, m: Module, enable: Signal, event: Signal) -> None:
         most = 1 if self.config.link == "stream" else 2
         left = Signal(range(most + 2))
-        with m.If(enable):
-            m.d.sync += left.eq(0)
-        with m.Elif(event & (left <= most)):
-            m.d.sync += left.eq(left + 1)
+        self.count_up(m, left, enable, event & (left <= most))
         self.promise(m, "masked_is_silent", left <= most, ~enable & (left == most))
         if self.config.link == "stream":
             bound = self.config.columns + 1
             clocks = Signal(range(bound + 1))
-            with m.If(enable):
-                m.d.sync += clocks.eq(0)
-            with m.Elif(self.event_ready & (clocks != bound)):
-                m.d.sync += clocks.eq(clocks + 1)
+            self.count_up(m, clocks, enable, self.event_ready & (clocks != bound))
             self.promise(m, "masked_for_good", implies(~enable & (clocks == bound), ~event), ~enable & event)
 
 

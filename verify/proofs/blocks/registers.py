@@ -25,10 +25,7 @@ from eskin.verify.proofs.checker import Checker, Property, before, implies
 class RegistersChecker(Checker[ReadoutConfig]):
     """Checker of the register file; bus and counted signals are free.
 
-    Attributes
-    ----------
-    watch : In(bits)
-        A register, any, for good; and a bit of the mask.
+    ``watch`` is any register, for good; and a bit of the mask.
     """
 
     block: ClassVar[type[RegisterFile]] = RegisterFile
@@ -51,7 +48,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
     def elaborate(self, platform: Any) -> Module:
         m = Module()
         found = registers(self.config)
-        self._words(m, [register for register in found if _settings(register)])
+        self._words(m, [register for register in found if all(field.kind == "setting" for field in register.fields)])
         self._fixed(m, found)
         self._mask(m, [register for register in found if register.name.startswith("mask")])
         self._pulses(m, found)
@@ -61,7 +58,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
     def _words(self, m: Module, found: list[Register]) -> None:
         """Track the word of the watched register, and check every setting."""
         address, reset, described, allowed = (
-            self._of_watched(list(values))
+            or_tree([value & (self.watch == i).replicate(len(value)) for i, value in enumerate(values)])
             for values in (
                 (Const(r.address, WORD_BITS) for r in found),
                 (Const(r.reset, WORD_BITS) for r in found),
@@ -83,10 +80,6 @@ class RegistersChecker(Checker[ReadoutConfig]):
                     ranges.append((value >= field.least) & (value <= field.most))
                     moved.append(value != field.reset)
         self.promise(m, "always_in_range", Cat(ranges).all(), Cat(moved).any())
-
-    def _of_watched(self, values: list[Value]) -> Value:
-        """Return the value of the watched register."""
-        return or_tree([value & (self.watch == i).replicate(len(value)) for i, value in enumerate(values)])
 
     def _allowed(self, register: Register) -> Value:
         """Return whether the write data are allowed in a register."""
@@ -149,14 +142,12 @@ class RegistersChecker(Checker[ReadoutConfig]):
             for field in register.fields:
                 if field.kind == "counter":
                     bits = min(field.width, self.block.counter_bits)
-                    count = Signal(bits, name=f"{register.name}_count")
-                    with m.If(self.clear):
-                        m.d.sync += count.eq(0)
-                    with m.Elif(getattr(self, register.signal(field) + COUNTS) & (count != (1 << bits) - 1)):
-                        m.d.sync += count.eq(count + 1)
+                    number = Signal(bits, name=f"{register.name}_count")
+                    counts = getattr(self, register.signal(field) + COUNTS)
+                    self.count_up(m, number, self.clear, counts & (number != (1 << bits) - 1))
                     here = self.address == register.address
-                    right.append(implies(here, self.read_data == count))
-                    seen.append(here & (count == 3))
+                    right.append(implies(here, self.read_data == number))
+                    seen.append(here & (number == 3))
         self.promise(m, "counted_once", Cat(right).all(), Cat(seen).any())
 
 
@@ -197,7 +188,8 @@ class HostChecker(Checker[ReadoutConfig]):
 
         bits = before(m, value["resolution_bits"], "bits")
         begun = before(m, Const(1, 1), "begun")
-        step = Cat((begun & (bits == n)) | (~begun & (n == self.config.resolution)) for n in self._resolutions)
+        highest = self.config.resolution
+        step = Cat((begun & (bits == n)) | (~begun & (n == highest)) for n in range(highest, 0, -1))
         good, moved = self.step == step, ~self.step[0]
         for name in SETTINGS:
             if self.has(name):
@@ -231,11 +223,6 @@ class HostChecker(Checker[ReadoutConfig]):
     def _transfers(self, m: Module) -> Any:
         """Return the words that the host writes, with their addresses."""
         return Transfers(m, self, self.block.slave())
-
-    @property
-    def _resolutions(self) -> range:
-        """Resolutions in the order of the bits of ``step``."""
-        return range(self.config.resolution, 0, -1)
 
     def _fields(self, kind: str) -> list[tuple[Register, Any]]:
         return [(r, field) for r in registers(self.config) for field in r.fields if field.kind == kind]
@@ -271,7 +258,7 @@ class HostChecker(Checker[ReadoutConfig]):
 
     def _at(self, address: Value, words: dict[str, Signal]) -> tuple[Value, Value]:
         """Return the word at an address, and whether a counter is there."""
-        counters = {register.key for register, _ in self._fields("counter")}
+        counters = [register.key for register, _ in self._fields("counter")]
         addresses = {register.key: register.address for register in registers(self.config)}
         found = [words[key] & (address == place).replicate(WORD_BITS) for key, place in addresses.items()]
         return or_tree(found), Cat(address == addresses[key] for key in counters).any()
@@ -302,7 +289,3 @@ class ShortHostChecker(HostChecker):
     """Checker of the host interface with short addresses and words."""
 
     block = ShortHost
-
-
-def _settings(register: Register) -> bool:
-    return all(field.kind == "setting" for field in register.fields)

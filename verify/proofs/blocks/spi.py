@@ -15,16 +15,8 @@ from eskin.verify.proofs.checker import Checker, Property, before, implies
 class Transfers:
     """SPI transfers, decoded from the pins.
 
-    Attributes
-    ----------
-    under_way, closed : Signal
-        A transfer is open; CS is high.
-    rise : Signal
-        SCK rises in a transfer.
-    complete, address, word : Value
-        The last bit of a word of a write transfer arrives; its address; the word.
-    in_data, reads : Value
-        The command is complete; it was one that reads.
+    ``complete`` is high with the last bit of a word of a write transfer, whose ``address`` and ``word`` are then valid.
+    ``in_data`` is high once the command is complete, and ``reads`` if the command reads.
     """
 
     def __init__(self, m: Module, pins: Any, slave: type[SpiSlave]) -> None:

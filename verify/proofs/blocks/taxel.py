@@ -29,28 +29,15 @@ def _leaks(config: ReadoutConfig) -> bool:
 
 @dataclass
 class Now:
-    """Next state of a taxel by the specification; references in codes with all fraction bits.
+    """Next state of a taxel by the specification; references in codes with all fraction bits."""
 
-    Attributes
-    ----------
-    reference, half_width : Value
-        Those of this clock.
-    asks : Value
-        It decides, and a comparator says so, on the scale or off it.
-    acts : Value
-        It raises an event at the end of this clock.
-    up : Value
-        Direction of the step.
-    then : Value
-        The reference after this clock, as an integer of more bits than the scale.
-    """
-
+    # those of this clock
     reference: Value
     half_width: Value
-    asks: Value
-    acts: Value
-    up: Value
-    then: Value
+    asks: Value  # the taxel decides, and a comparator is high, on the scale or off it
+    acts: Value  # the taxel raises an event at the end of this clock
+    up: Value  # direction of the step
+    then: Value  # the reference after this clock, as an integer of more bits than the scale
 
 
 class TaxelChecker(Checker[ReadoutConfig]):

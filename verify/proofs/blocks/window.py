@@ -57,10 +57,7 @@ class WindowChecker(Checker[ReadoutConfig]):
     def _built(self, m: Module, levels: int, period: int) -> tuple[Any, Any]:
         """Return the due closing steps, and whether the window is fully closed, from the number of quiet ticks."""
         quiet = Signal(range(period * levels + 1))
-        with m.If(self.open):
-            m.d.sync += quiet.eq(0)
-        with m.Elif(self.tick & (quiet != period * (levels - 1))):
-            m.d.sync += quiet.eq(quiet + 1)
+        self.count_up(m, quiet, self.open, self.tick & (quiet != period * (levels - 1)))
         due: Any = levels - 1
         for step in reversed(range(levels - 1)):
             due = Mux(quiet < period * (step + 1), step, due)

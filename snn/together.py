@@ -1,0 +1,188 @@
+"""Train convolutional networks that differ in images and seed together, for a GPU that one of them leaves idle.
+
+Every network gets the scans, shifts and learning rates of ``eskin.snn.train.train``. Only its dropout differs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional
+
+from eskin.snn.adam import Adam
+from eskin.snn.calibration import calibrate
+from eskin.snn.data.augment import AugmentConfig
+from eskin.snn.data.scans import ScanData
+from eskin.snn.network import ConvolutionalNetwork, build
+from eskin.snn.network_config import BaselineConfig, NetworkConfig
+from eskin.snn.train import CALIBRATION_SCANS
+from eskin.snn.training import DivergedError, TrainConfig
+
+Images = Sequence[int] | NDArray[np.int64]
+
+
+def train_together(
+    data: ScanData,
+    learned: Sequence[Images],
+    seeds: Sequence[int],
+    network_config: NetworkConfig,
+    train_config: TrainConfig,
+    device: str,
+) -> list[ConvolutionalNetwork]:
+    """Return one trained network for each entry of ``learned``, on the CPU.
+
+    Parameters
+    ----------
+    data : ScanData
+    learned : sequence of sequence of int
+        Training images of each network; all networks have equally many scans.
+    seeds : sequence of int
+        Seed of each network.
+    network_config, train_config
+        Equal for all networks. Windows, class weights, speeds and dropped taxels are not supported.
+    device : str
+        Device name of torch.
+
+    Raises
+    ------
+    DivergedError
+        If a weight is not finite at the end.
+    """
+    wanted = TrainConfig(
+        epochs=train_config.epochs,
+        batch=train_config.batch,
+        learning_rate=train_config.learning_rate,
+        weight_decay=train_config.weight_decay,
+        cosine=train_config.cosine,
+        clip=train_config.clip,
+        augment=AugmentConfig(shift_steps=train_config.augment.shift_steps),
+    )
+    if network_config.kind != "cnn" or wanted != train_config:
+        raise NotImplementedError("only convolutional networks with shifted whole scans are trained together")
+    scans = np.stack([data.scans_of(images) for images in learned])
+    networks = []
+    for one, seed in zip(scans, seeds, strict=True):
+        network = build(network_config, seed)
+        calibrate(network, data.batch(one[:: -(-len(one) // CALIBRATION_SCANS)]))
+        assert isinstance(network, ConvolutionalNetwork)
+        networks.append(network)
+    stack = _Stack(networks, device)
+    optimizer = Adam(stack.parameters, train_config.learning_rate, train_config.weight_decay)
+    values = torch.from_numpy(data.values).to(device)
+    targets = torch.from_numpy(data.labels).to(device)
+    for epoch in range(train_config.epochs):
+        optimizer.learning_rate = train_config.rate_at(epoch)
+        order, shifts = _drawn(scans, seeds, epoch, train_config)
+        for start in range(0, order.shape[1], train_config.batch):
+            part = slice(start, start + train_config.batch)
+            chosen = order[:, part].to(device)
+            logits = stack(_moved(values[chosen], shifts[:, part].to(device), data.frames))
+            losses = functional.cross_entropy(logits.flatten(0, 1), targets[chosen].flatten(), reduction="none")
+            optimizer.zero_grad()
+            losses.view(chosen.shape).mean(1).sum().backward()
+            _clip_each(stack.parameters, train_config.clip)
+            optimizer.step()
+    stack.unstack(networks)
+    if not all(torch.isfinite(p).all() for network in networks for p in network.parameters()):
+        raise DivergedError("a training diverged: a weight is not a number; lower the learning rate")
+    return networks
+
+
+def _drawn(scans: NDArray[np.int64], seeds: Sequence[int], epoch: int, config: TrainConfig) -> tuple[Tensor, Tensor]:
+    """Return order and shifts of the scans in an epoch, shape (networks, scans), as ``train`` draws them."""
+    orders, shifts = [], []
+    for one, seed in zip(scans, seeds, strict=True):
+        generator = np.random.default_rng([seed, epoch])
+        generator.integers(2**62)  # the seed of the dropout in ``train``
+        orders.append(generator.permutation(one))
+        most, starts = config.augment.shift_steps, range(0, len(one), config.batch)
+        sizes = [min(config.batch, len(one) - start) for start in starts]
+        drawn = [generator.integers(-most, most + 1, size) if most else np.zeros(size, np.int64) for size in sizes]
+        shifts.append(np.concatenate(drawn))
+    return torch.from_numpy(np.stack(orders)), torch.from_numpy(np.stack(shifts))
+
+
+def _moved(batch: Tensor, shifts: Tensor, frames: bool) -> Tensor:
+    """Return scans, shape (networks, scans, steps, channels), shifted in time as by ``augment``."""
+    steps = batch.shape[2]
+    source = torch.arange(steps, device=batch.device) - shifts[..., None]
+    index = source.clamp(0, steps - 1)[..., None].expand(-1, -1, -1, batch.shape[3])
+    moved = batch.gather(2, index).float()
+    return moved if frames else moved * ((source >= 0) & (source < steps))[..., None]
+
+
+def _clip_each(parameters: Sequence[nn.Parameter], most: float) -> None:
+    """Scale the gradients of each network to a norm of at most ``most``."""
+    gradients = [parameter.grad for parameter in parameters if parameter.grad is not None]
+    squares = torch.stack([gradient.flatten(1).square().sum(1) for gradient in gradients]).sum(0)
+    factors = (most / (squares.sqrt() + 1e-6)).clamp(max=1.0)
+    for gradient in gradients:
+        gradient.mul_(factors.view(-1, *[1] * (gradient.ndim - 1)))
+
+
+class _Stack:
+    """Convolutional networks of one shape whose weights are stacked."""
+
+    def __init__(self, networks: Sequence[ConvolutionalNetwork], device: str) -> None:
+        states = [dict(network.named_parameters()) for network in networks]
+        self._names = list(states[0])
+        self.parameters = [
+            nn.Parameter(torch.stack([state[name].detach() for state in states]).to(device)) for name in self._names
+        ]
+        configs = [network.config for network in networks]
+        self._scale = torch.tensor([config.input_scale for config in configs], device=device).view(-1, 1, 1, 1)
+        offsets = [_offset(config.units) for config in configs]
+        self._offset = torch.tensor(offsets, device=device).view(-1, 1, 1, 1)
+        self._config = configs[0]
+
+    def __call__(self, x: Tensor) -> Tensor:
+        """Return logits, shape (networks, scans, classes), of scans of shape (networks, scans, steps, channels)."""
+        found = dict(zip(self._names, self.parameters, strict=True))
+        h = ((x - self._offset) * self._scale).transpose(2, 3)
+        for number in range(0, 9, 3):
+            h = _convolved(h, found[f"layers.{number}.weight"], found[f"layers.{number}.bias"])
+            h = functional.layer_norm(h, h.shape[-2:])  # GroupNorm with one group
+            h = h * _of_channels(found[f"layers.{number + 1}.weight"]) + _of_channels(
+                found[f"layers.{number + 1}.bias"]
+            )
+            h = torch.relu(h)
+        features = functional.dropout(h.mean(3), self._config.dropout)
+        logits = torch.baddbmm(found["out.bias"][:, None], features, found["out.weight"].transpose(1, 2))
+        return logits * self._config.output_scale
+
+    @torch.no_grad()
+    def unstack(self, networks: Sequence[ConvolutionalNetwork]) -> None:
+        """Copy the weights into the networks."""
+        for number, network in enumerate(networks):
+            for parameter, (_, own) in zip(self.parameters, network.named_parameters(), strict=True):
+                own.copy_(parameter[number])
+
+
+def _offset(units: Any) -> float:
+    return units.input_offset if isinstance(units, BaselineConfig) else 0.0
+
+
+def _of_channels(values: Tensor) -> Tensor:
+    """Return values of shape (networks, channels) for tensors of shape (networks, scans, channels, steps)."""
+    return values[:, None, :, None]
+
+
+def _convolved(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
+    """Return the convolution over time of every network's scans with its own kernel.
+
+    Parameters
+    ----------
+    x : shape (networks, scans, channels, steps)
+    weight : shape (networks, outputs, channels, width)
+    bias : shape (networks, outputs)
+    """
+    width = weight.shape[3]
+    windows = functional.pad(x, (width // 2, width // 2)).unfold(3, width, 1)  # ..., channels, steps, width
+    columns = windows.permute(0, 2, 4, 1, 3).flatten(3).flatten(1, 2)  # networks, channels * width, scans * steps
+    found = torch.baddbmm(bias[:, :, None], weight.flatten(2), columns)
+    return found.view(*found.shape[:2], x.shape[1], x.shape[3]).transpose(1, 2)

@@ -1,0 +1,18 @@
+"""Check that input is refused with exactly one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from eskin.base.errors import InputError
+
+
+@contextmanager
+def refused(sentence: str) -> Iterator[None]:
+    """Check that the block raises InputError with this sentence."""
+    with pytest.raises(InputError) as error:
+        yield
+    assert str(error.value) == sentence
