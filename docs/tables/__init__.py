@@ -8,6 +8,7 @@
 from docs.tables.accuracy import *
 from docs.tables.energy import *
 from docs.tables.finger import *
+from docs.tables.frontier import *
 from docs.tables.generated import *
 from docs.tables.netlists import *
 from docs.tables.power import *

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from docs.tables.finger import finger_played, finger_reached
+from docs.tables.frontier import BIPOLAR_LEAKY, FRAMES_LEAKY, LCS_LEAKY, at
 from docs.tables.power import power_rows
 from docs.tables.verification import replayed
 from docs.tables.write import filled, only, read, source, table
@@ -53,115 +54,6 @@ def accuracy_frames() -> None:
     """Print accuracies of both baselines on frames."""
     cells = "{text} | {theirs} | {last:%} | {selected[accuracy]:100*.1f} %"
     table("network | published | last epoch | selected epoch", frame_points().values(), cells)
-
-
-LCS_LEAKY = "physical/leaky-2ms/lcs:2/12x16:across:12"
-FRAMES_LEAKY = "physical/leaky-2ms/frame-onoff:250:3:2/12x16:across:12"
-LCS_CONVOLUTIONS = "physical/convolutions/lcs:2/12x16:across:12"
-FRAMES_CONVOLUTIONS = "physical/convolutions/frame-diff:250:6/12x16:across:6"
-"""Points of the frontier in the README and in sentences of docs/results/frontier.md."""
-FEWEST = "physical/convolutions/lcs:3/12x16:across:2"
-FEW_ON_PAPER = "paper/convolutions/lcs:5/along:3"
-
-NETWORKS = {"leaky": "leaky", "leaky-2ms": "leaky, 2 ms", "convolutions": "convolutions", "paper": "the paper's"}
-
-
-def frontier_points(preset: str) -> list[dict[str, Any]]:
-    """Return the frontier points of a preset, with readout and network as text."""
-    points = read("docs/data/frontier.json")["points"]
-    return [
-        p | {"of": NETWORKS[p["network"]], "count": len(p["taxels"]), "events": not p["readout"].startswith("frame")}
-        for p in points
-        if p["preset"] == preset
-    ]
-
-
-def frontier(preset: str) -> None:
-    """Print the frontier points of a preset."""
-    rows = [
-        p | {"rate": f"{p['rate_hz']:,.0f}" if p["events"] else "frames"}
-        for p in sorted(frontier_points(preset), key=lambda p: (p["network"], p["bits_per_s"]))
-    ]
-    table(
-        "network | readout | taxels | events/s | kb/s (after coding) | power, uW | accuracy | seeds"
-        " | accuracy without time, %",
-        rows,
-        "{of} | `{readout}` | `{choice}` ({count}) | {rate} | {bits_per_s:1e-3*#3} ({coded_bits_per_s:1e-3*#3})"
-        " | {power_w:1e6*#3} | {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f}) | {seeds}"
-        " | {?trivial:100*.1f}",
-    )
-
-
-def frontier_inner() -> None:
-    """Print the candidates compared by inner validation."""
-    rows = [
-        one | dict(zip("snrt", one["name"].split("/"), strict=True)) for one in read("docs/data/frontier.json")["inner"]
-    ]
-    table(
-        "scan | network | readout | taxels | kb/s | inner validation",
-        [row | {"of": NETWORKS[row["n"]]} for row in rows],
-        "{s} | {of} | `{r}` | `{t}` | {bits_per_s:1e-3*#3} | {accuracy:100*.1f} %",
-    )
-
-
-def at(name: str) -> dict[str, Any]:
-    """Return the frontier point of a given name."""
-    return only(read("docs/data/frontier.json")["points"], name=name)
-
-
-def less(first: str, second: str) -> dict[str, Any]:
-    """Return the accuracy loss of the second point of a pair, with interval, and its relative power."""
-    pair = only(read("docs/data/frontier.json")["pairs"], first=first, second=second)
-    power = {"ratio": at(second)["power_w"] / at(first)["power_w"]} if at(second)["power_w"] else {}
-    low, high = sorted(0.0 - bound for bound in pair["interval"])
-    return {"lead": -pair["difference"], "low": low, "high": high, "a": at(first), "b": at(second)} | power
-
-
-def frontier_targets() -> None:
-    """Print targets and results of the frontier."""
-    reached = "{verdict}: {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f})"
-    reached += " at {rate_hz:,.0f} events/s, seeds: {seeds}"
-    rows = []
-    for words, name, least, most_hz in (
-        ("97.15 % at 2,200 events/s with at most 256 spiking neurons (here 128)", LCS_LEAKY, 0.9715, 2200),
-        ("99 % at 2,200 events/s with the best network", LCS_CONVOLUTIONS, 0.99, 2200),
-        ("97.15 % at 1,000 events/s with the best network", FEWEST, 0.9715, 1000),
-        ("92 % at 2,200 events/s on the `paper` scan, with the best network", FEW_ON_PAPER, 0.92, 2200),
-    ):
-        point = at(name)
-        met = "met" if point["seeds"] >= 3 else "met so far"
-        verdict = met if point["accuracy"] >= least and point["rate_hz"] <= most_hz else "missed"
-        rows.append([words, filled(reached, point | {"verdict": verdict})])
-    chip = frontier_chip()
-    verdict = "met" if chip["accuracy"] >= 0.9715 else "missed"
-    rows.append(["97.15 % in the RTL chip with weights of 4 b", filled(reached, chip | {"verdict": verdict})])
-    table("target: `physical` if not named, three seeds, last epoch | reached", rows)
-
-
-def frontier_chip() -> dict[str, Any]:
-    """Return the result of the RTL chip with chosen taxels, summed over its seeds."""
-    found = read("docs/data/frontier_chip.json")
-    sums = {key: sum(run[key] for run in found["runs"]) for key in ("images", "events", "right", "mismatches")}
-    return found | sums
-
-
-def frontier_pairs() -> None:
-    """Print comparisons of LCS with other readouts at similar data rate, image by image."""
-    data = read("docs/data/frontier.json")
-    by_name = {point["name"]: point for point in data["points"]}
-    rows = []
-    for pair in data["pairs"]:
-        a, b = (by_name[pair[which]] for which in ("first", "second"))
-        right = f"{sum(pair['only_first'])}, {sum(pair['only_second'])}"
-        rows.append(pair | {"of": NETWORKS[a["network"]], "a": a, "b": b, "right": right})
-    table(
-        "scan, network | A: LCS, taxels | kb/s | B: others, taxels | kb/s | B - A, points"
-        " | only A right, only B right | McNemar p by seed",
-        rows,
-        "{a[preset]}, {of} | `{a[readout]}`, `{a[choice]}` | {a[bits_per_s]:1e-3*#3} | `{b[readout]}`, `{b[choice]}`"
-        " | {b[bits_per_s]:1e-3*#3} | {difference:100*+.1f} ({interval[0]:100*+.1f} to {interval[1]:100*+.1f})"
-        " | {right} | {p:p}",
-    )
 
 
 def nlcs_explained() -> None:
@@ -337,19 +229,18 @@ stalls | the readout waits for the classifier in {waiting:.0%} of the clocks | "
 def headline() -> None:
     """Print the result table of the README."""
     paper = only(sweep("paper-network"), readout="lcs", resolution=6)
-    (best,) = sweep("tuned-2ms")
     replays, chip = replayed(), read("docs/data/touch.json")
     rows = [
         filled("equal events of RTL and model ({images} scans, four encoders) |  | {events:,}", replays),
         filled("the paper's network, LCS 6 b | {published:100*.2f} % | {last:%}", paper),
-        filled("leaky network, LCS 3 b, {data_rate_bps:1e-3*.0f} kb/s |  | {last:%}", best),
     ]
     kind = frame_points()["rnn"]
     rows.append(["the paper's ReLU network, frames, 3,200 kb/s", kind["theirs"], filled("{last:%}", kind)])
     few = "leaky network, {count} taxels, {words} ({bits_per_s:1e-3*.1f} kb/s) | {?theirs} | {accuracy:100*.1f} %"
     few += " ({interval[0]:100*.1f} to {interval[1]:100*.1f})"
     for name, words, theirs in (
-        (LCS_LEAKY, "LCS 2 b, {rate_hz:,.0f} events/s", "97.15 % at 2,200 events/s (INTUITIVE chip)"),
+        (BIPOLAR_LEAKY, "bipolar N-LCS 2 b, {rate_hz:,.0f} events/s", "97.15 % at 2,200 events/s (INTUITIVE chip)"),
+        (LCS_LEAKY, "LCS 2 b, {rate_hz:,.0f} events/s", ""),
         (FRAMES_LEAKY, "frames", ""),
     ):
         point = at(name)

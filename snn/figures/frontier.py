@@ -37,11 +37,16 @@ def plot_frontier(data: Data, path: Path) -> None:
 
 
 def draw_frontier(data: Data) -> Figure:
-    """Return a figure of accuracy against event rate, data rate and power, one column per scan and network."""
+    """Return a figure of accuracy against event rate, data rate and power, one column per scan and network.
+
+    If inner validation chose readouts, the figure shows only these.
+    """
     from matplotlib.lines import Line2D
 
+    chosen = {one["name"] for one in data["inner"] if one["chosen"]}
+    points_shown = [point for point in data["points"] if not chosen or point["name"] in chosen]
     of_columns: dict[tuple[str, str], list[Data]] = {}
-    for point in data["points"]:
+    for point in points_shown:
         of_columns.setdefault((point["preset"], point["network"]), []).append(point)
     figure = new_figure(1.0 + 3.0 * len(of_columns), 9.0, "Readouts of chosen taxels: accuracy against rate and power")
     grid = figure.subplots(len(AXES), len(of_columns), sharex="row", sharey=True, squeeze=False)
@@ -49,9 +54,9 @@ def draw_frontier(data: Data) -> Figure:
         for panel, ((preset, network), points) in zip(row, of_columns.items(), strict=True):
             dress(panel, f"{preset} scan,\n{NETWORKS[network]}", label, "accuracy (%)" if panel is row[0] else "")
             panel.set_xscale("log")
-            panel.set_ylim(0, 102)
+            panel.set_ylim(20, 102)
             _draw(panel, points, field)
-    there = {kind_of(point) for point in data["points"]}
+    there = {kind_of(point) for point in points_shown}
     shown = [readout for readout in NAMES if readout in there]
     keys = [Line2D([], [], color=look(r).colour, marker=look(r).marker, ls="") for r in shown]
     remark = "last epoch; bars: 95 % interval over images and seeds"

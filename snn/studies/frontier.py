@@ -142,7 +142,8 @@ SHAPE = {
             "accuracy": float,
             "interval": [float],
         }
-    ]
+    ],
+    "inner": [{"name": str, "chosen": bool}],
 }
 """Fields of ``frontier.json`` that the figure needs."""
 

@@ -252,6 +252,32 @@ def test_each_scan_and_network_has_a_column_with_rates_and_power() -> None:
     assert rows[2] == [[(1e-6, 88.889), (1e-6, 100.0), (1e-6, 100.0)], []], "bipolar N-LCS has no equations"
 
 
+def test_the_documented_readouts_are_those_that_the_command_chooses() -> None:
+    data = json.loads((Path(__file__).parents[2] / "docs" / "data" / "frontier.json").read_text())
+    expected = dict(frontier.ALSO)
+    for preset, networks in frontier.COMPARED.items():
+        for network in networks:
+            for budget in frontier.BUDGETS_HZ:
+                for kind in (*frontier.CANDIDATES[preset], "frame"):
+                    tried = [
+                        one
+                        for one in data["inner"]
+                        if one["budget_hz"] == budget and one["name"].startswith(f"{preset}/{network}/{kind}")
+                        if kind == "frame" or one["name"].split("/")[2].partition(":")[0] == kind
+                    ]
+                    if kind != "frame":
+                        names = [point.name for point in frontier.candidates(preset, network, kind, budget)]
+                        assert [one["name"] for one in tried] == names
+                    best = tried[frontier.best_of(tried)]
+                    assert [one for one in tried if one["chosen"]] == [best]
+                    assert {one["folds"] for one in tried} == {frontier.INNER}
+                    seeds = frontier.SEEDS.get((network, budget), 1)
+                    expected[best["name"]] = max(expected.get(best["name"], 0), seeds)
+    sweeps = [(load_sweep(fig9.KEPT / f"{name}.json"), network) for name, network in SWEEPS.items()]
+    swept = {point["name"] for sweep, network in sweeps for point in points_of(sweep, network)}
+    assert {one["name"]: one["seeds"] for one in data["points"] if one["name"] not in swept} == expected
+
+
 @pytest.mark.parametrize("name", SWEEPS)
 def test_the_kept_sweeps_are_points_of_the_frontier(name: str, tmp_path: Path) -> None:
     file = fig9.KEPT / f"{name}.json"

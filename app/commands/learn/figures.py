@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from eskin.app.cli import asked_for, echo
 from eskin.app.commands.learn.options import Seeds, check_device
@@ -149,7 +149,8 @@ def frontier(
     named = [study.Point.parse(text) for text in points or ()]
     check_device(device, 1)
     run = study.Frontier(out / "frontier.json", dataset, device)
-    made, validated = [], []
+    made: list[dict[str, Any]] = []
+    validated: list[dict[str, Any]] = []
     with bar("cells", (inner or study.FOLDS * seeds) * len(named) if named else None) as step:
         if not named:
             made, validated = study.measured(run, step)
