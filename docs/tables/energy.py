@@ -25,7 +25,7 @@ def chain(cells: str) -> dict[str, Any]:
     scans = touch["images"]
     events, bins, spikes = (touch[name] / scans for name in ("events", "bins", "hidden_spikes"))
     second = touch["clocks"] / scans / config.clock_hz
-    energies, reads = _energies(config, cells, events, bins, spikes)
+    energies, reads = _energies(config, cells, "lcs", events, bins, spikes)
     memories = read("docs/data/asic/memories-ihp.json")
     idle = {
         "readout": readout["idle_w_per_taxel"] * readout["rows"] * readout["columns"],
@@ -50,15 +50,17 @@ def chain(cells: str) -> dict[str, Any]:
     }
 
 
-def at_rates(events_hz: float, bins_hz: float, spikes: float, clock_hz: float, taxels: int) -> dict[str, float]:
+def at_rates(
+    encoder: str, events_hz: float, bins_hz: float, spikes: float, clock_hz: float, taxels: int
+) -> dict[str, float]:
     """Return the power of readout and 128-128-6 network in IHP cells at given rates, in watts, in parts.
 
-    Leakage is that of cells and macros. The rest of the power without events grows with the clock. ``spikes`` is the
-    mean number of hidden spikes per bin.
+    Leakage is that of cells and macros. The rest of the power without events grows with the clock. ``encoder`` names the
+    netlist of the readout. ``spikes`` is the mean number of hidden spikes per bin.
     """
     config = ChipConfig.from_dict(read("docs/data/touch.json")["chip"]).classifier
-    logic, readout = read("docs/data/asic/classifier-ihp.json"), read("docs/data/asic/lcs-digital-8x8-ihp.json")
-    energies, reads = _energies(config, "ihp", events_hz, bins_hz, spikes * bins_hz)
+    logic, readout = read("docs/data/asic/classifier-ihp.json"), read(f"docs/data/asic/{encoder}-digital-8x8-ihp.json")
+    energies, reads = _energies(config, "ihp", encoder, events_hz, bins_hz, spikes * bins_hz)
     memories = read("docs/data/asic/memories-ihp.json")
     leakage = taxels * readout["leakage_w_per_taxel"] + logic["leakage_w"]
     idle = taxels * readout["idle_w_per_taxel"] + logic["idle_w"] - leakage
@@ -72,14 +74,14 @@ def at_rates(events_hz: float, bins_hz: float, spikes: float, clock_hz: float, t
 
 
 def _energies(
-    config: ClassifierConfig, cells: str, events: float, bins: float, spikes: float
+    config: ClassifierConfig, cells: str, encoder: str, events: float, bins: float, spikes: float
 ) -> tuple[dict[str, tuple[float, float]], dict[str, float]]:
     """Return the energy of events and of ends of bins in each part, and the reads of each memory.
 
     Numbers of events, bins and hidden spikes give joules; their rates per second give watts.
     """
     logic, memories = read(f"docs/data/asic/classifier-{cells}.json"), read("docs/data/asic/memories-ihp.json")
-    readout, mean = read(f"docs/data/asic/lcs-digital-8x8-{cells}.json"), spikes / bins
+    readout, mean = read(f"docs/data/asic/{encoder}-digital-8x8-{cells}.json"), spikes / bins
     work = bins * work_clocks(config, mean, mean)  # type: ignore[arg-type]  # linear in both
     reads = {"inputs": events * config.groups, "recurrent": spikes * config.groups}
     reads["neurons"] = bins * (config.hidden + config.classes) + spikes * config.classes

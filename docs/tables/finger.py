@@ -140,6 +140,7 @@ def _classes(word: str) -> NDArray[np.int64]:
 def _classifier_w(report: dict[str, Any], point: dict[str, Any]) -> dict[str, float]:
     """Return the power of the digital chip for events, ends of bins and rest, and their sum, in watts."""
     return at_rates(
+        encoder=point["readout"],
         events_hz=point["events_per_s"],
         bins_hz=1 / point["bin_s"],
         spikes=point["spikes_per_step"] * report["network"]["hidden"],
