@@ -55,8 +55,8 @@ def at_rates(
 ) -> dict[str, float]:
     """Return the power of readout and 128-128-6 network in IHP cells at given rates, in watts, in parts.
 
-    Leakage is that of cells and macros. The rest of the power without events grows with the clock. ``encoder`` names the
-    netlist of the readout. ``spikes`` is the mean number of hidden spikes per bin.
+    Leakage is that of cells and macros. The rest of the power without events grows with the clock. ``encoder`` names
+    the netlist of the readout. ``spikes`` is the mean number of hidden spikes per bin.
     """
     config = ChipConfig.from_dict(read("docs/data/touch.json")["chip"]).classifier
     logic, readout = read("docs/data/asic/classifier-ihp.json"), read(f"docs/data/asic/{encoder}-digital-8x8-ihp.json")

@@ -15,6 +15,9 @@ from eskin.snn.experiments.pairs import compare, right_of
 from eskin.snn.reference import score
 
 REPETITION = "repetition 1"
+INNER_FOLDS = 3
+"""Folds of repetition 0 on which settings for the other repetition were compared."""
+
 KINDS = {"repetition": "repetition 1", "mean of six speeds": "mm/s", "mean of five pressures": "pressure"}
 """Groups of folds, and a text in the names of their folds."""
 
@@ -120,15 +123,16 @@ def finger_rates() -> None:
             "joules": None if watts is None else watts * report["seconds"] / report["recordings"],
             "balanced": np.mean(scores),
             "seeds": len(words),
+            "others": min(len(_words([one], point["network"])[1]) for one in report["folds"]),
         }
         rows.append(point | reached | more)
     table(
         "readout | events/s | kbit/s | readout, nW | chip, uW | chip, uJ a decision | repetition (balanced) | "
-        "one speed left out | one pressure left out | seeds",
+        "one speed left out | one pressure left out | seeds: repetition, others",
         rows,
         "{name} | {events:.0f} | {bits_per_s:1e-3*.2f} | {readout_w:1e9*#2} | {watts:1e6*.2f} | {joules:1e6*.0f}"
         " | {repetition:100*.1f} % ({balanced:100*.1f} %) | {mean of six speeds:100*.1f} %"
-        " | {mean of five pressures:100*.1f} % | {seeds}",
+        " | {mean of five pressures:100*.1f} % | {seeds}, {others}",
     )
 
 
@@ -188,11 +192,14 @@ def _kinds(report: dict[str, Any]) -> tuple[list[dict[str, Any]], list[dict[str,
 def finger_targets() -> None:
     """Print each target with the best encoder, and with the best frames."""
     report = finger_report()
+    encoders, frames = _kinds(report)
+    tuned = report["tuned"]
     rows = []
     for text, (kind, wanted) in TARGETS.items():
         cells = []
-        for points in _kinds(report):
-            reached = [(accuracies(report, point["network"])[kind], name_of(point)) for point in points]
+        for points in ([*encoders, tuned], frames):
+            found = [(accuracies(report, point["network"]), name_of(point)) for point in points]
+            reached = [(of_folds[kind], name) for of_folds, name in found if kind in of_folds]
             best, name = max(reached)
             cells.append(f"{'met' if best >= wanted else 'missed'}: {100 * best:.1f} % ({name})")
         rows.append([text, *cells])
@@ -207,6 +214,78 @@ def finger_candidates() -> None:
         row[one["how"]] = f"{one['right']} of {one['of']}"
     cells = "`{readout}` | {bin_s:1e3*.0f} | {bits_per_s:1e-3*.2f} | {?regression} | {?network}"
     table("readout | bin or frame, ms | kbit/s | regression | network", found.values(), cells)
+
+
+def finger_tuning() -> None:
+    """Print the settings among which inner validation chose for the other repetition, on repetition 0 alone."""
+    rows = []
+    for settings, runs in _tuned_on().items():
+        folds = [[run for run in runs if run["fold"] == fold] for fold in range(INNER_FOLDS)]
+        cells = [
+            "{} of {}".format(", ".join(str(run["right"]) for run in of), of[0]["of"]) if of else "-" for of in folds
+        ]
+        rows.append([settings, *cells, f"{np.mean([run['log_loss'] for run in folds[0]]):.2f}"])
+    table("setting | inner fold 0 | inner fold 1 | inner fold 2 | log loss, fold 0", rows)
+
+
+def _tuned_on() -> dict[str, list[dict[str, Any]]]:
+    """Return the trainings of the inner validation by setting; the first one is the default."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for one in finger_report()["tuned"]["candidates"]:
+        found.setdefault(one["settings"], []).append(one)
+    return found
+
+
+def finger_tuned() -> None:
+    """Print the accuracy on the other repetition of the chosen network, for each seed and for their mean logits."""
+    report = finger_report()
+    tuned, rows = report["tuned"], []
+    labels = only(report["folds"], fold=REPETITION)["labels"]
+    words = {f"seed {seed}": of_seed[REPETITION] for seed, of_seed in enumerate(tuned["network"])}
+    for name, word in (words | {"mean logits of the three seeds": tuned["vote"]}).items():
+        found = score(_classes(labels), _classes(word))
+        right, cottons = found["accuracy"], sum(_of_cottons(a, b) for a, b in zip(labels, word, strict=True))
+        cells = f"{name} | {round(right * len(labels))} of {len(labels)} | {100 * right:.1f} % | "
+        cells += f"{100 * found['balanced_accuracy']:.1f} % | {cottons} | {'met' if right >= 0.99 else 'missed'}"
+        rows.append(cells)
+    table("network | correct | accuracy | balanced accuracy | cottons confused | at least 99 %", rows)
+    source(tuned, "")
+
+
+def _of_cottons(label: str, predicted: str) -> bool:
+    """Return whether a prediction takes one of the two cottons for the other."""
+    return {label, predicted} == {"0", "1"}
+
+
+def finger_tuning_values() -> dict[str, Any]:
+    """Return values for the sentences about the choice for the other repetition."""
+    report = finger_report()
+    tuned, labels = report["tuned"], only(report["folds"], fold=REPETITION)["labels"]
+    right = right_of(labels, [of_seed[REPETITION] for of_seed in tuned["network"]])
+    found = _tuned_on()
+    means = {}
+    for name, runs in (("default", next(iter(found.values()))), ("best", found[tuned["chosen"]])):
+        seeds = len({run["seed"] for run in runs})
+        means[name] = sum(run["right"] for run in runs) / seeds
+    votes = dict.fromkeys(found, 0)
+    for one in tuned["candidate_votes"]:
+        votes[one["settings"]] += one["right"]
+    return (
+        tuned
+        | means
+        | {
+            "name": name_of(tuned),
+            "reached": 100 * right.mean(),
+            "of": len(labels),
+            "settings": len(found),
+            "never": int((~right).all(0).sum()),
+            "sometimes": int((~right).any(0).sum()),
+            "default_votes": votes[next(iter(found))],
+            "best_votes": votes[tuned["chosen"]],
+            "kbps": 1e-3 * tuned["bits_per_s"],
+            "met": "met" if right.mean() >= 0.99 else "missed",
+        }
+    )
 
 
 def finger_chip() -> None:
