@@ -264,7 +264,8 @@ def finger_tuning_values() -> dict[str, Any]:
     right = right_of(labels, [of_seed[REPETITION] for of_seed in tuned["network"]])
     found = _tuned_on()
     means = {}
-    for name, runs in (("default", next(iter(found.values()))), ("best", found[tuned["chosen"]])):
+    second = next(runs for settings, runs in found.items() if settings.startswith(f"{tuned['chosen']}, "))
+    for name, runs in (("default", next(iter(found.values()))), ("best", found[tuned["chosen"]]), ("other", second)):
         seeds = len({run["seed"] for run in runs})
         means[name] = sum(run["right"] for run in runs) / seeds
     votes = dict.fromkeys(found, 0)
@@ -283,6 +284,8 @@ def finger_tuning_values() -> dict[str, Any]:
             "default_votes": votes[next(iter(found))],
             "best_votes": votes[tuned["chosen"]],
             "kbps": 1e-3 * tuned["bits_per_s"],
+            "samples_kbps": 1e-3 * 16 * 12 / report["points"][0]["bin_s"],
+            "coarse": report["integer"]["right_float"],
             "met": "met" if right.mean() >= 0.99 else "missed",
         }
     )
