@@ -1,4 +1,4 @@
-"""Co-simulation and cycle model against a bare Verilator loop and a testbench that wakes every clock.
+"""Compare the speed of co-simulation and cycle model with a bare Verilator loop and a usual testbench.
 
 All play the same samples through the same Verilog and must give the same number of events. Times are processor time,
 because other work may use the machine; each round plays all contenders one after the other in one process.
@@ -35,7 +35,7 @@ ENCODERS = ("lcs", "cw-lcs", "nlcs")
 BARE, ALL, SKIPPING, EVERY, MODEL = (
     "bare Verilator loop (C++)",
     "co-simulation (harness), every clock",
-    "co-simulation (harness), still clocks skipped",
+    "co-simulation (harness), idle clocks skipped",
     "testbench waking every clock",
     "cycle-accurate model",
 )
@@ -50,7 +50,7 @@ def _config(encoding: str) -> ReadoutConfig:
 
 
 def _stimulus(config: ReadoutConfig, scene: str, ticks: int | None = None) -> Stimulus:
-    """Return a texture scan, or its middle sample throughout (``scene="rest"``)."""
+    """Return a texture scan; ``scene="rest"`` repeats its middle sample."""
     samples = scan(config.rows, config.columns, config.sample_bits, TEXTURE)[:ticks]
     if scene == "rest":
         samples = np.repeat(samples[len(samples) // 2][None], len(samples), axis=0)
@@ -62,7 +62,7 @@ def _stimulus(config: ReadoutConfig, scene: str, ticks: int | None = None) -> St
 
 @cocotb.test()
 async def whole_runs(dut: Any) -> None:
-    """Time runs of the harness, from the samples to the events in memory, beside bare loop and model."""
+    """Measure the times of harness, bare loop and model, from the samples to the events in memory."""
     job = json.loads(os.environ[JOB])
     config = _config(job["encoding"])
     bench = Bench(dut, config, Path.cwd())
@@ -116,7 +116,7 @@ async def every_clock(dut: Any) -> None:
                 _ = (dut.event_row.value, dut.event_col.value, dut.event_polarity.value)
     seconds = time.process_time() - start
     if events != len(simulate(config, stimulus)):
-        raise AssertionError(f"the testbench that wakes every clock saw {events} events, the model another number")
+        raise AssertionError(f"the usual testbench counted {events} events, the model a different number")
     Path("measured.json").write_text(json.dumps(stimulus.clocks / seconds))
 
 
@@ -132,7 +132,7 @@ def _write_words(config: ReadoutConfig, stimulus: Stimulus, path: Path) -> None:
 
 
 def _bare_program(config: ReadoutConfig) -> list[str]:
-    """Build the bare loop, with the flags of the co-simulation; return its command, which lacks the samples."""
+    """Build the bare loop with the flags of the co-simulation, and return its command without the samples."""
     program = build(config, "verilator")
     folder = BUILD / "bench" / f"bare-{digest([program.folder.name, BARE_LOOP])}"
     executable = folder / "Veskin_readout"
@@ -167,7 +167,7 @@ def main(
     rounds: Annotated[int, typer.Option(help="rounds; every contender plays once in each")] = 7,
     out: JsonFile = RESULTS / "cosim.json",
 ) -> None:
-    """Measure, check that all candidates give the same events, print ratios to the bare loop and write JSON."""
+    """Measure all candidates, check for equal events, print ratios to the bare loop, and write JSON."""
     rows, played = [], []
     for encoding in ENCODERS:
         config = _config(encoding)

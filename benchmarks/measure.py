@@ -54,7 +54,7 @@ def versions(*libraries: str) -> dict[str, Any]:
 
 
 def spread(ratios: Sequence[float]) -> dict[str, float]:
-    """Return median, least and most of ratios."""
+    """Return the median, the smallest and the largest of several ratios."""
     return {"median": statistics.median(ratios), "least": min(ratios), "most": max(ratios)}
 
 

@@ -62,7 +62,7 @@ class SpikeModule(nn.Module):
     """The step function as a torch module."""
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return the spikes for v - 1."""
+        """Return the spikes for potentials minus threshold, any shape."""
         return Spike.apply(x)
 
 

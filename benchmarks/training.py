@@ -1,4 +1,4 @@
-"""Measure the CPU time of whole training epochs against the time in the compiled kernel and in the hidden layer.
+"""Compare the CPU time of whole training epochs with the time in the compiled kernel and in the hidden layer.
 
 ``python benchmarks/training.py --json benchmarks/results/training.json``
 
@@ -35,7 +35,7 @@ SPENT = {"kernel": 0.0, "layer": 0.0}
 
 
 def count(owner: Any, name: str, part: str) -> None:
-    """Replace a function by one that adds its CPU time to a part of ``SPENT``."""
+    """Wrap a function so that its CPU time is added to a part of ``SPENT``."""
     inner = getattr(owner, name)
 
     def counted(*arguments: Any) -> Any:

@@ -114,7 +114,7 @@ def house() -> nx.DiGraph:
 
 
 def places_of(graph: nx.DiGraph) -> dict[str, tuple[float, float]]:
-    """Return column and row of every package, with the fewest arrows over packages and short arrows."""
+    """Return column and row of every package, so that few arrows cross a package and arrows are short."""
     floors = list(map(sorted, nx.topological_generations(graph.reverse())))
     columns = max(map(len, floors))
     best: tuple[tuple[float, float], dict[str, tuple[float, float]]] = ((np.inf, np.inf), {})
@@ -136,7 +136,7 @@ def places_of(graph: nx.DiGraph) -> dict[str, tuple[float, float]]:
 
 
 def draw_house() -> None:
-    """Draw the packages above those that they import, without redundant arrows."""
+    """Draw every package above the packages that it imports, without redundant arrows."""
     graph = nx.transitive_reduction(house())  # raises if imports run in a circle
     places = {room: (5.0 * column + 2.5, 2.5 * floor + 1) for room, (column, floor) in places_of(graph).items()}
     width, height = (max(ends) for ends in zip(*places.values(), strict=True))

@@ -72,7 +72,7 @@ def asic_netlists() -> None:
 
 
 def asic_delivered() -> None:
-    """Print the netlist of ``make asic`` beside that of the delivered Verilog with clock gates."""
+    """Compare the netlist of ``make asic`` with the netlist of the delivered Verilog with clock gates."""
     published = netlists()["lcs-digital-8x8-ihp"]
     rows = [
         report | {"wired": report["with_wires"], "what": what, "gates": report["structure"]["clock_gates"]}

@@ -53,7 +53,7 @@ def power_parts() -> None:
 
 
 def _by_resolution(values: dict[str, Any], cell: str) -> None:
-    """Print LCS, and N-LCS with its time constants, against resolution."""
+    """Print values of LCS, and of N-LCS for each time constant, by resolution."""
     by_name = {"LCS": values["lcs"]} | {f"N-LCS {1e3 * float(tau):.0f} ms": row for tau, row in values["nlcs"].items()}
     rows = [[name, *(filled(cell, {"v": value}) for value in row)] for name, row in by_name.items()]
     table(["N", *map(str, range(1, 11))], rows)

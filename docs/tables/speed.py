@@ -210,7 +210,7 @@ def scale_tiles() -> None:
     table(
         "taxels | tiles | stations per line | um2 per taxel, cells | with repeaters (change from 8 x 8)"
         " | MHz without wires"
-        " | MHz with wires (share of 8 x 8) | longest path | MHz with wires, only paths between flops",
+        " | MHz with wires (in % of the 8 x 8 array) | longest path | MHz with wires, only paths between flops",
         rows,
         "{rows} x {columns} | {cut} | {relays} | {cells_um2_per_taxel:,.0f} | {with_wires[area_um2_per_taxel]:,.0f}"
         " ({more_area:100*+.1f} %) | {without_wires[fmax_hz]:1e-6*.0f} | {with_wires[fmax_hz]:1e-6*.0f}"
@@ -221,7 +221,7 @@ def scale_tiles() -> None:
 def scale_encoders() -> None:
     """Print the time of the functional model for one second of texture."""
     table(
-        "taxels | tiles | samples | events | slower of two cores, s | ns per taxel and sample",
+        "taxels | tiles | samples | events | processor time of the slower process, s | ns per taxel and sample",
         bench("scale_encoders"),
         "{taxels:,} | {tiles} of {side} x {side} | {samples:,} | {events:,} | {slower_core_s:.3f}"
         " | {ns_per_taxel_sample:.2f}",

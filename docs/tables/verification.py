@@ -159,7 +159,7 @@ def model_mutants() -> None:
 
 
 def fresh_mutants() -> None:
-    """Print the verdicts on new mutants before and after tests were added for survivors."""
+    """Print the results of new mutants, before and after we added tests for the surviving mutants."""
     rows = []
     for part, name in (("rtl", "RTL"), ("model", "model, network, commands")):
         report = evidence(f"mutants_fresh/{part}")
