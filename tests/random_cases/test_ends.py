@@ -89,7 +89,7 @@ NO_HARDWARE = {"sample_rate_hz", "clocks_per_sample"}
 
 
 def sides(end: End) -> list[tuple[str, str]]:
-    """Return the sides to play; one in turn where every encoder has this end."""
+    """Return front ends and links to play; one pair in turn for a parameter of all encoders."""
     of_all = [one for one in ENDS if one.name in ("sample_bits", "resolution", "reference_reset")]
     if end not in of_all:
         return SIDES

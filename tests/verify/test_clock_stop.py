@@ -31,7 +31,7 @@ SKIPPED = [
     for more in ({}, {"decide_every": "sample"}, {"fields": "neighbours"})
 ]
 SKIPPED += CHIPS
-"""A configuration of every kind for which the co-simulation skips still clocks: all that ``awake`` depends on."""
+"""A configuration of every kind for which the co-simulation skips idle clocks: all that ``awake`` depends on."""
 NETWORKS = [CONFIGS[1], CONFIGS[4], CONFIGS[6], *SYNAPTIC]
 """Classifiers with outputs of both kinds, with and without groups, saturation and synaptic currents."""
 BLOCKS = [

@@ -125,7 +125,7 @@ def test_every_waiver_gives_a_reason() -> None:
     assert all(len(waiver.reason) > 20 for waiver in waivers())
     with pytest.raises(InputError, match="gives no reason"):
         waivers("[[waiver]]\nkind = 'toggle'\nreason = ' '\n")
-    with pytest.raises(InputError, match="a waiver has kind, reason"):
+    with pytest.raises(InputError, match="a waiver needs kind and reason"):
         waivers("[[waiver]]\nkind = 'toggle'\n")
 
 

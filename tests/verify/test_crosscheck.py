@@ -71,7 +71,7 @@ def test_slang_would_find_what_others_let_pass() -> None:
 
 
 def test_what_cannot_be_played_and_what_is_missing_are_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(InputError, match="CXXRTL plays the digital front end with the stream link and no registers"):
+    with pytest.raises(InputError, match="CXXRTL needs a digital front end, the stream link, and no registers"):
         play(FEW.replace(link="four_phase"))
     monkeypatch.setitem(sys.modules, "pyslang", None)
     with pytest.raises(InputError, match="slang is not installed; install with: pip install"):

@@ -1,4 +1,4 @@
-"""Test that every part rejects a name that is only in the type."""
+"""Test that every part rejects a name that only the type hint allows."""
 
 from __future__ import annotations
 

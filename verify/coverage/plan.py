@@ -61,7 +61,7 @@ def runs() -> list[Run]:
 
 
 def _readouts() -> Iterator[Run]:
-    """Yield runs of every encoder, front end and link; decisions by the sample with the stream link only."""
+    """Yield runs of every encoder, front end and link; one decision per sample only with the stream link."""
     variants = itertools.product(registry.NAMES, ("digital", "analog"), ("stream", "four_phase"))
     for number, (encoding, frontend, link) in enumerate(variants):
         own = {"encoding": encoding, "frontend": frontend, "link": link}

@@ -127,7 +127,7 @@ def judge(reached: Reached, listed: list[Waiver], whole: bool = True) -> Verdict
 
 
 def _of_kinds(reached: Reached, verdict: Verdict) -> dict[str, dict[str, int]]:
-    """Return how many constructs of each kind there are, were reached, and have a reason why they were not."""
+    """Return the number of all, reached and waived constructs of each kind."""
     found = {}
     for kind in KINDS:
         own = reached.of(kind)

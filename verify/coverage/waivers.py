@@ -62,11 +62,11 @@ def waivers(text: str | None = None) -> list[Waiver]:
         found = [Waiver(**entry) for entry in listed]
     except TypeError as wrong:
         raise InputError(
-            f"a waiver has kind, reason, and perhaps module, signal, operator and proof: {wrong}"
+            f"a waiver needs kind and reason, and may have module, signal, operator and proof: {wrong}"
         ) from None
     for waiver in found:
         if not waiver.reason.strip():
-            raise InputError(f"a waiver of {waiver.kind} {waiver.signal} gives no reason; say why it is not reached")
+            raise InputError(f"a waiver of {waiver.kind} {waiver.signal} gives no reason; state why no run reaches it")
     return found
 
 

@@ -31,7 +31,7 @@ SCRIPT = (
 )
 RESET_CLOCKS = 4
 OPTIMISE = "-O1"
-"""How the compiler optimises what CXXRTL made of a readout."""
+"""Optimisation options of the compiler for the C++ text of a readout."""
 
 PROGRAM = """#include "design.cpp"
 #include <cstdio>
@@ -70,7 +70,7 @@ int main() {
 def build(config: ReadoutConfig, verilog: str, folder: Path) -> Path:
     """Return the path of the compiled simulator of a readout."""
     if config.frontend != "digital" or config.link != "stream" or config.registers != "none":
-        raise InputError("CXXRTL plays the digital front end with the stream link and no registers; leave others out")
+        raise InputError("CXXRTL needs a digital front end, the stream link, and no registers; leave other options out")
     require_programs("verilator")  # the same compiler
     ports = {name for name, member in Readout(config).signature.members.items() if member.flow is wiring.Out}
     text = PROGRAM.replace("@RESET@", str(RESET_CLOCKS))
@@ -83,7 +83,7 @@ def build(config: ReadoutConfig, verilog: str, folder: Path) -> Path:
     command = ["g++", "-std=c++17", OPTIMISE, f"-I{HEADERS}", "-o", str(program), "main.cpp"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     if done.returncode:
-        raise RuntimeError(f"g++ failed on what CXXRTL made of the readout: {done.stderr[-2000:]}")
+        raise RuntimeError(f"g++ failed on the C++ text of the readout from CXXRTL: {done.stderr[-2000:]}")
     return program
 
 

@@ -107,7 +107,7 @@ class Bench(Elaboratable):
         return {"adc_done", "adc_code"}
 
     def _tiles(self, m: Module, inner: dict[str, Value]) -> set[str]:
-        """Add event sources for all tiles; each offers a numbered event in every clock of its bit of ``offer``."""
+        """Add event sources for all tiles; a high bit of ``offer`` queues a numbered event of its tile."""
         if "tile_valid" not in inner:
             return set()
         tiles = len(inner["tile_valid"])
@@ -128,7 +128,7 @@ class Bench(Elaboratable):
         return {"tile_valid", *fields}
 
     def _events(self, m: Module, inner: dict[str, Value]) -> set[str]:
-        """Add an event source with one more event in every clock of ``offer``, and the bin timer."""
+        """Add the bin timer, and an event source that queues an event in every clock with ``offer`` high."""
         config = self.block.config
         if not isinstance(config, ClassifierConfig):
             return set()

@@ -67,7 +67,7 @@ def gates_of(rtlil: str, top: str) -> Gates:
         elif cell["type"] in KINDS:
             drivers[pins["Y"]] = KINDS[cell["type"]], [pins[pin] for pin in PINS if pin in pins]
         else:
-            raise AssertionError(f"a cell {cell['type']} of {top} is not looked at")
+            raise AssertionError(f"cell {cell['type']} of {top} is not supported")
     names = _names(module, places)
     order = sorted(range(len(states)), key=lambda place: _natural(names[states[place]]))
     for place in order:

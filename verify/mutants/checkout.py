@@ -54,7 +54,7 @@ class Said:
 
 
 def original(folder: Path) -> Path:
-    """Return an unchanged copy of the checkout, whose builds all mutants share.
+    """Return an unchanged copy of the checkout; all mutants share its builds.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def original(folder: Path) -> Path:
     listed = subprocess.run(["git", "ls-files", "-coz", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True)
     names = [name for name in sorted(listed.stdout.split("\0")) if name and os.path.lexists(ROOT / name)]
     if listed.returncode or not names:
-        raise InputError(f"mutants are made of a checkout with git, and {ROOT} is none")
+        raise InputError(f"mutants need a git checkout, and {ROOT} is not a git checkout")
     digest = hashlib.sha256()
     for name in names:
         content = b"" if (ROOT / name).is_symlink() else (ROOT / name).read_bytes()  # eskin/ has links to the packages

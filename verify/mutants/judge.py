@@ -67,7 +67,7 @@ def judge(mutant: Mutant, asked: Asked) -> dict[str, Any]:
 
 
 def ask_all(mutant: Mutant, asked: Asked) -> dict[str, Any]:
-    """Return killed or alive after all co-simulations (RTL), or after all tests of ``make check`` (other files)."""
+    """Return whether the last and longest tests kill the mutant."""
     with mutated(asked.checkout, mutant.file, mutant.text) as place:
         if by := first_failed(place, asked.questions.tests, asked.checkout, quick=not mutant.of_rtl):
             return {"verdict": "killed", "by": by} | ({} if mutant.of_rtl else {"quick": True})
@@ -86,7 +86,7 @@ def _originals(file: str, asked: Asked) -> Path:
     if not kept.exists():
         with scratch_folder(kept.parent, "designs") as folder:
             if not _made(asked.checkout, file, asked.seed, folder / kept.name, asked.designs):
-                raise RuntimeError(f"the generator refuses {file} without a mutant")
+                raise RuntimeError(f"the generator rejects the original {file}")
             (folder / kept.name).replace(kept)
     return kept
 

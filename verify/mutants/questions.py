@@ -41,7 +41,7 @@ class Questions:
 
 
 def mutated_files(packages: tuple[str, ...], root: Path = ROOT) -> list[str]:
-    """Return the files of packages to mutate: all with results, and of ``rtl`` only those with logic."""
+    """Return the files to mutate: all files with results, but only files with logic for ``rtl``."""
     found = []
     for path in sorted(file for package in packages for file in (root / package).rglob("*.py")):
         parts = set(path.relative_to(root).with_suffix("").parts)
@@ -73,7 +73,7 @@ def _tests(file: str, root: Path) -> tuple[str, ...]:
 
 
 def _own(file: str, root: Path) -> list[str]:
-    """Return the tests named after a file or its folder, and those that import it if few or the only ones."""
+    """Return the tests that are named after a file or its folder, and few tests that import the file."""
     package, *names = Path(file).with_suffix("").parts
     imports = _imports(root)
     tests = [path for path in imports if Path(path).stem.startswith("test_")]

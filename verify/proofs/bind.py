@@ -52,7 +52,7 @@ def checkers(config: ReadoutOrFrame) -> Iterator[tuple[Checker[Any], str, dict[s
 
 
 def _line(config: ReadoutConfig, name: str, row: int, column: int) -> str:
-    """Return the request or polarity of a taxel, or that of a host's test pattern in its place."""
+    """Return the request or polarity of a taxel; a test pattern of the host replaces it."""
     own = f"row_{row}.taxel_{column}.{name}"
     if config.registers == "none":
         return own
@@ -62,7 +62,7 @@ def _line(config: ReadoutConfig, name: str, row: int, column: int) -> str:
 
 
 def watched(checker: Checker[Any]) -> int:
-    """Return the number of values of a checker's free constants, each of which gets an instance."""
+    """Return the number of instances of a checker, one for each value of its free constants."""
     if not checker.has("watch"):
         return 1
     config = checker.config

@@ -85,7 +85,7 @@ class Checker(Block[Config]):
 
     @staticmethod
     def keep(m: Module, value: Signal, clears: Any, when: Any, new: Any, start: Any = 0) -> Signal:
-        """Set a register to ``start`` if it is cleared, else to a new value when there is one."""
+        """Set a register to ``start`` if ``clears`` is true, else to ``new`` if ``when`` is true."""
         with m.If(clears):
             m.d.sync += value.eq(start)
         with m.Elif(when):
@@ -93,18 +93,18 @@ class Checker(Block[Config]):
         return value
 
     def count_up(self, m: Module, number: Signal, clears: Any, counts: Any, start: Any = 0) -> Signal:
-        """Count clocks from ``start`` in a signal; clearing comes first."""
+        """Count the clocks with ``counts`` from ``start``; ``clears`` has priority."""
         return self.keep(m, number, clears, counts, number + 1, start)
 
     @staticmethod
     def unchanged(m: Module, valid: Any, ready: Any, payload: Value, names: tuple[str, str]) -> tuple[Value, Signal]:
-        """Return whether an offer that waits stays as it is, and whether one waits."""
+        """Return whether a waiting offer is unchanged, and whether an offer waits."""
         waits = before(m, valid & ~ready, names[0])
         same = payload == before(m, payload, names[1]) if len(payload) else Const(1)
         return implies(waits, valid & same), waits
 
     def fair(self, m: Module, given: Any, asks: Any, other: Any) -> tuple[Any, Any]:
-        """Return whether one is never given twice while the other asks, and whether the other was owed its turn."""
+        """Return whether none is served twice while another waits, and whether the other is served when due."""
         due, waits = Signal(name="owed"), asks & ~other
         self.keep(m, due, given, due, waits, start=waits)
         return ~(due & given & asks & ~other), due & other
@@ -113,7 +113,7 @@ class Checker(Block[Config]):
         """Return the module; raise an error for an undefined property or assumption."""
         left = {p.name for p in self.proved} | set(self.assumptions)
         if left - self._said:
-            raise AssertionError(f"{type(self).__name__} says nothing of {', '.join(sorted(left - self._said))}")
+            raise AssertionError(f"{type(self).__name__} does not define {', '.join(sorted(left - self._said))}")
         return m
 
     def port(self, name: str) -> Any:

@@ -66,7 +66,7 @@ def stands_still(block: Block[Any], awake: int = 0, mutant: str = "") -> bool:
     script = TO_ANSWER.format(top=top, awake=awake and (1 << len(all_awake)) - 1)
     found = UNSOLVED.search(yosys.run(script, "", "said.txt", files))
     if not found or not state or not all_awake:
-        raise AssertionError(f"the solver says nothing of {top}, which has {len(state)} registers")
+        raise AssertionError(f"the solver reports no result for {top} with {len(state)} registers")
     return bool(found[1])
 
 
@@ -106,7 +106,7 @@ def clocked(
     when: dict[str, list[str]] = {}
     for number, (name, cell) in enumerate(flops):
         if not int(cell["parameters"].get("EN_POLARITY", "1"), 2):
-            raise AssertionError(f"{name} of {block.module_name} has an enable that is low, which is not looked at")
+            raise AssertionError(f"{name} of {block.module_name} has an active-low enable, which is not supported")
         gates = [f"cut_awake[{place}]" for place, signal in enumerate(awake) if _stops(signal, name)]
         when.setdefault(name, []).append(" & ".join([f"cut_enable[{number}]", *gates]))
     when |= {signal: [f"cut_awake[{place}]"] for place, signal in enumerate(awake)}
@@ -138,11 +138,11 @@ def clocked(
     said = yosys.run(TO_CLOCKS, "", "said.txt", files)
     found = UNSOLVED.search(said)
     if not found:
-        raise AssertionError(f"the solver says nothing of {block.module_name}")
+        raise AssertionError(f"the solver reports no result for {block.module_name}")
     others = SHOWN.search(said)
     high = [name for name, bit in zip(when, reversed(others[1]), strict=True) if bit == "1"] if others else []
     if found[1] is None and not high:
-        raise AssertionError(f"the solver does not say what is clocked in {block.module_name}")
+        raise AssertionError(f"the solver does not report the clocked registers of {block.module_name}")
     return Clocked(tuple(name for name in high if name not in expected), "SAT solving finished - model found" in said)
 
 
@@ -166,7 +166,7 @@ def _flops(module: Any, kinds: tuple[str, ...]) -> list[tuple[str, Any]]:
         del module["cells"][name]
     for name, cell in module["cells"].items():
         if "dff" in cell["type"] or cell["type"].startswith("$mem"):
-            raise AssertionError(f"{name} is a {cell['type']}, which is not looked at")
+            raise AssertionError(f"{name} is a {cell['type']}, which is not supported")
     return found
 
 
@@ -177,7 +177,7 @@ def _cut_memories(module: Any) -> list[Any]:
     for number, (name, cell) in enumerate(memories.items()):
         del module["cells"][name]
         if "1" in cell["parameters"]["RD_CLK_ENABLE"]:
-            raise AssertionError(f"{name} reads with a clock, which is not looked at")
+            raise AssertionError(f"{name} has a clocked read port, which is not supported")
         written |= set(cell["connections"]["WR_EN"])
         _add_ports(module, {f"content_{number}": ("input", cell["connections"]["RD_DATA"])})
     return sorted(written, key=str)

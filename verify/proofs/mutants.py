@@ -38,7 +38,7 @@ class Mutant:
 
 
 def mutants(checker: Checker[Any], count: int, seed: int, only: str = "") -> list[Mutant]:
-    """Return mutants of the block that a checker observes; the modules that its proof cuts out have none.
+    """Return mutants of the block that a checker observes; modules that its proof cuts out are not mutated.
 
     Seed 0 gives mutants of cells that compute or store, other seeds also those of mere wires. Mutants of clock pins are
     left out. ``only`` are arguments of ``mutate -list``, as in "-mode const0 -wire aer_req".
@@ -47,7 +47,7 @@ def mutants(checker: Checker[Any], count: int, seed: int, only: str = "") -> lis
 
 
 def make(rtlil: str, top: str, count: int, seed: int, only: str = "", cut: str = "") -> list[Mutant]:
-    """Return mutants of a design; see ``mutants``. Commands in ``cut`` delete the cells that stay as they are."""
+    """Return mutants of a design, without mutants of the cells that the commands in ``cut`` delete."""
     prepare = PREPARE.format(top=top) + WIRES * bool(seed)
     drawing = cut + LIST.format(count=count, seed=seed, only=only)
     listed = yosys.run(prepare + drawing, rtlil, "mutants.txt").splitlines()

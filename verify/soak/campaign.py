@@ -89,7 +89,7 @@ def draws_of(plan: Plan, seed: int) -> list[Draw]:
 
 
 def _piece(plan: Plan, seed: int, before: dict[str, Any], end: float) -> dict[str, Any]:
-    """Test a configuration after its finished runs until the time is over; return the totals."""
+    """Continue the runs of a configuration until the time is over, and return the totals."""
     draws = draws_of(plan, seed)
     total = Counter({name: before.get(name, 0) for name in ("runs", "clocks", "events")})
     began = time.monotonic()
@@ -120,7 +120,7 @@ def _kept(plan: Plan, found: Failure) -> str:
 
 @contextlib.contextmanager
 def _claimed(piece: Path, plan: Plan) -> Iterator[bool]:
-    """Yield True if a configuration has runs left and no other process tests it; keep others away meanwhile."""
+    """Lock a configuration; yield True if it has runs left and no other process tests it."""
     try:
         with locked(piece.with_suffix(".lock"), os.O_RDWR | os.O_CREAT, wait=False):
             yield _kept_piece(piece).get("clocks", 0) < plan.clocks

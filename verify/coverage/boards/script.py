@@ -229,14 +229,14 @@ async def _play(host: Host, chip: ChipConfig, samples: np.ndarray, number: int) 
 
 
 async def _run(host: Host, acks: list[Record]) -> None:
-    """Run the clocks behind the last sample, and see all frames acknowledged."""
+    """Run the clocks after the last sample, and check that all frames are acknowledged."""
     for clocks in RUN_CLOCKS:
         acks.append(await host.send(Kind.RUN, clocks.to_bytes(4, "little")))
     await host.expect(*acks)
 
 
 async def _play_changes(host: Host, chip: ChipConfig, samples: np.ndarray) -> None:
-    """Play samples by their changes, and take short events: a few ticks in a frame, and a pause behind most."""
+    """Play samples as changes from tick to tick, in frames of up to 20 ticks."""
     await host.carry_out(Kind.RESTART, b"\x01")
     coder, at = ChangeCoder(chip.readout), 0
     while at < len(samples):

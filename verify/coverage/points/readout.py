@@ -19,7 +19,7 @@ def readout(config: ReadoutConfig) -> Iterator[Point]:
 
 
 def some(config: ReadoutConfig, expression: str) -> str:
-    """Return an expression that is true if a given one is true of any taxel ``T``, in its ``ROW`` and ``COLUMN``."""
+    """Return an expression that is true if a given expression is true for any taxel ``T`` in ``ROW`` and ``COLUMN``."""
     places = [(str(row), str(column)) for row in range(config.rows) for column in range(config.columns)]
     return any_of(
         expression.replace("T.", f"row_{row}.taxel_{column}.").replace("ROW", row).replace("COLUMN", column)

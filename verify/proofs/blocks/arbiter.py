@@ -51,7 +51,7 @@ class ArbiterChecker(Checker[ReadoutConfig]):
             "leaves_in_time",
             "a request leaves within (rows + 1) * columns clocks in which the sink is ready",
         ),
-        Property("sleeps", "it is awake exactly when it takes a row's requests or an event leaves"),
+        Property("sleeps", "the arbiter is awake exactly when it latches the requests of a row or an event leaves"),
         Property(
             "fairness",
             "of two requesting taxels, neither is granted twice before the other: n steady taxels get equal shares",

@@ -114,16 +114,33 @@ class ScheduleChecker(_ClassifierChecker):
 
     cut = (*MEMORIES, "eskin_lane")
     properties = (
-        Property("added_when_owed", "a word of weights is added only for an event taken or a spike of the bin before"),
-        Property("none_left_out", "what an event or a spike brings is added before its bin's neurons are compared"),
-        Property("spike_counted", "the output weights of every neuron that fires are added once, and of no other"),
-        Property("rows_fit", "to a neuron no more is added in a bin than its events and a row of each neuron"),
-        Property("outputs_in_turn", "weights and outputs pass in the order of the classes, and all of them"),
-        Property("class_per_bin", "a class follows a bin's end, and nothing else"),
-        Property("class_in_time", "until overrun rises a class follows every bin_end within the longest work"),
-        Property("overrun_exact", "overrun rises exactly with a bin_end before the work of the bin before is done"),
-        Property("ready_in_time", "an event waits for no longer than a row, the work of two bins and clearing"),
-        Property("stalls_counted", "stall_count is the number of clocks in which an event waited, up to its end"),
+        Property(
+            "added_when_owed",
+            "a word of weights is added only for an accepted event or for a spike of the previous bin",
+        ),
+        Property(
+            "none_left_out", "all weights of an event or spike are added before the neurons of its bin are compared"
+        ),
+        Property(
+            "spike_counted",
+            "the output weights of every firing neuron are added once, and no other output weights are added",
+        ),
+        Property(
+            "rows_fit", "in a bin, a neuron receives at most one weight per event and one weight per hidden neuron"
+        ),
+        Property(
+            "outputs_in_turn", "weights and outputs are processed in the order of the classes, and no class is skipped"
+        ),
+        Property("class_per_bin", "class_valid rises only after a bin_end"),
+        Property("class_in_time", "while overrun is low, class_valid follows every bin_end within the longest work"),
+        Property(
+            "overrun_exact", "overrun rises exactly if a bin_end comes before the work of the previous bin is done"
+        ),
+        Property("ready_in_time", "an event waits at most for one row, the work of two bins, and clearing"),
+        Property(
+            "stalls_counted",
+            "stall_count is the number of clocks in which an event waited, up to the counter's maximum",
+        ),
     )
 
     def elaborate(self, platform: Any) -> Module:
@@ -223,12 +240,12 @@ class SumsChecker(_ClassifierChecker):
     """Checker of sums: a reference adder beside the classifier."""
 
     properties = (
-        Property("neuron_exact", "a neuron is compared with the sum of all that was added to it: its bits suffice"),
-        Property("output_exact", "an output is compared with the sum of all that was added to it: its bits suffice"),
+        Property("neuron_exact", "the compared potential of a neuron equals the exact sum of its additions"),
+        Property("output_exact", "the compared potential of an output equals the exact sum of its additions"),
         Property(
-            "evidence_exact", "the evidence of a class is the sum of what its output brought since the scan began"
+            "evidence_exact", "the evidence of a class is the sum of its output's contributions since the scan began"
         ),
-        Property("first_of_most", "the class is the first of those with the most evidence, and held"),
+        Property("first_of_most", "the reported class is the first class with the most evidence, and stays stable"),
     )
 
     def inner(self, config: ClassifierConfig) -> dict[str, Any]:
@@ -383,13 +400,13 @@ class SumsChecker(_ClassifierChecker):
         return found
 
     def _passed(self, m: Module) -> Signal:
-        """Return the next class of the evidence, which turns with the outputs alone and not with spikes."""
+        """Return the class whose evidence is added next."""
         passed = Signal.like(self.turn)
         following = Mux(passed == self.config.classes - 1, 0, passed + 1)
         return self.keep(m, passed, self.scan_start, self.output, following)
 
     def _gathered(self, m: Module, gained: Value, shown: Value, name: str) -> Signal:
-        """Return the sum of what a class gained since the scan began, limited to the bits of evidence."""
+        """Return the sum of the gains of a class since the scan began, limited to the bits of evidence."""
         evidence = Signal(signed(self.config.evidence_bits), name=name)
         more, _ = _limited(evidence + gained, self.config.evidence_bits, True)
         return self.keep(m, evidence, self.scan_start, shown, more)

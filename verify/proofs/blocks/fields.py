@@ -38,18 +38,18 @@ class FieldsChecker(Checker[ReadoutConfig]):
 
     block = Fields
     properties = (
-        Property("nearest_code", "on the scale, a signal is at most half a code from sum / 2**shift"),
+        Property("nearest_code", "within the scale, a signal differs from sum / 2**shift by at most half a code"),
         Property(
             "ties_to_even",
-            "half-way between two codes, a signal on the scale is the even one",
+            "half-way between two codes, a signal within the scale is the even code",
             applies=lambda config: _any(config, lambda field: field.shift),
         ),
         Property(
             "saturates",
-            "beyond an end of the scale, a signal is that end",
+            "a sum beyond an end of the scale gives that end of the scale",
             applies=lambda config: _any(config, _gains),
         ),
-        Property("no_overflow", "a signal never has the other sign than its sum"),
+        Property("no_overflow", "a signal never has the opposite sign of its sum"),
         Property(
             "own_is_the_sample",
             "a field of one taxel without a shift is its sample, as without fields",

@@ -18,13 +18,13 @@ class LinkChecker(Checker[ReadoutConfig]):
     properties = (
         Property(
             "request_of_polarity",
-            "the high request is the one of the event's polarity, never both",
+            "only the request of the event's polarity is high, never both requests",
             applies=lambda config: config.link == "four_phase_dual",
         ),
         Property("one_pulse_per_event", "REQ rises two clocks after an event is taken, and at no other time"),
         Property(
             "address_of_event",
-            "the address is that of the taken event from one clock before REQ rises until REQ falls",
+            "the bus has the address of the taken event from one clock before REQ rises until REQ falls",
             applies=lambda config: config.address_bits > 0,
         ),
         Property(

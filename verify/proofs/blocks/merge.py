@@ -26,7 +26,7 @@ class MergeChecker(Checker[TilesConfig]):
     properties = (
         Property("takes_one", "in each clock at most one tile's event is taken, and that tile offers an event"),
         Property("takes_what_fits", "an offered event is taken exactly while fewer than two events are held"),
-        Property("tile_order", "the next tile is the first offering tile after the last one, cyclically"),
+        Property("tile_order", "the next tile is the first offering tile after the last served tile, cyclically"),
         Property("in_order", "an event that leaves is its tile's oldest event"),
         Property("none_lost", "an event is offered exactly while one or two events are held"),
         Property("payload_stable", "an event that is not taken stays offered unchanged"),

@@ -34,7 +34,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
         Property("constants_hold", "an identification register never changes"),
         Property("holes_read_zero", "addresses without a register and pulse fields read 0"),
         Property("always_in_range", "no setting ever leaves its range"),
-        Property("mask_reaches_taxel", "bit i of the mask is the bit last written for taxel i"),
+        Property("mask_reaches_taxel", "bit i of the mask is the last written bit for taxel i"),
         Property("told_once", "pulses and write strobes last one clock, the clock after the write"),
         Property(
             "counted_once", "a counter rises by one in every counted clock, up to its maximum, and in no other clock"
@@ -171,7 +171,7 @@ class HostChecker(Checker[ReadoutConfig]):
             "masked_as_written", "a taxel is enabled exactly if pin and mask say so, unless a pattern or clear stops it"
         ),
         Property("read_as_written", "MISO shows the last valid word written to a setting, or its reset value"),
-        Property("no_pattern_unasked", "without a pattern written by the host no test request reaches the arbiter"),
+        Property("no_pattern_unasked", "no test request reaches the arbiter unless the host has set a test pattern"),
         Property(
             "restarts_when_told",
             "the decay ticks restart one clock after a write to their register or to clear, and at no other time",
@@ -228,7 +228,7 @@ class HostChecker(Checker[ReadoutConfig]):
         return [(r, field) for r in registers(self.config) for field in r.fields if field.kind == kind]
 
     def _words(self, m: Module, sent: Any) -> tuple[dict[str, Signal], dict[str, Value]]:
-        """Return for every register its word, and whether a valid word is written to it; of a counter the word is 0."""
+        """Return the expected word of every register, and whether a valid word is written to it."""
         words, writes = {}, {}
         data = Cat(sent.word, Const(0, WORD_BITS - sent.word_bits))
         for register in registers(self.config):
@@ -246,7 +246,7 @@ class HostChecker(Checker[ReadoutConfig]):
         return words, writes
 
     def _reading(self, m: Module, sent: Any, words: dict[str, Signal]) -> None:
-        """Check what MISO shows of all registers but counters."""
+        """Check the words of all registers at MISO, except the words of counters."""
         word, counts = self._at(sent.address, words)
         shown = sent.shown(m, word[: sent.word_bits])
         known = Signal()
@@ -265,7 +265,7 @@ class HostChecker(Checker[ReadoutConfig]):
 
 
 class BusHostChecker(HostChecker):
-    """Checker of the host interface behind its SPI slave, which writes and reads anything in any clock."""
+    """Checker of the host interface without its SPI slave; any register access may come in any clock."""
 
     cut: ClassVar[tuple[str, ...]] = ("eskin_spi",)
 

@@ -50,7 +50,7 @@ class Transfers:
         self.reads = self.in_data & ~writes
 
     def shown(self, m: Module, word: Value) -> Value:
-        """Return the bit that MISO shows of a word, which counts as it is when SCK falls before its first bit."""
+        """Return the bit of a word that MISO must show; the slave copies the word before its first bit."""
         kept = Signal(self.word_bits, name="kept")
         with m.If(self.fall & self.reads & self.first):
             m.d.sync += kept.eq(word)
@@ -78,7 +78,10 @@ class SpiChecker(Checker[ReadoutConfig]):
         ),
         Property("whole_is_written", "every complete word of a write transfer is written with its last bit"),
         Property("written_as_sent", "the written word has the sent bits"),
-        Property("address_as_sent", "its address is the command's address plus the number of words before it"),
+        Property(
+            "address_as_sent",
+            "the address of a written word is the command's address plus the number of previous words",
+        ),
         Property("read_as_kept", "MISO sends the word that the address held before the word's first bit"),
         Property("quiet_otherwise", "MISO is 0 except during the words of a read transfer"),
         Property(

@@ -19,7 +19,7 @@ class WindowChecker(Checker[ReadoutConfig]):
     properties = (
         Property("within_bounds", "the half-width is never below one closing step and never above D"),
         Property("opens_fully", "the half-width is D after the signal to open"),
-        Property("says_closed", "it reports closed exactly when the half-width is one step"),
+        Property("says_closed", "the window reports closed exactly when the half-width is one step"),
         Property(
             "closes_step_by_step",
             "otherwise the half-width is stable, or decreases by one closing step on a sample tick",
@@ -55,7 +55,7 @@ class WindowChecker(Checker[ReadoutConfig]):
         return self.finish(m)
 
     def _built(self, m: Module, levels: int, period: int) -> tuple[Any, Any]:
-        """Return the due closing steps, and whether the window is fully closed, from the number of quiet ticks."""
+        """Return the number of closing steps that must have happened, and whether the window is closed."""
         quiet = Signal(range(period * levels + 1))
         self.count_up(m, quiet, self.open, self.tick & (quiet != period * (levels - 1)))
         due: Any = levels - 1
@@ -64,7 +64,7 @@ class WindowChecker(Checker[ReadoutConfig]):
         return due, quiet == period * (levels - 1)
 
     def _set(self, m: Module, levels: int) -> tuple[Any, Any]:
-        """Return the due closing steps for a period set by a host."""
+        """Return the number of closing steps that must have happened, for a period that a host sets."""
         quiet, due = Signal(range(self.config.window_period)), Signal(range(levels))
         closes = (quiet + 1 >= self.period) & (due != levels - 1)
         with m.If(self.open):
