@@ -48,7 +48,7 @@ def without_lowest(bits: np.uint64) -> np.uint64:
 
 @njit(cache=True)
 def next_row(requests: np.uint64, behind: np.uint64) -> int:
-    """Return the row to grant next: the first requesting row behind the last granted row, else the first of all.
+    """Return the row to grant next: the first requesting row after the last granted row, cyclically.
 
     ``requests`` is not 0. ``behind`` are the rows behind the last granted row; 0 after reset.
     """

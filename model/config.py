@@ -72,7 +72,7 @@ class Configuration:
     """The configuration in sentences about all of it and about one field."""
 
     def _check_types(self, but: Collection[str] = ()) -> None:
-        """Check the types of all fields; an int becomes a float where a float is meant."""
+        """Check the types of all fields; convert an int to float if the field is a float."""
         hints = get_type_hints(type(self))
         for name in (one.name for one in dataclasses.fields(self) if one.name not in but):
             hint, value = hints[name], getattr(self, name)
@@ -234,7 +234,7 @@ class ReadoutConfig(Configuration):
             raise InputError("fields settable need registers in which a host chooses them; set registers to spi")
         if self.link == "four_phase_dual" and not self.has_polarity:
             raise InputError(
-                f"link four_phase_dual has a request for ON and one for OFF, encoding {self.encoding} sends only ON; "
+                f"link four_phase_dual has requests for ON and OFF, but encoding {self.encoding} sends only ON; "
                 f"give link four_phase"
             )
 

@@ -34,7 +34,7 @@ def is_due(leak_period: int, phase: int, tick: int) -> bool:
 
 
 def leaking(phases: Any, now: int) -> tuple[Any, Any, Any, Any]:
-    """Return 0, the first taxel that leaks now, the end of these taxels, and the number of taxels, all unsigned.
+    """Return the range of taxels that leak now: 0, first, end, and the number of all taxels.
 
     ``phases``, shape (taxels,), rise from row to row, so taxels that leak together are neighbours. The middle numbers
     equal the last if no taxel leaks. Compiled loops over unsigned numbers run on vectors.

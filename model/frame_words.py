@@ -63,7 +63,7 @@ def unpack(config: FrameConfig, words: NDArray[np.integer], sync: NDArray[Any] |
     bits = bits.reshape(len(values), length * config.word_bits)
     used = config.taxels * config.resolution
     if bits[:, used:].any():
-        raise InputError("a frame does not end in zeros; check the configuration")
+        raise InputError("the bits after the last code of a frame must be 0; check the configuration")
     codes = _from_bits(bits[:, :used].reshape(len(values), config.taxels, config.resolution)).astype(np.int64)
     return codes - (codes >> (config.resolution - 1) << config.resolution)
 

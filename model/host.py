@@ -24,7 +24,7 @@ COUNTED = {TAKEN: ("events_count",), WAITED: ("stalls_count",), 0: ()}
 
 
 class HostRun(NamedTuple):
-    """Results of simulating a readout with registers; pins, shape (clocks,), are those before every rising edge."""
+    """Results of simulating a readout with registers; pins, shape (clocks,), are sampled before each rising edge."""
 
     events: Events
     miso: NDArray[np.uint8]

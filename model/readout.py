@@ -123,7 +123,7 @@ class Stimulus:
             if config.fields != fields.SETTABLE:
                 raise InputError(f"a choice needs fields {fields.SETTABLE}, not {config.fields}")
             if self.choice.shape != (len(self.choice_clock), config.taxels) or self.choice.max() >= len(fields.CHOICES):
-                raise InputError(f"choice must have shape ({len(self.choice_clock)}, {config.taxels}), of 0..3")
+                raise InputError(f"choice must have shape ({len(self.choice_clock)}, {config.taxels}), values 0..3")
             if self.choice_clock[0] != 0 or (np.diff(self.choice_clock) < 1).any():
                 raise InputError("choice_clock must rise from 0")
         if not self.ready.size or not self.ack_delay.size:

@@ -216,7 +216,7 @@ def _reset(config: ReadoutConfig, taxels: int) -> tuple[NDArray[Any], ...]:
 def _run(
     config: ReadoutConfig, x: NDArray[Any], state: tuple[NDArray[Any], ...], tick: int, counts: Counts, late: Flags
 ) -> None:
-    """Encode samples from a tick on into counts and, if ``late`` has room, flags; then check the samples' range."""
+    """Write counts from a tick on and, if ``late`` has room, flags; then check the range of the samples."""
     rule, timed = config.encoder.rule(config), late is not _NO_FLAGS
     seen = kernels.ticks(rule, x, state, _phases(config), tick, counts, late, timed)
     if seen >= config.full_scale:
@@ -289,7 +289,7 @@ def _check_counts(config: ReadoutConfig, counts: Counts, late: Flags | None, nee
     if late is None:
         if needed and config.decisions_per_tick > 1:
             raise InputError(
-                f"late must be given for {config.encoding} deciding more than once per sample; "
+                f"late is required for {config.encoding} with several decisions per sample; "
                 "encode_timed returns it with the counts"
             )
         return counts, np.zeros(counts.shape, np.bool_)

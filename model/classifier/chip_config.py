@@ -41,7 +41,7 @@ class ChipConfig:
     def __post_init__(self) -> None:
         readout, classifier = self.readout, self.classifier
         if readout.link != "stream":
-            raise InputError(f"a chip with a classifier uses the link stream inside, not {readout.link}")
+            raise InputError(f"the readout of a chip must have the link stream, not {readout.link}")
         if classifier.inputs not in self._channels():
             taken = " or ".join(map(str, self._channels()))
             raise InputError(

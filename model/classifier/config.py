@@ -138,17 +138,17 @@ class ClassifierConfig(Configuration):
 
     @property
     def recurrent_words(self) -> int:
-        """Words of the recurrent weights: for each hidden neuron a power of two."""
+        """Words of the recurrent weights: a power of two for each hidden neuron."""
         return self.hidden << self.row_bits
 
     @property
     def input_words(self) -> int:
-        """Words of the input weights: for each input a power of two."""
+        """Words of the input weights: a power of two for each input."""
         return self.inputs << self.row_bits
 
     @property
     def weight_words(self) -> int:
-        """Words of the recurrent weights and, behind them, of the input weights."""
+        """Words of the recurrent weights, followed by the words of the input weights."""
         return self.recurrent_words + self.input_words
 
     @property
@@ -251,7 +251,7 @@ class ClassifierConfig(Configuration):
     # -- construction and exchange ---------------------------------------------------------------
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as a dictionary; synaptic shifts and leak factors only if they are not the defaults."""
+        """Return all fields as a dictionary; without synaptic shifts and leak factors at their defaults."""
         fields = super().to_dict()
         return {name: value for name, value in fields.items() if name not in OPTIONAL or value != OPTIONAL[name]}
 

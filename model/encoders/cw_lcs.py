@@ -79,7 +79,7 @@ class CwLcs(Encoder):
         return -config.step, config.step - 1
 
     def slope_limit(self, config: ReadoutConfig) -> float:
-        """Return D times the decisions per tick; a closing window with one decision loses a closing step."""
+        """Return the largest step between two samples, in codes, for which the error bound holds."""
         decisions = config.decisions_per_tick
         closing = config.closing_step if decisions == 1 and config.closing_levels_log2 else 0
         return float(config.step * decisions - closing)

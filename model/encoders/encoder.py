@@ -120,7 +120,7 @@ class Encoder(ABC):
     @staticmethod
     @abstractmethod
     def compare(rule: Any, taxel: Any) -> tuple[bool, bool]:
-        """Return whether the sample is above the upper threshold, and whether it is below the lower one."""
+        """Return whether the sample is above the upper threshold, and whether it is below the lower threshold."""
 
     @staticmethod
     def reach(rule: Any, taxel: Any) -> Any:

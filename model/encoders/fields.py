@@ -153,7 +153,7 @@ def chosen(config: ReadoutConfig, samples: NDArray[Any], choice: NDArray[np.inte
 
 
 def seen(config: ReadoutConfig, samples: NDArray[Any]) -> NDArray[Any]:
-    """Return the inputs of the comparators; analog ones may exceed full scale."""
+    """Return the inputs of the comparators; analog inputs may exceed full scale."""
     return signals(config, samples, config.full_scale * (ANALOG_RANGE if config.frontend == "analog" else 1))
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class LcsRule(NamedTuple):
-    """Constants of LCS: D in codes, current and built, and the most events per tick."""
+    """Constants of LCS: current D and built-in D in codes, and the most events per tick."""
 
     step: int
     built_step: int
@@ -49,7 +49,7 @@ class Lcs(Encoder):
 
     @staticmethod
     def compare(rule: Any, taxel: Any) -> tuple[bool, bool]:
-        """Compare the sample with the thresholds u + D and u - D; only the upper one is inclusive."""
+        """Compare the sample with the thresholds u + D and u - D; only u + D is inclusive."""
         d = taxel.x - taxel.u
         return d >= rule.step, d < -rule.step
 

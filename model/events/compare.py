@@ -115,7 +115,7 @@ def count_per_taxel(events: Events, config: ReadoutConfig) -> NDArray[np.int64]:
 
 
 def covering_config(a: ReadoutConfig, b: ReadoutConfig) -> ReadoutConfig:
-    """Return a configuration for the addresses and polarities of both, with the clock of the first."""
+    """Return a configuration that covers addresses and polarities of both recordings, at the clock of the first."""
     polar = next((c for c in (a, b) if c.has_polarity), a)
     return polar.replace(
         rows=max(a.rows, b.rows),

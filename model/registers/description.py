@@ -88,7 +88,7 @@ class Register:
         return sum(field.reset << field.low for field in self.fields)
 
     def allows(self, word: int) -> bool:
-        """Return True if a word may be written, which means that all its fields are in range."""
+        """Return True if the register accepts a word: all fields of the word are in range."""
         return self.writable and all(field.allows(word) for field in self.fields)
 
     def signal(self, field: Field) -> str:

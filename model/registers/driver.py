@@ -78,7 +78,7 @@ class Registers:
         if field not in CHOICES:
             raise InputError(f"a field must be one of {', '.join(CHOICES)}, not {field!r}")
         if self.config.fields != SETTABLE:
-            raise InputError(f"the chip has fields {self.config.fields}, built in; build it with fields={SETTABLE}")
+            raise InputError(f"the chip has built-in fields {self.config.fields}; build a chip with fields={SETTABLE}")
         for name, places in self._words("fields", 2):
             if mine := [place for place, taxel in enumerate(places) if taxel in taxels]:
                 value = self.read(name)["taxels"]
@@ -92,7 +92,7 @@ class Registers:
             self.write(name, taxels=sum(1 << place for place, taxel in enumerate(places) if taxel not in taxels))
 
     def _words(self, name: str, bits: int) -> Iterator[tuple[str, range]]:
-        """Yield the names of all registers with some bits for each taxel, and the taxels of each register."""
+        """Yield name and taxels of every register in an array with ``bits`` for each taxel."""
         per_word = WORD_BITS // bits
         for first in range(0, self.config.taxels, per_word):
             places = range(first, min(first + per_word, self.config.taxels))

@@ -57,7 +57,7 @@ class RegisterFile:
         return found
 
     def clock(self, write: Write | None, counted: Collection[str] = (), clear: bool = False) -> None:
-        """Apply a rising edge with a write, the signals of the counters that count, and a clear of all counters."""
+        """Apply a rising edge with a register write, the counted signals, and a clear of all counters."""
         written = set()
         for address, register in self.at.items():
             accepted = write is not None and write.address == address and register.allows(write.word)

@@ -61,7 +61,7 @@ def next_change(host: Any, given: Any, clocks: int) -> Any:
 
 @njit(inline="always")
 def apply(host: Any, given: Any, t: int, ticks: int, rows: Any, latch: Any) -> tuple[bool, bool]:
-    """Apply the settings of a clock; return whether there are any, and whether a test pattern runs.
+    """Apply the settings of a clock; return whether settings changed, and whether a test pattern runs.
 
     A restarted pattern withdraws its request.
     """

@@ -83,7 +83,7 @@ class TilesConfig(ReadoutConfig):
             raise InputError(f"tiles of a skin have no registers, not {self.registers}; leave --registers out")
         if self.fields != "own":
             raise InputError(
-                "tiles of a skin have no receptive fields, which would end at their sides; leave fields out"
+                "tiles of a skin have no receptive fields, because fields would end at tile edges; leave fields out"
             )
         _ = self.tile  # its sides are checked
 

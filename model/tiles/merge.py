@@ -41,7 +41,7 @@ def chosen(state: NDArray[np.uint64], asking: np.uint64) -> int:
 
 @njit(cache=True)
 def advance(state: NDArray[np.uint64], tile: int, event: Any, ready: bool) -> None:
-    """Advance the merge by a clock edge, in which it takes an event, any number from 0 on, of a tile (-1: of none).
+    """Advance the merge by a clock edge, in which it takes an event (a number) of a tile, or none (``tile`` -1).
 
     ``ready`` is true if the sink takes the offered event.
     """

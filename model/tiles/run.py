@@ -37,7 +37,7 @@ def simulate_skin(config: TilesConfig, stimuli: Sequence[Stimulus]) -> Events:
     """
     tile, first = config.tile, stimuli[0]
     if len(stimuli) != config.tiles:
-        raise InputError(f"{config.tiles} tiles need a stimulus each, not {len(stimuli)}")
+        raise InputError(f"{config.tiles} tiles need {config.tiles} stimuli, not {len(stimuli)}")
     for stimulus in stimuli:
         stimulus.check(tile)
         same = (

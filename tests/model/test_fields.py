@@ -156,7 +156,7 @@ def test_a_host_chooses_the_field_of_each_taxel() -> None:
 
     with pytest.raises(InputError, match="a field must be one of own, neighbours, both, off, not 'all'"):
         chip.choose("all", [0])
-    with pytest.raises(InputError, match="the chip has fields own, built in; build it with fields=settable"):
+    with pytest.raises(InputError, match="the chip has built-in fields own; build a chip with fields=settable"):
         Registers(config.replace(fields="own"), exchange).choose("own", [0])
     with pytest.raises(InputError, match="a choice needs fields settable, not own"):
         simulate(config.replace(fields="own"), set_up)

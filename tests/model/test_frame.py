@@ -196,7 +196,7 @@ def test_a_configuration_out_of_range_is_refused(fields: dict[str, Any], sentenc
         (lambda: unpack(SMALL, WORDS, np.array([1, 0, 0, 1])), "word 2: a frame of 2 words must not begin here"),
         (lambda: unpack(SMALL, WORDS, np.array([1])), "words and sync must have one shape (words,), not (4,) and (1,)"),
         (lambda: unpack(SMALL, WORDS), "words must have shape (frames, 2), not (4,)"),
-        (lambda: unpack(SMALL, np.array([[0, 8]])), "a frame does not end in zeros"),
+        (lambda: unpack(SMALL, np.array([[0, 8]])), "the bits after the last code of a frame must be 0"),
         (
             lambda: simulate(SMALL, FrameStimulus.from_samples(SMALL, np.zeros((1, 2), int))),
             "samples must have shape (ticks, 3) for 1 x 3 taxels, not (1, 2)",

@@ -43,7 +43,7 @@ def column(*codes: int) -> NDArray[np.int16]:
 
 
 def counts(config: ReadoutConfig, *codes: int) -> list[int]:
-    """Return a function that gives the event counts of one taxel."""
+    """Return a function that returns the event counts of one taxel."""
     return encode(config, column(*codes))[:, 0].tolist()
 
 
@@ -332,7 +332,7 @@ def test_other_misfits_are_refused() -> None:
             encode(one("nlcs", columns=4), np.zeros((2, taxels), np.int16))
     with pytest.raises(InputError, match=r"out must be of shape \(2, 1\) and type int16, not \(2, 1\) and int32"):
         encode(one("lcs"), column(0, 0), out=np.zeros((2, 1), np.int32))
-    with pytest.raises(InputError, match="late must be given for cw-lcs deciding more than once per sample"):
+    with pytest.raises(InputError, match="late is required for cw-lcs with several decisions per sample"):
         decode(one("cw-lcs"), column(0, 1))
     with pytest.raises(InputError, match="late must be given for nlcs"):
         uncontended_events(one("nlcs"), column(0, 1))

@@ -110,7 +110,7 @@ def test_a_skin_that_cannot_be_is_one_sentence(fields: dict[str, object], senten
 def test_stimuli_that_do_not_belong_together_are_one_sentence() -> None:
     one = Stimulus.from_samples(TILE, np.zeros((4, 6), np.int32))
     other = Stimulus.from_samples(TILE, np.zeros((5, 6), np.int32))
-    with pytest.raises(InputError, match="4 tiles need a stimulus each, not 1"):
+    with pytest.raises(InputError, match="4 tiles need 4 stimuli, not 1"):
         simulate_skin(SKIN, [one])
     moved, longer = (
         dataclasses.replace(one, **fields)
