@@ -302,7 +302,7 @@ def write(config: Config, folder: Path, gated: bool = False) -> list[Path]:
 
 
 def _unchanged(folder: Path, top: str, names: Collection[str]) -> list[Path]:
-    """Return the files with these names that are exactly as written for the configuration in the folder.
+    """Return the existing files with exactly the text that this program writes for their configuration.
 
     The list is empty if the folder contains another design, which may use these files.
     """

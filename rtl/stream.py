@@ -37,7 +37,7 @@ class StreamReadout(wiring.Component):
 
     def __init__(self, config: ReadoutConfig) -> None:
         if config.frontend != "digital":
-            raise InputError(f"a stream carries samples, and frontend {config.frontend!r} has none; set digital")
+            raise InputError(f"a sample stream needs frontend 'digital', not {config.frontend!r}")
         if config.link != "stream":
             raise InputError(f"link {config.link!r} is a four-phase handshake; set link to stream")
         self.config = config

@@ -88,7 +88,7 @@ def block_verilog(block: Block[Any]) -> str:
 
 
 def _marked(text: str) -> str:
-    """Return Verilog text with attributes that keep tools from merging synchroniser flip-flops, and the limiter."""
+    """Return Verilog text with attributes that make tools keep synchroniser flip-flops and the limiter."""
     for module, names in clock_gates.SYNCHRONISERS.items():
         for name in names:
             text = yosys.mark(text, module, name, '(* async_reg = "true", keep = "true" *)')

@@ -155,7 +155,7 @@ class Classifier(Block[ClassifierConfig]):
         return m
 
     def _awake(self, m: Module) -> None:
-        """Add the signal ``awake``: low in a clock at whose end no register changes, so that the clock may be stopped.
+        """Add the signal ``awake``, which is low in clocks without a register change, so that the clock may stop.
 
         Outside IDLE every clock changes a register. In IDLE an event, the end of a bin, a scan_start or a load does,
         and the arithmetic that follows the last clock of work.

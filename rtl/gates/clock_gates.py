@@ -92,7 +92,7 @@ def gated(rtlil: str, top: str, synchronous_reset: bool) -> str:
 
 
 def _tested(modules: dict[str, Any]) -> set[str]:
-    """Return the modules that contain a clock gate, also in an instance."""
+    """Return the modules with a clock gate in the module or in one of its instances."""
     found: set[str] = {GATE}
     while more := {
         name

@@ -134,7 +134,7 @@ class Host(Block[ReadoutConfig]):
 
 
 class ShortHost(Host):
-    """Host interface with short addresses and words; of longer registers it reaches the lowest bits."""
+    """Host interface for proofs, with short addresses and words that reach only the lowest bits of registers."""
 
     @staticmethod
     def slave() -> type[SpiSlave]:

@@ -62,7 +62,7 @@ class Node:
 
 
 def read(text: str) -> Node:
-    """Return the expression tree for a text; raise UnknownTextError for what Yosys does not write for plain logic."""
+    """Return the expression tree for a text; raise UnknownTextError if Yosys writes no such plain logic."""
     reader = _Reader(TOKEN.findall(text))
     tree = reader.choice()
     if reader.tokens:
@@ -176,7 +176,7 @@ def signed(node: Node, wires: Mapping[str, Wire]) -> bool:
 
 
 def _deciding(node: Node) -> tuple[Node, ...]:
-    """Return the operands that decide width and sign of an expression; none if it is one unsigned bit."""
+    """Return the operands that decide width and sign of an expression; none for an expression of one unsigned bit."""
     if node.kind == "binary" and node.text in COMPARISONS | LOGICAL:
         return ()
     if node.kind == "unary" and node.text in REDUCTIONS:

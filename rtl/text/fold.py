@@ -253,7 +253,7 @@ class _Folder:
 
 
 class _Joined:
-    """Wires whose bits are parts of other wires, for the names of concatenations; ``parts`` assign such bits."""
+    """Wires made of bits of other wires, as names for concatenations; ``parts`` are the lines that assign them."""
 
     def __init__(self, parts: list[Line], wires: dict[str, Wire]) -> None:
         self.wires = wires
@@ -307,7 +307,7 @@ def _bits_of(node: Node, wires: dict[str, Wire]) -> list[Bit] | None:
 
 
 def _renamed(module: str) -> str:
-    """Return a module in which remaining Yosys names are replaced by names of the signals that they are part of."""
+    """Return a module in which signal names replace the remaining names from Yosys."""
     user: dict[str, str] = {}
     for line in module.splitlines():
         target = re.match(r"\s+(?:assign |(?:else )?(?:if \(.*\) )?)(\w+)(?:\[[\d:]+\])? <?= ", line)

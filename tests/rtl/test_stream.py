@@ -54,7 +54,7 @@ def test_streams_carry_the_events_of_the_model_to_a_consumer_that_stalls(config:
 
 
 def test_amaranth_finds_the_pinned_yosys() -> None:
-    """Convert a design in a process without YOSYS and without Yosys in its PATH."""
+    """Test that Amaranth finds the pinned Yosys without the variable YOSYS and without Yosys in PATH."""
     program = (
         "from amaranth.back import verilog; from eskin import ReadoutConfig, StreamReadout\n"
         "print(verilog.convert(StreamReadout(ReadoutConfig(rows=1, columns=2, resolution=2, sample_bits=4))))"
@@ -69,7 +69,7 @@ def test_amaranth_finds_the_pinned_yosys() -> None:
 @pytest.mark.parametrize(
     ("field", "sentence"),
     [
-        ({"frontend": "analog"}, "a stream carries samples, and frontend 'analog' has none; set digital"),
+        ({"frontend": "analog"}, "a sample stream needs frontend 'digital', not 'analog'"),
         ({"link": "four_phase"}, "link 'four_phase' is a four-phase handshake; set link to stream"),
     ],
 )
