@@ -79,6 +79,6 @@ def _statistics(config: Config, library: Library | None) -> str:
             raise
         library.check()
         raise InputError(
-            f"the cell library {library.path} does not do: the readout needs a flip-flop, an inverter, a buffer, and a "
+            f"the cell library {library.path} lacks cells: the readout needs a flip-flop, an inverter, a buffer, and a "
             f"NAND or NOR (Yosys: {error.reason})"
         ) from None

@@ -79,7 +79,7 @@ class Clocks:
         return possible(cell.functions[pin], tuple(known.items()))
 
     def touches(self, bit: Bit) -> bool:
-        """Return True if clock port or latch drive a net through combinational cells and clock gates only."""
+        """Return True if the clock port or a latch drives a net through combinational cells and clock gates only."""
         if bit not in self._touches:
             self._touches[bit] = False  # round a loop
             if bit in self.driver:

@@ -15,7 +15,7 @@ from eskin.rtl.verilog import header
 
 
 def sdc(netlist: Netlist, period: str = "") -> str:
-    """Return the timing constraints of a netlist; ``period`` in ns or a Tcl expression, by default of the netlist."""
+    """Return the timing constraints of a netlist; ``period`` is a time in ns or a Tcl expression."""
     config = netlist.config
     lines = [
         f"set period_ns {period or f'{1e9 / config.clock_hz:.6g}'}",

@@ -151,7 +151,7 @@ def _cells(
     except yosys.YosysError as error:
         library.check()
         raise InputError(
-            f"the cell library {library.path} does not do: the readout needs a flip-flop, an inverter, and a NAND or "
+            f"the cell library {library.path} lacks cells: the readout needs a flip-flop, an inverter, and a NAND or "
             f"NOR (Yosys: {error.reason})"
         ) from None
 

@@ -62,7 +62,7 @@ def analyse(netlist: Netlist, library: Library, constant: Collection[str] = ()) 
     setup, hold = map(float, found["OWN"].split())
     period, left = map(float, found["PERIOD"].split())
     if left < 0:
-        raise RuntimeError(f"{netlist.top} misses its setup times at any clock: {left} ns are missing at {period} ns")
+        raise RuntimeError(f"{netlist.top} violates setup times at every clock: slack {left} ns at period {period} ns")
     worst = min(found["PATH"].split("Startpoint: ")[1:], key=lambda text: float(SLACK.findall(text)[-1]))
     stages = tuple((name, cell, float(time) * 1e-9) for time, name, cell in STAGE.findall(worst))
     logic = [cell for _, cell, _ in stages if not library.cells[cell].flop]

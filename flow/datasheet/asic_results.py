@@ -12,20 +12,20 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 
 POWERS = {
-    "leakage_w_per_taxel": ("leakage a taxel", "W"),
-    "idle_w_per_taxel": ("idle power a taxel, the clock running", "W"),
-    "energy_per_event_j": ("energy an event, one in every clock", "J"),
+    "leakage_w_per_taxel": ("leakage per taxel", "W"),
+    "idle_w_per_taxel": ("idle power per taxel, with a running clock", "W"),
+    "energy_per_event_j": ("energy per event, with an event in every clock", "J"),
     "energy_per_lone_event_j": ("energy of a lone event", "J"),
 }
 OF_FRAMES = {name: POWERS[name] for name in ("leakage_w_per_taxel", "idle_w_per_taxel")} | {
-    "energy_per_event_j": ("energy a sample, of whole frames", "J")
+    "energy_per_event_j": ("energy per sample, for whole frames", "J")
 }
 OF_WINDOWS = {
-    "closing_w_per_taxel": ("power a taxel while its window closes", "W"),
-    "energy_per_closed_window_j": ("energy of a window until it is closed, beside the idle power", "J"),
+    "closing_w_per_taxel": ("power per taxel while its window closes", "W"),
+    "energy_per_closed_window_j": ("energy until a window is closed, in addition to the idle power", "J"),
 }
 ABSENT = (
-    "Not known to this page: they need a cell library. `make asic LIB=typ.lib` leaves `out/asic/NAME/report.json`, "
+    "Area, power and highest clock need a cell library. `make asic LIB=typ.lib` leaves `out/asic/NAME/report.json`, "
     "and `make verilog REPORT=out/asic/NAME/report.json` of the same configuration puts its numbers here."
 )
 
@@ -35,7 +35,7 @@ def load_report(path: Path, config: ReadoutConfig | FrameConfig) -> dict[str, An
     content: dict[str, Any] = read_json(path, "the report", dict)
     needed = ("configuration", "library", "area_um2_per_taxel", "fmax_hz", "flops", "gated_flops")
     if absent := [name for name in needed if name not in content]:
-        raise InputError(f"{path} is no report of make asic: it has no {absent[0]}; give its report.json")
+        raise InputError(f"{path} lacks {absent[0]} and is not a report of make asic; give report.json of make asic")
     stored, wanted = content["configuration"], config.to_dict()
     for name in dict.fromkeys([*wanted, *stored]):
         if stored.get(name) != wanted.get(name):
@@ -52,10 +52,13 @@ def of_netlist(report: dict[str, Any] | None) -> str:
         return ABSENT
     area = report["area_um2_per_taxel"]
     rows = [
-        ("area a taxel, arbiter and link shared out", "not known to the library" if area is None else f"{area:.5g} um2")
+        (
+            "area per taxel, with its share of arbiter and link",
+            "not known to the library" if area is None else f"{area:.5g} um2",
+        )
     ]
     rows += [(f"highest clock, {corner}", si(value, "Hz")) for corner, value in report["fmax_hz"].items()]
-    rows.append(("flops, of which on a gated clock", f"{report['flops']}, {report['gated_flops']}"))
+    rows.append(("flops, and flops on a gated clock", f"{report['flops']}, {report['gated_flops']}"))
     powers = OF_FRAMES if "word_bits" in report["configuration"] else POWERS
     for name, (what, unit) in (powers | {name: said for name, said in OF_WINDOWS.items() if name in report}).items():
         value = report.get(name)

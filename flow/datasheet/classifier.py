@@ -89,5 +89,5 @@ def _times(config: ClassifierConfig, run: ClassifierRun) -> list[tuple[str, int]
         ("`scan_start` to `event_ready`", first_ready(config, 0)),
         ("from one event to the next", config.groups),
         ("`bin_end` to `class_valid`, no neuron fires", run.latencies[0]),
-        ("`bin_end` to `class_valid`, all fire in this bin and the one before", work + most),
+        ("`bin_end` to `class_valid`, all neurons fire in this bin and in the previous bin", work + most),
     ]

@@ -83,5 +83,5 @@ def _times(config: FrameConfig, scan: Scan) -> list[tuple[str, int]]:
         *next_taxel,
         ("`frame_start` to the first word", scan.first("word_valid")),
         ("`frame_start` to the last word", last),
-        ("`frame_start` to the next that is heard", scan.heard),
+        ("`frame_start` to the next accepted `frame_start`", scan.heard),
     ]

@@ -21,10 +21,11 @@ from eskin.rtl.verilog import Config, top_block
 PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 
 RESETS = {
-    "sync": "Active high, sampled at the rising edge of `clk`.",
-    "async": "Active high, asynchronous at every flop: assert it at any time, release it in step with `clk`.",
+    "sync": "The reset is active high and sampled at the rising edge of `clk`.",
+    "async": "The reset is active high and asynchronous at every flop. Assert the reset at any time, and release it "
+    "synchronously to `clk`.",
 }
-NO_NETLIST = "Not known to this page: `make asic` makes no netlist of this design."
+NO_NETLIST = "`make asic` makes no netlist of this design, so this datasheet gives no area, power and highest clock."
 
 
 @dataclass(frozen=True)

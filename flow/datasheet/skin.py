@@ -66,9 +66,12 @@ def sheet_of(config: MergeConfig | TilesConfig) -> Sheet:
 def _times(skin: TilesConfig, alone: bool) -> list[tuple[str, int]]:
     """Return the latencies in clocks."""
     bound, through = skin.tiles + HELD, skin.relays + MERGE_CLOCKS
-    begins = "arrival at the merge" if skin.relays else "a tile's offer"
-    rows = [("a tile's offer to `event_valid`, no other event on its way", through), ("from one event to the next", 1)]
-    rows.append((f"{begins} to the event at the output, at most, the sink always ready", bound))
+    begins = "arrival at the merge" if skin.relays else "the offer of a tile"
+    rows = [
+        ("offer of a tile to `event_valid`, no other event in the skin", through),
+        ("from one event to the next", 1),
+    ]
+    rows.append((f"longest time from {begins} to the event at the output, sink always ready", bound))
     if not alone and "sample_valid" in {port["name"] for port in ports(skin.tile)}:
         rows.insert(0, ("sample tick to `event_valid`, array idle", Latencies.of(skin.tile).latency + through))
     return rows

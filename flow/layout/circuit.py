@@ -112,7 +112,7 @@ def of_json(design: Mapping[str, Any], top: str) -> Circuit:
     if constant:
         raise InputError(
             f"{constant[0]} of this readout is constant, and no checked cell makes a constant; choose "
-            f"another configuration, such as at least two rows and two columns"
+            f"another configuration, for example two rows and two columns"
         )
     inputs, outputs = (tuple(n for n, d in ports.items() if d == way) for way in ("input", "output"))
     return Circuit(top, inputs, outputs, cells)

@@ -147,7 +147,7 @@ class Cell:
 
     @functools.cached_property
     def functions(self) -> dict[str, str]:
-        """Boolean function of every output pin that has one, in Liberty syntax."""
+        """Boolean functions of the output pins by name, in Liberty syntax, without pins that have no function."""
         return {name: pin.function for name, pin in self.pins.items() if pin.direction != "input" and pin.function}
 
     @functools.cached_property

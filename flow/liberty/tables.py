@@ -27,7 +27,7 @@ class Table:
     values: Floats
 
     def at(self, slew_s: Any, load_f: Any) -> Any:
-        """Return the value at given slews and loads; a pair of floats avoids NumPy, which takes ten times as long."""
+        """Return the value at given slews and loads; a pair of floats is computed without NumPy, ten times as fast."""
         if isinstance(slew_s, float) and isinstance(load_f, float):
             slews, loads, rows = self._lists
             low, high, part = _place_one(slews, slew_s)
@@ -48,7 +48,7 @@ class Table:
 
 
 def _place_one(grid: list[float], value: float) -> tuple[int, int, float]:
-    """Return what ``_place`` returns, for one value."""
+    """Return the result of ``_place`` for one value."""
     if len(grid) == 1:
         return 0, 0, 0.0
     low = min(max(bisect_left(grid, value) - 1, 0), len(grid) - 2)

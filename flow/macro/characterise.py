@@ -91,7 +91,7 @@ def table(name: str, template: str, rows: np.ndarray) -> str:
 
 
 def trimmed(models: str, cells: str) -> str:
-    """Return the SPICE models that given cells can use, because ngspice takes seconds to read all 600 models."""
+    """Return the SPICE models that the cells use; ngspice would need seconds for all 600 models."""
     used = {(name, float(length)) for name, length in re.findall(r" (\S+) l=(\S+)", cells)}
     kept = []
     for block in re.split(r"^(?=\.model )", models, flags=re.MULTILINE):
@@ -102,7 +102,7 @@ def trimmed(models: str, cells: str) -> str:
 
 
 def simulate(deck: str, folder: Path) -> dict[str, float]:
-    """Return the measurements of an ngspice deck; those that ngspice could not take are missing."""
+    """Return the measurements of an ngspice deck by name, without failed measurements."""
     (folder / "deck.sp").write_text(deck + f".tran 10p {END_NS}n 0 100p\n.end\n")
     done = subprocess.run(["ngspice", "-b", "deck.sp"], cwd=folder, capture_output=True, text=True, check=False)
     found = {name: float(value) for name, value in MEASURED.findall(done.stdout) if value != "failed"}
@@ -126,7 +126,7 @@ def wave(name: str, edges: Sequence[tuple[float, float]], slew_ns: float) -> str
 
 
 def delay(name: str, start: str, end: str, after_ns: float) -> str:
-    """Return the measurement of a delay from the middle of an edge to the next middle of another."""
+    """Return the measurement of a delay between the middles of two edges."""
     half = SUPPLY_V / 2
     after = f"td={after_ns}n"
     return f".measure tran {name} trig v({start}) val={half} {after} cross=1 targ v({end}) val={half} {after} cross=1\n"
@@ -231,13 +231,13 @@ class Characteriser:
         return arcs, *self._rest(cell, found)
 
     def _leak(self, number: int, cell: Cell, nodes: Mapping[str, str]) -> str:
-        """Return an instance with a supply of its own, whose current is measured when nothing has moved for long."""
+        """Return deck lines that measure the supply current of a cell at rest."""
         own = f"s{number}"
         parts = f"V{own} {own} 0 {SUPPLY_V}\n", self.instance(number, cell, nodes, own)
         return "".join((*parts, f".measure tran l{number} avg i(v{own}) from={END_NS - 3}n to={END_NS}n\n"))
 
     def _loads(self, cell: Cell, sides: Sequence[tuple[str, Mapping[str, bool], bool]]) -> list[str]:
-        """Return instances with a source at one input, whose charge is measured over a rising edge."""
+        """Return deck lines that measure the charge of each input over a rising edge."""
         deck, slew = [], SLEWS_NS[len(SLEWS_NS) // 2]
         for pin, side, _ in sides:
             nodes = {name: "vdd" if level else "0" for name, level in side.items()} | {pin: f"c_{pin}"}

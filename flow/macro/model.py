@@ -112,7 +112,7 @@ def wires_pf(routing: str) -> dict[str, float]:
 
 
 def _ask(script: str, files: Mapping[str, str], folder: Path) -> dict[tuple[str, float, float, str], tuple[float, ...]]:
-    """Return the times that an OpenSTA script reports: by kind, two numbers and port, rise and fall of min and max."""
+    """Return the rise and fall times that an OpenSTA script reports, by kind, two numbers and port."""
     said, _ = opensta.run(script, folder, files)
     (folder / "opensta.log").write_text(said)
     wrong = [line for line in said.splitlines() if re.search(r"\b(Error|Warning)\b", line)]

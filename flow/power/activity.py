@@ -42,7 +42,7 @@ class Activity:
         return {net: int(np.count_nonzero(bits[1:] != bits[:-1])) for net, bits in self.values.items()}
 
     def part(self, start: int, clocks: int) -> Activity:
-        """Return the activity of some clocks, of two values a clock."""
+        """Return the activity of a range of clocks; a clock has two values."""
         some = slice(2 * start, 2 * (start + clocks) + 1)
         return Activity(clocks, {net: bits[some] if len(bits) > 1 else bits for net, bits in self.values.items()})
 

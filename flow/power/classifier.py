@@ -94,7 +94,7 @@ def play(
     dumped: Window,
     folder: Path,
 ) -> tuple[Path, ClassifierRun]:
-    """Play events into a netlist, compare it with the golden model; return dump and the run of the model."""
+    """Simulate events on a netlist, compare with the golden model, and return the dump and the run of the model."""
     config = network.config
     width = config.clocks_per_bin
     memories = {name: (image(network), memory(config).bits) for name, (memory, image) in MEMORIES.items()}
@@ -135,7 +135,7 @@ def play(
 
 
 def _hold(run: ClassifierRun, config: ClassifierConfig, said: str) -> None:
-    """Refuse a simulation whose clocks of events, classes or evidence differ from the model's."""
+    """Raise Mismatch if a simulation differs from the model in events, classes, evidence, or their clocks."""
     taken = [int(clock) for clock in re.findall(r"^event (\d+)$", said, re.MULTILINE)]
     classes = [(int(c), int(k), int(e, 16)) for c, k, e in re.findall(r"^class (\d+) (\d+) (\w+)$", said, re.MULTILINE)]
     mask = (1 << config.evidence_bits) - 1

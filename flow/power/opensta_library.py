@@ -15,7 +15,7 @@ LEFT_OUT = ("cell", "wire_load", "wire_load_selection", "wire_load_table")
 
 
 def related_pins(cell: Cell) -> list[str]:
-    """Return the inputs whose changes cause the energies of a cell's outputs; only clocks, if clocks are among them."""
+    """Return the inputs that cause the energies of a cell's outputs; only the clocks, if a clock causes energies."""
     found = {name for output in cell.outputs for energy in cell.pins[output].energies for name in energy.related}
     return sorted(found & set(cell.clock_pins) or found)
 
@@ -61,7 +61,7 @@ def _one_energy(cell: Cell, number: int) -> Any:
 
 
 def _mean(groups: list[Entry]) -> Any:
-    """Return one group that is the mean of groups: of those with a condition, else of all."""
+    """Return the mean of the groups with a condition, or of all groups if no group has a condition."""
     chosen = [g for g in groups if g.text("when")] or groups
     first = copy.deepcopy(chosen[0].group)
     first.attributes = [a for a in first.attributes if a.name not in ("when", "related_pin")]

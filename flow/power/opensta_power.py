@@ -120,7 +120,7 @@ class OpenstaPower:
         return [f"set_load {value / unit:.6g} [get_nets {{{net}}}]" for net, value in self.wires_f.items() if value]
 
     def _moving_pins(self) -> list[str]:
-        """Return the commands that report the power while the data pins move, then all other inputs too."""
+        """Return the commands that report the power, first with moving data pins, then with all inputs moving."""
         lines = []
         for number, name in enumerate(("data", "rest")):
             pins = [f"{cell.name}/{pin}" for cell in self.netlist.cells for pin in self._pins(cell)[number]]
@@ -181,7 +181,7 @@ class OpenstaPower:
         return [p for p in charged if p in data], [p for p in charged if p not in data]
 
     def _costs(self, cell: Cell, related: list[list[Report]], counted: Counted) -> Costs:
-        """Return the costs of a cell from the reports for each related pin, of which the first has all kinds."""
+        """Return the energies of a cell from the OpenSTA reports of its related pins."""
         known, reports = self.library.cells[cell.kind], related[0]
         still, moving, data, rest = (report[cell.name] for report in reports[:4])
         by_clock, by_data, by_rest = (  # a clock makes two toggles in a period
@@ -224,7 +224,7 @@ class OpenstaPower:
         return internal * clock_hz, costs.load * output * clock_hz, costs.leakage_w
 
     def _shares(self, cell: Cell, causes: int, activity: Activity) -> list[float]:
-        """Return the share of the output toggles that each related pin causes; equal shares without any cause."""
+        """Return the share of the output toggles that each related pin causes."""
         if causes == 1:
             return [1.0]
         known = self.library.cells[cell.kind]

@@ -101,7 +101,7 @@ def write_glitches(config: ReadoutConfig, library: Path, folder: Path, origin: d
 def write_classifier(
     config: ReadoutConfig, weights: Path, path: Path, out: Path, said: dict[str, Any]
 ) -> dict[str, Any]:
-    """Write what the logic of a classifier takes behind a readout, in a library, to OUT/classifier-LIB.json."""
+    """Write the energies of a classifier's logic to OUT/classifier-LIB.json."""
     from eskin.flow.power.classifier import measure as measure_classifier
     from eskin.model.classifier.chip_config import ChipConfig
     from eskin.model.classifier.file import IntegerWeights

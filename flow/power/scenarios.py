@@ -47,7 +47,7 @@ class Scenario:
 
 
 def scenarios(config: ReadoutConfig, ticks: int = 30) -> list[Scenario]:
-    """Return all scenarios for a readout, with a number of sample ticks of the texture."""
+    """Return all scenarios for a readout; the texture scenario has a given number of sample ticks."""
     rest = closing_ticks(config)
     quiet = [_idle(config, rest)]
     if rest:  # the ticks of lone events: what their taxels do beside these cancels out

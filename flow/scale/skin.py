@@ -45,7 +45,7 @@ class Piece:
 
 
 def build_skin(config: TilesConfig, library: Library) -> tuple[Array, Array, list[Spot]]:
-    """Return a skin as library cells, the array of one tile as ``build`` makes it, and the owner of each cell."""
+    """Return a skin as library cells, the array of one tile as returned by ``build``, and the owner of each cell."""
     tile = build(config.tile, library)
     merge = _piece(mapped(Merge(config), library), Merge.module_name)
     relay = _piece(mapped(Relay(config), library), Relay.module_name) if config.relays else None

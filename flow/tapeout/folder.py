@@ -204,7 +204,7 @@ def mapped(sources: dict[str, str], top: str, library: Library) -> Mapped:
     try:
         netlist = yosys.run(script, "", "netlist.v", files)
     except yosys.YosysError as error:
-        raise InputError(f"the cell library {library.path} does not suffice for {top}: {error.reason}") from None
+        raise InputError(f"the cell library {library.path} lacks cells for {top}: {error.reason}") from None
     kinds = Counter(re.findall(r"^  (\w+) \w+ \($", netlist, re.MULTILINE))
     if bare := sorted(kind for kind in kinds if not library.cells[kind].area_um2 > 0):
         raise InputError(f"the cell library {library.path} states no area for {bare[0]}; give --tiles in its place")
@@ -229,9 +229,7 @@ def plan(
     if size is not None and size not in shuttle.sizes:
         raise InputError(f"{shuttle.name} has the sizes {', '.join(shuttle.sizes)}, not {size}")
     if size is None and library is None:
-        raise InputError(
-            "nothing says how large the chip is: add --lib typ.lib, or --size " + next(iter(shuttle.sizes))
-        )
+        raise InputError("the size of the chip is unknown: add --lib typ.lib, or --size " + next(iter(shuttle.sizes)))
     sources = sources_of(config, top)
     cells = None if library is None else mapped(sources, top, library)
     needed = size if cells is None else shuttle.smallest(cells.area_um2)

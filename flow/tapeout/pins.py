@@ -22,7 +22,7 @@ def outputs(config: ReadoutConfig) -> tuple[str, ...]:
 
 
 def addresses(config: ReadoutConfig) -> tuple[str, ...]:
-    """Return the names of the bidirectional pins; those with an empty name stay inputs."""
+    """Return the names of the bidirectional pins; pins with an empty name stay inputs."""
     return tuple(f"aer_addr[{bit}]" if bit < config.address_bits else "" for bit in range(ADDRESS_PINS))
 
 

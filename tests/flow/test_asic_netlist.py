@@ -132,7 +132,7 @@ def test_a_library_that_does_not_do_is_one_sentence(text: str, sentence: str, tm
 
 
 def test_a_library_without_the_gates_for_the_readout_is_one_sentence(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"^the cell library .* does not do: the readout needs .* \(Yosys: .*\)$"):
+    with pytest.raises(InputError, match=r"^the cell library .* lacks cells: the readout needs .* \(Yosys: .*\)$"):
         synthesise(CONFIG, library_without(tmp_path, "HOOT", "NEITHER", "UNLESS"))
 
 

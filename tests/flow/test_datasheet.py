@@ -147,7 +147,7 @@ def test_numbers_of_the_netlist_come_from_its_report_alone(tmp_path: Path) -> No
     with pytest.raises(InputError, match="rows = 3, not 4; give the report of this configuration"):
         load_report(path, STREAM.replace(rows=4))
     path.write_text("{}")
-    with pytest.raises(InputError, match="no report of make asic: it has no configuration"):
+    with pytest.raises(InputError, match="lacks configuration and is not a report of make asic"):
         load_report(path, STREAM)
 
 

@@ -75,7 +75,7 @@ def test_flops_are_the_cells_with_an_ff_group_whatever_their_names(tmp_path: Pat
 
 def test_a_library_that_does_not_do_is_one_sentence(tmp_path: Path) -> None:
     path = library(tmp_path / "own.lib", without=("NEITHER", "UNLESS"))
-    sentence = r"does not do: the readout needs a flip-flop, an inverter, .* \(Yosys: [^\n]+\)$"
+    sentence = r"lacks cells: the readout needs a flip-flop, an inverter, .* \(Yosys: [^\n]+\)$"
     with pytest.raises(InputError, match=rf"^the cell library {path} {sentence}"):
         count_gates(ReadoutConfig(rows=1, columns=1), 1, path)
 

@@ -79,7 +79,7 @@ def test_tiny_tapeout_finds_all_its_files(call: Call, folder: Path) -> None:
     ("options", "sentence"),
     [
         ("--shuttle tt-xx --size 1x1", "--shuttle must be one of tt-ihp, tt-sky, wafer-gf180"),
-        ("--shuttle tt-ihp", "nothing says how large the chip is: add --lib typ.lib, or --size 1x1"),
+        ("--shuttle tt-ihp", "the size of the chip is unknown: add --lib typ.lib, or --size 1x1"),
         ("--shuttle tt-ihp --size 9x9", "tt-ihp has the sizes 1x1,"),
         ("--shuttle tt-ihp --size 1x1 --link stream", "need --link four_phase or four_phase_dual, not stream"),
         ("--shuttle tt-ihp --size 1x1 --frontend analog", "need --frontend digital, not analog"),
