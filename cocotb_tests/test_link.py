@@ -29,7 +29,7 @@ def now_ps() -> int:
 
 
 def event_of(config: ReadoutConfig, event: AddressEvent) -> AerEvent:
-    """Return the address of an event; its polarity is part of that, or selects the request line."""
+    """Return the address of an event, without the polarity if the polarity selects the request line."""
     address = event.column | event.row << config.column_bits
     if config.link == "four_phase_dual":
         return AerEvent(address, int(event.polarity))
@@ -105,7 +105,7 @@ class LinkBench:
         return int(any(self.bus.read(request) for request in self.bus.requests))
 
     def receiver_delay(self) -> float:
-        """Return a random delay in picoseconds that does not end at a rising clock edge or just before."""
+        """Return a random delay in picoseconds that ends neither at a rising clock edge nor just before."""
         delay = self.rng.randint(1, self.longest_ps) if self.longest_ps else 1
         to_edge = -(now_ps() + delay) % PERIOD_PS  # rising edges are at multiples of the period
         return delay + to_edge + 1 if to_edge <= 2 * BEFORE_EDGE_PS else delay

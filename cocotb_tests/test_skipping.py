@@ -1,4 +1,4 @@
-"""The harness skips still clocks and finds the model's events; a wrong ``awake`` is found."""
+"""Test that the harness skips idle clocks without a change of events, and that a wrong ``awake`` is found."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CHIP = chip(2, 2, 8, 3)
 
 
 def play(encoding: Encoding, folder: Path) -> Tally:
-    """Play a scan with every clock; then, with still clocks skipped, the scan, a lone taxel and a signal at rest."""
+    """Play a scan with every clock; then skip idle clocks for the scan, for a lone taxel and for a constant signal."""
     config = ReadoutConfig(rows=2, columns=3, encoding=encoding)
     samples = random_scan(config, 60, np.random.default_rng(3))
     arrays = {"all": samples, "skipped": samples, "rest": np.repeat(samples[30:31], 60, axis=0)}

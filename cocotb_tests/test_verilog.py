@@ -28,7 +28,7 @@ ASYNCHRONOUS = ("aer_ack", "spi_sck", "spi_cs_n", "spi_mosi")
 
 
 def with_registers() -> list[ReadoutConfig]:
-    """Return the configurations of the host tests, a link of two requests, and registers of the fewest bits."""
+    """Return the configurations of the host tests, one with two request lines, and two with the narrowest registers."""
     base = ReadoutConfig(rows=3, columns=5, registers="spi", leak_period=9)
     ends = {"sample_bits": 3, "resolution": 1, "closing_shift": 0, "window_period": 1, "leak_shift": 1}
     return [
@@ -69,7 +69,7 @@ def extremes() -> list[ReadoutConfig]:
 
 
 def with_fields() -> list[ReadoutConfig]:
-    """Return the configurations of the simulated receptive fields, and fields of the fewest bits."""
+    """Return the configurations of the simulated receptive fields, and one with the narrowest samples."""
     return [*FIELDS, ReadoutConfig(rows=1, columns=4, fields="both", sample_bits=3, resolution=1)]
 
 
@@ -97,7 +97,7 @@ def declared(text: str, top: str) -> dict[str, tuple[str, int]]:
 
 
 def delivered(config: Config, folder: Path) -> tuple[str, str, dict[str, Any]]:
-    """Write the files of a design; check that they are clean and agree; return Verilog, constraints and description."""
+    """Write and check the files of a design; return Verilog, constraints and description."""
     top = top_block(config).module_name
     written = write(config, folder)
     assert written == [folder / f"{top}.{suffix}" for suffix in ("v", "sdc", "json", "core")]

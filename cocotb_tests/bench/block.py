@@ -75,7 +75,7 @@ class Block:
         return value - (value >> (bits - 1) << bits)
 
     async def settle(self) -> None:
-        """Wait until outputs follow the inputs, unless they do already; the clock is low."""
+        """Wait until the outputs follow the inputs, while the clock is low."""
         if not self.settled:
             await Timer(self.HALF_PS, "ps")
             self.settled = True
@@ -168,7 +168,7 @@ def job(read: Callable[[Any], C]) -> tuple[C, random.Random]: ...
 
 
 def job(read: Any = config_of) -> tuple[Any, random.Random]:
-    """Return the configuration, which ``read`` makes from its fields, and the random generator of the test."""
+    """Return the configuration, built by ``read`` from its fields, and the random generator of the test."""
     fields = json.loads(os.environ[JOB])
     return read(fields["config"]), random.Random(fields["seed"])
 

@@ -97,7 +97,7 @@ def _pack(bits: NDArray[Any]) -> NDArray[np.uint8]:
 
 def _repeat(pattern: NDArray[Any], length: int) -> NDArray[Any]:
     if length % len(pattern):
-        raise ValueError(f"a pattern of {len(pattern)} does not repeat within {length}")
+        raise ValueError(f"the length {length} must be a multiple of the pattern length {len(pattern)}")
     return np.tile(pattern, length // len(pattern))
 
 
@@ -188,7 +188,7 @@ class Scoreboard:
 
 
 def breaches(errors: int, first: int) -> str:
-    """Return the number of breaches of the link's protocol, and the clock and rule of the first."""
+    """Return the number of protocol violations of the link, and clock and rule of the first violation."""
     return f"{errors} breaches of the protocol, first in clock {first >> 3}: {RULES[first & 7]}"
 
 
@@ -253,7 +253,7 @@ class Bench:
         return await self._done(skip)
 
     async def check(self, name: str, stimulus: Stimulus, skip: bool = False) -> Events:
-        """Play a stimulus and compare RTL and model; return the events; ``skip`` as for ``play``."""
+        """Play a stimulus, compare RTL and model, and return the events (``skip`` as for ``play``)."""
         from eskin.model.readout import simulate
 
         events, errors = await self.play(stimulus, skip)

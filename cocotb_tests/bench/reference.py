@@ -64,7 +64,7 @@ class TaxelReference:
 
     @property
     def half_width(self) -> int:
-        """h in codes: D minus the closing steps (CW-LCS)."""
+        """Half-width h of the window in codes: D minus the closing steps (CW-LCS)."""
         return self.step - self.closed * self.closing_step
 
     @property

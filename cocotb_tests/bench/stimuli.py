@@ -58,7 +58,7 @@ def square(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Sampl
 
 
 def constant(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
-    """Return a constant level for every taxel, near to its thresholds or far from them."""
+    """Return a constant level for every taxel, near its thresholds or far from its thresholds."""
     near = config.step + rng.integers(-1, 2, config.taxels)
     far = rng.integers(-config.full_scale, config.full_scale, config.taxels)
     level = np.where(rng.random(config.taxels) < 0.5, near, far)
@@ -213,7 +213,7 @@ def outstanding(config: ReadoutConfig, stimulus: Stimulus, clock: int | None = N
 
 
 def _busy_clock(config: ReadoutConfig, stimulus: Stimulus, times: NDArray[np.int64]) -> int:
-    """Return a clock after the middle of a run, just after an event, at which requests wait."""
+    """Return a clock in the second half of a run, just after an event, in which requests wait."""
     for time in times[len(times) // 2 :].tolist():
         if outstanding(config, stimulus, time + 1):
             return int(time) + 1

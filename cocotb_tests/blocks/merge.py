@@ -78,7 +78,7 @@ class MergeBench:
         return row, column, int(tile.has_polarity and self.rng.random() < 0.5)
 
     def probes(self, ready: bool) -> list[tuple[list[Payload | None], bool]]:
-        """Return offers and readies for which all outputs must be alike; the last is that of the clock."""
+        """Return pairs of offers and ready that must give equal outputs; the last pair stays until the clock edge."""
         return [(self.offers, not ready), (self.offers, ready)]
 
     def tile_ready(self, taken: int | None) -> int:

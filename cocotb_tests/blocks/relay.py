@@ -17,7 +17,7 @@ from eskin.model.tiles.config import TilesConfig
 
 
 class RelayBench(MergeBench):
-    """A relay station: a merge of one tile, whose outputs look at no input."""
+    """A relay station: a merge of one tile with outputs that depend on no input."""
 
     def event(self) -> Payload:
         tile = self.config.tile

@@ -91,7 +91,7 @@ def _stamp(text: str) -> str:
 
 @contextlib.contextmanager
 def locked(path: Path, flags: int = os.O_RDONLY, wait: bool = True) -> Iterator[None]:
-    """Lock a file or folder against other processes; raise BlockingIOError if another has it and nobody shall wait."""
+    """Lock a file or folder; without ``wait``, raise BlockingIOError if another process holds the lock."""
     handle = os.open(path, flags)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
@@ -102,7 +102,7 @@ def locked(path: Path, flags: int = os.O_RDONLY, wait: bool = True) -> Iterator[
 
 @contextlib.contextmanager
 def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
-    """Create a temporary folder for this process; also remove those of killed processes.
+    """Create a temporary folder for this process, and remove the folders of killed processes.
 
     All folders in ``parent`` whose names begin with a dot are such folders; ``name`` is a note for people who find
     them.

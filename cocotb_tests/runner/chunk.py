@@ -69,7 +69,7 @@ def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> tuple[Tally, dict[st
 
 
 def store(folder: Path, files: dict[str, bytes], on_run: Callable[[], object]) -> None:
-    """Write result files into a folder, each as a whole."""
+    """Write result files into a folder, each file whole or not at all."""
     for name, content in files.items():
         make_folder(folder, Path(name).parent)
         with atomic_write(folder / f"{name}.npz") as file:

@@ -51,7 +51,7 @@ WATCHED = 'exec 3<&0 </dev/null; (read -r _ <&3; kill -KILL 0) >/dev/null 2>&1 &
 
 
 def run_watched(command: Sequence[str], cwd: os.PathLike[str] | str, env: dict[str, str], log: TextIO | None) -> int:
-    """Run a command, whose processes all die with this process, and return its exit code."""
+    """Run a command and return its exit code; its processes end when this process ends."""
     return subprocess.call(
         ["sh", "-c", WATCHED, "sh", *command],
         cwd=cwd,

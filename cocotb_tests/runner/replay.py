@@ -89,7 +89,7 @@ class Plan:
         return [name for name in self.names if self.finished(name) is None]
 
     def job(self, names: list[str], every_clock: str) -> Job:
-        """Return the job that plays some of the names; only ``every_clock`` plays the still clocks too."""
+        """Return the job that plays some of the names; ``every_clock`` also plays the idle clocks."""
         again = " ".join(["eskin replay", *options(self.config), *self.material.again])
         job = job_of(self.material, names, self.config, self.program, again)
         return dataclasses.replace(job, skip=[name for name in names if name != every_clock])
@@ -104,7 +104,7 @@ def plan_textures(
     only: str | None,
     out: Path,
 ) -> Plan:
-    """Return the plan for textures: all of them, ``limit`` of them, or ``only`` one."""
+    """Return the plan for all textures, for ``limit`` textures, or for the texture ``only``."""
     require_programs("verilator")
     material = Textures(open_dataset(dataset), dataset, preset, start_row)
     config = scan_of(preset).configure(config, config.tau_s if config.encoder.leaks else None)

@@ -73,7 +73,7 @@ class SimulationDied(AssertionError):  # it may be done again
 
 @dataclass(frozen=True, eq=False)
 class Build:
-    """A simulation program, in a folder for its top, configuration and simulator that is reused for equal sources."""
+    """A simulation program for a top, a configuration and a simulator; equal sources reuse its folder."""
 
     folder: Path
     top: str
@@ -231,7 +231,7 @@ def build(
 
 
 def _with_macros(defines: dict[str, str], text: str, macros: dict[str, str] | None) -> tuple[dict[str, str], str]:
-    """Return macros of the harness and a given text; a foreign text starts without these macros."""
+    """Return macros of the harness, and the Verilog text; a user's text starts with all macros undefined."""
     if macros is None:
         return defines | ({"TEST_ENABLE": "1"} if TEST_ENABLE.search(text) else {}), text
     defines = defines | macros

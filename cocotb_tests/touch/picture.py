@@ -23,7 +23,7 @@ def draw(plan: Plan, summary: dict[str, Any], path: Path) -> Path | None:
     The numbers of each step above the panels are of all that was played.
     """
     for name in plan.names:
-        arrays = read_arrays(plan.folder / f"{name}.npz", "a result of touch", "play it again")
+        arrays = read_arrays(plan.folder / f"{name}.npz", "a result of touch", "run touch again")
         said = json.loads(str(arrays["metadata"]))
         if said["true"] is not None:
             break

@@ -166,7 +166,7 @@ def plan(weights: Path | None, data: Path | None, dataset: str, limit: int | Non
         textures = open_dataset(dataset)
         networks = _load(weights or SHIPPED / textures.name)
         if (kind := networks[0].preset) is None:
-            raise InputError(f"{networks[0].path} was trained on recordings; play some with --data")
+            raise InputError(f"{networks[0].path} was trained on recordings; give recordings with --data")
         material: Material = Textures(textures, dataset, kind)
     else:
         weights = weights or _network_for(data)
@@ -205,9 +205,9 @@ def _load(place: Path) -> list[Network]:
     """Return the integer networks of a file or folder."""
     paths = sorted(place.glob("*.npz")) if place.is_dir() else [place]
     if place.parent == SHIPPED and not place.exists():
-        raise InputError(f"no networks for {place.name} come with the project; give --weights, from eskin quantise")
+        raise InputError(f"the project has no networks for {place.name}; give --weights from eskin quantise")
     if not paths:
-        raise InputError(f"{place} has no integer networks; make some with eskin quantise")
+        raise InputError(f"{place} has no integer networks; make a network with eskin quantise")
     return [Network.load(path) for path in paths]
 
 
@@ -264,9 +264,9 @@ def play(plan: Plan, pool: WorkerPool, on_run: Callable[[], object]) -> None:
 def result_of(path: Path) -> dict[str, Any]:
     """Return the metadata of a result file."""
     try:
-        said: dict[str, Any] = json.loads(str(read_arrays(path, "a result of touch", "play it again")["metadata"]))
+        said: dict[str, Any] = json.loads(str(read_arrays(path, "a result of touch", "run touch again")["metadata"]))
     except (KeyError, ValueError):
-        raise InputError(f"{path} is not a result of touch; play it again") from None
+        raise InputError(f"{path} is not a result of touch; run touch again") from None
     return said
 
 

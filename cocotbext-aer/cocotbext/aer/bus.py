@@ -85,7 +85,7 @@ class AerBus:
         return self.requests[event.polarity]
 
     def read(self, handle: Any) -> bool | None:
-        """Return True if a request or acknowledge is active, None if it is X or Z."""
+        """Return True if a request or acknowledge is active, and None for a level of X or Z."""
         value = handle.value
         return bool(int(value) ^ int(self.active_low)) if value.is_resolvable else None
 
@@ -124,7 +124,7 @@ class AerStreamBus:
         for name, handle in self.fields.items():
             value = values.pop(name)
             if not 0 <= value < 1 << len(handle):
-                raise ValueError(f"{name} is {value}: it has {len(handle)} bits")
+                raise ValueError(f"{name} must fit in {len(handle)} bits, not {value}")
             address |= value << shift
             shift += len(handle)
         if values:

@@ -96,7 +96,7 @@ class _Checker:
 
 @dataclass(frozen=True)
 class _Wires:
-    """Levels of a four-phase bus at one time; None is X or Z."""
+    """Levels of a four-phase bus at one time; None stands for X or Z."""
 
     requests: tuple[bool | None, ...]
     ack: bool | None
@@ -146,7 +146,7 @@ class AerChecker(_Checker):
         stop: bool = True,
     ) -> None:
         if hold not in ("ack", "request", "release"):
-            raise ValueError(f'hold is {hold!r}: it must be "ack", "request" or "release"')
+            raise ValueError(f'hold must be "ack", "request" or "release", not {hold!r}')
         self.bus, self.hold = bus, hold
         self._setup = get_sim_steps(setup, unit) if setup else 0
         self._timeout = None if timeout is None else get_sim_steps(timeout, unit)

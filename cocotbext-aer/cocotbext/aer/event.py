@@ -28,9 +28,9 @@ class AerEvent:
 
     def __post_init__(self) -> None:
         if self.address < 0:
-            raise ValueError(f"the address of an event is {self.address}: it must not be negative")
+            raise ValueError(f"the address of an event must be at least 0, not {self.address}")
         if self.polarity not in (None, 0, 1):
-            raise ValueError(f"the polarity of an event is {self.polarity}: it must be 0, 1 or None")
+            raise ValueError(f"the polarity of an event must be 0, 1 or None, not {self.polarity}")
 
 
 def now_ps() -> int:
