@@ -17,7 +17,7 @@ from eskin.model.encoders.encoder import Encoder
 from eskin.model.encoders.fields import KINDS, SETTABLE, Fields, parse
 
 Encoding = Literal["lcs", "cw-lcs", "nlcs", "nlcs-bipolar"]
-"""Names of ``eskin.model.encoders.registry``, written once more for the type checker."""
+"""Names of the encoders in ``eskin.model.encoders.registry``, repeated for the type checker."""
 if get_args(Encoding) != registry.NAMES:
     raise TypeError(
         f"Encoding lists {get_args(Encoding)}, eskin.model.encoders.registry {registry.NAMES}; make them the same"
@@ -36,10 +36,10 @@ MAX_LEAK_PERIOD = 2**20
 """Largest number of sample ticks from one leak to the next."""
 
 MIN_RATE_HZ, MAX_RATE_HZ = 1e-9, 1e12
-"""Sample rates of anything that could be built: one sample in 30 years, and a period below any gate's delay."""
+"""Range of sample rates: from one sample in 30 years to a period below the delay of any gate."""
 
 MAX_TAU_ERROR = 0.05
-"""Relative error of a time constant beyond which ``from_tau`` refuses it."""
+"""Largest relative error of a time constant that ``from_tau`` accepts."""
 
 
 NO_LOGIC = ("sample_rate_hz", "clocks_per_sample")
@@ -69,7 +69,7 @@ class Configuration:
     """Base of configuration classes: checks of the fields, copies, and dictionaries."""
 
     noun = ("a configuration", "configuration")
-    """The configuration in sentences about all of it and about one field."""
+    """Names of the configuration and of one of its fields in messages."""
 
     def _check_types(self, but: Collection[str] = ()) -> None:
         """Check the types of all fields; convert an int to float if the field is a float."""

@@ -140,4 +140,4 @@ class FrameConfig:
 
 
 OWN_FIELDS = tuple(f.name for f in dataclasses.fields(FrameConfig) if f.name != "readout")
-"""Fields of FrameConfig beside those of ReadoutConfig."""
+"""Fields of FrameConfig that ReadoutConfig does not have."""

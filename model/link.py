@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 ACK_QUANTA = 8
-"""Quanta of time per clock in which the delays of an asynchronous receiver are counted."""
+"""Time quanta per clock, the unit of the delays of an asynchronous receiver."""
 
 # Words of the link's state: its four flops, the level of ACK, the clock at which ACK changes (-1: settled), and
 # the number of edges of REQ so far.

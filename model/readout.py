@@ -26,7 +26,7 @@ from eskin.model.encoders.fields import ANALOG_RANGE
 from eskin.model.registers import pattern, settings
 
 SOURCES = (*compiled.sources(), *(Path(str(m.__file__)) for m in (arbiter, link, pattern, settings, taxel)))
-"""Files and folders whose code is in the compiled loop of this one."""
+"""Files and folders with code that the compiled loop of this file contains."""
 forget_stale_kernels(Path(__file__), SOURCES)
 
 TAKEN, WAITED = 1, 2

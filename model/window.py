@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 STATE = ("closed", "quiet")
-"""Numbers of a taxel's window: closing steps taken, and quiet ticks since the last of them or the last event."""
+"""Fields of the window of a taxel: number of closing steps, and quiet ticks since the last step or event."""
 
 
 def half_width(rule: Any, taxel: Any) -> Any:

@@ -78,7 +78,7 @@ class RtlilModules:
         if (type(first), first.config) != (type(block), block.config):
             raise ValueError(
                 f"two different blocks are named {block.module_name}: {type(first).__name__} of {first.config} and "
-                f"{type(block).__name__} of {block.config}; give one of them a name of its own"
+                f"{type(block).__name__} of {block.config}; give one block another name"
             )
         if block.module_name not in self.modules:
             text = rtlil.convert(

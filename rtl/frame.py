@@ -83,7 +83,7 @@ class FrameSequencer(Block[FrameConfig]):
             self.adc_start.eq(scanning & ~converting & (settling == 0) & ~held),
             row_ends.eq(~column[:-1].any()),
             frame_ends.eq(row_ends & ~row[:-1].any()),
-            converting.eq(started & ~resting),  # an upset of one flop must not make it wait for a code
+            converting.eq(started & ~resting),  # after a bit flip, the sequencer must not wait for a code
             taken.eq(converting & self.adc_done),
             self.sample_valid.eq(held),
             self.sample_code.eq(code),

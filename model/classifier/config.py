@@ -261,7 +261,7 @@ SHIFTS = ("in_shift", "rec_shift", "bias_shift", "out_shift", "out_bias_shift", 
 
 
 OPTIONAL = {f"{name}_factor": 1 for name in LEAKS} | {"synapse_shift": 0, "out_synapse_shift": 0}
-"""Fields that files only have if they differ from these."""
+"""Fields with their defaults; a file contains a field only if its value is not the default."""
 
 
 class Leak(NamedTuple):

@@ -16,10 +16,10 @@ if TYPE_CHECKING:  # a configuration checks its fields
     from eskin.model.config import ReadoutConfig
 
 KINDS = ("own", "neighbours", "both")
-"""Fields with a name, the same for every taxel."""
+"""Names of receptive fields that are equal for every taxel."""
 
 SETTABLE = "settable"
-"""Name of the fields that a host chooses at run time; after reset every taxel sees its own sample."""
+"""Name for fields that a host chooses at run time; after reset the field of every taxel is its own sample."""
 
 CHOICES = (*KINDS, "off")
 """Fields that a host can choose, by number."""
@@ -28,7 +28,7 @@ MOST_TAXELS = 256
 """Most taxels of a field."""
 
 ANALOG_RANGE = 4
-"""Full scales that an analog signal may reach, either way."""
+"""Largest magnitude of an analog signal, in full scales."""
 
 
 class Field(NamedTuple):

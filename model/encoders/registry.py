@@ -10,7 +10,7 @@ from eskin.model.encoders.nlcs import Nlcs
 from eskin.model.encoders.nlcs_bipolar import NlcsBipolar
 
 ENCODERS: tuple[Encoder, ...] = (Lcs(), CwLcs(), Nlcs(), NlcsBipolar())
-"""In the order of commands, tables and figures."""
+"""All encoders, in the order of commands, tables and figures."""
 
 NAMES = tuple(encoder.name for encoder in ENCODERS)
 

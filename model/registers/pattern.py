@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 OFF, ONE, ALL = range(3)
-"""Modes: no pattern, one taxel again and again, all taxels in turn."""
+"""Modes: no pattern, one taxel repeatedly, all taxels in turn."""
 
 REQUEST, ROW, COLUMN, SIGN, COUNT = range(5)
 """Words of the state: a request waits; its taxel and polarity, or those of the next; clocks until the next may rise."""

@@ -75,7 +75,7 @@ class TilesConfig(ReadoutConfig):
         for name, parts in (("rows", self.tile_rows), ("columns", self.tile_columns)):
             if getattr(self, name) % parts:
                 raise InputError(
-                    f"{name} must be a multiple of the {parts} tiles along them, not {getattr(self, name)}"
+                    f"{name} must be a multiple of {parts}, the tiles in this direction, not {getattr(self, name)}"
                 )
         if self.link != "stream":
             raise InputError(f"tiles need the link stream to their merge, not {self.link}; leave --link out")

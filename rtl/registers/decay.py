@@ -49,7 +49,7 @@ class SettableDecayTicks(Block[ReadoutConfig]):
             m.d.comb += self.decay.eq(due)
             return m
         line = Signal(rows, init=1)
-        with m.If(due | self.restart):  # after an upset a lost bit comes back, and a second bit falls out
+        with m.If(due | self.restart):  # after a bit flip, a lost bit returns, and a second bit disappears
             m.d.sync += line.eq(Mux(self.restart, 1, Cat(~line[:-1].any(), line[:-1])))
         m.d.comb += self.decay.eq(line & due.replicate(rows))
         return m

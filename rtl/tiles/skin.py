@@ -45,7 +45,7 @@ class Skin(Block[TilesConfig]):
         if inputs > MOST_INPUT_BITS:
             raise InputError(
                 f"{config.tiles} tiles of {config.tile.rows} x {config.tile.columns} taxels have {inputs} input bits, "
-                f"a module has {MOST_INPUT_BITS} at most; add --merge and write a tile without --tiles, a chip each"
+                f"but a module has at most {MOST_INPUT_BITS}; write --merge, and a tile without --tiles"
             )
         super().__init__(config, ports | merged_ports(config))
 

@@ -257,7 +257,7 @@ def test_tiles_are_measured_in_all_ways_that_are_asked_for(library: Library, tmp
     [
         (("8x8", "", "1"), "--relays needs tiles; add --tiles, or leave --relays out"),
         (("8x8", "2x2", "1,x"), "--relays must be numbers of stations such as 0,1,2, not 'x'"),
-        (("8x8", "3x2", "1"), "rows must be a multiple of the 3 tiles along them, not 8"),
+        (("8x8", "3x2", "1"), "rows must be a multiple of 3, the tiles in this direction, not 8"),
         (("8x8", "2", ""), "tiles must be rows and columns such as 4x4, not '2'"),
     ],
 )

@@ -334,7 +334,7 @@ def test_other_misfits_are_refused() -> None:
         encode(one("lcs"), column(0, 0), out=np.zeros((2, 1), np.int32))
     with pytest.raises(InputError, match="late is required for cw-lcs with several decisions per sample"):
         decode(one("cw-lcs"), column(0, 1))
-    with pytest.raises(InputError, match="late must be given for nlcs"):
+    with pytest.raises(InputError, match="late is required for nlcs"):
         uncontended_events(one("nlcs"), column(0, 1))
     with pytest.raises(InputError, match="late must be a bool array"):
         decode(one("cw-lcs"), column(0, 1), column(0, 1))  # type: ignore[arg-type]

@@ -93,7 +93,7 @@ def test_a_recording_of_a_skin_is_read_as_any_other(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("fields", "sentence"),
     [
-        ({"rows": 5}, "rows must be a multiple of the 2 tiles along them, not 5"),
+        ({"rows": 5}, "rows must be a multiple of 2, the tiles in this direction, not 5"),
         ({"rows": 256}, "rows must be in 1..64, not 128"),
         ({"link": "four_phase"}, "tiles need the link stream to their merge, not four_phase"),
         ({"tile_rows": 65}, "tile_rows must be in 1..64, not 65"),

@@ -1,4 +1,4 @@
-"""Test that equal blocks of a netlist share a module, and different ones do not."""
+"""Test that equal blocks of a netlist share a module, and that different blocks do not."""
 
 from __future__ import annotations
 
@@ -30,7 +30,5 @@ def test_two_blocks_under_one_name_are_refused(monkeypatch: pytest.MonkeyPatch) 
     netlist = RtlilModules(async_reset=False)
     netlist.add(Taxel(CONFIG))
     monkeypatch.setattr(ClosingWindow, "module_name", "eskin_taxel")
-    with pytest.raises(
-        ValueError, match=r"and ClosingWindow of ReadoutConfig\(.*; give one of them a name of its own$"
-    ):
+    with pytest.raises(ValueError, match=r"and ClosingWindow of ReadoutConfig\(.*; give one block another name$"):
         netlist.add(ClosingWindow(CONFIG))
