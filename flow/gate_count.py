@@ -14,13 +14,13 @@ from eskin.rtl import yosys
 from eskin.rtl.verilog import Config, rtlil, top_block
 
 GENERIC = "abc -g AND,OR,XOR,MUX"
-"""Without a library: two-input gates, multiplexers and inverters, each counted as one."""
+"""Cells of a count without a library: two-input gates, multiplexers and inverters, each counted as one."""
 
 MEMORIES = "eskin_input_weights eskin_recurrent_weights eskin_neuron_weights"
-"""Modules of the classifier that are macros: they are not counted."""
+"""Modules of the classifier that are memory macros, and that the count leaves out."""
 
 GENERIC_FLOP = re.compile(r"\$_S?DFF\w*_")
-"""Yosys' own flip-flops, as it names them without a library."""
+"""Names of flip-flops that Yosys uses without a library."""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from eskin.base.errors import InputError
 
 PITCH_UM = 200.0
-"""Of the taxels: the area of one taxel is its square."""
+"""Default taxel pitch; the area of a taxel is its square."""
 
 OHM_PER_UM = 0.515
 """Metal 2 to 5 of IHP SG13G2 at its least width of 0.20 um: 0.103 ohm per square (LEF of the process)."""

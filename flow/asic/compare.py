@@ -12,7 +12,7 @@ from eskin.rtl import yosys
 from eskin.rtl.gates.cells import cell_of, highest_net
 
 FLOP = re.compile(r"\$_DFF_P([PN]?)([01]?)_")
-"""Flops of a rising edge, with the level and the value of their asynchronous reset, if they have one."""
+"""Flops with a rising clock edge, with level and value of their asynchronous reset, if any."""
 
 # ABC runs within a pass that maps gates: it gets one to map, and its script looks at the design instead.
 MITER = (

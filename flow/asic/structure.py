@@ -21,7 +21,7 @@ NO_CHAIN = (
 )
 
 RESET_CLOCKS = 4
-"""Clocks of a reset behind which every flop must be known. A gate may wait for a state that the reset sets first."""
+"""Clocks of reset after which every flop must have a known value; a gate may need a state that the reset sets first."""
 
 
 @dataclass(frozen=True)

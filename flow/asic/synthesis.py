@@ -21,13 +21,13 @@ from eskin.rtl.gates.clock_gates import FEWEST_FLOPS, GATE, TEST
 from eskin.rtl.verilog import block_rtlil, header, top_block, verilog
 
 Config = ReadoutConfig | FrameConfig
-"""What becomes a netlist: the spiking readout or that of frames."""
+"""Configuration of a netlist: the spiking readout or the frame readout."""
 
 FLOP_NAME = "_reg"
-"""A flop is named for the signal that it holds, with this behind it."""
+"""Suffix of the name of a flop, after the name of the signal that the flop stores."""
 
 PERIOD_NS = 20.0
-"""Clock period that the mapping aims at: far below that of the readout, so that timing costs no area."""
+"""Target clock period of the mapping, far below the period of the readout, so that timing costs no area."""
 
 FROM_RTL, FROM_TEXT = "read_rtlil readout.il", f"read_verilog readout.v gate_ports.v; blackbox {GATE}"
 

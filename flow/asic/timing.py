@@ -56,7 +56,7 @@ def analyse(netlist: Netlist, library: Library, constant: Collection[str] = ()) 
     if missing := sorted(used - set(library.cells)):
         raise InputError(f"the cell library {library.path} has no cell {missing[0]}; give corners of one library")
     for name in sorted(used):
-        library.cells[name].check()  # OpenSTA has no sentence for a wrong table
+        library.cells[name].check()  # OpenSTA gives no clear message for a wrong table
     script = opensta.TEMPLATES.get_template("timing.tcl").render(top=netlist.top, own=1e9 / netlist.config.clock_hz)
     found = _run(script, netlist, library)
     setup, hold = map(float, found["OWN"].split())

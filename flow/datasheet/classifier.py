@@ -12,9 +12,9 @@ from eskin.model.classifier.network import IntegerNetwork
 from eskin.model.classifier.run import ClassifierRun, first_ready, simulate, work_clocks
 
 SHOWN = 24
-"""Clocks of a picture at most."""
+"""Largest number of clocks in a picture."""
 EVENTS = 2
-"""Events of the pictures, on the highest channel and on the lowest."""
+"""Events in the pictures: one on the highest channel, and one on the lowest channel."""
 
 
 class TwoEvents:

@@ -35,7 +35,7 @@ class Latencies:
         first.ready[:] = 1
         latency = int(simulate(config, first)["t"][0]) - TICK
         events = simulate(*_saturated(config))
-        # All taxels have an event from the first clock on: so many at least leave without a break.
+        # All taxels have an event from the first clock on, so at least this many events leave without a gap.
         every = int(np.diff(events["t"][: max(config.taxels, 2)]).max())
         held = HELD_BY_LINK if config.handshake else 0
         bound = (config.rows + 1) * config.columns + held

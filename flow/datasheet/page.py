@@ -18,7 +18,7 @@ from eskin.rtl.delivery import write
 from eskin.rtl.verilog import Config
 
 Described = ReadoutConfig | FrameConfig | ClassifierConfig | MergeConfig
-"""Designs that have a datasheet; of a chip readout and classifier have theirs."""
+"""Designs with a datasheet; a chip has the datasheets of its readout and classifier."""
 
 
 def sheet_of(config: Described, report: dict[str, Any] | None = None) -> Sheet:

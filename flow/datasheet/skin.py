@@ -12,14 +12,14 @@ from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.delivery import ports
 
 TILES = 3
-"""Tiles that offer events in the picture, or as many as there are."""
+"""Largest number of tiles that offer events in the picture."""
 EVENTS = 2
-"""Events of each of them."""
+"""Events that each of these tiles sends."""
 CLOCKS = 14
 STALL = range(4, 6)
 """Clocks in which the sink takes nothing."""
 MERGE_CLOCKS, HELD = 1, 2
-"""Clocks from a tile's offer to the output, and the events that the merge holds (docs/reference/tiles.md)."""
+"""Clocks from the offer of a tile to the output, and events that the merge can hold (docs/reference/tiles.md)."""
 
 
 def waves(skin: TilesConfig) -> list[Wave]:

@@ -19,13 +19,13 @@ TICK = 2
 """Clock of the sample tick."""
 
 TAXELS = 3
-"""Taxels that send one event each, or as many as there are."""
+"""Largest number of taxels that send one event each."""
 
 STALL = range(TICK + 3, TICK + 5)
 """Clocks in which the sink of a stream takes nothing."""
 
 ACK_DELAY = 4
-"""From each edge of REQ to that of ACK, in 1/8 clock."""
+"""Delay of ACK after each edge of REQ, in 1/8 clock."""
 
 CLOCKS = {"stream": 12, "four_phase": 23, "four_phase_dual": 23}
 RESET_CLOCKS, CLOCKS_AFTER = 3, 9
@@ -97,7 +97,7 @@ def reset_waves(config: ReadoutConfig) -> list[Wave]:
     found = waves(config)
     if config.link == "stream":
         cut = STALL[1]
-    else:  # the address stands, REQ has not risen: no handshake is broken off
+    else:  # the address is stable and REQ is low, so the reset interrupts no handshake
         cut = min(w.values.index(1) for w in found if w.name in requests(config) and 1 in w.values) - 1
     first = int(config.reset == "sync")  # its first clock still shows what was: it works with the edge that ends it
     reset = (0,) * cut + (1,) * RESET_CLOCKS + (0,) * CLOCKS_AFTER

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from eskin.flow.asic.equivalence import flat_design
 
 WIDE = 32
-"""Bits from which on an output port costs an event-driven simulator much: it copies all of them when one changes."""
+"""Width from which on an output port is split: an event-driven simulator copies all bits when one bit changes."""
 CONSTANTS = {"0": "1'b0", "1": "1'b1", "x": "1'bx", "z": "1'bz"}
 APART = str.maketrans("[]", "__")
-"""Makes the name of a bit that of a wire."""
+"""Translation of the name of a bit to the name of a wire."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from eskin.base.errors import InputError
 from eskin.base.pages import templates
 
 TEMPLATES = templates(Path(__file__).parents[1] / "templates")
-"""Testbenches."""
+"""Templates of the testbenches."""
 
 NO_PROGRAM = "iverilog not found; install with: apt-get install iverilog"
 

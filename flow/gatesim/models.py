@@ -80,7 +80,7 @@ def _clock_gate(cell: Cell) -> list[str]:
     kind, roles = cell.gate_kind, {pin.role: name for name, pin in cell.pins.items()}
     clock, enable, test, output = (roles.get(role, "") for role in ("clock", "enable", "test", "out"))
     if not kind.startswith(("latch_posedge", "latch_negedge")) or not (clock and enable and output):
-        raise InputError(f"the clock gate {cell.name} is a {kind!r}, which is not known; use a latch_posedge")
+        raise InputError(f"the clock gate {cell.name} has the unknown kind {kind!r}; use the kind latch_posedge")
     rests, gated = (f"~{clock}", "&") if kind.startswith("latch_posedge") else (clock, "|")
     held = "held_" if gated == "&" else "~held_"
     before = f"({enable} | {test})" if test and "postcontrol" not in kind else enable

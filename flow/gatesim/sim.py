@@ -19,7 +19,7 @@ from eskin.flow.liberty.library import Library, read
 from eskin.model.config import ReadoutConfig
 
 QUIET_CLOCKS = 16
-"""Clocks after reset, with all inputs at 0, in which no flop and no output may turn unknown."""
+"""Clocks after reset with all inputs at 0, in which flops and outputs must stay known."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -30,13 +30,13 @@ GATES: dict[str, Gate] = {
     "xor2": Gate(INPUTS[:2], "q", "i0^i1"),
     "nexor2": Gate(INPUTS[:2], "q", "!(i0^i1)"),
 }
-"""Functions by the names of the cells, without the drive behind the underscore."""
+"""Functions by the names of the cells, without the drive strength after the underscore."""
 
 FLOP = "dff_x1"
 BUFFER = "buf_x2"
 
 LEFT_OUT = ("nexor2_x0",)
-"""Cells that are not what their names say: this one's transistors are an XOR."""
+"""Cells with names that do not match their function: the transistors of this cell are an XOR."""
 
 
 class WrongCell(RuntimeError):

@@ -20,7 +20,7 @@ from eskin.rtl.gates.clock_gates import TEST
 
 READ = "read_liberty -lib -ignore_miss_func cells.lib; read_verilog netlist.v; hierarchy -check -top {top}; "
 
-# No wire may have two names in the layout: a buffer stands where an output is another's copy.
+# No wire may have two names in the layout: an output that copies another output gets a buffer.
 BUFFERED = (
     READ + "delete -port {top}/w:{test}; insbuf -buf {buffer} i q; opt_clean; rename -enumerate -pattern g% c:*; "
     "check -assert -mapped; write_verilog -noattr -noexpr buffered.v"

@@ -42,7 +42,7 @@ def check() -> None:
 
 def run(program: str, *words: str, folder: Path) -> None:
     """Run a program of this package in a working folder, and write its log there."""
-    # The same bytes every time: the generator walks through sets, whose order follows from the seed.
+    # For reproducible bytes: the generator iterates over sets, and the hash seed determines their order.
     _call([str(python()), "-sP", str(PROGRAMS / f"{program}.py"), *words], folder, program, {"PYTHONHASHSEED": "0"})
 
 

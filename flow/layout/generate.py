@@ -29,7 +29,8 @@ DIRECTIONS = {"vdd": "supply", "vss": "ground"} | dict.fromkeys(("q", "nq", "one
 
 
 PATIENCE = 100
-"""The generator gives a cell up after a second, too early on a busy machine: so many times that."""
+"""Factor for the time limit of the generator per cell, because the default of one second is too short on a busy
+machine."""
 
 
 def main() -> None:

@@ -31,7 +31,7 @@ NO_DIODES_UM = 1e5
 """Wires up to this length get no diode against what they collect while they are etched."""
 
 STEPS = 4000000
-"""Of the router before it gives up."""
+"""Steps of the router before it gives up."""
 
 ENCLOSURES_UM = {("m1_via_m2", "m1"): (0.085, 0.085), ("m2_via2_m3", "m2"): (0.085, 0.06)}
 """Of vias by a metal, east and north. The exported ones fill the pitch of the wires, so that a via off its track, where
@@ -41,7 +41,7 @@ LARGE_ENOUGH = ("m1", "m2")
 """Metals whose wires have the least area with their vias: what the router added to be sure came too close to others."""
 
 FILLERS = "tie,tie_w2,tie_w4"
-"""Between the cells: contacts of the wells, without transistors, which the netlist would lack."""
+"""Cells that fill gaps: contacts of the wells without transistors, which the netlist does not contain."""
 
 
 def pins(IoPin, names, side_um):

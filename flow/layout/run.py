@@ -26,7 +26,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.rtl.verilog import rtlil
 
 MARGINS = (0.35, 0.3, 0.4, 0.45, 0.5, 0.6, 0.75)
-"""Free area beside the cells that placement is tried with, as a share of theirs, in this order."""
+"""Free area as a share of the cell area, in the order in which placement tries the values."""
 
 
 def run(config: ReadoutConfig, name: str, out: Path, compare: bool, on_stage: Callable[[str], None]) -> Report:
@@ -121,7 +121,7 @@ class Layout:
             (part / "pins.json").write_text(said)
             try:
                 environment.run("place", str(self.library.resolve()), self.circuit.top, str(margin), folder=part)
-            except Crashed as crash:  # one margin in some crashes the router
+            except Crashed as crash:  # the router crashes for a few margins
                 (part / "placed.json").write_text(json.dumps({"problem": str(crash)}))
 
         inputs = (blif, said, (PROGRAMS / "place.py").read_text(), self.library.name)

@@ -30,9 +30,9 @@ EDGES_NS, END_NS = (1.0, 7.0), 13.0
 """Begin of the two edges of an input, and end of the simulation."""
 
 SEARCH_NS, ROUNDS = (-1.0, 1.0), 8
-"""Interval in which setup and hold times are searched, and the number of times that the interval is halved."""
+"""Interval of the search for setup and hold times, and the number of times that the search halves the interval."""
 MOST_LATER = 1.1
-"""A data edge keeps its distance if the flop's delay stays below this multiple of its usual delay."""
+"""Largest factor by which the delay of a flop may increase before a setup or hold time counts as violated."""
 
 HEAD = """cells
 .include "models.spice"

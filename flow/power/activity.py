@@ -15,9 +15,9 @@ from vcd.reader import ScalarChange, TokenKind, VectorChange, tokenize
 from eskin.base.errors import InputError
 
 HALF_NS = 4
-"""Half a clock of the harness, in units of its time."""
+"""Half a clock of the harness, in time units of the harness."""
 DUMP = "activity.vcd"
-"""File that a simulation dumps into."""
+"""File with the waveform dump of a simulation."""
 
 
 class Variable(NamedTuple):

@@ -39,7 +39,7 @@ BINS = 3
 IDLE_CLOCKS = 256
 
 MOST_APART = 0.1
-"""Largest difference of the two methods, as a part of the energy: in IHP cells they differ by up to 8 %."""
+"""Largest allowed difference of the two methods, as a share of the energy; in IHP cells they differ by up to 8 %."""
 
 
 MEMORIES: dict[
@@ -54,7 +54,7 @@ MEMORIES: dict[
 POTENTIALS = (
     "read_rtlil readout.il; hierarchy -check -top {top}; proc; memory_map {flops}; opt_clean; write_json a.json"
 )
-"""The potentials of a lane become flops."""
+"""Yosys commands that turn the potentials of a lane into flops."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.compare import first_difference
 
 
-class Mismatch(Exception):  # the outcome that is looked for, not a defect of the program
+class Mismatch(Exception):  # the expected outcome for a faulty netlist, not a defect of this program
     """Raised if a netlist differs from the model; has the numbers of events of both."""
 
     def __init__(self, text: str, netlist: int = 0, model: int = 0) -> None:

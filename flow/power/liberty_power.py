@@ -145,7 +145,7 @@ class LibertyPower:
         clocks = kind.clock_pins
         after, before = bits[pin][1:], bits[pin][:-1]
         known = _with_outputs(kind, bits)
-        # What a clock meets is what stood there before its edge; data changes under the clock that is there after it.
+        # A clock edge uses the values before the edge; data changes use the clock level after the edge.
         shown = {
             name: values if len(values) == 1 else (values[:-1] if pin in clocks and name != pin else values[1:])
             for name, values in known.items()

@@ -24,15 +24,15 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 
 MOST_APART = 0.05
-"""Largest difference of the two methods, as a part of the power of all cells."""
+"""Largest allowed difference of the two methods, as a share of the power of all cells."""
 
 APART = "apart"
-"""In the place of results with wires: where the two ways lie too far apart."""
+"""Text that replaces the results with wires if the two methods differ too much."""
 
 TAXEL = re.compile(r"\brow_(\d+)\b(?:.*?\btaxel_(\d+)\b)?")
 
 
-class Disagreement(Exception):  # the outcome that is looked for, not a defect of the program
+class Disagreement(Exception):  # a result of the measurement, not a defect of this program
     """Raised if the results of the two methods differ by too much."""
 
 
@@ -192,7 +192,7 @@ def _closing(config: ReadoutConfig, found: dict[str, ScenarioPower]) -> dict[str
 
 
 GLITCH_DELAY_NS, GLITCH_PARTS = 0.1, 40
-"""Delay of every cell, and the times in half a clock at which the nets are then looked at: one in each delay."""
+"""Delay of every cell, and samples of the nets per half clock: one sample per cell delay."""
 
 
 def glitches(config: ReadoutConfig, text: str, library: Library) -> dict[str, dict[str, float]]:

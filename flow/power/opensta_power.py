@@ -26,7 +26,7 @@ from eskin.flow.power.opensta_library import one_energy_a_pin, related_pins
 PERIOD_NS = 1000
 PERIOD_S = PERIOD_NS * 1e-9
 STILL = 1e-9
-"""Toggles per clock that are none: 0 would mean that nothing is said."""
+"""Activity that counts as no toggles: OpenSTA reports nothing for an activity of 0."""
 
 PROBE = """library (probe) {{
   delay_model : table_lookup; time_unit : "1ns"; voltage_unit : "1V"; current_unit : "1uA";
@@ -138,7 +138,7 @@ class OpenstaPower:
         found: Report = {}
         for level, cells in levels.items():
             outputs = " ".join(f"{cell.name}/{self._gated(cell)[0]}" for cell in cells)
-            # Another clock begins there, one that hardly ever moves.
+            # A second clock with a very long period begins at the outputs, so that the outputs hardly move.
             rest = f"create_clock -name rest -period 1e9 [get_pins {{{outputs}}}]"
             (report,) = run([set_up(self.netlist.top), rest, f"report {level} {STILL}"], folder)
             found |= {cell.name: report[cell.name] for cell in cells}
@@ -203,7 +203,7 @@ class OpenstaPower:
         if load > 0:
             return Costs(still[2], 0.0, 0.0, [joules / counted.data_out for joules in by_all], load)
         output = [rests * PERIOD_S / 2 / counted.clock_out for rests, _ in causes]
-        return Costs(still[2], 0.0, 0.0, output, clock_load)  # a gate in a clock's way
+        return Costs(still[2], 0.0, 0.0, output, clock_load)  # a gate in the clock network
 
     def power_w(self, activity: Activity, clock_hz: float) -> dict[str, tuple[float, float, float]]:
         """Return internal, switching and leakage power of every cell in watts."""

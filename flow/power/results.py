@@ -19,7 +19,7 @@ from eskin.model.frame_config import FrameConfig
 from eskin.power.readouts import SPIKING
 
 FRAME_RATE_HZ = 200.0
-"""Of the frames whose power is kept: a little over twice the 97 Hz below which textures have 99 % of their power."""
+"""Frame rate of stored frame power: above twice 97 Hz, below which textures have 99 % of their power."""
 
 
 def why_not(config: ReadoutConfig | FrameConfig) -> str:

@@ -23,7 +23,7 @@ TEXTURE_START = 60
 LONE_TICKS = 16
 MOST_SATURATED = 512
 MOST_TO_CLOSE = 1000
-"""Sample ticks that windows may take to close: they are simulated before the idle stretch, gate by gate."""
+"""Largest number of sample ticks until windows are closed; the gates are simulated in these ticks, too."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def scenarios(config: ReadoutConfig, ticks: int = 30) -> list[Scenario]:
     """Return all scenarios for a readout; the texture scenario has a given number of sample ticks."""
     rest = closing_ticks(config)
     quiet = [_idle(config, rest)]
-    if rest:  # the ticks of lone events: what their taxels do beside these cancels out
+    if rest:  # the ticks of lone events: other activity of their taxels cancels out
         quiet.append(_idle(config, 0, min(2 * LONE_TICKS + 1, max(1, rest - 4))))
     return [*quiet, _lone(config), _saturated(config), _texture(config, ticks)]
 

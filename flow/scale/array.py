@@ -15,7 +15,7 @@ from eskin.rtl.verilog import top_block
 
 TAXEL = "eskin_taxel"
 TREES = ("clk", "rst", TEST)
-"""Ports whose lines layout makes; they are fixed, or step aside, while the array works."""
+"""Ports with nets that layout buffers as trees."""
 
 NONE = -1
 """Net of a pin on a constant."""

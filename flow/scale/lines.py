@@ -18,10 +18,10 @@ ROUNDS = 12
 
 
 LEAST_GAIN_S = 100e-12
-"""What a repeater at a driver must save to be there."""
+"""Smallest reduction of delay that justifies a repeater at a driver."""
 
 GRID_F = 10e-15
-"""Step of the loads at which delays are kept."""
+"""Step of the loads for which delays are cached."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from eskin.model.tiles.config import TilesConfig, tiles_of
 LARGEST = 64
 
 FIELDS = ("encoding", "resolution", "frontend", "sample_bits")
-"""Of the configuration, that the user may choose."""
+"""Fields of the configuration that the user may choose."""
 
 ARRAY = {
     "taxels": int,
@@ -38,10 +38,10 @@ ARRAY = {
     "without_wires": {"fmax_hz": float},
     "with_wires": {"fmax_hz": float, "area_um2_per_taxel": float, "repeaters": int},
 }
-"""What a file holds of an array."""
+"""Content of a stored result of an array."""
 
 MakePlacement = Callable[[Array, float], Placement]
-"""Where the cells of an array stand, at a pitch."""
+"""Function that places the cells of an array for a taxel pitch."""
 
 
 def sizes_of(text: str) -> list[tuple[int, int]]:
@@ -111,7 +111,7 @@ def measure(
         "repeater": dataclasses.asdict(repeater),
     }
     wanted = {_key(_shape(config)) for config in designs}
-    tiled = isinstance(first, TilesConfig)  # such a file holds what its command says and no more
+    tiled = isinstance(first, TilesConfig)  # the file contains only the results of its command
     found = {key: r for key, r in _kept(out, fixed).items() if key in wanted or not (tiled or "relays" in r)}
     for config in designs:
         key = _key(_shape(config))

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import spsolve
 from eskin.flow.scale.array import Array, End
 
 FAR_REACHING = 0.5
-"""A net to more than this share of the taxels says nothing of where its driver belongs: it goes everywhere."""
+"""Share of the taxels beyond which a net does not determine the place of its driver."""
 
 
 class Placement:
@@ -78,7 +78,7 @@ class Placement:
         one, two = pulls[:, 0], cells + pulls[:, 1]
         at = cells + fixed[:, 0].astype(np.int64)
         links = coo_matrix((-np.ones(len(pulls)), (one, two)), (size, size))
-        weak = 1e-6  # of the pull to the middle of the left edge, which keeps cells that are on no way to a taxel
+        weak = 1e-6  # weight of a pull to the middle of the left edge, for cells without a path to a taxel
         degree = sum((np.bincount(ends, minlength=size) for ends in (one, two, at)), np.full(size, weak))
         home = (0.0, self.rows * self.pitch_um / 2)
         matrix = csr_matrix(links + links.T + coo_matrix((degree, (range(size), range(size)))))

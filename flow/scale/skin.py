@@ -21,7 +21,7 @@ from eskin.rtl.tiles.relay import Relay
 from eskin.rtl.tiles.skin import common_ports
 
 MERGE = -1
-"""Stage of the merge, behind the last relay station."""
+"""Stage number of the merge, after the last relay station."""
 
 
 class Spot(NamedTuple):

@@ -12,14 +12,14 @@ from eskin.model.readout import Stimulus, simulate
 from eskin.model.registers.description import registers
 
 FRAMES, REFUSED = 24, 5
-"""Frames of a test; the one at this place lacks a bit."""
+"""Number of frames of a test, and the index of the frame that lacks a bit."""
 BEFORE, AFTER = 4, 6
 """Clocks from the fall of CS to the first bit, and from the last bit to the rise of CS and beyond."""
 TAKEN = 4
 """Clocks from the last fall of SCK to the clock in which the readout takes the frame: CS rises behind two, and passes
 two flops."""
 SETTLED = 900
-"""Clocks after reset in which registers are read and written, for each of them."""
+"""Clocks after reset in which the test accesses registers, for each register."""
 ACK_EIGHTHS = 4
 """The host answers at falling edges, half a clock after the request."""
 

@@ -33,7 +33,7 @@ HARDEN = {
     "LINTER_INCLUDE_PDK_MODELS": 1,
     "CLOCK_PORT": "clk",
 }
-"""Settings of LibreLane for any flow."""
+"""Settings of LibreLane for all flows."""
 TINY_TAPEOUT = {
     "RUN_KLAYOUT_XOR": 0,
     "RUN_KLAYOUT_DRC": 0,
@@ -52,7 +52,7 @@ TINY_TAPEOUT = {
     "MAGIC_DEF_LABELS": 0,
     "MAGIC_WRITE_LEF_PINONLY": 1,
 }
-"""What Tiny Tapeout fixes beside them, because it makes tiles of the same grid of power lines."""
+"""Additional settings that Tiny Tapeout requires, because its tiles have the same grid of power lines."""
 
 SCRIPT = (
     "read_verilog {sources}; synth -flatten -top {top}; dfflibmap -liberty cells.lib; abc -liberty cells.lib; "
@@ -207,7 +207,7 @@ def mapped(sources: dict[str, str], top: str, library: Library) -> Mapped:
         raise InputError(f"the cell library {library.path} lacks cells for {top}: {error.reason}") from None
     kinds = Counter(re.findall(r"^  (\w+) \w+ \($", netlist, re.MULTILINE))
     if bare := sorted(kind for kind in kinds if not library.cells[kind].area_um2 > 0):
-        raise InputError(f"the cell library {library.path} states no area for {bare[0]}; give --tiles in its place")
+        raise InputError(f"the cell library {library.path} states no area for {bare[0]}; give --size without --lib")
     area = sum(library.cells[kind].area_um2 * count for kind, count in kinds.items())
     return Mapped(netlist, models(library, set(kinds)), area)
 

@@ -9,7 +9,7 @@ from eskin.model.config import ReadoutConfig
 INPUTS = ("spi_sck", "spi_mosi", "registers_cs_n", "samples_cs_n", "aer_ack", "enable", "", "")
 CLOCKS_PER_BIT = 4
 CLOCKS_BESIDE = 16
-"""Clocks of a frame around its bits, generously."""
+"""Clocks of a frame in addition to its bits, with a margin."""
 FORCED = {"registers": "spi", "frontend": "digital"}
 LINKS = ("four_phase", "four_phase_dual")
 ADDRESS_PINS = 8

@@ -125,7 +125,7 @@ def test_a_wrong_number_of_toggles_is_an_error(made: Made) -> None:
 
 
 def test_both_ways_agree_behind_slow_nets(made: Made, tmp_path: Path) -> None:
-    """Check that gates behind flops with 1 pF have the same energy inside, whichever input causes it."""
+    """Check that gates driven by flops with 1 pF have equal internal energy, whichever input causes it."""
     cells = made.library.cells
     scenario = next(s for s in scenarios(CONFIG) if s.name == SATURATED)
     activity, _ = play(scenario, CONFIG, made.flat, made.cells, tmp_path)
