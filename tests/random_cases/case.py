@@ -103,7 +103,7 @@ class Case:
 
 @st.composite
 def configs(draw: st.DrawFn, fixed: dict[str, Any]) -> dict[str, Any]:
-    """Draw the fields of a small configuration, except given ones."""
+    """Draw the fields of a small configuration, except given fields."""
     fields: dict[str, Any] = {}
 
     def pick(name: str, choices: st.SearchStrategy[Any]) -> Any:
@@ -149,7 +149,7 @@ def _taxels(one: st.SearchStrategy[int], taxels: int) -> st.SearchStrategy[list[
 
 
 def _held(what: st.SearchStrategy[Any]) -> st.SearchStrategy[list[tuple[Any, int]]]:
-    """Draw values, each with the number of additional clocks that it is constant."""
+    """Draw values, each with the number of additional clocks in which it stays constant."""
     return st.lists(st.tuples(what, st.integers(0, MOST_HELD)), max_size=MOST_CHANGES)
 
 

@@ -1,4 +1,4 @@
-"""Test that every kind of delivered Verilog is proved equivalent, and that a wrong one is found."""
+"""Test that every kind of delivered Verilog is proved equivalent, and that wrong Verilog is found."""
 
 from __future__ import annotations
 

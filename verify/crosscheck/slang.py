@@ -17,7 +17,7 @@ WAIVED = {
     "case-too-complex": "a case that slang does not look through to the end",
     "unused-port": "a checker shows all ports of what it watches",
 }
-"""Warnings that are waived, each with the reason why it is meant."""
+"""Waived warnings, each with the reason why the code is intended."""
 
 SAID = re.compile(r"^(\S+:\d+:\d+: (?:error|warning): .*?)(?: \[-W([\w-]+)\])?$", re.MULTILINE)
 

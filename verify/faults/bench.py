@@ -30,7 +30,7 @@ from eskin.verify.faults.gate_design import Gates, gates_of
 
 TOP, DUT, TIMER = "bench", "dut", "timer"
 FIELDS = ("col", "row", "polarity")
-"""Of an event, as far as it has them, from the lowest bit of its number on."""
+"""Fields of an event, from the lowest bits of its number on; missing fields are skipped."""
 NUMBER_BITS = 8
 ADC_CLOCKS = 3
 """Clocks from the start of a conversion to its code."""

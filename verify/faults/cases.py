@@ -19,9 +19,9 @@ from eskin.verify.faults.scenario import RESET, codes_of, course, events_of, inp
 
 NO_UPSETS = np.zeros((0, 3), np.int64)
 STUCK = 300
-"""Clocks for which something is stuck."""
+"""Clocks for which a signal is stuck."""
 PHASES = 200
-"""Clocks in which it begins, one in each run."""
+"""Number of clocks in which a disturbance can begin, one in each run."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def _equal(config: ReadoutConfig, codes: NDArray[np.int16], stimulus: Stimulus) 
     """Return True if a run has events and equals the model."""
     expected = simulate_model(config, stimulus)
     found = events_of(config, codes)
-    last = stimulus.clocks - 1  # of the link's events that at the last edge is seen by nobody
+    last = stimulus.clocks - 1  # the link may have an event at the last edge that no receiver samples
     found, expected = (events[(events["t"] >= 0) & (events["t"] < last)] for events in (found, expected))
     return len(expected) > 0 and np.array_equal(found, expected)
 
@@ -147,7 +147,7 @@ def sink_stuck(config: ReadoutConfig) -> tuple[int, int]:
     good = 0
     for phase in range(1, PHASES + 1):
         still = slice(RESET + phase, RESET + phase + STUCK)
-        waits = np.diff(valid[still, phase]).min() >= 0  # what is offered stays
+        waits = np.diff(valid[still, phase]).min() >= 0  # an offered event stays
         good += waits and _equal(
             config, codes[:, phase], dataclasses.replace(stimulus, ready=ready[RESET:, phase].astype(np.uint8))
         )

@@ -20,15 +20,15 @@ from eskin.verify.faults.parallel import last_clock, upset_runs
 from eskin.verify.faults.scenario import RESET
 
 GOES_ON = ("class_valid", "event_ready")
-"""Outputs that are high within the last two bins of a scan, or the core has stopped."""
+"""Outputs that a working core raises within the last two bins of a scan."""
 BINS = (7, 3, 3)
-"""Time bins of three scans: flops are turned in the first; before the last the weights are loaded again."""
+"""Time bins of the three scans: flops are flipped in the first scan, and weights are loaded again before the last."""
 UPSET_BINS = 3
-"""Bins in which flops are turned."""
+"""Bins in which flops are flipped."""
 MEMORY = re.compile(r"(inputs|recurrent|neurons)\.memory")
-"""Flops that hold what the host loaded."""
+"""Names of flops that store the weights from the host."""
 WATCHED = ("event_ready", "class_valid", "class_index", "evidence", "overrun", "stall_count")
-"""Outputs that mean something in every clock; the others do where ``hidden_valid`` or ``output_valid`` is high."""
+"""Outputs that are valid in every clock; other outputs are valid while ``hidden_valid`` or ``output_valid`` is high."""
 
 
 @dataclass(frozen=True)

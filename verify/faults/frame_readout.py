@@ -17,7 +17,7 @@ from eskin.verify.faults.parallel import upset_runs
 from eskin.verify.faults.scenario import RESET
 
 FRAMES, UPSET_FRAMES = 7, 3
-"""Frames of a run, and those of them, from the first, in which upsets happen."""
+"""Number of frames of a run, and number of first frames with bit flips."""
 
 
 def upsets(config: FrameConfig, stride: int = 1, flops: str = "") -> Iterator[Upset]:

@@ -23,7 +23,7 @@ PATH = re.compile(r"\\(\w+)\.")
 KINDS = {"$_AND_": 0, "$_OR_": 1, "$_XOR_": 2, "$_XNOR_": 3, "$_NOT_": 4, "$_MUX_": 5, "$_BUF_": 6}
 PINS = "ABS"
 ZERO, ONE = 0, 1
-"""The first two nets are the constants."""
+"""Numbers of the nets with the constants 0 and 1, which are the first two nets."""
 
 
 @dataclass(frozen=True)

@@ -32,15 +32,15 @@ from eskin.verify.faults.parallel import last_clock, upset_runs
 from eskin.verify.faults.scenario import RESET, codes_of, events_of, inputs_of, pause_of, swings
 
 HOST = r"(host|ticks)\."
-"""What the names of flops begin with that are turned here."""
+"""Pattern for the names of the flops to flip."""
 SETTING = re.compile(r"host\.(step|registers\.(?!clear|control|\w+_(written|told))|pattern\.(at_row|at_column|sign))")
-"""Flops that hold what the host wrote: settings, counters that it clears, and where the pattern of one taxel stays."""
+"""Flops with written settings, with counters that the host clears, and with the taxel of a one-taxel pattern."""
 TRANSFER = re.compile(r"host\.(spi|registers\.\w+_(written|told))")
-"""Those of a transfer, and of the clock behind it, in which what was written is told."""
+"""Flops of an SPI transfer, and of the write strobes in the clock after a transfer."""
 SETTLES = 60
-"""Clocks behind the last upset after which what passes by itself has passed."""
+"""Clocks after the last bit flip until all temporary effects have ended."""
 ON_THE_WAY = 6
-"""Clocks behind the end of a transfer in which something of it is still under way."""
+"""Clocks after the end of a transfer until its last effect."""
 
 
 @dataclass(frozen=True)

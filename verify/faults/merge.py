@@ -17,7 +17,7 @@ from eskin.verify.faults.parallel import last_clock, upset_runs
 from eskin.verify.faults.scenario import RESET
 
 LOADED, PAUSE, AGAIN = 160, 120, 120
-"""Clocks of load in which flops are turned, of silence, and of load that must be served as ever."""
+"""Clocks of load with bit flips, of a pause, and of load without errors."""
 
 
 def upsets(config: TilesConfig, stride: int = 1, flops: str = "") -> Iterator[Upset]:

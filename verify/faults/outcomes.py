@@ -17,7 +17,7 @@ from eskin.verify.faults.parallel import last_clock, upset_runs
 from eskin.verify.faults.scenario import Course, codes_of, course, events_of
 
 NOBODY = -9
-"""The taxel of a flop that belongs to none."""
+"""Taxel number of flops that belong to no taxel."""
 TAXEL = re.compile(r"row_(\d+)\.taxel_(\d+)\.")
 PLACES = (
     (r"(sequencer|packer)\.", "frame_readout"),
@@ -29,10 +29,11 @@ PLACES = (
     (r"host\.", "host"),
     (r"ticks\.", "settable_ticks"),
 )
-"""What the names of a block's flops begin with, and the block; all others are the readout's."""
+"""Patterns for the names of flops, each with its block; all other flops belong to the readout."""
 CLASSES = ("nothing", "own events", "others moved", "others changed", "until written", "never recovers")
-"""From the least to the worst: no event differs; those of the flop's own taxel; those of others, in time alone; in
-number or address; so until a host writes anew what it has written; and the last swing is not answered as ever."""
+"""Classes of effects, from the smallest to the largest. No event differs; events of the flop's own taxel differ; events
+of other taxels differ only in time, or also in number or address. The effect lasts until a host writes the settings
+again, or the readout does not answer the last swing correctly."""
 NOTHING, OWN, MOVED, CHANGED, WRITTEN, NEVER = CLASSES
 
 
@@ -97,7 +98,7 @@ def _judged(
     of_own = (_taxel(runs) == own) | (_taxel(good) == own)
     of_others = ((runs >= 0) & (_taxel(runs) != own)) | ((good >= 0) & (_taxel(good) != own))
     own_last, other_last = last_clock(differs & of_own), last_clock(differs & of_others)
-    until = played.last if calm else None  # the swings are no calm course: there a taxel waits for others
+    until = played.last if calm else None  # during the swings, a taxel waits for other taxels
     more = counted(config, runs[:until]) - counted(config, good[:until])
     others = np.where(np.arange(len(more))[:, None] >> 1 == own, 0, more)
     answers = _answers(config, runs, played) != _answers(config, good, played)
@@ -110,7 +111,7 @@ def _judged(
     never = lasting.max(axis=0) > slack(config)
     net = counted(config, runs) - counted(config, good)
     wrong = np.abs(net[1::2] - net[::2])
-    kept = np.all(played.stimulus.enable, axis=0, keepdims=True).T  # a mask puts a reference back
+    kept = np.all(played.stimulus.enable, axis=0, keepdims=True).T  # a mask resets a reference
     counts = kept & (np.arange(config.taxels)[:, None] != own)
     adds_up = config.has_polarity and not config.encoder.leaks and not config.closes  # by one fixed step per event
     off = (wrong * counts).sum(axis=0) if adds_up else np.full(len(part), -1)

@@ -22,20 +22,20 @@ from eskin.verify.faults.outcomes import CLASSES, NEVER, WRITTEN, Upset, upsets
 from eskin.verify.faults.plan import Trial, most_changed, most_off, most_ticks
 
 CODE = Needs(packages=("base", "model", "rtl", "verify.faults"))
-"""What results depend on."""
+"""Packages that determine the results."""
 
 
 MOST = ("own_clocks", "other_clocks", "ticks", "lost", "added", "off")
-"""Fields of an upset of which the results have the largest value."""
+"""Fields of a bit flip of which a result stores the largest value."""
 
 
 @dataclass
 class Done:
     """Results of a fault injection campaign."""
 
-    blocks: list[dict[str, Any]]  # what came of the upsets of each block in each trial
-    cases: list[dict[str, Any]]  # what came of each hostile case
-    problems: list[str]  # what went beyond what is stated
+    blocks: list[dict[str, Any]]  # results of the bit flips of each block in each trial
+    cases: list[dict[str, Any]]  # results of each test with hostile inputs
+    problems: list[str]  # effects that exceed the documented limits
 
 
 def problems_of(trial: Trial, upset: Upset) -> str:

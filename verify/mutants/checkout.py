@@ -28,20 +28,21 @@ from eskin.cocotb_tests.runner.build_cache import ROOT, scratch_folder
 from eskin.verify.mutants.fork import play
 
 PYTEST = ("pytest", "-q", "--tb=no", "-rfE", "-p", "no:cacheprovider", "--hypothesis-profile=ci", "-k", "not verilator")
-"""Cases on Verilator are left out: they play the same test on another simulator, and building one takes long."""
+"""Command that runs tests without cases on Verilator: they repeat tests on another simulator, and building takes
+long."""
 
 FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+?::\w+\[.*?\](?= - |$)|\S+)", re.MULTILINE)
-"""Parameters in the name of a test may have spaces."""
+"""Pattern for the names of failed tests; parameters in a name may contain spaces."""
 PROPERTY = re.compile(r"^(\w+: \w+): ", re.MULTILINE)
 QUICK = ("-m", "quick")
 NO_TESTS = 5
 PASSED = (0, NO_TESTS)
 REST = ("-m", "not quick")
 MOST_S, WAITS = 600, 6
-"""Seconds of processor time of a process, and times as many that the clock on the wall may take."""
+"""Limit of processor time of a process in seconds, and the limit of elapsed time as a multiple of this limit."""
 LIBRARIES = ("numpy", "scipy", "numba", "amaranth", "hypothesis", "pytest", "cocotb_tools.runner")
 JUDGED = (1, 2, 4)
-"""Exit codes of pytest where tests fail, or cannot be read because of the mutant."""
+"""Exit codes of pytest for failing tests, or for tests that the mutant makes unreadable."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ def original(folder: Path) -> Path:
         for name in names:
             (draft / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, draft / name, follow_symlinks=False)
-        for sources in {(ROOT / name).parent.relative_to(ROOT) for name in names}:  # what is compiled comes along
+        for sources in {(ROOT / name).parent.relative_to(ROOT) for name in names}:  # copy the compiled files, too
             for kernel in (ROOT / sources).glob("__pycache__/*.nb?"):
                 (draft / sources / "__pycache__").mkdir(exist_ok=True)
                 shutil.copy2(kernel, draft / sources / "__pycache__")

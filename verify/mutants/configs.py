@@ -18,7 +18,7 @@ from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.verilog import Config
 
 COUNT = 16
-"""Configurations of a file."""
+"""Number of configurations per file."""
 
 MOST_TAXELS = 9
 SET: dict[str, dict[str, Any]] = {
@@ -29,7 +29,7 @@ SET: dict[str, dict[str, Any]] = {
     "encoders.fields": {"fields": "both", "frontend": "digital"},
     "registers.decay": {"registers": "spi", "encoding": "nlcs", "leak_period": 20},
 }
-"""Fields that a file's readouts have in common, so that it is in them."""
+"""Fixed fields of configurations that use a file."""
 
 
 @cache

@@ -21,10 +21,11 @@ from cosmic_ray.plugins import get_operator, operator_names
 from eskin.verify.mutants.hardware import HARDWARE
 
 LEFT_OUT = re.compile(r"RemoveDecorator|Variable(Replacer|Inserter)|\w+_(Eq|NotEq|Lt|LtE|Gt|GtE)_Is(Not)?")
-"""Numba's decorators change speed alone, two operators need lists of names, and nobody writes ``is`` for ``==``."""
+"""Mutation operators without use: removed Numba decorators change only speed, two operators need lists of names, and
+``is`` for ``==`` is no realistic error."""
 
 NO_HARDWARE = ("_Div", "_FloorDiv", "_Mod", "_Pow")
-"""Endings of operators that Amaranth refuses or that nobody writes: not used for the RTL."""
+"""Endings of operators that are not used for RTL, because Amaranth rejects them or the error is not realistic."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ PORT = re.compile(r"^  wire (?:width (\d+) )?(?:signed )?(input|output) \d+ +(?:
 CELL = re.compile(r"^  cell \\(eskin_\w+) ", re.MULTILINE)
 
 DIFFERS = re.compile(r"Output\s+0 was asserted in frame")
-"""Of the bounded search, or of the proof's."""
+"""Message of a difference, from bounded search or proof."""
 
 GUARDS = {
     "eskin_arbiter": dict.fromkeys(("event_row", "event_col", "event_polarity"), "event_valid"),
@@ -34,7 +34,7 @@ GUARDS = {
         f"{kind}_{name}": f"{kind}_valid" for kind in ("hidden", "output") for name in ("index", "potential", "spike")
     },
 }
-"""Outputs that mean something only where another is not 0, by the contract of a stream; by module."""
+"""Outputs that are valid only while another output is not 0, by module."""
 
 TO_GATES = (
     "read_rtlil readout.il; read_verilog miter.v; hierarchy -check -top miter; proc; flatten; opt_clean; "

@@ -10,7 +10,7 @@ import parso
 from cosmic_ray.operators.operator import Operator
 
 Edit = tuple[Any, str]
-"""A node of parso below the one that is looked at, and the code that takes its place."""
+"""A node of parso below the current node, and the code that replaces it."""
 
 
 class HardwareOperator(Operator):

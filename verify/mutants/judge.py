@@ -13,10 +13,10 @@ from eskin.verify.mutants.edits import Mutant
 from eskin.verify.mutants.questions import Questions
 
 FEW = 3
-"""Configurations of which the generator must make one, or the mutant counts as refused."""
+"""Number of configurations of which the generator must accept at least one; otherwise the mutant is stillborn."""
 
 MAKE_S, COMPARE_S, PROVE_S = 300, 900, 1800
-"""Seconds in which designs are made, compared, and a block is proved."""
+"""Time limits in seconds to generate designs, to compare designs, and to prove a block."""
 
 
 @dataclass(frozen=True)

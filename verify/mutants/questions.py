@@ -12,13 +12,13 @@ from eskin.cocotb_tests.runner.build_cache import ROOT
 from eskin.verify.proofs.plan import proofs
 
 MOST = 6
-"""Test files beyond those with the name of a file: where more would come, its own say enough."""
+"""Largest number of test files in addition to those named after a file; if there are more, only the named ones run."""
 
 NO_RESULTS = {"__init__", "__main__", "figures", "board", "text", "datasheet"}
-"""Folders and files that draw or write texts: their mutants spoil no result."""
+"""Folders and files that draw figures or write texts, and so do not affect results."""
 
 COMMANDS = "tests/docs/test_made.py"
-"""Test that compares the page of commands with the commands."""
+"""Test that compares the page of commands with the program."""
 
 NO_LOGIC = {"block", "yosys", "verilog", "delivery", "gates", "ports"}
 """Files of ``rtl/`` that describe no hardware."""

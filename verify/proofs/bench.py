@@ -25,7 +25,7 @@ from eskin.verify.proofs.checker import Checker, inputs
 
 TOP = "bench"
 CONSTANTS = ("watch", "rival")
-"""Inputs of a checker that are any value, for good."""
+"""Inputs of a checker with any value that stays constant."""
 
 
 class Bench(Elaboratable):

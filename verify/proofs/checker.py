@@ -24,7 +24,7 @@ Config = TypeVar("Config")
 class Property:
     """A property: a sentence about a block that must always hold."""
 
-    name: str  # snake case; the checker's outputs ``ok_NAME`` and ``seen_NAME`` are called after it
+    name: str  # in snake case, part of the checker's outputs ``ok_NAME`` and ``seen_NAME``
     meaning: str
     applies: Callable[[Any], bool] = lambda config: True  # whether a configuration has this property
 
@@ -42,9 +42,9 @@ class Checker(Block[Config]):
     properties: ClassVar[tuple[Property, ...]]
     assumptions: ClassVar[Mapping[str, str]] = MappingProxyType({})
     cut: ClassVar[tuple[str, ...]] = ()
-    """Modules within the block whose outputs are anything in any clock."""
+    """Modules in the block with free outputs in every clock."""
     together: ClassVar[bool] = False
-    """Whether the properties are proved as one, since each needs the others."""
+    """Whether the properties are proved as one property, because each property needs the others."""
 
     def __init__(self, config: Config) -> None:
         self.module_name = f"{self.block.module_name}_properties"

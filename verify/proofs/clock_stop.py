@@ -15,7 +15,7 @@ from eskin.rtl import yosys
 from eskin.rtl.block import Block, RtlilModules
 
 LISTENS = ("link", "host", "timer")
-"""Names of the parts that are left out: their clock never stops. They listen to ACK and SPI, or count bins."""
+"""Names of parts without a clock gate, because they sample ACK or SPI, or count bins."""
 
 AWAKE = "awake"
 

@@ -24,16 +24,17 @@ TO_GATES = (
     "delete -port o:seen_*; opt_clean; write_aiger -I -zinit -no-startoffset proof.aig; design -reset; "
 )
 RUN_ABC = "read_verilog one_gate.v; prep; simplemap; abc -script solve.abc"
-"""ABC runs within a pass that maps gates: it gets one to map, and its script looks at the design instead."""
+"""Commands that start ABC: Yosys runs ABC to map gates, so this design has one gate, and the script of ABC reads the
+design to prove."""
 
 ONE_GATE = b"module one_gate(input a, b, output y); assign y = a & b; endmodule\n"
 ECHO = re.compile(r"\+ write_blif .*\n")
-"""A line of another stream, which lands anywhere within the solvers' words."""
+"""Line of another output stream, which can appear anywhere in the output of the solvers."""
 ASSERTED = re.compile(r"Output\s+(\d+) was asserted in frame\s+(\d+) \(solved")
-"""In these words bounded search alone gives the number of a clock; the proof's is a number of its own."""
+"""Message of bounded search with output and clock; the number in a message of the proof is not a clock."""
 CONVERGED = re.compile(r"Proved output\s+(\d+) in frame")
 EACH, TOGETHER = "scorr -C 10000; dc2; pdr -a -T {}", "orpos; scorr; pdr -T {}"
-"""How the properties of a block are proved: one by one, or as one.
+"""Scripts that prove the properties of a block one by one, or as one property.
 
 No retiming: ABC's gave registers wrong initial values."""
 ALL_PROVED = "Property proved"

@@ -22,7 +22,7 @@ FLAT = (
     "rename {top} {side}; write_json {side}.json; design -reset; "
 )
 SPELLED = re.compile(r"\\?\$(signal)\$(\d+)$|\b(memory)\[(\d+)\]$")
-"""Names of the RTLIL that the Verilog spells with an underscore: signals without a name, and words of flops."""
+"""Names in RTLIL that the Verilog writes with an underscore: unnamed signals, and words of flops."""
 
 
 def prove_gated(config: Config, text: str = "") -> int:

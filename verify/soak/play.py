@@ -83,7 +83,7 @@ SIMPLER: dict[str, tuple[Any, ...]] = {
     "signal": ("hold",),
     "reference_reset": (0,),
 }
-"""Parts of a draw, and simpler values of each, the simplest first."""
+"""Simpler values for the parts of a draw, the simplest first."""
 
 
 def shrink(found: Failure, fails: Callable[[Draw], Failure | None], tries: int = 60) -> Failure:

@@ -16,10 +16,10 @@ from eskin.cocotb_tests.bench.line import CLOCK_NS
 
 JOB = "ESKIN_BOARD_COVERAGE"
 RUN_CLOCKS = (0, 1, 255, 4000)
-"""Clocks without a sample behind the last one."""
+"""Numbers of clocks without a sample after the last sample."""
 
 QUIET_BITS = 700
-"""Bit times without a byte, after which nothing more is to come: longer than any record takes on the line."""
+"""Bit times without a byte after which the board has sent everything, longer than any record on the line."""
 
 
 class Mismatch(AssertionError):

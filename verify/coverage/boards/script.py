@@ -136,7 +136,7 @@ async def full(host: Host) -> None:
     """Send queries until the output memory is full, and check that all are answered in order."""
     await host.hello()
     acks = [await host.send(Kind.STATUS) for _ in range(25)]
-    for _ in range(4):  # the first waits to be told; those behind it may be counted alone
+    for _ in range(4):  # the first rejection waits for its record; later rejections may only be counted
         await host.put(damaged(Frame(Kind.STATUS, host.sequence, b""), [4]))
         host.refused += 1
     await host.quiet()
@@ -198,7 +198,7 @@ async def player(host: Host, job: dict[str, Any]) -> None:
     await host.unknown(Kind.SAMPLES, b"abc")
     for length in (0, 3, 5):
         await host.unknown(Kind.RUN, bytes(length))
-    for payload in payloads:  # again: what was refused may have written
+    for payload in payloads:  # again, because a rejected frame may have written something
         await host.carry_out(Kind.WEIGHTS, payload)
     for payload in (b"", b"1", bytes([0, 0]), bytes([9, 0]), bytes([1, 0, 0, 0])):
         await host.carry_out(Kind.RESTART)

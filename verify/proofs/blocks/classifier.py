@@ -18,7 +18,7 @@ from eskin.rtl.classifier.memory import address_bits
 from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 SPARE_BITS = 3
-"""Bits of a sum of a checker beyond those of the classifier: a sum that leaves its bits is seen."""
+"""Additional bits of the sums in a checker, so that the checker sees an overflow of the classifier."""
 
 MEMORIES = ("eskin_input_weights", "eskin_recurrent_weights", "eskin_neuron_weights", "eskin_potentials")
 

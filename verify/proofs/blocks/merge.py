@@ -13,7 +13,7 @@ from eskin.rtl.tiles.relay import Relay
 from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, cyclic, implies, pick, within
 
 DEPTH = 2
-"""Events that a merge, or a relay station, holds at most."""
+"""Largest number of events that a merge or a relay station holds."""
 
 
 class MergeChecker(Checker[TilesConfig]):

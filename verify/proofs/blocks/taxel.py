@@ -191,7 +191,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
         leak: Any = 0
         if _leaks(config):
             leak = Mux(free & self.decay, self._shifted(reference + self._floor(self._k), self._k), 0)
-            if config.has_polarity:  # a step towards zero takes the place of the leak
+            if config.has_polarity:  # a step towards zero replaces the leak
                 leak = Mux(acts & (up == (reference < 0)), 0, leak)
         m.d.comb += then.eq(reference + Mux(acts, Mux(up, half_width, -half_width), 0) - leak)
         return Now(reference, half_width, asks, acts, up, then)
