@@ -20,7 +20,7 @@ from eskin.cocotb_tests.runner.block import cosimulate
 from eskin.model.config import ReadoutConfig
 
 Want = Callable[[int, int], bool]
-"""Whether the taxel of a row and column raises a request now, if it has none."""
+"""Function of row and column: whether the taxel requests in this clock, if it has no pending request."""
 
 
 class RowsAgent:

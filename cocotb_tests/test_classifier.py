@@ -49,7 +49,7 @@ SYNAPTIC = [
     network_of(4, 10, 3, 4, **SYNAPSE, **OUT_SYNAPSE, membrane_bits=32, output_bits=24),
     network_of(3, 5, 2, 1, **SYNAPSE, **OUT_SYNAPSE, **NARROW, neuron_reset="subtract", reset="async"),
 ]
-"""Neurons with a synaptic current: with room for all values, and with sums that saturate."""
+"""Neurons with a synaptic current: one network with bits for all values, and one with sums that saturate."""
 
 
 def name(config: ClassifierConfig) -> str:

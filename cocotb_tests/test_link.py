@@ -202,11 +202,11 @@ async def what_a_receiver_sees_of_a_reset(dut: Any) -> None:
         for _ in range(12):
             await bench.clock(offer=1)
             bench.check.holds("NoRequestWhileAckHigh", not held or bench.request() == 0)
-        # The link goes on, held up until ACK has fallen, with a new event: the old one is gone.
+        # After ACK has fallen, the link continues with a new event; the old event is lost.
         bench.block.drive(aer_ack=0)
         await until(bench, req=1)
         lost = bench.reference.address
-        # A late ACK, to the REQ that the reset took back, ends the handshake of the event that came after it.
+        # A late ACK to the withdrawn REQ ends the handshake of the next event.
         bench.block.drive(aer_ack=1)
         await until(bench, req=0)
         bench.check.holds("LateAckTakesTheNext", bench.reference.address == lost)

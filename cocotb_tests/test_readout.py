@@ -101,7 +101,7 @@ def test_rtl_equals_model_with_receptive_fields_and_in_a_large_array(config: Rea
 
 
 def test_verilator_sees_the_same_as_icarus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # Runs this short take less time than optimising them; replays in other tests are of optimised programs.
+    # Optimising takes longer than these short runs; other tests replay on optimised programs.
     monkeypatch.setattr(runners, "OPTIMISE", "-O0")
     config = ReadoutConfig(rows=5, columns=9, encoding="cw-lcs", window_period=3, link="four_phase")
     play(config, build(config, "verilator"), tmp_path)

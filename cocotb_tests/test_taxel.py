@@ -57,8 +57,8 @@ class TaxelBench:
         self.check = Checker(self.block)
         self.reference = TaxelReference(config)
         self.source = SampleSource(config, self.reference, rng)
-        self.signal = 0  # what the analog comparators look at
-        self.noisy = False  # they look at nothing but noise
+        self.signal = 0  # input of the analog comparators
+        self.noisy = False  # the input is only noise
         self.ticks = 0
         self.tick = False
         # Set by registers, where there are any: as the configuration has it.
@@ -90,7 +90,7 @@ class TaxelBench:
             block.drive(sample=sample)
         await block.settle()
         decision = None
-        if config.frontend == "analog":  # the comparators look at the reference that the RTL gives them
+        if config.frontend == "analog":  # the comparators use the reference from the RTL
             decision = self.decide(block.read_signed("reference_code"))
             block.drive(above=decision[0], below=decision[1])
             await block.settle()
@@ -227,7 +227,7 @@ def breadth() -> list[ReadoutConfig]:
             fraction_bits=[4, 0, 12][number % 3],
         )
         level = config.grid * [0, 1, 3][number % 3] % config.full_scale
-        if frontend == "analog":  # near an end of the scale, which only an analog signal can ask to leave
+        if frontend == "analog":  # near an end of the scale; only an analog signal can exceed full scale
             low = config.has_polarity and number % 2
             level = level - config.full_scale if low else config.full_scale - config.grid - level
         configs.append(config.replace(reference_reset=level))

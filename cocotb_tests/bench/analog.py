@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from eskin.model.config import ReadoutConfig
 
 FRACTION_BITS, SIGNAL_BITS_MORE = 4, 6
-"""Bits of an analog signal in the harness below those of a sample, and in all more than those of a sample."""
+"""Bits of an analog signal below the LSB of a sample, and bits of an analog signal in addition to those of a sample."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Comparators:
     """Comparators with non-ideal parameters in 1/16 code; ideal by default."""
 
     offset: NDArray[np.int64] | None = None  # of the comparators above and below, shape (2, taxels)
-    noise: int = 0  # largest value of a noise that is even, and new in every clock
+    noise: int = 0  # largest value of a uniform noise, drawn anew in every clock
     hysteresis: int = 0  # distance by which a signal must return before a high comparator falls
     seed: int = 1  # seed of the noise, not 0
 

@@ -45,7 +45,7 @@ class Block:
 
     def pin(self, name: str) -> Any:
         """Return the handle of a port, or None if the configuration lacks the port."""
-        if name not in self.pins:  # looked for once: the simulator takes long to answer, above all to say no
+        if name not in self.pins:  # cached: the simulator is slow to look up a port, above all a missing port
             self.pins[name] = getattr(self.dut, name, None)
         return self.pins[name]
 
@@ -63,7 +63,7 @@ class Block:
         """Return an output as an unsigned number; 0 if the configuration lacks the port."""
         if (pin := self.pin(name)) is None:
             return 0
-        value = str(pin.value)  # a text costs nothing, an array of logic values most of the run
+        value = str(pin.value)  # reading a text is fast; an array of logic values would take most of the run
         try:
             return int(value, 2)
         except ValueError:

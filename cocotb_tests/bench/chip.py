@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # importing it would compile the model in every simulator
     from eskin.model.readout import Stimulus
 
 FACTOR, ADDED, MASK = 6364136223846793005, 1442695040888963407, 2**64 - 1
-"""Of the sums of the harness (``mixed`` there)."""
+"""Constants of the weighted sums that the harness computes (``mixed`` in harness.v)."""
 
 OF_A_BIN = "clock, class, overrun, stalls, sum of hidden potentials and spikes, sum of outputs, evidence"
 

@@ -60,7 +60,7 @@ class ClassifierBench:
             await self.block.reset(self.rng.randint(1, 3))
             self.check.counts["resets"] += 1
         else:
-            self.block.drive(scan_start=1, bin_end=self.rng.getrandbits(1))  # which is then not heard
+            self.block.drive(scan_start=1, bin_end=self.rng.getrandbits(1))  # the classifier ignores bin_end
             await self.block.edge()
             self.block.drive(scan_start=0, bin_end=0)
             self.check.counts["scan starts"] += 1

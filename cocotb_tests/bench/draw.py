@@ -26,12 +26,12 @@ MOST_TAXELS = 64
 SINKS = tuple(READY)
 SIGNALS = ("noise", "walk", "square", "hold", "near", "rare")
 GAPS = (1, 3, 12, 70, 300)
-"""Most clocks from one sample tick to the next."""
+"""Largest numbers of clocks between two sample ticks."""
 
 FIELDS = frozenset(field.name for field in dataclasses.fields(ReadoutConfig))
 MOST_GAP = 10**6
 SIZES = ("rows", "columns", "sample_bits")
-"""Fields from which the range of others follows."""
+"""Fields that determine the ranges of other fields."""
 
 PARTS = ("signal", "gap", "sink", "masks", "share")
 Set = Mapping[str, Any]
@@ -89,7 +89,7 @@ class Draw:
             "fields": self._drawn("fields", ["own", "own", "neighbours", "both", "listed"]),
         }
         if "registers" not in self.set and registry.named(encoding).leaks and fields["leak_period"] < rows:
-            fields["registers"] = "none"  # they can stagger no leak that is shorter than the rows
+            fields["registers"] = "none"  # with registers, a leak period has at least one tick per row
         settable = np.random.default_rng([self.seed, 0, zlib.crc32(b"settable")]).choice([False, True])  # in all runs
         if fields["registers"] == "spi" and settable and "fields" not in self.set:
             fields["fields"] = SETTABLE

@@ -16,19 +16,19 @@ from cocotb.triggers import FallingEdge, RisingEdge, Timer
 
 CLOCK_NS = 20
 IDLE_BITS = 20
-"""Bit times that pass in the simulation while the host says nothing."""
+"""Bit times to simulate while the host sends nothing."""
 
 NAP_S = 0.0005
-"""So that a host on the same core comes to its turn, unless it says something sooner."""
+"""Pause that gives a host on the same core time to run, unless the host sends a byte earlier."""
 LOADING_NAP_S = 0.005
-"""While a host that has said nothing yet still loads its libraries."""
+"""Pause while the host loads its libraries, before its first byte."""
 
 MOST_SECONDS = 120
 BEGINS_AFTER = 27
-"""Bytes of a host that listens: HELLO, RESTART and the first STATUS have gone out."""
+"""Bytes that a host sends before it listens: HELLO, RESTART and the first STATUS."""
 
 Spoil = Callable[[int, int], int | None]
-"""Gives what becomes of a byte, by its number on the line; None for a byte that is lost."""
+"""Function of the number of a byte on the line and the byte; returns the disturbed byte, or None for a lost byte."""
 
 
 def as_it_is(number: int, byte: int) -> int | None:
@@ -49,7 +49,7 @@ class Line:
         tty.setraw(slave)
         os.set_blocking(self.master, False)
         self.port = os.ttyname(slave)
-        self._slave = slave  # held open: a terminal without an owner is gone
+        self._slave = slave  # kept open: a terminal without an owner disappears
         self.sent = self.received = 0
 
     async def run(
@@ -108,7 +108,7 @@ class Line:
             for n in range(8):
                 byte |= int(tx.value) << n
                 await Timer(self.bit_ps, "ps")
-            if not int(tx.value):  # this began to look in the middle of a byte
+            if not int(tx.value):  # sampling began in the middle of a byte
                 await RisingEdge(tx)
                 continue
             if (sent := self.to_host(self.received, byte)) is not None:

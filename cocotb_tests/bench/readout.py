@@ -22,16 +22,16 @@ if TYPE_CHECKING:  # importing it would compile the model in every simulator
     from eskin.model.readout import Stimulus
 
 PATTERN = 65536
-"""Entries of the harness's ready pattern, which must be a multiple of the stimulus's."""
+"""Length of the harness's ready pattern, a multiple of the length of the stimulus's pattern."""
 
 STUCK = 2**32 - 1
-"""What the harness reports as errors if no run could begin."""
+"""Number of errors that the harness reports if no run could begin."""
 
 UNKNOWN = 0xFFFF
 """Address that the harness writes for an unknown address or polarity."""
 
 PACKED = 2**18
-"""Samples of a stimulus that are packed together at most, so that a large array needs little memory."""
+"""Largest number of samples that are packed together, so that large arrays need little memory."""
 
 
 @dataclass
@@ -137,7 +137,7 @@ RULES = (
     "REQ falls while ACK is low",
     "an offered event changes or is withdrawn",
 )
-"""Rules of the link as the harness numbers them, in the words of a breach."""
+"""Rules of the link by their number in the harness, in the words of an error message."""
 
 
 @dataclass
@@ -146,7 +146,7 @@ class Scoreboard:
 
     config: ReadoutConfig
     reproduce: str = ""  # command that repeats the run
-    breach: int = 0  # clock and rule of the run's first breach of the protocol, as the harness gives them
+    breach: int = 0  # clock and rule of the first protocol violation in the run, from the harness
     # totals of the comparison so far
     runs: int = 0
     clocks: int = 0

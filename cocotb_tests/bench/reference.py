@@ -36,7 +36,7 @@ class TimedEvent(NamedTuple):
 
 
 Requests = Sequence[Sequence[bool | None]]
-"""For every row and column the polarity of a pending request; None where there is none."""
+"""Polarity of the pending request of every row and column; None without a request."""
 
 
 class TaxelReference:
@@ -127,7 +127,7 @@ class TaxelReference:
         """Move reference and window after a decision."""
         if self.config.encoder.leaks:
             divisor = 2**self.config.leak_shift
-            inward = off if self.reference >= 0 else on  # a step towards zero takes the place of the leak
+            inward = off if self.reference >= 0 else on  # a step towards zero replaces the leak
             leak = (2 * self.reference + divisor) // (2 * divisor) if decay and not inward else 0  # rounded half up
             self.reference += (on - off) * self.step * self.unit - leak
             return

@@ -17,15 +17,15 @@ from eskin.model.readout import Stimulus, simulate, state_at
 
 Samples = NDArray[np.int64]
 MARGIN = 60
-"""Clocks that a run lasts after its last event, in which the RTL must stay silent too."""
+"""Clocks of a run after its last event, in which the RTL must send nothing."""
 LARGE = 512
-"""Taxels from which on no run of all of them comes to rest within a scenario: a few get one of their own."""
+"""Number of taxels from which on only a few taxels move in a scenario, so that the array comes to rest."""
 
 
 def step(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
     """Return one step per taxel to a random level."""
     level = rng.integers(-config.full_scale, config.full_scale, config.taxels)
-    level[0] = config.full_scale - 1  # one at least is seen at any resolution
+    level[0] = config.full_scale - 1  # at least one step causes an event at any resolution
     start = rng.integers(1, max(ticks // 2, 2), config.taxels)
     return np.where(np.arange(ticks)[:, None] >= start, level, 0)
 
@@ -166,7 +166,7 @@ def scenarios(config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 30
         sink = sinks[(number + seed) % len(sinks)]
         masked = bool((number + seed) // len(sinks) % 2)
         samples = make(config, ticks, rng)
-        if config.frontend == "analog" and number % 2:  # such a signal has offsets, and leaves the scale
+        if config.frontend == "analog" and number % 2:  # an analog signal has offsets and may exceed full scale
             samples = samples * 5 // 4 + rng.integers(-config.step, config.step + 1, config.taxels)
         samples = np.concatenate([samples, np.zeros((1, config.taxels), np.int64)])  # and rest
         clock = np.cumsum(rng.integers(1, 12, len(samples))) - 1

@@ -36,7 +36,7 @@ async def frames_equal_the_model(dut: Any) -> None:
     await bench.block.reset()
     await bench.reset()
     pairs = [(sink, timing) for sink in Sink.NAMES for timing in SarAdc.TIMINGS]
-    if config.taxels > 100:  # one pair a receiver and an ADC: a frame takes thousands of clocks
+    if config.taxels > 100:  # one ADC per receiver, because a frame takes thousands of clocks
         pairs = [(sink, SarAdc.TIMINGS[number % 3]) for number, sink in enumerate(Sink.NAMES)]
     for sink, timing in pairs:
         bench.begin(timing, sink)

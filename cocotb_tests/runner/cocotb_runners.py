@@ -35,19 +35,19 @@ VERILATOR_FLAGS = [
 ]
 MAKE_FLAGS = "CFG_CXXFLAGS_PCH_I=-include PYTHON3=python3 PERL=perl CXX=g++ LINK=g++ AR=ar"
 OPTIMISE = "-O2"
-"""C++ optimisation of Verilator's output; none for blocks, because their tests spend most of the time in Python."""
+"""C++ optimisation of Verilator's output; none for blocks, because their tests spend most time in Python."""
 IN_ONE_FILE = "VM_PARALLEL_BUILDS=0"
-"""Unoptimised, most of the time goes into reading the same headers for each file, a quarter of it for all as one."""
+"""Compile all files as one: without optimisation, most of the time goes into reading the same headers for each file."""
 
 BLOCK = "eskin_row"
 HIERARCHY = f'`verilator_config\nhier_block -module "{BLOCK}"\n'
-"""A control file for Verilator: all rows are alike, so one is compiled, as a library, and placed wherever it stands."""
+"""Control file for Verilator: compile one row of the array as a library, and use it for all rows, which are equal."""
 
 PORTS = '`verilator_config\npublic_flat_rw -module "{}" -var "*"\n'
-"""A control file for Verilator: a block's ports are driven from Python; what lies within it need not be seen."""
+"""Control file for Verilator: Python accesses only the ports of a block, not its internal signals."""
 
 WATCHED = 'exec 3<&0 </dev/null; (read -r _ <&3; kill -KILL 0) >/dev/null 2>&1 & exec 3<&-; "$@"'
-"""Runs a command; all processes of its group are killed when what writes to its standard input ends."""
+"""Program that runs a command, and kills all processes of its group when its standard input ends."""
 
 
 def run_watched(command: Sequence[str], cwd: os.PathLike[str] | str, env: dict[str, str], log: TextIO | None) -> int:
@@ -80,12 +80,12 @@ class CachingVerilator(VerilatorRunner):
         verilate, make = cmds
         folder = Path(cwd)
         run(verilate)
-        if "--hierarchical" in verilate:  # so far a plan: now every block is verilated, and the rest around them
+        if "--hierarchical" in verilate:  # after the plan, Verilator compiles every block and then the rest
             whole = [word.replace("Vtop.mk", "Vtop_hier.mk") for word in make]
             run([*whole, "hier_verilation"])
         _bring_library(folder, lambda objects: run([*make, f"-j{os.cpu_count() or 1}", *objects]))
         run(make)
-        for header in folder.rglob("*.gch"):  # precompiled, 100 MB each, and of no use from here on
+        for header in folder.rglob("*.gch"):  # precompiled headers of 100 MB each, which nothing needs any more
             header.unlink()
 
 
@@ -107,7 +107,7 @@ def _bring_library(folder: Path, compile_objects: Callable[[list[str]], None]) -
     library = BUILD / "sim" / f"library-{digest(recipe)}"
     private_folder(library)
     names = {f"{name}.o": f"{name}.o" for name in re.findall(r"^  (verilated\w*) \\$", made, re.MULTILINE)}
-    switches = re.findall(r"^VM_TRACE\w* = \d$", made, re.MULTILINE)  # of all sources, cocotb's alone asks for them
+    switches = re.findall(r"^VM_TRACE\w* = \d$", made, re.MULTILINE)  # only the sources of cocotb need these flags
     names["verilator.o"] = f"verilator-{digest([switches, (folder / 'Vtop.h').read_text()])}.o"
     with locked(library):
         missing = [name for name, kept in names.items() if not (library / kept).exists()]

@@ -153,7 +153,7 @@ def chosen(
 # -- proofs ------------------------------------------------------------------------------------------
 
 SOURCES = ((model, "**/*.py"), (skin, "textures/*.py"), (cocotb_tests, "bench/*.py"))
-"""Of the samples, the stimulus, the expected events, and the bench that compares them."""
+"""Sources of samples, stimulus, expected events, and of the bench that compares them."""
 
 
 def _proof(program: Build, start_row: float, array: NDArray[Any]) -> str:

@@ -18,7 +18,7 @@ from eskin.base.files import make_folder
 from eskin.cocotb_tests.bench.readout import Bench, Mismatch, Prepared
 from eskin.model.config import ReadoutConfig
 
-if TYPE_CHECKING:  # what computes scenarios, scans and expected events takes longer to import than most runs last
+if TYPE_CHECKING:  # these imports take longer than most runs
     from eskin.model.readout import Stimulus
 
 JOB = "ESKIN_JOB"
@@ -100,7 +100,7 @@ def given_job() -> Iterator[tuple[Job, Callable[[dict[str, Any]], None]]]:
 
         def tell(run: dict[str, Any]) -> None:
             progress.write(json.dumps(run) + "\n")
-            if os.getppid() != parent:  # who asked for this was killed
+            if os.getppid() != parent:  # the parent process was killed
                 raise SystemExit(1)
 
         try:

@@ -44,7 +44,7 @@ class Tally:
         return self
 
 
-class MismatchFound(Exception):  # the outcome that is looked for, not a defect of the program
+class MismatchFound(Exception):  # the expected outcome for a faulty RTL, not a defect of this program
     """Raised if RTL and model differ, with the scoreboard's message.
 
     ``before`` has the runs of the same simulation that were equal.

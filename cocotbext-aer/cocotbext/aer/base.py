@@ -15,7 +15,7 @@ from cocotbext.aer.event import AerEvent
 Unit = Literal["step", "fs", "ps", "ns", "us", "ms", "sec"]
 
 Delay = float | Callable[[], float]
-"""A delay in the unit of its owner, or a function that returns the next one; random delays are a function."""
+"""A delay in the unit of its component, or a function that returns the next delay, for example a random delay."""
 
 
 class Fault(Enum):
