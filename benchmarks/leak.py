@@ -25,7 +25,7 @@ from eskin.model.taxel import count_events
 RESOLUTIONS = (4, 6, 8, 10)
 FRACTIONS = (4, 6, 8, 10, 12)
 LEAKS = ((6, 63), (5, 127))
-"""leak_shift and leak_period, both close to 0.2 s at 20 kS/s."""
+"""``leak_shift`` and ``leak_period`` of leaks with a time constant close to 0.2 s at 20 kS/s."""
 
 
 @njit

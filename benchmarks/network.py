@@ -41,7 +41,7 @@ RULE = NeuronRule(floor=-float("inf"), surrogate="fast-sigmoid", surrogate_scale
 PAPER = NeuronRule()
 
 Forward = Callable[[Tensor, Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]
-"""From input (steps, batch, inputs) and the weights w_in, w_rec, w_out to hidden and output spikes."""
+"""Function of input (steps, batch, inputs) and weights w_in, w_rec, w_out that returns hidden and output spikes."""
 
 
 class Spike(torch.autograd.Function):
@@ -164,7 +164,7 @@ CANDIDATES: dict[str, tuple[Callable[[], Forward], NeuronRule, bool]] = {
     "paper's neuron, kernel": (lambda: ours(PAPER, layer, backend="kernel"), PAPER, False),
     "paper's neuron, plain torch loop": (lambda: ours(PAPER, layer_reference), PAPER, False),
 }
-"""How to make each, the rule it must equal, and whether it is one that the kernel is to beat."""
+"""Each candidate by name: its constructor, the rule that it must equal, and whether the kernel must be faster."""
 
 
 @dataclass

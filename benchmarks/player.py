@@ -47,7 +47,7 @@ CASES: dict[str, tuple[int, list[str]]] = {
     "worst case: all taxels jump over the full scale in every tick": (100, ["--samples", "jumps.npy"]),
     "all taxels step to and fro in every tick": (200, ["--samples", "steps.npy"]),
 }
-"""Ticks and options of ``eskin play``."""
+"""Number of ticks and options of ``eskin play``, for each case."""
 
 
 @cocotb.test()

@@ -44,14 +44,14 @@ from eskin.skin.textures.physical import PhysicalScan
 
 SIDES = "8,16,32,64"
 FLAT, SLOW = 16, 32
-"""Largest sides that are built flat as well, and that are played in Icarus."""
+"""Largest side of arrays that are also built flat, and largest side of arrays that Icarus simulates."""
 CONFIG, TICKS, SLOW_TICKS = "ESKIN_SCALE", 100, 6
 RELAYS = 2
 """Relay stations on the line of each tile."""
 LARGEST_SKIN = 4096
-"""Taxels of the largest skin here that fits one module, whose input bits are limited."""
+"""Taxels of the largest skin in one module; the number of input bits of a module is limited."""
 TRAVEL_PX = 15
-"""How far the skin slides."""
+"""Distance in pixels that the skin slides over the image."""
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 

@@ -31,7 +31,7 @@ from eskin.snn.training import TrainConfig
 NAMES = {"kernel": "compiled functions alone", "layer": "hidden layer, forward and backward"}
 
 SPENT = {"kernel": 0.0, "layer": 0.0}
-"""CPU seconds so far."""
+"""CPU time of each part in seconds, added up during the run."""
 
 
 def count(owner: Any, name: str, part: str) -> None:

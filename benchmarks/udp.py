@@ -32,7 +32,7 @@ from eskin.model.config import ReadoutConfig
 BOARD = BoardConfig(chip=None)
 CLOCK_HZ = BOARD.serial.clock_hz
 SILENCE_S = 2.0
-"""The last datagram has come when nothing comes for so long."""
+"""Time without a datagram after which the receiver stops."""
 
 
 def send(pipe: Connection, rate_hz: int, seconds: int) -> None:

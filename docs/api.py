@@ -18,7 +18,7 @@ from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[1]
 CALLED = {"eskin/api.py": "eskin"}
-"""Files that users import first, each with the name they import, where that file exists."""
+"""Files that users import first, each with its import name if the file exists."""
 
 FIRST = (
     "model/config.py",

@@ -17,16 +17,16 @@ from tests.browser import opened
 OUT = Path(__file__).with_suffix(".gif")
 SIZE = (1000, 812)
 SCALE = 0.7
-"""700 pixels wide."""
+"""Scale of the recording, for a width of 700 pixels."""
 
 FRAMES = 30
 FRAME_S = 0.2
 LEVELS = {"#ffffff": 14, PALETTE["sky"]: 7, PALETTE["orange"]: 7, PALETTE["green"]: 4}
-"""Shades of each colour of the page, from its background on."""
+"""Number of shades for each colour of the page, from its background on."""
 
 PLAYED = "brick/brick-00"
 SPEED = 0.01
-"""Slow, so that a screenshot catches every part of the scan."""
+"""Speed of the demo, slow enough that screenshots catch every part of the scan."""
 
 
 def shades() -> list[tuple[int, ...]]:
@@ -57,7 +57,7 @@ def main() -> None:
             browser.wait_for(f"last.seconds > {(number + 0.5) / FRAMES} * last.window_s", 120)
             pictures.append(Image.open(io.BytesIO(browser.picture())).convert("RGB"))
         demo.terminate()
-    # One palette for all, so that what stays the same stays the same in the file, and takes no room.
+    # One palette for all frames, so that unchanged areas need no bytes.
     palette = Image.new("P", (1, 1))
     palette.putpalette([value for colour in shades() for value in colour])
     frames = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]

@@ -14,7 +14,7 @@ SCENARIOS = {"saturated": "event in every clock", "lone": "single event", "textu
 EVENT_TITLES = "pJ per event: event in every clock | single event | texture"
 
 CLOCKS_AN_EVENT = 7
-"""Of the four-phase link, with a receiver that answers at once."""
+"""Clocks per event of the four-phase link, with a receiver that answers at once."""
 
 
 def reports(folder: str, pattern: str = "*.json") -> dict[str, dict[str, Any]]:

@@ -17,7 +17,7 @@ EVIDENCE = {
     "soaked": ("soak", "random configurations, RTL compared with model"),
     "hostile input": ("fuzz", "damaged files and out-of-range options"),
 }
-"""What is signed off: the name of its report in docs/data/verification, and what it is."""
+"""Reports in docs/data/verification that the sign-off lists, by name, with a description."""
 
 
 def evidence(name: str) -> dict[str, Any]:
