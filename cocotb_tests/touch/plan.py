@@ -182,7 +182,7 @@ def plan(weights: Path | None, data: Path | None, dataset: str, limit: int | Non
 
 
 def _network_for(data: Path) -> Path:
-    """Return the newest network trained on a folder of recordings of this name, else on any recordings."""
+    """Return the newest network that was trained on recordings in a folder of this name, or on any recordings."""
     if found := network_of(data):
         return found
     if data.resolve() == FINGER.resolve():
@@ -196,7 +196,7 @@ def _network_for(data: Path) -> Path:
 
 
 def not_learned(material: Material, networks: Sequence[Network]) -> list[str]:
-    """Return the names that at least one network was not trained on; all names if there are none."""
+    """Return the inputs that at least one network was not trained on; all inputs if no such input exists."""
     found = [name for name in material.names if any(n.dataset != material.name or name in n.tested for n in networks)]
     return found or material.names
 

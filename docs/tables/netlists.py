@@ -90,7 +90,7 @@ def asic_delivered() -> None:
 
 
 def intuitive() -> None:
-    """Print our netlists for the array of the INTUITIVE chip beside that analog chip."""
+    """Compare our netlists with the analog INTUITIVE chip, for an array of the same size."""
     print(
         "| | process | contains | power without events, nW per taxel | um2 per taxel"
         " | pJ per event, an event in every clock | shortest time per event, ns |"

@@ -24,7 +24,7 @@ def event_rates() -> None:
 
 
 def array_hz(dataset: str, preset: str, encoding: str, resolution: int) -> float:
-    """Return the event rate that the power model uses for the array; N-LCS with tau 200 ms."""
+    """Return the event rate that the power model uses for the array; tau of N-LCS is 200 ms."""
     rates = only(read(EVENT_RATES)["tables"], dataset=dataset, preset=preset)
     of_encoding = published(encoding, lcs=rates["lcs_hz"], nlcs=rates["nlcs_hz"][rates["taus_s"].index(0.2)])
     return float(sum(of_encoding[rates["resolutions"].index(resolution)]))

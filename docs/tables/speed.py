@@ -107,7 +107,7 @@ def leak() -> None:
 
 
 def load() -> None:
-    """Print five arbiters at equal loads."""
+    """Print the results of five arbiters at equal loads."""
     report = read("benchmarks/results/load.json")
     for line in report["results"]:
         line["title"] = f"{line['load']}, {line['asked']:.0%}" if line["arbiter"].endswith("(ours)") else ""

@@ -164,7 +164,7 @@ def _kept(out: Path, fixed: dict[str, Any]) -> dict[tuple[int, ...], dict[str, A
     if any(kept.get(name) != value for name, value in fixed.items()):
         return {}
     if wrong := misfit(kept, {"results": [ARRAY]}):
-        raise InputError(f"the estimate {out} is damaged: {wrong}; delete the file")
+        raise InputError(f"the estimate {out} is damaged: {wrong}; remove the file")
     return {_key(array): array for array in kept["results"]}
 
 

@@ -205,7 +205,7 @@ class Timing:
         return kind_of, place_of
 
     def worst(self, ports: bool = True) -> Path:
-        """Return the critical path, of all paths or of paths between flops."""
+        """Return the critical path of all paths, or of the paths between flops."""
         best: tuple[float, int, int, int, str] = (0.0, NONE, 0, 0, "")
         for group in self.groups.values():
             for pin, tables in group.kind.setup.items():

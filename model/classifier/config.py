@@ -214,13 +214,13 @@ class ClassifierConfig(Configuration):
         return self.output_ends(low, high)
 
     def hidden_ends(self, low: int, high: int) -> tuple[int, int] | None:
-        """Return one range for hidden potentials and currents if each bin adds between ``low`` and ``high``."""
+        """Return the common range of hidden potentials and currents, for a sum from ``low`` to ``high`` per bin."""
         synapse = Leak(self.synapse_shift, self.synapse_factor)
         leak = Leak(self.leak_shift, self.leak_factor)
         return neuron_ends(low, high, synapse, self.threshold, self.floor, self.neuron_reset, leak)
 
     def output_ends(self, low: int, high: int) -> tuple[int, int] | None:
-        """Return one range for output potentials and currents if each bin adds between ``low`` and ``high``."""
+        """Return the common range of output potentials and currents, for a sum from ``low`` to ``high`` per bin."""
         synapse = Leak(self.out_synapse_shift, self.out_synapse_factor)
         leak = Leak(self.out_leak_shift, self.out_leak_factor)
         if self.readout == "membrane":

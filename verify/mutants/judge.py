@@ -81,7 +81,7 @@ def _made(checkout: Path, file: str, seed: int, out: Path, count: int) -> bool:
 
 
 def _originals(file: str, asked: Asked) -> Path:
-    """Return the designs of the original file, shared by all its mutants."""
+    """Return the designs of the original file, which all mutants of the file share."""
     kept = asked.checkout.with_name(f"{asked.checkout.name}-{file.replace('/', '.')}-{asked.seed}-{asked.designs}.json")
     if not kept.exists():
         with scratch_folder(kept.parent, "designs") as folder:

@@ -140,7 +140,7 @@ def _pieces(folder: Path) -> list[dict[str, Any]]:
 
 
 def summary(folder: Path) -> dict[str, Any]:
-    """Return the totals of a folder, of the current and of other sources together."""
+    """Return the totals of all results in a folder, for the current and for other sources."""
     pieces = _pieces(folder)
     mismatches = len(list((folder / "mismatches").glob("*.txt")))
     total = {name: sum(piece[name] for piece in pieces) for name in ("runs", "clocks", "events")}

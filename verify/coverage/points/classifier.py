@@ -28,7 +28,7 @@ def classifier(config: ClassifierConfig) -> Iterator[Point]:
 
 
 def _events(config: ClassifierConfig) -> Named:
-    """Yield the points of events in every state, and of the memories."""
+    """Yield the points of events in every state, and the points of the memories."""
     yield "event taken at rest", "event_valid && event_ready && state == 0"
     yield "event taken as the one before ends", "event_valid && event_ready && state == 1"
     for state, name in enumerate(STATES[1:], 1):

@@ -333,7 +333,7 @@ class SumsChecker(_ClassifierChecker):
         self.promise(m, "neuron_exact", implies(self.fits, good), fires)
 
     def _currents(self, m: Module) -> Value:
-        """Return whether potentials are read and written at their neuron, and no current grows without a bias."""
+        """Return whether each neuron uses its own memory word, and whether no current grows without a bias."""
         number = before(m, before(m, self.potentials_read_address, "read"), "read_before")
         placed = (number == self.hidden_index) & (self.potentials_write_address == self.hidden_index)
         placed = implies(self.sets, placed) & (self.potentials_write_valid == self.sets)
