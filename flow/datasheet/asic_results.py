@@ -66,7 +66,7 @@ def of_netlist(report: dict[str, Any] | None) -> str:
     if proof := report.get("equivalence"):
         rows.append(("netlist equal to the RTL", f"{proof['proved']} of {proof['of']} points proved"))
     if run := report.get("gate_level_events"):
-        rows.append(("events of the netlist in simulation, of the RTL", f"{run['netlist']}, {run['rtl']}"))
+        rows.append(("events in simulation: of the netlist, of the RTL", f"{run['netlist']}, {run['rtl']}"))
     source = f"Library {report['library']}, commit {report.get('commit', 'unknown')}, {report.get('date', 'no date')}."
     contains = report.get("contains")
     return source + (f" They contain: {contains}." if contains else "") + "\n\n" + table(" | ", rows)

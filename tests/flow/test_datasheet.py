@@ -296,10 +296,10 @@ def test_a_report_of_frames_stands_on_their_page(tmp_path: Path) -> None:
     content = REPORT | {"configuration": FRAMES.to_dict(), "energy_per_event_j": 3.97e-12}
     path.write_text(json.dumps(content))
     page = section(sheet_of(FRAMES, load_report(path, FRAMES)).text(), "Area, power and highest clock")
-    assert "| energy a sample, of whole frames | 3.97 pJ |" in page
+    assert "| energy per sample, for whole frames | 3.97 pJ |" in page
     assert "lone" not in page
     with pytest.raises(InputError, match="word_bits = 16, not 20; give the report of this configuration"):
         load_report(path, FRAMES.replace(word_bits=20))
     path.write_text(json.dumps(REPORT | {"closing_w_per_taxel": 40e-9, "energy_per_closed_window_j": 50e-12}))
     page = section(datasheet(STREAM, load_report(path, STREAM)), "Area, power and highest clock")
-    assert "| power a taxel while its window closes | 40 nW |" in page
+    assert "| power per taxel while its window closes | 40 nW |" in page
