@@ -45,7 +45,7 @@ class Skin(Block[TilesConfig]):
         if inputs > MOST_INPUT_BITS:
             raise InputError(
                 f"{config.tiles} tiles of {config.tile.rows} x {config.tile.columns} taxels have {inputs} input bits, "
-                f"but a module has at most {MOST_INPUT_BITS}; write --merge, and a tile without --tiles"
+                f"but a module has at most {MOST_INPUT_BITS}; write the merge with --merge, and a tile without --tiles"
             )
         super().__init__(config, ports | merged_ports(config))
 

@@ -56,8 +56,8 @@ REFUSED = {
     "verilog -o v --tiles 2x2 --relays 17": "relays must be in 0..16, not 17",
     "verilog -o v --tiles 1x2 --link four_phase": "tiles need the link stream to their merge, not four_phase; leave "
     "--link out\n",
-    "verilog -o v --tiles 2x1 --rows 64 --columns 64": "2 tiles of 64 x 64 taxels have 106497 input bits, a module "
-    "has at most 65000; write --merge, and a tile without --tiles\n",
+    "verilog -o v --tiles 2x1 --rows 64 --columns 64": "2 tiles of 64 x 64 taxels have 106497 input bits, but a "
+    "module has at most 65000; write the merge with --merge, and a tile without --tiles\n",
     "rates --tau 0.2 --dataset embedded": "--tau is the leak of encoding nlcs or nlcs-bipolar, not of lcs; add ",
     "counts --tau 0.2 --points lcs:2": "--tau is the leak of nlcs or nlcs-bipolar, and --points has none of these",
     "power --mode consistent --correct pads": "--correct lists all corrections to make, so that --mode consistent ",
