@@ -17,6 +17,7 @@ from eskin.cocotb_tests.runner.process import MismatchFound, Tally
 from eskin.cocotb_tests.test_chip import chip
 from eskin.cocotb_tests.touch.noise import play as play_chip
 from eskin.model.config import Encoding, ReadoutConfig
+from eskin.model.encoders import registry
 from eskin.rtl.verilog import Config
 
 CHIP = chip(2, 2, 8, 3)
@@ -33,7 +34,7 @@ def play(encoding: Encoding, folder: Path) -> Tally:
     return play_here(simulator.build(config, "icarus"), job, arrays, folder)
 
 
-@pytest.mark.parametrize("encoding", ["lcs", "cw-lcs", "nlcs", "nlcs-bipolar"])
+@pytest.mark.parametrize("encoding", registry.NAMES)
 def test_skipped_runs_have_the_events_of_the_model(encoding: Encoding, tmp_path: Path) -> None:
     tally = play(encoding, tmp_path)
     assert (tally.runs, tally.clocks) == (4, 4 * 60 * 64)
