@@ -1,4 +1,6 @@
-"""List of the commands of ``eskin``; imports only the standard library, because make reads it before installation.
+"""List the commands of ``eskin``.
+
+This module imports only the standard library, because make reads the list before the installation.
 
 To add a command: write its function in a module of ``app/commands``, and list it here under the user's task.
 """
@@ -88,7 +90,10 @@ def overview() -> str:
 
 
 def sections(listed: Mapping[str, Mapping[str, str]], width: int | None = None) -> Iterable[str]:
-    """Yield the lines of help sections, each a heading with names and texts; by default as wide as the terminal."""
+    """Yield the lines of help sections; a section has a heading, and a text for each name.
+
+    By default, the lines are as wide as the terminal.
+    """
     width = width or max(shutil.get_terminal_size().columns, 60)
     indent = max(len(name) for texts in listed.values() for name in texts) + 4
     for heading, texts in listed.items():

@@ -38,7 +38,7 @@ class Command(typer.core.TyperCommand):
     """Command whose help lists its own options first, then groups of common options."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse a command line; ``--weights FILE`` gives the argument WEIGHTS too, as it does in other commands."""
+        """Parse a command line; accept ``--weights FILE`` in place of the argument WEIGHTS."""
         if any(p.name == NETWORK and p.param_type_name == "argument" for p in self.params):
             if args[-1:] == [f"--{NETWORK}"]:
                 raise InputError(f"--{NETWORK} needs a file; give one behind it")
@@ -73,7 +73,7 @@ class Command(typer.core.TyperCommand):
 
 
 class Commands(Mapping[str, typer.core.TyperCommand]):
-    """Group that imports a command only when it is used, for fast help and error messages."""
+    """Group that imports only the command in use, for fast help and error messages."""
 
     def __init__(self, names: Iterable[str]) -> None:
         self.names = tuple(names)
@@ -206,7 +206,7 @@ def missing_group(error: ModuleNotFoundError) -> str:
 
 
 def asked_for() -> str:
-    """Return the command line as typed, stored with results."""
+    """Return the command line as the user typed it, to store with results."""
     return shlex.join(["eskin", *sys.argv[1:]])
 
 
@@ -220,7 +220,7 @@ def printable(text: object) -> str:
 
 
 def echo(text: object, **where: Any) -> None:
-    """Print a text that may contain names of files or other words of a user."""
+    """Print a text with its control characters escaped, because a file name may contain them."""
     print(printable(text), **where)
 
 

@@ -274,7 +274,7 @@ def _clean(dry: bool) -> None:
 
 
 def _nearest(word: str, known: list[str]) -> str:
-    """Return a question with the known word most similar to a given word."""
+    """Return the end of an error message, with the known word most similar to a given word."""
     return f"; did you mean {difflib.get_close_matches(word, known, 1, 0)[0]}?" if known else "; it takes no variable"
 
 

@@ -37,7 +37,9 @@ MAIN = ("rows", "columns", "encoding", "resolution", "sample_rate_hz")
 
 
 def opt(*words: str, **limits: Any) -> OptionInfo:
-    """Return an option as its help shows it: flags (that of the parameter's name by default), metavar or none, text.
+    """Return a command-line option for its flags, its metavar and its help text.
+
+    Without flags, the parameter's name gives the flag. The metavar may be absent.
 
     ``limits`` are other arguments of ``typer.Option``.
     """
@@ -45,7 +47,7 @@ def opt(*words: str, **limits: Any) -> OptionInfo:
 
 
 def arg(*words: str, **limits: Any) -> ArgumentInfo:
-    """Return an argument: metavar and text."""
+    """Return a command-line argument for its metavar and its help text."""
     return _filled(ArgumentInfo, words, limits)
 
 
@@ -56,12 +58,12 @@ def _filled(kind: type[Any], words: Sequence[str], limits: Mapping[str, Any]) ->
 
 
 class Output(OptionInfo):
-    """An option that is an output path, ``-o`` unless it has other flags."""
+    """Option for an output path, with the flag ``-o`` by default."""
 
     folder: bool | Callable[[Mapping[str, Any]], bool]  # a callable receives the arguments of the command by name
 
     def path(self, path: Path, given: Mapping[str, Any], inputs: Iterable[Path]) -> Path:
-        """Return the path to write: a folder as given, a file with its links resolved.
+        """Return the path to write: a folder unchanged, a file with its links resolved.
 
         Raises InputError if the output cannot be written, is an input, or is inside an input.
         """
@@ -80,14 +82,17 @@ class Output(OptionInfo):
 
 
 def out_file(*words: str, when: bool | Callable[[Mapping[str, Any]], bool] = False, **limits: Any) -> Output:
-    """Return an option that is an output file; a folder where ``when`` holds for the arguments of the command."""
+    """Return an option for an output file, or for an output folder if ``when`` is True.
+
+    ``when`` may be a function of the command's arguments.
+    """
     made: Output = _filled(Output, words if words[0].startswith("-") else ("-o", "--out", *words), limits)
     made.folder = when
     return made
 
 
 out_folder = functools.partial(out_file, when=True)
-"""Function that returns an option that is an output folder."""
+"""Function that returns an option for an output folder."""
 
 
 def checking_outputs(command: Command) -> Command:
@@ -135,7 +140,7 @@ def field_options(
     defaults: Mapping[str, object] | None = None,
     heading: str | None = None,
 ) -> list[inspect.Parameter]:
-    """Return one option for each field of a dataclass, or for the fields of some names.
+    """Return an option for each field of a dataclass, or only for the named fields.
 
     Fields are made by ``eskin.model.config.parameter``. ``defaults`` are defaults in the help that differ from the
     class. ``heading`` is that of the options in the help.
@@ -195,7 +200,9 @@ def replace_parameters(
     build: Callable[[dict[str, Any]], dict[str, Any]],
     last: bool = False,
 ) -> Command:
-    """Return a command in which options replace the parameters ``names``, as far as the command has them.
+    """Return a command with options in place of its parameters ``names``.
+
+    A name that is no parameter of the command is ignored.
 
     ``build`` returns the arguments for ``names`` from the values of the options by name. The options are the last in
     the help, or stand where the first of ``names`` stood.
@@ -312,7 +319,7 @@ def build_config(
     file: Path | None = None,
     stored: dict[str, Any] | None = None,
 ) -> tuple[ReadoutConfig, frozenset[str]]:
-    """Return the configuration from a file; explicit fields override it, and a time constant sets the leak.
+    """Return the configuration from a file, changed by explicit fields and a time constant.
 
     Also returns the names of the fields that the user, the file or the time constant set. ``stored`` receives the
     fields of a frame readout in the file; without ``stored`` they are refused.

@@ -67,7 +67,7 @@ def show(table: Table, least_width: int = 0) -> None:
 
 
 def print_report(data: Any, as_json: bool, show: Callable[[Any], None]) -> None:
-    """Print data as one JSON object, or with the function that prints them for people."""
+    """Print data as a JSON object, or call the function ``show`` to print tables."""
     if as_json:
         print(json.dumps(data))
     else:

@@ -135,7 +135,7 @@ def kept_lines(path: Path) -> Iterator[Any]:
 
 
 class Pieces:
-    """Store of partial results beside the file of the whole result, with which a stopped run continues.
+    """Store partial results beside the result file, so that a stopped run can continue.
 
     Results under another ``code``, a digest of the computation, are computed again. Without a file nothing is stored.
     """
@@ -283,7 +283,7 @@ def plain(content: Any) -> Any:
 
 
 def forget_stale_kernels(module: Path, steps: Iterable[Path]) -> None:
-    """Remove cached Numba kernels of a module that are older than a source they depend on.
+    """Remove cached Numba kernels of a module that are older than their sources.
 
     Numba looks only at the module with ``njit(cache=True)``, not at the sources of the functions that it calls.
     """

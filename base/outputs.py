@@ -26,7 +26,7 @@ _PARTS = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
 
 
 def file_of(path: Path) -> Path:
-    """Return the output file to which a path leads through links, after checking that it is writable.
+    """Return an output path with its links resolved, after checking that the file is writable.
 
     The file need not exist, and is not created. Raises InputError if it is a folder or socket, its folder does not
     exist, its name is too long, or the user may not write it.
@@ -75,7 +75,7 @@ def missing_folders(path: Path) -> list[Path]:
 
 
 def remove_empty(folders: Iterable[Path]) -> None:
-    """Remove these folders and all folders in them that contain no file."""
+    """Remove the empty folders among these folders and all folders in them."""
     for folder in folders:
         for place, _, _ in os.walk(folder, topdown=False):
             with contextlib.suppress(OSError):

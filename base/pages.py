@@ -24,7 +24,7 @@ def templates(folder: Path) -> Environment:
 
 
 def embedded(plot: Callable[[Path], object], words: str, kind: str = "png") -> Markup:
-    """Return the picture that a function writes to a file (``png`` or ``svg``), as embedded HTML with description."""
+    """Return an HTML image with a description, from a function that writes a picture file."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"picture.{kind}"
         plot(path)

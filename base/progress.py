@@ -27,7 +27,9 @@ def note(text: str) -> None:
 
 
 def progress_of(*words: str, spinner: bool = False, time_left: bool = False, transient: bool = True) -> Progress:
-    """Return a progress display in the common style: first text, bar, count, time (passed or left), other texts.
+    """Return a progress display in the common style.
+
+    The display shows the first text, a bar, a count, the time (passed or left), and the other texts.
 
     A spinner is a turning mark at the beginning. Transient bars disappear at the end.
     """

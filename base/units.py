@@ -23,5 +23,8 @@ def counted(number: int, noun: str) -> str:
 
 
 def plain(value: float) -> str:
-    """Return a number as text, with significant digits, or from 1000 on whole: 0.000123, 3.66, 12,345."""
+    """Return a number as text, for example 0.000123, 3.66 or 12,345.
+
+    The text has three significant digits. Numbers from 1000 on are rounded to whole numbers.
+    """
     return f"{value:,.0f}" if abs(value) >= 999.5 else f"{value:.3g}"

@@ -36,7 +36,7 @@ class Part(NamedTuple):
 
 
 class ChangeCoder:
-    """Convert samples to frames, from ``RESTART`` on."""
+    """Coder that converts all samples after a ``RESTART`` to frames."""
 
     def __init__(self, readout: ReadoutConfig) -> None:
         self.low = unread_bits(readout)
@@ -70,7 +70,7 @@ class ChangeCoder:
         yield from _frames(samples, stream, ends, whole)
 
     def _directions(self, moved: NDArray[Any], steps: NDArray[Any]) -> NDArray[Any]:
-        """Return whether the last step of each taxel before each tick was a fall."""
+        """Return, for each tick and taxel, whether the previous step was a fall."""
         ticks = np.arange(len(moved))[:, None]
         last = np.maximum.accumulate(np.where(steps, ticks, -1), axis=0)
         after = np.where(last < 0, self._falling, np.take_along_axis(moved < 0, np.maximum(last, 0), axis=0))
@@ -82,7 +82,7 @@ class ChangeCoder:
 def _frames(
     samples: NDArray[Any], stream: NDArray[np.uint8], ends: NDArray[Any], whole: NDArray[np.bool_]
 ) -> Iterator[Part]:
-    """Yield the frames of a block, as many ticks in each as it takes."""
+    """Yield the frames of a block, each with as many ticks as fit."""
     first = begun = 0
     for tick in range(len(ends) + 1):
         here = begun if tick == 0 else int(ends[tick - 1])  # where the bits of this tick begin
@@ -97,7 +97,7 @@ def _frames(
 
 
 def whole_tick(codes: NDArray[Any]) -> Iterator[Part]:
-    """Yield the frames of the samples of one tick, each with 16 bits."""
+    """Yield the frames of one tick, with 16 bits for each sample."""
     size = MOST_PAYLOAD // 2
     for at in range(0, len(codes), size):
         yield Part(Kind.SAMPLES, codes[at : at + size].astype("<i2").tobytes(), int(at + size >= len(codes)))

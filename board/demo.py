@@ -144,7 +144,7 @@ def _chosen(names: dict[str, str | None], only: str | None) -> list[str]:
 
 
 def _events_of(source: Path, only: str | None, readout: Mapping[str, Any], prepared: Mapping[str, Any]) -> Show:
-    """Return the show of recordings without a network: the page shows their events and no class."""
+    """Return the show of recordings without a network; the page shows events, but no class."""
     from eskin.skin.recordings.folder import read_set
 
     config = ReadoutConfig(**readout)
@@ -283,7 +283,7 @@ def _without_network(show: Show, view: View, codes: NDArray[Any], sender: UdpSen
 
 
 def foreign_records(config: ReadoutConfig, events: Events, clock_hz: float) -> list[tuple[int, int]]:
-    """Return clock and address of events in the form in which a board receives them from another chip."""
+    """Return clock and address of events, as a board receives events from another chip."""
     above = events["p"].astype(np.int64) if config.has_polarity else np.zeros(len(events), np.int64)
     rows, columns = events["y"].astype(np.int64), events["x"].astype(np.int64)
     addresses = (above << config.row_bits | rows) << config.column_bits | columns

@@ -122,11 +122,11 @@ class Link:
         return len(self._waiting)
 
     def wait(self, seconds: float = MOST_S) -> None:
-        """Wait until the board has executed all frames; raise InputError if one takes longer than ``seconds``."""
+        """Wait until the board has executed all frames; raise InputError if a frame takes longer than ``seconds``."""
         self._until(lambda: not self._waiting, seconds)
 
     def waited_s(self) -> float:
-        """Return the age in seconds of the current bytes on this machine."""
+        """Return how many seconds ago this machine received the current bytes."""
         return time.monotonic() - self.arrived
 
     def _until(self, done: Callable[[], bool], seconds: float) -> None:
@@ -174,7 +174,7 @@ class Link:
             raise InputError(f"the board at {self.port} is gone; check the cable") from None
 
     def _begins(self, frame: Frame | Damaged) -> bool:
-        """Return True if a frame starts the current session, False if it is of an earlier session."""
+        """Return True if a frame starts the current session, False for a frame of an earlier session."""
         if (
             isinstance(frame, Damaged)
             or frame.kind != Kind.RECORDS

@@ -217,7 +217,10 @@ class _Server(ThreadingHTTPServer):
 
 @contextmanager
 def served(view: View, port: int, option: str = "--page") -> Iterator[ThreadingHTTPServer]:
-    """Serve the live page to this machine only, and yield the server. ``option`` chooses another port."""
+    """Serve the live page to this machine only, and yield the server.
+
+    An error message names ``option``, which chooses another port.
+    """
     try:
         server = _Server(("127.0.0.1", port), partial(_Handler, view))
     except (OSError, OverflowError) as error:

@@ -43,7 +43,10 @@ class Tag(IntEnum):
 
 
 class Feature(IntFlag):
-    """Additions to the first protocol that a board has; earlier boards report 0, and earlier hosts ignore them."""
+    """Features of a board that the first protocol did not have.
+
+    Earlier boards report 0, and earlier hosts ignore these features.
+    """
 
     CHANGES = 1
     SHORT_EVENTS = 2
@@ -110,7 +113,7 @@ class Ack:
 
 @dataclass(frozen=True)
 class Refused:
-    """Rejection of a frame: its sequence number (unreliable), and the expected one."""
+    """Rejection of a frame: its sequence number (unreliable), and the expected sequence number."""
 
     sequence: int
     expected: int
@@ -127,12 +130,12 @@ class Words:
 
     @property
     def features(self) -> Feature:
-        """What the board takes in addition to the first protocol."""
+        """Features that the board has in addition to the first protocol."""
         return Feature(self.above & (1 << COUNT_BITS) - 1) & Feature(sum(Feature))
 
     @property
     def interval(self) -> int:
-        """Usual clocks between short events."""
+        """Usual number of clocks between short events."""
         return self.above >> COUNT_BITS & (1 << INTERVAL_BITS) - 1
 
 
@@ -176,7 +179,10 @@ class RecordReader:
                     yield record
 
     def _short(self, value: int) -> Iterator[Event]:
-        """Yield the events that end within the bits of a word; a code may go on in the next word."""
+        """Yield the short events whose codes end in a word.
+
+        A code may continue in the next word.
+        """
         bits, count = self._bits | value << self._count, self._count + VALUE_BITS
         size = (self.addresses - 1).bit_length()
         time, address = self._last
@@ -261,7 +267,7 @@ def hello_values(config: BoardConfig) -> dict[str, int]:
 
 
 def additions(config: BoardConfig) -> int:
-    """Return the bits above the number of words in a board's description: features, and the usual interval."""
+    """Return the bits above the word count in a board's description: features and the usual interval."""
     if config.chip is None:
         return 0
     interval = min(config.chip.classifier.groups, PADDING - 1)
@@ -297,7 +303,7 @@ class RecordWriter:
                 return [_word(tag, len(names) | above << COUNT_BITS), *(values[name] for name in names)]
 
     def _timed(self, tag: Tag, time: int, above: int) -> list[int]:
-        """Return the words of a record with a time, behind the high bits of the time if they have changed."""
+        """Return the words of a record with a time, preceded by changed high bits of the time."""
         changed, self._high = time >> TIME_BITS != self._high, time >> TIME_BITS
         return [_word(Tag.TIME, self._high)] * changed + [_word(tag, above << TIME_BITS | time & LOW_TIME)]
 

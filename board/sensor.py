@@ -1,4 +1,4 @@
-"""Describe a skin at a board: a resistive matrix, scanned row by row, behind an SPI converter."""
+"""Describe a skin at a board: a resistive matrix that an SPI converter scans row by row."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ MOST_SETTLE_S = 0.01
 
 
 class Part(NamedTuple):
-    """An SPI converter at 2.7 to 3.6 V. Its code stands in the last bits of a frame, highest bit first.
+    """Parameters of an SPI converter at 2.7 to 3.6 V.
+
+    A code is in the last bits of a frame, highest bit first.
 
     All parts take bits at the rising edge of SCLK, and change their output after the falling edge.
     """
@@ -55,7 +57,7 @@ class SensorConfig:
             raise InputError(f"settle_s must be in 0..{MOST_SETTLE_S:g}, not {self.settle_s:g}")
 
     def check(self, readout: ReadoutConfig, clock_hz: int) -> None:
-        """Raise InputError for a readout or a rate that the converter does not have, with the highest rate."""
+        """Raise InputError if the converter has too few channels for a readout, or is too slow."""
         if readout.columns > PARTS[self.part].channels:
             raise InputError(
                 f"{self.part} has {PARTS[self.part].channels} channels, one for each column; take another converter "

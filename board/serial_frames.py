@@ -16,7 +16,7 @@ MOST_PAYLOAD = 255
 
 
 class Kind(IntEnum):
-    """Kinds of frames; only the last kind is sent by the board."""
+    """Kinds of frames; the board sends only the last kind."""
 
     HELLO = 1
     RESTART = 2

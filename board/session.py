@@ -212,7 +212,7 @@ def sense(link: Link, chip: ChipConfig, ticks: int | None = None) -> int:
 
 
 def _finish(link: Link, left: int) -> None:
-    """Run the clocks behind the last sample, and wait for the last record."""
+    """Run the clocks after the last sample, and wait for the last record."""
     while left:
         part = min(left, MOST_CLOCKS)
         link.send(Kind.RUN, part.to_bytes(4, "little"))

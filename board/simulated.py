@@ -1,4 +1,4 @@
-"""Simulated board: the golden model behind the board's serial protocol, at a pseudo-terminal."""
+"""Simulated board: the golden model with the board's serial protocol at a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -178,7 +178,10 @@ class SimulatedPlayer(SimulatedBoard):
         self._counts: dict[str, int] = {}
 
     def may(self, frame: Frame) -> bool:
-        """Return True for samples and clocks to run, and for other frames after all previous work."""
+        """Return True if a frame can be executed now.
+
+        Samples and clocks to run are always possible, and other frames after all previous work.
+        """
         return frame.kind in (Kind.SAMPLES, Kind.RUN) or not (self._acks or self._out)
 
     def carry_out(self, frame: Frame) -> None:
@@ -238,7 +241,7 @@ class SimulatedPlayer(SimulatedBoard):
 
 
 class SimulatedReceiver(SimulatedBoard):
-    """Simulated board whose AER receiver gets given events (clock of the board, address) after every ``RESTART``."""
+    """Simulated AER receiver that gets the given events (clock of the board, address) after every ``RESTART``."""
 
     def __init__(self, config: BoardConfig, events: list[tuple[int, int]], speed: float | None = None) -> None:
         self.events: list[tuple[int, Record]] = [(time, Event(time, address)) for time, address in events]

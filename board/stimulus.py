@@ -28,7 +28,7 @@ def codes_to_play(
     dataset: str | None = None,
     only: str | None = None,
 ) -> tuple[str, NDArray[Any]]:
-    """Return name and codes, shape (ticks, taxels), of the chosen input: by default embedded textures.
+    """Return name and codes, shape (ticks, taxels), of the chosen input, by default an embedded texture.
 
     Textures and recordings are prepared as in the training of the network. Without ``only``, the input is a texture or
     recording that the network has not learned.

@@ -20,7 +20,10 @@ MEASURED = frozenset({"event_rates", "bandwidth"})
 
 
 def chosen_corrections(mode: str | None, correct: str | None, without: str | None) -> frozenset[str]:
-    """Return the corrections chosen by the options; without a list, all for ``consistent`` and else none."""
+    """Return the corrections that the options choose.
+
+    Without a list, mode ``consistent`` has all corrections, and mode ``paper`` has none.
+    """
     from eskin.power.equations import CORRECTIONS, PowerMode, check_corrections
 
     if mode is not None and mode not in get_args(PowerMode):

@@ -85,7 +85,9 @@ def encode_samples(
     prepared: Mapping[str, Any] | None = None,
     model: str = "cycle",
 ) -> Encoded:
-    """Return the events encoded from a file of samples, resampled and scaled if time stamps or options require it.
+    """Return the events encoded from a file of samples.
+
+    The samples are resampled and scaled if time stamps or options require this.
 
     Raise InputError if the file cannot be read, its rate is unknown, or a code or a value without ``scale`` is out of
     range.
@@ -128,7 +130,7 @@ def encode_samples(
 
 
 def preparation_of(place: Path, config: ReadoutConfig, prepared: Mapping[str, Any]) -> Preparation:
-    """Return the preparation of a file or of a folder, with the default scale and baseline of each.
+    """Return the preparation of a file or of a folder, with scale and baseline.
 
     A folder has the baseline ``first`` and the scale ``max``. Without these options, integers in a file are codes and
     floats are in full scale.
@@ -240,7 +242,10 @@ def _checked_codes(source: Path, values: NDArray[Any], config: ReadoutConfig) ->
 
 
 def _check_full_scale(path: Path, values: NDArray[Any], config: ReadoutConfig) -> None:
-    """Refuse values more than half a code beyond full scale, -1 to 1; a user who wants to clip them gives a scale."""
+    """Raise InputError for values more than half a code beyond full scale, -1 to 1.
+
+    A user can clip such values by giving a scale.
+    """
     magnitudes = np.abs(values)
     if beyond := np.count_nonzero(magnitudes > 1 + 0.5 / config.full_scale):
         raise InputError(

@@ -133,7 +133,7 @@ def cells_of(path: Path, lines: Sequence[str], delimiter: str | None) -> list[li
 
 
 def check_commas(path: Path, rows: Sequence[Sequence[str]], remedy: str) -> None:
-    """Raise InputError if commas within the numbers of a comma-separated table may all separate thousands."""
+    """Raise InputError if all commas within numbers may be decimal commas or separate thousands."""
     found = [cell for row in rows for cell in row if _COMMA.fullmatch(cell)]
     if found and all(_THOUSANDS.fullmatch(cell) for cell in found):
         raise InputError(f"{path}: the comma in {found[0]!r} may be a decimal comma or separate thousands; {remedy}")

@@ -1,4 +1,4 @@
-"""Choose encoder, resolution and scale of recordings by the classes that a logistic regression finds from events."""
+"""Choose encoder, resolution and scale by the accuracy of a logistic regression on the events."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class ByClasses(Fit):
         recordings: Mapping[str, Sequence[NDArray[np.int32]]],
         progress: Callable[[], object],
     ) -> tuple[ReadoutConfig, str, str]:
-        """Return configuration and scale with the lowest data rate among those that are as accurate as the best ones.
+        """Return the configuration and scale with the lowest data rate among the most accurate candidates.
 
         That is at most one standard error below the best accuracy, by inner cross-validation of a logistic regression
         on event statistics. With fewer than two recordings of a class, ``Fit`` chooses.

@@ -1,4 +1,6 @@
-"""Train convolutional networks that differ in images and seed together, for a GPU that one of them leaves idle.
+"""Train several convolutional networks together, because a single network does not fill a GPU.
+
+The networks differ in training images and seed.
 
 Every network gets the scans, shifts and learning rates of ``eskin.snn.train.train``. Only its dropout differs.
 """

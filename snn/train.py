@@ -158,7 +158,10 @@ def _epoch(
 
 
 def _clip(parameters: Iterable[nn.Parameter], most: float) -> float:
-    """Scale gradients to a norm of at most ``most``; return the norm before. Equals torch's ``clip_grad_norm_``."""
+    """Scale gradients to a norm of at most ``most``, and return their original norm.
+
+    The result equals torch's ``clip_grad_norm_``.
+    """
     gradients = [parameter.grad for parameter in parameters if parameter.grad is not None]
     norm = torch.linalg.vector_norm(torch.stack([torch.linalg.vector_norm(gradient) for gradient in gradients]))
     factor = most / (norm + 1e-6)

@@ -23,7 +23,7 @@ def check_name(name: str) -> None:
 
 @contextmanager
 def failing_on(*errors: type[Exception], line: str = "") -> Iterator[None]:
-    """Print an error of these types with a further line, and exit with 1."""
+    """Print an error of the given types and a further line, and exit with 1."""
     try:
         yield
     except errors as error:

@@ -25,7 +25,7 @@ CONNECT_S, WORKERS_S = 5.0, 10.0
 
 @dataclass(frozen=True)
 class Needs:
-    """Packages of this project and libraries whose versions a worker must share with this process."""
+    """Packages and libraries that need equal versions in a worker and in this process."""
 
     packages: tuple[str, ...] = ("base", "model", "skin", "power")
     libraries: tuple[str, ...] = ("numpy", "scipy", "numba")

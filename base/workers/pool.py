@@ -62,7 +62,7 @@ class WorkerPool(AbstractContextManager["WorkerPool"]):
 
     @abstractmethod
     def submit(self, work: Callable[..., Any], *arguments: Any, shared: Shared | None = None) -> Any:
-        """Submit ``work`` and return its future; a shared value is the first argument, if there is one."""
+        """Submit ``work`` and return its future; a shared value becomes the first argument."""
 
     def forget(self, name: str) -> None:  # nothing by default: local processes cache few values
         """Delete a shared value that no further task needs."""

@@ -33,7 +33,7 @@ AER_PINS = Resource(
 
 
 def skin_pins(rows: int) -> Resource:
-    """Return the pins for a skin, 3.3 V: its rows from 0+ on, and the SPI converter."""
+    """Return the 3.3 V pins for a skin: the rows from pin 0+ on, and the SPI converter."""
     pins = [f"{pair}{sign}" for pair in range(MOST_ROWS // 2) for sign in "+-"]
     return Resource(
         "skin",

@@ -181,7 +181,7 @@ class Loader(Component):
                 self._shift(m, self.taxel, self.falling[0], "SENSE")
 
     def _shift(self, m: Module, code: Value, falling: Value, following: str) -> None:
-        """Shift in the sample of a taxel; a tick follows the last."""
+        """Shift in the sample of a taxel; after the last taxel, give a sample tick."""
         readout, count = self.readout, self.count
         m.d.sync += [
             self.sample.eq(Cat(self.sample, code)[readout.sample_bits :]),
@@ -194,7 +194,7 @@ class Loader(Component):
             m.next = "TICK"
 
     def _option(self, m: Module, taken: Signal, left: Signal) -> None:
-        """Add the state that takes the option of a restart: whether events may be short."""
+        """Add the state that reads whether a restart permits short events."""
         with m.State("OPTION"):
             m.d.comb += self.ready.eq(left != 0)
             with m.If(taken):
@@ -203,7 +203,10 @@ class Loader(Component):
                 m.next = "RESTART"
 
     def _changes(self, m: Module, taken: Signal, left: Signal) -> None:
-        """Add the states that read changes: a taxel has up to three bits, and a whole code behind three ones."""
+        """Add the states that read the changes of each tick (docs/reference/board.md).
+
+        A taxel has up to three bits. Three ones are followed by a whole code.
+        """
         readout = self.readout
         low = unread_bits(readout)
         width = readout.sample_bits - low

@@ -129,7 +129,7 @@ class Recorder(Component):
         return m
 
     def _answer(self, m: Module, memory: Any) -> None:
-        """Write the next record that is neither event nor class, after filling up the word of short events."""
+        """Fill up the word of short events, then write the next record that is neither event nor class."""
         others = self.refused_valid | self.ack_valid | self.hello_valid | self.status_valid
         waits = (self.filled != 0) & (others | self.rests) if self.config.chip else Const(0, 1)
         with m.If(waits):
@@ -158,7 +158,9 @@ class Recorder(Component):
             m.d.sync += self.has_last.eq(0)
 
     def _shorten(self, m: Module, time: Signal, address: Signal, has_event: Signal) -> None:
-        """Choose the code of a short event: its interval, if it is not the usual one, and its address, if not the next.
+        """Choose the code of a short event from its interval and its address.
+
+        The code has the interval if it is not the usual interval, and the address if it is not the next address.
 
         Otherwise the word of short events is filled first.
         """
@@ -182,7 +184,7 @@ class Recorder(Component):
             m.next = "FILL"
 
     def _shift(self, m: Module, memory: Any, has_event: Signal, written: Signal) -> None:
-        """Add the states that shift in the code of a short event, and the ones that fill the last word of them."""
+        """Add the states that shift in the code of a short event, and that fill up the last word."""
         full = self.filled == VALUE_BITS
         has_class = self.has_class if self.classes else Const(0, 1)
         for name, bit, ends in (("SHIFT", self.code[0], self.left == 0), ("FILL", Const(1, 1), self.filled == 0)):

@@ -85,7 +85,7 @@ class Scanner(Component):
         return m
 
     def _due(self, m: Module, begins: Signal) -> Signal:
-        """Return whether a scan is due: the first one behind a restart, and one a period later each."""
+        """Return whether a scan must begin: after a restart, and then once per period."""
         period = round(self.clock_hz / self.readout.sample_rate_hz)
         count, due, missed, runs = Signal(range(period)), Signal(init=1), Signal(), Signal()
         m.d.comb += self.late.eq(begins & missed)
@@ -102,7 +102,10 @@ class Scanner(Component):
         return due
 
     def _open(self, m: Module, word: Signal, frame: Signal, bit: Signal, wait: Signal, half: int) -> None:
-        """Begin a frame with the number of a channel; behind the last channel follow frames for late codes."""
+        """Begin an SPI frame with the number of a channel.
+
+        After the last channel, further frames collect the late codes.
+        """
         part = PARTS[self.config.part]
         last = self.readout.columns - 1
         channel = Mux(frame > last, last, frame)

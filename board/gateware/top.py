@@ -26,7 +26,7 @@ SKIN_PINS = ("rows", "sclk", "cs_n", "mosi", "miso")
 
 
 def _pins(config: BoardConfig) -> dict[str, Any]:
-    """Return the pins in addition to the serial line: those of an AER receiver, or of a skin and its converter."""
+    """Return the pins beside the serial line: for an AER receiver, or for a skin and its converter."""
     if config.sensor and config.chip:
         members = Scanner(config.sensor, config.chip.readout, config.serial.clock_hz).signature.members
         return {name: members[name] for name in SKIN_PINS}
@@ -153,7 +153,10 @@ class Core(Component):
         return recorder.class_valid, chip.stall_count, late
 
     def _skin(self, m: Module, loader: Loader) -> Signal:
-        """Add the scan of a skin, and return the signal of a scan that is late: its tick is lost."""
+        """Add the scanner of a skin, and return the signal that reports a late scan.
+
+        The tick of a late scan is lost.
+        """
         assert self.config.chip is not None
         assert self.config.sensor is not None
         scanner = Scanner(self.config.sensor, self.config.chip.readout, self.config.serial.clock_hz)
@@ -169,7 +172,7 @@ class Core(Component):
         return scanner.late
 
     def _aer(self, m: Module, recorder: Recorder, now: Signal) -> tuple[Any, Any, Any]:
-        """Add the AER receiver; events that find the FIFO full are dropped and counted."""
+        """Add the AER receiver, which drops and counts events while the FIFO is full."""
         m.submodules.aer = aer = AerReceiver()
         m.d.sync += now.eq(now + 1)
         m.d.comb += [
@@ -190,7 +193,7 @@ class Core(Component):
 
 
 class Board(Component):
-    """Top module; a valid HELLO frame of the host starts a session and resets all but the serial line.
+    """Top module; a valid HELLO frame of the host starts a session and resets everything except the serial line.
 
     Attributes
     ----------

@@ -303,7 +303,7 @@ def _draw_final(panel: Axes, played: ScanToClass) -> None:
 
 
 def _above(panel: Axes, played: ScanToClass, name: str, title: str, text: str) -> None:
-    """Dress a panel with a title, and write its numbers on a line of their own below the title."""
+    """Write the title of a panel, and its numbers on a line below the title."""
     from matplotlib.transforms import ScaledTranslation
 
     heading = dress(panel, title)

@@ -49,7 +49,7 @@ class ForeignEvents:
 
 
 def unwrapped(events: ForeignEvents, bits: int) -> ForeignEvents:
-    """Return events with overflows of a time counter of ``bits`` bits removed."""
+    """Return events after removing the overflows of a time counter of ``bits`` bits."""
     if not 1 <= bits <= 62:
         raise InputError(f"--wrap takes 1 to 62 bits, not {bits}")
     if events.time.dtype.kind != "i":
@@ -73,7 +73,7 @@ def in_order(events: ForeignEvents) -> ForeignEvents:
 def configuration(
     events: ForeignEvents, config: ReadoutConfig, given: frozenset[str], mapping: AddressMap | None
 ) -> ReadoutConfig:
-    """Return the configuration with the array size of the events or their map, where the user gave none.
+    """Return the configuration; take a missing array size from the events or their map.
 
     Parameters
     ----------

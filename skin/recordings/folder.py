@@ -105,7 +105,7 @@ class RecordingSet:
         return Recording(events, self.config, clocks, metadata=metadata), quality
 
     def said_of(self, source: Source) -> dict[str, Any]:
-        """Return the metadata for an event file, sufficient to prepare other recordings equally."""
+        """Return the metadata for an event file; they suffice to prepare other recordings equally."""
         scale = list(self.scale) if isinstance(self.scale, tuple) else self.scale
         said: dict[str, Any] = {"scale": scale, "prepared": self.options.chosen()}
         said |= {"columns": list(self.columns)} if self.columns else {}
@@ -239,7 +239,7 @@ def read_set(
 
 
 def _with_array(config: ReadoutConfig, taxels: int, given: Collection[str], path: Path) -> ReadoutConfig:
-    """Return the configuration with an array for a number of taxels; a user's array must have as many."""
+    """Return the configuration with an array for a number of taxels, after checking a user's array."""
     if {"rows", "columns"} & set(given) or config.taxels == taxels:
         if config.taxels != taxels:
             raise InputError(

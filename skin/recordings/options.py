@@ -106,7 +106,7 @@ class Preparation:
         return None
 
     def factors(self) -> Scale:
-        """Return the fixed factors to full scale; ``percentile`` is None."""
+        """Return the fixed factors to full scale; only valid if ``percentile`` is None."""
         numbers = tuple(map(float, self.scale.split(",")))
         return numbers if len(numbers) > 1 else numbers[0]
 

@@ -112,7 +112,10 @@ def prepare(
 
 
 def _common_rate(tables: Sequence[Table]) -> float:
-    """Return the median sampling rate of recordings; refuse a missing rate, or one off by a factor of 2."""
+    """Return the median sampling rate of recordings; raise InputError if a rate is missing or very different.
+
+    A rate is very different if it is at least twice the median, or at most half the median.
+    """
     rates = []
     for table in tables:
         if table.time_s is not None:

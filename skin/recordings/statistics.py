@@ -59,7 +59,7 @@ def write_signals(recordings: RecordingSet, folder: Path) -> None:
 
 
 def signals_of(folder: Path) -> tuple[dict[str, NDArray[np.int32]], float]:
-    """Return the codes of each recording by name, shape (ticks, taxels), and the samples per second of all.
+    """Return the codes of each recording by name, shape (ticks, taxels), and their common samples per second.
 
     Raises
     ------

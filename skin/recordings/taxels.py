@@ -68,5 +68,5 @@ def _reasons(tables: Sequence[Table]) -> dict[int, str]:
 
 
 def _is_full_scale(value: float) -> bool:
-    """Return True if a number is 2**n - 1 for an n of at least 8, as the end of a range is."""
+    """Return True if a number is 2**n - 1 with n of at least 8, the end of a converter's range."""
     return value >= 255 and float(value + 1).is_integer() and np.log2(value + 1).is_integer()

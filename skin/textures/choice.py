@@ -1,4 +1,4 @@
-"""Select taxels of an array: lines, corners, checkerboard, random ones, or a list (docs/guide/classifier.md)."""
+"""Select taxels of an array: lines, corners, checkerboard, random taxels, or a list (docs/guide/classifier.md)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def choose(text: str, rows: int, columns: int) -> tuple[int, ...]:
 
 
 def _spread(length: int, count: int) -> list[int]:
-    """Return evenly spread positions on a line, including both ends; a single one is the first."""
+    """Return evenly spread positions on a line, including both ends; a single position is the first."""
     if not 1 <= count <= length:
         raise ValueError
     return [round(place) for place in np.linspace(0, length - 1, count)]

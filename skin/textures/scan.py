@@ -190,7 +190,10 @@ class Scan(ABC):
 
 @functools.lru_cache(maxsize=16)
 def _discrete(numerator: tuple[float, ...], denominator: tuple[float, ...], rate_hz: float) -> tuple[Any, Any]:
-    """Return the coefficients of a sensor between samples, which would take half the time of a scan each time."""
+    """Return the cached coefficients of a sensor between samples.
+
+    Without the cache, their computation would take half the time of every scan.
+    """
     from scipy import signal
 
     found, below, _ = signal.cont2discrete((numerator, denominator), 1.0 / rate_hz, method="foh")

@@ -23,7 +23,7 @@ Parts = dict[str, int]
 
 
 def coded_bits(words: NDArray[np.unsignedinteger]) -> int:
-    """Return the compressed size of a stream of words in bits, with bytes of equal weight grouped."""
+    """Return the compressed size in bits of a stream of words, after grouping bytes of equal weight."""
     planes = words.astype(f"<u{words.dtype.itemsize}").view(np.uint8).reshape(len(words), words.dtype.itemsize).T
     stream = planes.tobytes()
     filters = [{"id": lzma.FILTER_LZMA2, "preset": 9}]

@@ -167,7 +167,7 @@ def _check(network: SpikingNetwork, arrays: dict[str, NDArray[np.float64]]) -> N
 
 
 def _leak(decays: NDArray[np.float64], name: str, bits: int | None) -> tuple[Leak, dict[str, float]]:
-    """Return the realisable leak closest to a decay common to all neurons, with both decays."""
+    """Return the hardware leak closest to the common decay of all neurons, with both decays."""
     if decays.max() - decays.min() > 1e-6:
         raise InputError(
             f"the hardware has one {name} for all neurons, but the network learned {decays.min():.3g} to "

@@ -128,7 +128,10 @@ class PointSummary:
 
 
 def as_word(classes: Iterable[int]) -> str:
-    """Return the classes of images as one digit each, ``.`` for none; empty if there are too few digits."""
+    """Return the classes of images as a text with one digit for each image.
+
+    A point stands for an image without class. The text is empty if a class has no digit.
+    """
     found = [int(number) for number in classes]
     return "".join(DIGITS[n] if n >= 0 else "." for n in found) if max(found) < len(DIGITS) else ""
 

@@ -73,7 +73,7 @@ class Subject:
 
     @property
     def recorded_as(self) -> str:
-        """Text that is equal for networks whose test scans are equal."""
+        """Text that identifies the test scans of a network."""
         _, config = self.experiment.scan_and_config()
         return repr((self.experiment.dataset, config, self.experiment.bins, self.images.tolist()))
 

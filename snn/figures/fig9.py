@@ -48,7 +48,7 @@ PUBLISHED_NAME = "published"
 
 
 def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
-    """Return the sweeps from files or folders; by default those of ``kept_sweeps`` and the latest one."""
+    """Return the sweeps from files or folders; by default the project's sweeps and the latest sweep."""
     files = list(paths) or kept_sweeps() + ([LATEST] if LATEST.is_file() else [])
     if not files:
         raise InputError(f"there is no sweep in {KEPT}, nor {LATEST}; make one with eskin sweep")
@@ -60,7 +60,7 @@ def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
 
 
 def kept_sweeps() -> list[Path]:
-    """Return the paths of the project's sweeps, without those of the frontier."""
+    """Return the paths of the project's sweeps, without the sweeps of the frontier."""
     return [path for path in sorted(KEPT.glob("*.json")) if not path.name.startswith(RATES)]
 
 
@@ -146,7 +146,7 @@ def title(sweep: str) -> str:
 
 
 def detail(point: Data) -> str:
-    """Return what distinguishes points of a readout: resolution; for frames network, or rate and bits."""
+    """Return the label of a point: resolution, network, or rate and bits."""
     words = str(point.get("name", "")).removeprefix("frame").strip("-").split("-")
     if not point["readout"].startswith("frame") or words == [""]:
         return f"{point['resolution']} b"

@@ -26,7 +26,7 @@ def random_events(scans: int, bins: int, inputs: int, most: float, seed: int) ->
 
 @torch.no_grad()
 def agreement(weights: Weights, events: NDArray[np.uint8], bits: Sequence[int]) -> dict[str, Any]:
-    """Return how often the float network predicts each class, its spikes, and the agreement at each bit width."""
+    """Compare the predicted classes of a float network with the classes of integer networks."""
     counts = torch.from_numpy(events).float().transpose(0, 1)
     found = weights.network.eval()(counts)
     classes = found.logits.argmax(1).numpy()

@@ -26,7 +26,7 @@ FRAMES_HZ = (250.0, 500.0, 1000.0, 5000.0, 20000.0)
 
 
 def rest_and_timing(textures: Dataset, progress: Watch) -> dict[str, Any]:
-    """Return the results for rest and timing, and the number of textures."""
+    """Return the data rates at rest, the timing errors, and the number of textures."""
     with progress("rest", len(textures) * len(READOUTS)) as step:
         rest = bits_per_second(textures, READOUTS, NOISES_V, step)
     with progress("timing", len(textures)) as step:

@@ -23,7 +23,10 @@ def right_of(answers: Points) -> NDArray[np.float64]:
 
 
 def paired(points: Points, first: str, second: str, of: Sequence[str]) -> list[dict[str, Any]]:
-    """Return McNemar's test of two networks on common images, for equal values of the fields ``of``."""
+    """Return McNemar's tests of two networks on common images.
+
+    Each test compares two points with equal values of the fields ``of``.
+    """
     found = []
     for point in points:
         same = [p for p in points if p["network"] == second and all(p[name] == point[name] for name in of)]

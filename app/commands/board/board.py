@@ -183,7 +183,7 @@ def _link(port: str, sink: Callable[[list[Record]], object], baud: int, patience
 
 
 def sending(udp: str | None, clock_hz: float) -> AbstractContextManager[UdpSender | None]:
-    """Return the context of a UDP sender of events, or of None without a destination."""
+    """Return a context with a UDP sender of events, or with None without a destination."""
     from eskin.board.udp import UdpSender
 
     return nullcontext() if udp is None else closing(UdpSender(udp, clock_hz))

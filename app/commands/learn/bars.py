@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 @contextmanager
 def epoch_bar(epochs: int) -> Iterator[tuple[Any, Any]]:
-    """Yield functions that report an epoch and a sentence; without a terminal, print every tenth epoch.
+    """Yield two functions: the first reports an epoch, the second prints a sentence.
+
+    Without a terminal, only every tenth epoch is printed.
 
     Sentences are warnings, and go to standard error always.
     """
@@ -39,7 +41,7 @@ def epoch_bar(epochs: int) -> Iterator[tuple[Any, Any]]:
 
 @contextmanager
 def cell_bar(total: int) -> Iterator[Any]:
-    """Yield the ``progress`` of a sweep; without a terminal, print a line per finished training."""
+    """Yield the function ``progress`` of a sweep; without a terminal, print a line per finished training."""
     if not watched():
 
         def line(run: PointRun, result: dict[str, Any] | None) -> None:

@@ -105,7 +105,7 @@ NOT_OF_A_SWEEP = ("encoding", "resolution", "events", "frames")
 
 
 def with_experiment(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Replace the parameter ``make`` of a command, which makes an Experiment, by the options that define it.
+    """Replace the parameter ``make`` of a command by the options that define an Experiment.
 
     ``make`` takes a ``Fit`` for recordings. A parameter ``options`` instead receives the values of the options by name,
     without those that the points of a sweep say.

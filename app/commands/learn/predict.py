@@ -116,7 +116,7 @@ def _own_events(trained: Trained, data: Path | None, check_model: bool) -> Path:
 
 
 def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> None:
-    """Print the number of RTL recordings equal to the model; exit with 1 if one differs or none exists."""
+    """Print how many RTL recordings equal the model; exit with 1 if a recording differs or none exists."""
     from eskin.snn.experiments.evaluate import LEVELS
 
     names = [recording.metadata["name"] for recording in recordings]
@@ -137,7 +137,10 @@ def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> N
 
 
 def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float32], trained: Trained) -> None:
-    """Print the predictions of a few recordings; of more than ``MOST_LINES``, those without a class."""
+    """Print the predictions of recordings; skip recordings with a class if the list is long.
+
+    A list is long with more than ``MOST_LINES`` recordings.
+    """
     from eskin.snn.data.recordings import class_of
 
     for recording, row in zip(recordings, logits, strict=True):

@@ -90,7 +90,7 @@ def sweep(
 
 
 def _tell_idle(points: list[SweepPoint], settings: list[str] | None) -> None:
-    """Print the settings that affect only part of the points; raise an error for a setting that affects none."""
+    """Print the settings that affect only some points; raise an error for a setting without effect."""
     from eskin.snn.experiments.settings import idle_settings
 
     idle: dict[str, list[str]] = {}

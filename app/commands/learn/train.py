@@ -49,7 +49,7 @@ def train(
         Path | None, out_folder("DIR", "checkpoint and result [out/train; another training: named for the run]")
     ] = None,
 ) -> None:
-    """Train a network on all folds but one, and test it on this fold.
+    """Train a network on all folds except the test fold, and test the network on the test fold.
 
     A stopped training continues from its checkpoint.
     """

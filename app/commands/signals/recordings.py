@@ -139,14 +139,14 @@ def print_set(recordings: RecordingSet, again: bool = False) -> None:
 
 
 def scale_text(scale: float | Sequence[float]) -> str:
-    """Return a text for the factor from the values of a file to full scale, or for the factor of each taxel."""
+    """Return a text for the scale factor of recordings, or for the scale factor of each taxel."""
     if isinstance(scale, Sequence):
         return f"scale per taxel, {min(scale):.4g} to {max(scale):.4g}"
     return f"scale {scale:.4g}"
 
 
 def quality_text(quality: Quality) -> str:
-    """Return load, late and merged decisions, SNR and bound as one line."""
+    """Return a line with link load, late and merged decisions, SNR and error bound."""
     bound = "holds" if quality.bound_holds else "does not hold"
     return (
         f"link busy {quality.load:.2%}, {quality.peak_load:.0%} at most; {quality.late} events late, "

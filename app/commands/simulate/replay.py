@@ -81,7 +81,7 @@ def _plan_own(
     only: str | None,
     out: Path,
 ) -> Plan:
-    """Return the plan for a user's recordings."""
+    """Return the replay plan for a user's recordings."""
     from eskin.cocotb_tests.runner.inputs import Own, chosen
     from eskin.cocotb_tests.runner.replay import Plan
     from eskin.cocotb_tests.runner.simulator import require_programs

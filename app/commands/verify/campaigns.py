@@ -61,7 +61,7 @@ def _tell(piece: dict[str, Any]) -> None:
 
 
 def _parts(words: list[str]) -> dict[str, Any]:
-    """Return the fixed settings of a configuration, with integers converted."""
+    """Return the settings that the texts NAME=VALUE of ``--set`` give."""
     from eskin.cocotb_tests.bench.draw import FIELDS, PARTS
     from eskin.model.config import ReadoutConfig
 
