@@ -17,7 +17,7 @@ Design = Literal["player", "receiver"]
 DESIGNS: tuple[Design, ...] = ("player", "receiver")
 """Designs by their numbers, from 1 on: a chip that gets samples, or a receiver for a foreign chip."""
 
-ADDRESS_BITS = 12  # of the address in the record of an event, with polarity
+ADDRESS_BITS = 12  # bits of the address in an event record, including polarity
 
 OFF_FLAG = 1 << ADDRESS_BITS - 1
 """Bit of the address that a request of OFF sets; the chip's own address is below both flags."""
@@ -34,9 +34,9 @@ MOST_WORDS = 1 << 16
 class SerialConfig:
     """Parameters of the serial line: 8 bits, no parity, one stop bit."""
 
-    clock_hz: int = 50_000_000  # of the board
-    baud: int = 2_000_000  # at most a quarter of the clock; a bit may last a fraction of a clock longer than the next
-    buffer_bytes: int = 4096  # of frames that the board has not executed yet, a power of two; the host sends no more
+    clock_hz: int = 50_000_000  # clock of the board
+    baud: int = 2_000_000  # at most a quarter of the clock, which need not be a multiple
+    buffer_bytes: int = 4096  # for frames that the board has not executed yet, a power of two
     idle_bits: int = 1 << 18  # bit times without a byte after which a frame counts as lost
     records: int = 1024  # largest number of words that wait for the line, a power of two
 
@@ -121,4 +121,4 @@ class BoardConfig:
 
 
 UNITS = ("sample_rate_hz", "classifier_bin_s")
-"""Fields without effect on the hardware, because it counts the clocks of a sample and of a bin."""
+"""Fields without effect on the hardware, which counts clocks per sample and per bin."""

@@ -38,15 +38,15 @@ from eskin.skin.textures.presets import preset
 
 NETWORKS = "classifier/networks"
 TEXTURES_NETWORK, FINGER_NETWORK = "embedded/fold-1.npz", "finger/fold-0.npz"
-"""Networks of the package ``model``; the textures and recordings that they have not learned are played."""
+"""Networks of the package ``model``; the demo plays textures and recordings outside their training sets."""
 
 LEAST_S = 6.0  # a shorter recording is slowed down to this time
 MOST_WINDOW_S = 10.0
 PATIENCE_S = 120.0  # longest computation of the model before its board must answer
-BUFFER_BYTES = 1 << 22  # of the simulated board: the host sends a whole recording ahead
+BUFFER_BYTES = 1 << 22  # buffer of the simulated board: the host sends a whole recording ahead
 
 POINTS, LINES = 400, 64
-"""Of the signals on the page, at most."""
+"""Largest number of points and lines of the signals on the page."""
 
 
 Load = Callable[[str], tuple[NDArray[Any], Piece]]
@@ -101,7 +101,7 @@ def show_of(
     finger = source is not None and source.resolve() == FINGER.resolve()
     if (set_ := {**(readout or {}), **(prepared or {})}) and (weights or finger or not recordings):
         name = next(iter(set_))
-        raise InputError(f"{name} is that of the network; leave it out, or play a recording without --weights")
+        raise InputError(f"{name} is a setting of the network; leave it out, or play a recording without --weights")
     if recordings and weights is None and not set_:
         weights = network_of(recordings)
     if recordings and weights is None and not finger:
@@ -135,7 +135,7 @@ def _chosen(names: dict[str, str | None], only: str | None) -> list[str]:
     """Return the names in an order that alternates between classes, or only the name ``only``."""
     if only is not None:
         if only not in names:
-            raise InputError(f"there is no {only!r}; one of them is {next(iter(names))}")
+            raise InputError(f"there is no input {only!r}; the first input is {next(iter(names))}")
         return [only]
     classes: dict[str | None, list[str]] = {}
     for name, truth in names.items():
@@ -151,8 +151,8 @@ def _events_of(source: Path, only: str | None, readout: Mapping[str, Any], prepa
     found = read_set(source, preparation_of(source, config, prepared), config, readout, flat=True)
     if found.config.event_bits > ADDRESS_BITS:
         raise InputError(
-            f"records of a board have addresses of {ADDRESS_BITS} bits, {found.config.rows} x {found.config.columns} "
-            f"taxels of {found.config.encoding} have {found.config.event_bits}; play fewer taxels"
+            f"{found.config.rows} x {found.config.columns} taxels of {found.config.encoding} need addresses of "
+            f"{found.config.event_bits} bits, but a board has {ADDRESS_BITS}; play fewer taxels"
         )
     names, load = _recordings(found.sources, found.codes, found.config)
     return Show(found.config, None, _chosen(names, only), load, found.scale)
@@ -277,7 +277,7 @@ def _without_network(show: Show, view: View, codes: NDArray[Any], sender: UdpSen
     with _linked(board, view, received) as link:
         if session.listen(link, received, view.piece.seconds / view.piece.speed):
             raise KeyboardInterrupt
-        while received.count < len(records):  # a busy machine is late
+        while received.count < len(records):  # a busy machine may be late
             link.receive()
     return DemoResult(view.piece.name, view.piece.truth, None, received.count)
 

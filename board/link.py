@@ -52,9 +52,7 @@ class Link:
             self._line.reset_input_buffer()
         except (OSError, ValueError) as error:
             reason = str(getattr(error, "strerror", None) or error)
-            raise InputError(
-                f"no board at {port}: {reason}; look for the name of its port, as in /dev/ttyUSB0"
-            ) from None
+            raise InputError(f"no board at {port}: {reason}; give the name of its port, such as /dev/ttyUSB0") from None
         self._thread = threading.Thread(target=self._read, daemon=True)
         self._thread.start()
 
@@ -192,7 +190,7 @@ class Link:
         """Forward the records of a frame to the sink."""
         if isinstance(frame, Damaged):
             raise InputError(
-                f"a frame from the board arrived damaged ({frame.reason}); check cable and baud rate, again"
+                f"a frame from the board arrived damaged ({frame.reason}); check cable and baud rate, and play again"
             )
         if frame.sequence != self._due:
             missing = (frame.sequence - self._due) % 256
@@ -220,7 +218,7 @@ class Link:
 
     def _acknowledged(self, sequence: int) -> None:
         if not self._waiting or self._waiting[0].sequence != sequence:
-            raise InputError(f"the board acknowledged frame {sequence}, which is not due; begin again")
+            raise InputError(f"the board acknowledged frame {sequence}, which is not the next frame; start again")
         self._waiting.popleft()
 
     def _check(self, design: Design, config: BoardConfig | None) -> None:
@@ -234,7 +232,7 @@ class Link:
         if config is not None and said["identity"] != config.identity:
             raise InputError(
                 f"the board's bitstream has another network or array ({said['identity']:08x}, not "
-                f"{config.identity:08x}); load the one for these weights (make fpga WEIGHTS=)"
+                f"{config.identity:08x}); load the bitstream for these weights (make fpga WEIGHTS=)"
             )
         if config is not None and config.chip is not None:
             classifier = config.chip.classifier

@@ -85,7 +85,7 @@ class View:
         with self._lock:
             for clock, column, row, polarity in events:
                 step = clock // self.clocks_per_step
-                if self._steps and step < self._steps[-1][0]:  # the clock of a board that was reset begins anew
+                if self._steps and step < self._steps[-1][0]:  # a reset board restarts its clock
                     self._clear()
                 if not self._steps or self._steps[-1][0] != step:
                     self._steps.append((step, Counter()))
@@ -181,7 +181,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Answer a request if its host header names this server."""
         port = cast(ThreadingHTTPServer, self.server).server_port
         if self.headers.get("Host") not in (f"127.0.0.1:{port}", f"localhost:{port}"):
-            self.send_error(403)  # a page of another name, which its owner lets lead here, would read the events
+            self.send_error(403)  # a foreign host name that resolves to this machine could read the events
             return
         place = urllib.parse.urlsplit(self.path)
         asked = {

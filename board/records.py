@@ -20,12 +20,15 @@ VALUE_BITS = WORD_BITS - TAG_BITS
 
 
 LOW_TIME = (1 << TIME_BITS) - 1
-EVENTS_END = 1 << VALUE_BITS  # words below are events: their tag is 0
+EVENTS_END = 1 << VALUE_BITS  # words below have the tag 0 of events
 INTERVAL_BITS = 8
 PADDING = (1 << INTERVAL_BITS) - 1  # interval that begins no event: the rest of the word is empty
 
 COUNT_BITS = 8
-"""Low bits of the first word of ``HELLO``: the words that follow. ``Feature`` and the usual interval stand above."""
+"""Low bits of the first word of ``HELLO``, with the number of following words.
+
+``Feature`` and the usual interval are in the bits above.
+"""
 
 
 class Tag(IntEnum):
@@ -62,10 +65,10 @@ class Reason(IntEnum):
     UNKNOWN = 4
 
 
-VERSION = 1  # of frames and records
+VERSION = 1  # version of frames and records
 HELLO_WORDS = ("version", "design", "identity", "clock_hz", "buffer_bytes", "channels", "classes", "word_bytes")
 STATUS_WORDS = ("time_low", "time_high", "events", "bins", "taken", "refused", "lost", "stalls")
-"""Words behind the first of these records."""
+"""Words after the first word of each of these records."""
 NAMES = {Tag.HELLO: HELLO_WORDS, Tag.STATUS: STATUS_WORDS}
 
 RANGES = {
@@ -126,7 +129,7 @@ class Words:
 
     tag: Tag
     values: dict[str, int]
-    above: int = 0  # of a description: ``Feature`` in the low 8 bits, then the usual clocks between short events
+    above: int = 0  # part of a description: ``Feature`` in the low 8 bits, then the usual clocks between short events
 
     @property
     def features(self) -> Feature:
@@ -161,14 +164,14 @@ class RecordReader:
         Raises InputError for records that no board of this version sends.
         """
         if len(payload) % 4:
-            raise InputError(f"the board sent {len(payload)} bytes of records, no whole words; {AGAIN}")
+            raise InputError(f"the board sent {len(payload)} bytes of records, which are not whole words; {AGAIN}")
         for (word,) in struct.iter_unpack("<I", payload):
             if not self._begun:
                 if word >> VALUE_BITS == Tag.SHORT:
                     yield from self._short(word & EVENTS_END - 1)
                     continue
                 self._bits = self._count = 0  # any other record ends the bits of short events
-                if word < EVENTS_END:  # nearly all records: a short way
+                if word < EVENTS_END:  # a fast path for nearly all records
                     self._last = self._event(self._high << TIME_BITS | word & LOW_TIME, word >> TIME_BITS)
                     yield self._last
                     continue
@@ -201,7 +204,9 @@ class RecordReader:
 
     def _event(self, time: int, address: int) -> Event:
         if address >= self.addresses:
-            raise InputError(f"the board sent an event with the address {address}, and has {self.addresses}; {AGAIN}")
+            raise InputError(
+                f"the board sent an event with the address {address}, but has {self.addresses} addresses; {AGAIN}"
+            )
         return Event(time, address)
 
     def _follow(self, first: int) -> int:
@@ -222,7 +227,7 @@ class RecordReader:
             return Lost(value)
         if tag == Tag.CLASS:
             if above & 0x3F >= self.classes:
-                raise InputError(f"the board sent the class {above & 0x3F}, and has {self.classes}; {AGAIN}")
+                raise InputError(f"the board sent the class {above & 0x3F}, but has {self.classes} classes; {AGAIN}")
             return Class(time, above & 0x3F, bool(above >> ADDRESS_BITS - 1), tuple(map(_signed, words[1:])))
         if tag == Tag.ACK:
             return Ack(value & 0xFF)
@@ -242,7 +247,9 @@ def said(tag: Tag, words: list[int]) -> dict[str, int]:
     names = NAMES[tag]
     values = dict(zip(names, words, strict=False))
     if tag == Tag.HELLO and values.get("version", VERSION) != VERSION:
-        raise InputError(f"the board uses protocol version {values['version']}, this program {VERSION}; {AGAIN}")
+        raise InputError(
+            f"the board uses protocol version {values['version']}, but this program uses {VERSION}; {AGAIN}"
+        )
     if len(words) != len(names):
         raise InputError(f"the board describes itself in {len(words)} numbers, not {len(names)}; {AGAIN}")
     for name, (low, high) in RANGES.items() if tag == Tag.HELLO else ():

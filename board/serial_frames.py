@@ -33,7 +33,7 @@ class Frame(NamedTuple):
     """A frame with a correct CRC."""
 
     kind: int
-    sequence: int  # 0..255, one more than that of the frame before
+    sequence: int  # 0..255, one more than in the previous frame
     payload: bytes
 
     @property

@@ -111,7 +111,7 @@ def foreign_events(config: ReadoutConfig, mapping: AddressMap | None = None) -> 
         above = max(taxels).bit_length()
     if min(taxels) < 0 or max(taxels) >= (BOTH_FLAG if dual else 1 << ADDRESS_BITS - config.has_polarity):
         raise InputError(
-            f"a record of the board has {ADDRESS_BITS} bits of address, polarity among them; map lower ones"
+            f"a board record has room for {ADDRESS_BITS} address bits (polarity included); map to lower addresses"
         )
     off, on = (OFF_FLAG, 0) if dual else (0, config.has_polarity << above)
     table = {on | address: (*taxel, True) for address, taxel in taxels.items()}
@@ -127,7 +127,7 @@ def foreign_events(config: ReadoutConfig, mapping: AddressMap | None = None) -> 
             if mapping is not None:
                 raise InputError(
                     f"the foreign chip sent the address {event.address:#x}, which {mapping.name} does not map; "
-                    "add its line"
+                    "add a line for this address"
                 ) from None
             raise InputError(
                 f"the foreign chip sent the address {event.address:#x}, which {config.rows} x {config.columns} "
@@ -258,7 +258,7 @@ def listen(link: Link, received: Received, seconds: float | None) -> bool:
     try:
         while ends is None or time.monotonic() < ends:
             link.pause(ASK_S if ends is None else min(ASK_S, max(ends - time.monotonic(), 0)))
-            link.wait(link.patience_s)  # for what was asked before
+            link.wait(link.patience_s)  # for records that were requested before
             link.send(Kind.STATUS)
     except KeyboardInterrupt:
         stopped = True

@@ -57,7 +57,7 @@ class SimulatedBoard:
         self._origin = (0.0, 0)
         self._ending = False
         self._frames: deque[Frame | Damaged] = deque()
-        self._out: deque[tuple[int, Record]] = deque()  # what is sent, and the clock from which on it is
+        self._out: deque[tuple[int, Record]] = deque()  # bytes to send, and the clock of their transmission
         self._expected = self._sequence = self.taken = 0
         self._begin()
         self._thread = threading.Thread(target=self._run, daemon=True)

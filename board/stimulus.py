@@ -44,7 +44,9 @@ def codes_of(path: Path, readout: ReadoutConfig) -> NDArray[Any]:
     """Return the codes in a file of samples, shape (ticks, taxels)."""
     values = read_samples(path).values
     if values.dtype.kind == "f":
-        raise InputError(f"{path} holds floats, a board takes codes; encode them first, or give --data for recordings")
+        raise InputError(
+            f"{path} holds floats, but a board needs codes; encode them first, or give --data for recordings"
+        )
     codes, _, _ = fit_array(values, readout.rows, readout.columns, size_given=True)
     if codes.min() < -readout.full_scale or codes.max() >= readout.full_scale:
         raise InputError(
@@ -63,12 +65,12 @@ def scan_of(
     """
     training = weights.notes["training"]
     if training["preset"] is None:
-        raise InputError("these weights were trained on recordings; play some with --data")
+        raise InputError("these weights were trained on recordings; give recordings with --data")
     data, unseen = textures_of(weights, dataset)
     names = [texture.name for texture in data]
     chosen = name or unseen[0]
     if chosen not in names:
-        raise InputError(f"{data.name} has no {chosen!r}; one of them is {names[0]}")
+        raise InputError(f"{data.name} has no texture {chosen!r}; the first texture is {names[0]}")
     image = data[names.index(chosen)].load()
     image = large_enough(image, readout) if data.name == EMBEDDED else image
     return chosen, preset(training["preset"], training.get("wiring")).samples(readout, image, 0.0)[0]
@@ -91,7 +93,7 @@ def recording_of(
     names = [source.name for source in found.sources]
     chosen = name or names[0]
     if chosen not in names:
-        raise InputError(f"{place} has no {chosen!r}; one of them is {names[0]}")
+        raise InputError(f"{place} has no recording {chosen!r}; the first recording is {names[0]}")
     return chosen, found.codes[names.index(chosen)]
 
 

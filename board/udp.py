@@ -15,7 +15,7 @@ from eskin.base.errors import InputError
 PORT = 8991  # jAER's default port for unicast events
 
 MOST_EVENTS = 183
-"""Events of a datagram, so that it fits a frame of Ethernet: (1500 - 28 bytes of headers - 4) / 8."""
+"""Largest number of events of a datagram in an Ethernet frame: (1500 - 28 bytes of headers - 4) / 8."""
 
 LAST_COLUMN = 127  # of the 128 x 128 addresses of a DVS128, whose columns count from the right
 MOST_NUMBER = (1 << 31) - 1
@@ -27,7 +27,7 @@ def parse_destination(text: str) -> tuple[str, int]:
     host, port = text.rsplit(":", 1) if text.count(":") == 1 or "]:" in text else (text, str(PORT))
     host = host.strip("[]")
     if not host or not port.isascii() or not port.isdigit() or not 0 < int(port) < 1 << 16:
-        raise InputError(f"--udp takes HOST:PORT, as 127.0.0.1:{PORT}, not {text!r}")
+        raise InputError(f"--udp takes HOST:PORT, such as 127.0.0.1:{PORT}, not {text!r}")
     return host, int(port)
 
 

@@ -88,7 +88,7 @@ class Clock(Elaboratable):
             o_CLKOP=clock,
             o_LOCK=locked,
         )
-        waits = Signal(2, init=3)  # LOCK knows nothing of the clock
+        waits = Signal(2, init=3)  # LOCK is asynchronous to the clock
         m.domains.start = start = ClockDomain(reset_less=True, local=True)
         m.d.comb += [start.clk.eq(clock), ClockSignal("sync").eq(clock), ResetSignal("sync").eq(waits[1])]
         m.d.start += [waits[0].eq(~locked), waits[1].eq(waits[0])]

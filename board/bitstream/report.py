@@ -13,7 +13,7 @@ from eskin.model.classifier.config import ClassifierConfig, bits_of
 LEAST_HZ = 50e6  # target of the routed system clock
 MOST_LUTS = 1600
 MOST_BLOCKS = {8: 49, 4: 25}
-"""Of the classifier alone, 128-256-6: LUT4 without multipliers, and block RAMs by the bits of a weight."""
+"""Targets for the classifier 128-256-6: LUT4 without multipliers, and block RAMs by the bits of a weight."""
 
 
 @dataclass(frozen=True)

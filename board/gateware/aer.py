@@ -37,8 +37,8 @@ class AerReceiver(Component):
                 "valid": Out(1),
                 "ready": In(1),
                 "address": Out(ADDRESS_BITS),
-                "time": Out(CLOCK_BITS),  # clock in which REQ was seen: two to three after it rose
-                "lost": Out(VALUE_BITS),  # events lost since the last report; stops at its end
+                "time": Out(CLOCK_BITS),  # clock in which REQ was seen, two to three clocks after its rise
+                "lost": Out(VALUE_BITS),  # events lost since the last report; saturates
                 "lost_told": In(1),
                 "lost_now": Out(1),  # an event is lost in this clock
             }

@@ -13,8 +13,8 @@ from eskin.board.records import hello_values
 from eskin.board.serial_frames import Kind
 from eskin.rtl.classifier.core import Classifier
 
-RUN_BITS = 32  # of the number of clocks in a RUN
-SCANS_BITS = 16  # of the number of scans in a SENSE
+RUN_BITS = 32  # bytes of the number of clocks in a RUN
+SCANS_BITS = 16  # bytes of the number of scans in a SENSE
 
 
 class Loader(Component):
@@ -63,7 +63,7 @@ class Loader(Component):
             self.ticks = Signal(8)  # of a frame of changes
             self.changes = Signal()
             self.scans = Signal(SCANS_BITS)
-            self.count = Signal(range(self.readout.taxels))  # taxels whose sample is there
+            self.count = Signal(range(self.readout.taxels))  # number of taxels with a sample
             with m.If(self.run):
                 m.d.sync += self.sample_valid.eq(0)
             self.falling = Signal(self.readout.taxels)  # whether the last step of a taxel was a fall
@@ -143,7 +143,7 @@ class Loader(Component):
                 m.d.sync += low.eq(self.data)
                 m.next = "HIGH"
         with m.State("HIGH"):
-            m.d.comb += self.ready.eq(~self.sample_valid)  # which the chip has not yet taken
+            m.d.comb += self.ready.eq(~self.sample_valid)  # wait until the chip has taken the sample
             with m.If(taken):
                 self._shift(m, Cat(low, self.data)[: readout.sample_bits], self.falling[0], "NEXT")
         with m.State("TICK"), m.If(~self.active):
@@ -210,7 +210,7 @@ class Loader(Component):
         readout = self.readout
         low = unread_bits(readout)
         width = readout.sample_bits - low
-        bits, valid = Signal(8), Signal(range(9))  # of the byte that came last
+        bits, valid = Signal(8), Signal(range(9))  # rest of the last byte, and its number of bits
         ones, code, had = Signal(range(JUMP_BITS)), Signal(width), Signal(range(width + 1))
         bit = bits[0]
         old, falling = self.sample[low : readout.sample_bits], self.falling[0]
@@ -232,7 +232,7 @@ class Loader(Component):
                     with m.If(left == 0):  # the frame ends in the middle of a tick
                         m.d.sync += self.changes.eq(0)
                         m.next = "UNKNOWN"
-                with m.Elif(~self.sample_valid):  # which the chip has not yet taken
+                with m.Elif(~self.sample_valid):  # wait until the chip has taken the sample
                     m.d.sync += [bits.eq(bits[1:]), valid.eq(valid - 1)]
                     if name == "CODE":
                         m.d.sync += [code.eq(Cat(code[1:], bit)), had.eq(had + 1)]

@@ -23,7 +23,7 @@ from eskin.board.records import (
     hello_values,
 )
 
-CLOCK_BITS = VALUE_BITS + TIME_BITS  # of the time: 4 days at 50 MHz
+CLOCK_BITS = VALUE_BITS + TIME_BITS  # bits of the time: 4 days at 50 MHz
 RESERVE = 32  # words for other records, which lossy events leave free
 
 
@@ -64,7 +64,7 @@ class Recorder(Component):
                 "class_valid": In(1),
                 "class_index": In(6),
                 "class_overrun": In(1),
-                "evidence": In(self.classes * self.evidence_bits),  # stays until all of it is written
+                "evidence": In(self.classes * self.evidence_bits),  # stays until its last word is written
             }
         super().__init__(ports)
 
@@ -194,7 +194,7 @@ class Recorder(Component):
                     with m.If(written):
                         m.d.sync += self.filled.eq(0)
                         if name == "FILL":
-                            m.d.sync += self.has_last.eq(0)  # a record that is not short ends the ones
+                            m.d.sync += self.has_last.eq(0)  # a record that is no short event ends the short events
                 with m.Elif(ends):
                     m.next = "IDLE"
                     with m.If(has_event | has_class):

@@ -22,7 +22,7 @@ class Scanner(Component):
     and arrives two clocks later. A scan that is due waits until it is allowed.
     """
 
-    _MustUse__silence = True  # its ports are asked for, too
+    _MustUse__silence = True  # some users read the ports without elaboration
 
     def __init__(self, config: SensorConfig, readout: ReadoutConfig, clock_hz: int) -> None:
         self.config, self.readout, self.clock_hz = config, readout, clock_hz

@@ -24,7 +24,7 @@ class FrameReceiver(Component):
     The bytes of a rejected frame are overwritten.
     """
 
-    _MustUse__silence = True  # its ports are asked for, too
+    _MustUse__silence = True  # some users read the ports without elaboration
 
     def __init__(self, config: SerialConfig) -> None:
         self.config = config
@@ -34,7 +34,7 @@ class FrameReceiver(Component):
                 "byte": In(8),
                 "valid": Out(1),
                 "ready": In(1),
-                "data": Out(8),  # kind, sequence number, length and payload of good frames, one behind the other
+                "data": Out(8),  # kind, sequence number, length and payload of good frames, one after the other
                 "session": Out(1),  # for one clock after a good ``HELLO``, which empties the buffer
                 "refused": Out(1),  # for one clock with each frame that is not taken
                 "refused_sequence": Out(8),
@@ -50,7 +50,7 @@ class FrameReceiver(Component):
         m.submodules.crc = crc = CRC32_ISO_HDLC().create()
         m.submodules.memory = memory = Memory(shape=8, depth=depth, init=[])
         write, read = memory.write_port(), memory.read_port()
-        pointer = range(2 * depth)  # a bit more than the address, so that full and empty differ
+        pointer = range(2 * depth)  # one bit wider than the address, so that full and empty differ
         self.at, self.good, self.read_at = Signal(pointer), Signal(pointer), Signal(pointer)
         self.is_open, self.escaped, self.overrun = Signal(), Signal(), Signal()
         self.count = Signal(range(MOST_BODY + 2))

@@ -46,7 +46,7 @@ class Core(Component):
             {
                 "valid": In(1),
                 "ready": Out(1),
-                "data": In(8),  # of good frames
+                "data": In(8),  # bytes of good frames
                 **{name: In(received[name].shape) for name in names},
                 "byte_valid": Out(1),  # to the line
                 "byte_ready": In(1),
@@ -64,14 +64,14 @@ class Core(Component):
         refused_valid, refused_word = Signal(), Signal(VALUE_BITS)
         self._join(m, loader, recorder, sender)
         m.d.comb += [
-            recorder.hello_valid.eq(~greeted),  # after each reset the board says what it is
+            recorder.hello_valid.eq(~greeted),  # the board describes itself after each reset
             recorder.refused_valid.eq(refused_valid),
             recorder.refused_word.eq(refused_word),
             loader.unknown_ready.eq(~refused_valid),
         ]
         with m.If(recorder.hello_ready):
             m.d.sync += greeted.eq(1)
-        # One refusal waits here: those that come behind it follow from it, and are counted.
+        # One refusal waits here: later refusals are its consequence, and are only counted.
         with m.If(self.refused & ~refused_valid):
             word = Cat(self.refused_sequence, self.refused_expected, self.refused_reason)
             m.d.sync += [refused_valid.eq(1), refused_word.eq(word)]

@@ -25,7 +25,7 @@ class UartReceiver(Component):
         m = Module()
         line = Signal(init=1)
         m.submodules.synchroniser = FFSynchronizer(self.line, line, init=1)
-        whole, one = self.config.clocks_per_bit.as_integer_ratio()  # a clock is one part of a bit's whole
+        whole, one = self.config.clocks_per_bit.as_integer_ratio()  # a bit lasts whole / one clocks
         count, bit = Signal(range(whole)), Signal(range(10))
         m.d.sync += self.valid.eq(0)
         with m.FSM():
@@ -57,7 +57,7 @@ class UartSender(Component):
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
-        whole, one = self.config.clocks_per_bit.as_integer_ratio()  # a clock is one part of a bit's whole
+        whole, one = self.config.clocks_per_bit.as_integer_ratio()  # a bit lasts whole / one clocks
         count, left = Signal(range(whole)), Signal(range(11))
         bits = Signal(9)
         m.d.comb += self.ready.eq(left == 0)

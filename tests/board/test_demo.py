@@ -202,9 +202,10 @@ def test_mistakes_are_one_sentence(call: Call) -> None:
     sentences = {
         f"demo --port {port}": f"cannot serve a page on port {port}: Address already in use; choose another --port",
         "demo nothing.csv": "nothing.csv does not exist; give an image, a recording, or a folder of them",
-        "demo --only marble": "there is no 'marble'; one of them is brick/brick-00",
-        "demo --resolution 4": "resolution is that of the network; leave it out, or play a recording without --weights",
-        "demo --udp host:0": "--udp takes HOST:PORT, as 127.0.0.1:8991, not 'host:0'",
+        "demo --only marble": "there is no input 'marble'; the first input is brick/brick-00",
+        "demo --resolution 4": "resolution is a setting of the network; leave it out, or play a recording without "
+        "--weights",
+        "demo --udp host:0": "--udp takes HOST:PORT, such as 127.0.0.1:8991, not 'host:0'",
         "demo --udp no.such.host.invalid": "cannot send to no.such.host.invalid: ",
     }
     for line, sentence in sentences.items():

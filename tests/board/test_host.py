@@ -214,7 +214,7 @@ MISHAPS = {
     "frame 1 to the board arrived damaged .it waits for 1.": lambda f, b: b.say(EVENT, Refused(1, 1, Reason.DAMAGED)),
     "frame 1 to the board arrived out of order": lambda f, b: b.say(EVENT, Refused(1, 0, Reason.SEQUENCE)),
     "is gone; check the cable": lambda f, b: b.pull(),
-    "acknowledged frame 9, which is not due": lambda f, b: b.say(EVENT, Ack(9)),
+    "acknowledged frame 9, which is not the next frame": lambda f, b: b.say(EVENT, Ack(9)),
 }
 
 
@@ -236,7 +236,7 @@ def test_a_mishap_is_one_sentence_and_what_came_before_is_kept(sentence: str) ->
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"version": 9}, "the board uses protocol version 9, this program 1; load its bitstream again"),
+        ({"version": 9}, "the board uses protocol version 9, but this program uses 1; load its bitstream again"),
         ({"design": 1}, "the board holds the player, but this command needs the receiver; load that bitstream"),
         ({"design": 7}, "the board holds the design 7"),
         ({"identity": 1}, r"has another network or array \(00000001, not [0-9a-f]{8}\)"),
@@ -255,7 +255,7 @@ def test_another_bitstream_is_refused(changes: dict[str, int], sentence: str) ->
     [
         ([], "describes itself in 0 numbers, not 8"),
         ([VERSION, 2], "describes itself in 2 numbers, not 8"),
-        ([7], "uses protocol version 7, this program 1"),
+        ([7], "uses protocol version 7, but this program uses 1"),
         ([VERSION, 2, 0, 0, 512, 1, 0, 0], r"reports clock_hz = 0, outside 1000\.\.1000000000"),
         ([VERSION, 2, 0, 50_000_000, 1, 1, 0, 0], r"reports buffer_bytes = 1, outside 512\.\.16777216"),
         ([VERSION, 1, 0, 50_000_000, 512, 16, 200, 3], r"reports classes = 200, outside 0\.\.64"),
@@ -276,8 +276,8 @@ def test_what_a_board_says_of_itself_has_a_range(words: list[int], sentence: str
 @pytest.mark.parametrize(
     ("record", "sentence"),
     [
-        (Event(1, 4000), "sent an event with the address 4000, and has 16; load its bitstream again"),
-        (Class(1, 63, False, (0, 0)), "sent the class 63, and has 2; load its bitstream again"),
+        (Event(1, 4000), "sent an event with the address 4000, but has 16 addresses; load its bitstream again"),
+        (Class(1, 63, False, (0, 0)), "sent the class 63, but has 2 classes; load its bitstream again"),
     ],
 )
 def test_what_a_board_sends_is_what_it_has(record: Record, sentence: str) -> None:
@@ -306,7 +306,7 @@ def test_a_board_that_floods_and_never_acknowledges_is_left() -> None:
 
 
 def test_no_board_is_one_sentence() -> None:
-    with pytest.raises(InputError, match=r"no board at /dev/none: .*; look for the name of its port"):
+    with pytest.raises(InputError, match=r"no board at /dev/none: .*; give the name of its port"):
         Link("/dev/none", lambda records: None)
     with (
         linked(lambda frame, board: b"not a board~~") as (link, _),
