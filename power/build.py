@@ -29,7 +29,9 @@ def chosen_corrections(mode: str | None, correct: str | None, without: str | Non
     if mode is not None and mode not in get_args(PowerMode):
         raise InputError(f"mode must be one of {', '.join(get_args(PowerMode))}, not {mode!r}")
     if correct is not None and without is not None:
-        raise InputError("--correct lists the corrections to make, --without those to leave out; give one of them")
+        raise InputError(
+            "--correct lists the corrections to make, --without the corrections to leave out; give only one of the two"
+        )
     if correct is None and without is None:
         return frozenset(CORRECTIONS if mode == "consistent" else ())
     if mode == "paper":
@@ -103,7 +105,7 @@ def build_model(
     settings = settings or []
     parameters = (sensor or PowerParameters()).with_settings(settings)
     if synthesis and "digital" not in corrections:
-        raise InputError("--synthesis belongs to correction digital; add --mode consistent or --correct digital")
+        raise InputError("--synthesis needs the correction digital; add --mode consistent or --correct digital")
     gates = load_reports(list(synthesis or []))
     measured = None
     if corrections & MEASURED:

@@ -37,9 +37,9 @@ CORRECTIONS = {
 """The corrections of mode ``consistent``, in the order of docs/results/power.md."""
 
 NOISE_RANGE_V = (1e-9, 1e3)
-"""Where crossovers are searched; the original's search ended at 1000 V too."""
+"""Range of the search for crossovers; the original's search also ended at 1000 V."""
 
-_EVEN = 1e-12  # relative difference of two totals below which it is rounding
+_EVEN = 1e-12  # relative difference of two totals that is only rounding
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ class PowerModel:
         from scipy import optimize
 
         if readout not in SPIKING:
-            raise InputError(f"a crossover is of a spiking readout, {' or '.join(SPIKING)}, not {readout!r}")
+            raise InputError(f"a crossover needs a spiking readout, {' or '.join(SPIKING)}, not {readout!r}")
         spiking, frame = (self.breakdown(name, resolution, 1.0, tau_s) for name in (readout, "frame"))
 
         def log_ratio(log_noise: float) -> float:

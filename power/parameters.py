@@ -14,13 +14,16 @@ from eskin.model.config import MAX_SIDE, parameter
 PAPER = "Alea et al., BioCAS 2022"
 SCRIPTS = "mdalea/intuitive, BioCAS22/plots"
 PAPER_TAXELS = 64
-"""Taxels to which the fitted population rates belong."""
+"""Number of taxels of the fitted population rates."""
 
 SMALLEST, LARGEST = 1e-15, 1e15
-"""Range of noise, time and rates of any sensor. Parameters go down to its square, for Boltzmann's constant."""
+"""Range of noise, time and rates of any sensor.
+
+Parameters may be as small as the square of the smallest value, for Boltzmann's constant.
+"""
 
 MIN_RESOLUTION, MAX_RESOLUTION = 1, 10
-"""Resolutions N of the power model: those of Fig. 7."""
+"""Resolutions N of the power model, as in Fig. 7."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +37,7 @@ class PowerParameters:
     Raises InputError if a value is not a positive finite number, or out of the range of a ratio or a count.
     """
 
-    # The sensor and what is asked of it.
+    # The sensor and its requirements.
     rows: int = parameter(8, "", PAPER, "rows of taxels")
     columns: int = parameter(8, "", PAPER, "columns of taxels")
     bandwidth_hz: float = parameter(10e3, "Hz", PAPER, "BW, bandwidth for which the readouts are designed")
@@ -73,7 +76,7 @@ class PowerParameters:
     lcs_rate_2b_hz: float = parameter(2429.0, "events/s", SCRIPTS, "LCS at N = 2, doubling with every bit")
     nlcs_rate_4b_hz: float = parameter(3009.6, "events/s", SCRIPTS, "N-LCS at N = 4 and 0.2 s; as 2^N / tau")
     nlcs_rate_tau_s: float = parameter(0.2, "s", SCRIPTS, "time constant to which that rate belongs")
-    # What the corrections of `consistent` put in.
+    # Values of the corrections of `consistent`.
     signal_bandwidth_hz: float = parameter(
         97.0, "Hz", "textures, 99 % of power", "bandwidth of the signal, with correction bandwidth", "bandwidth"
     )
@@ -157,5 +160,5 @@ class PowerParameters:
             except ValueError:
                 equals = ""
             if not equals:
-                raise InputError(f"--set takes NAME=NUMBER, as in io_voltage_v=3.3, not {setting!r}")
+                raise InputError(f"--set takes NAME=NUMBER, such as io_voltage_v=3.3, not {setting!r}")
         return self.replace(**changes)

@@ -34,10 +34,10 @@ TAUS_S = (2.0, 0.2, 0.02)
 RESOLUTIONS = tuple(range(MIN_RESOLUTION, MAX_RESOLUTION + 1))
 
 POWER_SHARE = 0.99
-"""Share of the signal's power below the bandwidth that a table gives."""
+"""Share of the signal's power below the bandwidth in a table."""
 
 STORED = Path(__file__).with_name("event_rates.json")
-"""The tables that come with the project."""
+"""File with the tables of the project."""
 
 _DIGITS = 5  # significant digits of a stored rate
 
@@ -46,7 +46,7 @@ _DIGITS = 5  # significant digits of a stored rate
 class RateTable:
     """Table of mean event rates of every taxel over a dataset."""
 
-    # dataset, preset: what was scanned and how (docs/guide/textures.md)
+    # dataset and scan preset (docs/guide/textures.md)
     dataset: str
     preset: str
     images: int
@@ -55,7 +55,7 @@ class RateTable:
     # frequency below which 99 % of the power of the sensor's output lies, all taxels and images pooled
     bandwidth_hz: float
     resolutions: tuple[int, ...]
-    taus_s: tuple[float, ...]  # N-LCS time constants of the rates, as asked for
+    taus_s: tuple[float, ...]  # requested N-LCS time constants of the rates
     # lcs_hz, nlcs_hz: events/s of every taxel, mean over the images; shapes (resolutions, taxels) and
     # (taus, resolutions, taxels)
     lcs_hz: NDArray[np.float64]

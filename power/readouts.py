@@ -8,7 +8,7 @@ from eskin.base.errors import InputError
 from eskin.model.encoders import registry
 
 Readout = Literal["nlcs", "lcs", "frame"]
-"""In the order of Fig. 6."""
+"""Readouts in the order of Fig. 6."""
 
 READOUTS: tuple[Readout, ...] = get_args(Readout)
 SPIKING = tuple(readout for readout in READOUTS if readout != "frame")
@@ -17,7 +17,10 @@ SPIKING = tuple(readout for readout in READOUTS if readout != "frame")
 READOUT_NAMES: dict[str, str] = {name: registry.named(name).title for name in SPIKING} | {"frame": "frame"}
 
 EQUATIONS: dict[str, Readout] = {"lcs": "lcs", "cw-lcs": "lcs", "nlcs": "nlcs"}
-"""Whose equations an encoder takes: CW-LCS those of LCS, at its own rate; its closing window costs nothing there."""
+"""Readout with the power equations of each encoder.
+
+CW-LCS has the equations of LCS, at the event rate of CW-LCS; they ignore the closing window.
+"""
 
 T = TypeVar("T")
 

@@ -79,7 +79,7 @@ class SynthesisReport:
         clock_hz = np.maximum(self.clock_hz, event_rate_hz)
         scale = taxels / (self.rows * self.columns)
         alone = self.energy_per_lone_event_j or self.energy_per_event_j
-        # Of all ways between the two, one in which more events never draw less.
+        # An interpolation in which more events never need less power.
         more = alone / self.energy_per_event_j - 1 if self.energy_per_event_j else 0.0
         energy_j = alone / (1 + more * event_rate_hz / clock_hz)
         return scale * (self.leakage_w + self.clock_power_w_per_hz * clock_hz) + energy_j * event_rate_hz
@@ -111,6 +111,8 @@ def load_reports(paths: list[Path]) -> dict[str, SynthesisReport]:
     for path in paths:
         report = SynthesisReport.load(path)
         if report.readout in reports:
-            raise InputError(f"{path} is a second synthesis report of readout {report.readout}; give one of each")
+            raise InputError(
+                f"{path} is a second synthesis report of readout {report.readout}; give one report for each readout"
+            )
         reports[report.readout] = report
     return reports

@@ -116,11 +116,11 @@ BAD_OPTIONS = {
     "power --mode fair": "mode must be one of paper, consistent, not 'fair'",
     "power --correct magic": f"unknown correction 'magic'; known are {', '.join(CORRECTIONS)}",
     "power --mode paper --correct pads": "mode paper has no corrections; leave out --mode or --correct and --without",
-    "power --correct pads --without pads": "--correct lists the corrections to make, --without those to leave out; "
-    "give one of them",
-    "power --set supply_v": "--set takes NAME=NUMBER, as in io_voltage_v=3.3, not 'supply_v'",
+    "power --correct pads --without pads": "--correct lists the corrections to make, --without the corrections "
+    "to leave out; give only one of the two",
+    "power --set supply_v": "--set takes NAME=NUMBER, such as io_voltage_v=3.3, not 'supply_v'",
     "power --set supply_v=-1": "supply_v must be a positive number in V, not -1.0",
-    "power --synthesis gates.json": "--synthesis belongs to correction digital; add --mode consistent or --correct "
+    "power --synthesis gates.json": "--synthesis needs the correction digital; add --mode consistent or --correct "
     "digital",
     "power --correct digital --synthesis none.json": "cannot read the synthesis report none.json: No such file or "
     "directory",
@@ -165,7 +165,7 @@ def test_a_broken_synthesis_report_is_one_sentence(refuses, folder, text, senten
 def test_two_reports_of_one_readout_are_refused(refuses, folder):
     for name in ("a.json", "b.json"):
         (folder / name).write_text(json.dumps(REPORT))
-    sentence = "error: b.json is a second synthesis report of readout lcs; give one of each\n"
+    sentence = "error: b.json is a second synthesis report of readout lcs; give one report for each readout\n"
     refuses(sentence, "power --correct digital --synthesis a.json --synthesis b.json")
 
 

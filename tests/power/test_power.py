@@ -367,7 +367,7 @@ def test_arrays_of_other_shapes():
         (lambda: PAPER.breakdown("lcs", 6, LARGEST * 2), "noise must be in 1e-15..1e+15 volts, not 2e+15"),
         (lambda: PAPER.breakdown("nlcs", 6, 1e-3, 0.0), "tau must be a positive number of seconds, not 0"),
         (lambda: PAPER.breakdown("cw-lcs", 6, 1e-3), "readout must be one of nlcs, lcs, frame, not 'cw-lcs'"),
-        (lambda: PAPER.crossover("frame", 6), "a crossover is of a spiking readout, nlcs or lcs, not 'frame'"),
+        (lambda: PAPER.crossover("frame", 6), "a crossover needs a spiking readout, nlcs or lcs, not 'frame'"),
         (
             lambda: PowerModel(corrections=frozenset({"magic"})),
             f"unknown correction 'magic'; known are {', '.join(CORRECTIONS)}",
@@ -431,7 +431,7 @@ def test_corrections_follow_the_mode_or_a_list() -> None:
     for mode, correct, without, sentence in (
         ("paper", one, None, "mode paper has no corrections"),
         ("consistent", one, None, "--correct lists all corrections to make"),
-        (None, one, one, "give one of them"),
+        (None, one, one, "give only one of the two"),
         ("fair", None, None, "mode must be one of"),
     ):
         with pytest.raises(InputError, match=sentence):
