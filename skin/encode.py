@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp", ".pgm", ".ppm")
 
 Model = Literal["cycle", "functional"]
-"""With contention and link, or without."""
+"""Model with contention and link, or without."""
 
 
 @dataclass(frozen=True)

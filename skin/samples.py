@@ -28,7 +28,7 @@ ARRAY_SUFFIXES = (".npy", ".npz", ".csv")
 _ARRAY = "samples"
 _RATE = "sample_rate_hz"
 _COMMA, _THOUSANDS = re.compile(r"[-+]?\d+,\d+"), re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
-_NOT_A_CODE = re.compile(rb"[.eEnN]")  # what only a floating-point number has: point, exponent, nan, inf
+_NOT_A_CODE = re.compile(rb"[.eEnN]")  # parts that only a float has: point, exponent, nan, inf
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def _read_npz(path: Path, data: bytes) -> Samples:
 
 
 def _read_csv(path: Path, data: bytes) -> Samples:
-    text = data.removeprefix(b"\xef\xbb\xbf")  # the mark that spreadsheets put in front of UTF-8
+    text = data.removeprefix(b"\xef\xbb\xbf")  # byte order mark that spreadsheets write before UTF-8
     first, _, rest = text.partition(b"\n")
     names: tuple[str, ...] = ()
     if not any(_is_number(cell) for cell in first.split(b",")):  # a header names columns, it holds no number
@@ -133,7 +133,7 @@ def cells_of(path: Path, lines: Sequence[str], delimiter: str | None) -> list[li
 
 
 def check_commas(path: Path, rows: Sequence[Sequence[str]], remedy: str) -> None:
-    """Raise InputError if all commas within numbers may be decimal commas or separate thousands."""
+    """Raise InputError if the commas in numbers are ambiguous: decimal commas or thousands separators."""
     found = [cell for row in rows for cell in row if _COMMA.fullmatch(cell)]
     if found and all(_THOUSANDS.fullmatch(cell) for cell in found):
         raise InputError(f"{path}: the comma in {found[0]!r} may be a decimal comma or separate thousands; {remedy}")

@@ -22,7 +22,7 @@ class Look(NamedTuple):
 LOOKS = {encoder.name: Look(encoder.title, encoder.colour, encoder.marker) for encoder in registry.ENCODERS} | {
     FRAME: Look("frames", PALETTE["black"], "s")
 }
-"""By the name of the readout."""
+"""Look of each readout, by name."""
 
 
 def look(readout: str) -> Look:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 CLASS_COLOURS = tuple(
     PALETTE[name] for name in ("blue", "vermilion", "green", "purple", "orange", "sky", "black", "grey")
 )
-"""Colours of the classes; more classes take them again."""
+"""Colours of the classes; further classes repeat the colours."""
 
 _INK = "#333333"
 _WAY, _ARRAY = PALETTE["vermilion"], PALETTE["blue"]  # not among the greys of a texture
@@ -41,7 +41,7 @@ class ScanToClass:
     label: int
     """Class, an index into ``class_names``."""
     tested: bool
-    """Whether the network was not trained on it."""
+    """True if the recording was not used in the training."""
     scan: Scan | None
     """Scan; None for recordings."""
     pixels: NDArray[np.uint8] | None
@@ -56,13 +56,13 @@ class ScanToClass:
     spikes: NDArray[np.float32]
     """Spikes of the hidden neurons, 0 or 1. Shape (steps, hidden)."""
     evidence: NDArray[np.float32]
-    """Sum of output spikes or membranes so far, as ``meaning`` says. Shape (steps, classes)."""
+    """Sum of output spikes or membranes so far (see ``meaning``). Shape (steps, classes)."""
     class_names: tuple[str, ...]
     meaning: str
     """Meaning of the evidence, in words."""
     right: int = 0
     tests: int = 0
-    """Correct and all test images; 0 of 0 if unknown."""
+    """Numbers of correct test images and of all test images; 0 and 0 if unknown."""
     numbers: Mapping[str, str] = field(default_factory=dict)
     """Additional text above the panels ``signals``, ``events``, ``hidden`` and ``evidence``."""
 

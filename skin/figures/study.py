@@ -28,7 +28,7 @@ def plot_study(data: dict[str, Any], path: Path) -> None:
             label=encoder.title + (f", tau {1e3 * TAU_S:g} ms" if encoder.leaks else ""),
         )
         for point in line:
-            if encoder is registry.ENCODERS[0]:  # the lines are alike
+            if encoder is registry.ENCODERS[0]:  # the lines are alike: labels at one line are enough
                 panel.annotate(f"{point['resolution']} b", (point["data_rate_bps"], point["snr_db"]), xytext=(-4, 5),
                                textcoords="offset points", ha="right", fontsize=7.5,
                                color=encoder.colour)  # fmt: skip

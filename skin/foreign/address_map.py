@@ -26,7 +26,7 @@ class AddressMap:
     """A map from the addresses of another chip to taxels."""
 
     taxels: dict[tuple[int, ...], tuple[int, int]]
-    """``(address,)`` or ``(column, row)`` of the chip, to (x, y) of the readout."""
+    """Map from ``(address,)`` or ``(column, row)`` of the chip to (x, y) of the readout."""
     name: str
     """The file, for messages."""
 
@@ -97,7 +97,9 @@ class AddressMap:
         length = len(next(iter(self.taxels)))
         if pairs.shape[1] != length:
             wanted, found = (HEADERS[n - 1][0] for n in (pairs.shape[1], length))
-            raise InputError(f"{self.name} maps {found}, the events have {wanted}; write the map for their addresses")
+            raise InputError(
+                f"{self.name} maps {found}, but the events have {wanted}; write the map for their addresses"
+            )
         unique, of_event = np.unique(pairs, axis=0, return_inverse=True)
         known = [self.taxels.get(tuple(map(int, address))) for address in unique]
         holes = np.array([taxel is None for taxel in known], bool)

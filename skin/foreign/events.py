@@ -20,14 +20,14 @@ UNITS_S = {"s": Fraction(1), "ms": Fraction(1, 10**3), "us": Fraction(1, 10**6),
 """Units of time stamps in seconds."""
 
 CLOCKS = "clocks"
-"""A time stamp may also count clocks of the readout."""
+"""Name of the unit of time stamps that count clocks of the readout."""
 
 MOST_CLOCKS = 2**51
 """Clocks up to which a time in seconds (float64) names its clock: t / clock_hz and its product with clock_hz are each
 rounded by at most one part in 2**53, together by less than half a clock."""
 
 LATE_S = 86_400
-"""A first event later than this has the time of a wall clock, not of a recording."""
+"""Time in seconds; a later first event has the time of a wall clock, not of a recording."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class ForeignEvents:
     size: tuple[int, int] | None = None
     """Rows and columns of the sensor, if the file contains them."""
     notes: tuple[str, ...] = ()
-    """How the file was read, for the user."""
+    """Notes for the user on the interpretation of the file."""
 
 
 def unwrapped(events: ForeignEvents, bits: int) -> ForeignEvents:
@@ -97,8 +97,8 @@ def configuration(
         columns, rows = (max(1, int(most) + 1) for most in events.addresses.max(axis=0))
     if max(rows, columns) > MAX_SIDE and not {"rows", "columns"} <= given:
         raise InputError(
-            f"the sensor has {rows} x {columns} addresses, a readout at most {MAX_SIDE} x {MAX_SIDE}; name the taxels "
-            f"with --map FILE"
+            f"the sensor has {rows} x {columns} addresses, but a readout has at most {MAX_SIDE} x {MAX_SIDE}; "
+            f"name the taxels with --map FILE"
         )
     found: dict[str, Any] = {"rows": rows, "columns": columns}
     if not given & {"sample_rate_hz", "clocks_per_sample"}:
@@ -116,9 +116,9 @@ class Taken:
     moved: int
     """Number of events with a time between two clocks."""
     merged: int
-    """Events of different times that share a clock now."""
+    """Number of events with different times that now share a clock."""
     start: float
-    """Time, in the unit of the file, that is clock 0."""
+    """Time of clock 0 in the unit of the file."""
 
     def said(self) -> list[str]:
         """Return a sentence for every kind of loss in the conversion."""
@@ -156,8 +156,8 @@ def take(
     if falls := np.flatnonzero(np.diff(time) < 0).tolist():
         at = falls[0] + 1
         raise InputError(
-            f"event {at} has time {time[at]}, earlier than {time[at - 1]} before it; if a counter of N bits starts "
-            f"again, give --wrap N, otherwise --sort"
+            f"event {at} has time {time[at]}, earlier than the previous time {time[at - 1]}; if a counter of N bits "
+            f"starts again, give --wrap N, otherwise --sort"
         )
     if start is None:
         start = time[0].item() if len(time) and time[0] < 0 else 0
@@ -228,7 +228,7 @@ def in_unit(recording: Recording, unit: str = "us") -> Events:
     events = recording.events.copy()
     if unit == "us":
         if recording.duration_s * 1e6 >= 2.0**63:
-            raise InputError(f"the recording lasts {recording.duration_s:g} s, too long for microseconds; take clocks")
+            raise InputError(f"the recording lasts {recording.duration_s:g} s, too long for microseconds; use clocks")
         events["t"] = np.rint(events["t"] * 1e6 / recording.clock_hz)
     return events
 

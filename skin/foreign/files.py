@@ -14,7 +14,7 @@ from eskin.skin.foreign.address_map import AddressMap
 from eskin.skin.foreign.events import ForeignEvents, configuration, take
 
 SUFFIXES = (aedat4.SUFFIX, *tables.TEXT_SUFFIXES, ".npy")
-"""Endings of foreign event files, beside .npz archives that are no event files of ours."""
+"""Endings of foreign event files; .npz archives from other programs are foreign too."""
 
 
 def is_foreign(path: Path) -> bool:
@@ -25,7 +25,7 @@ def is_foreign(path: Path) -> bool:
         with zipfile.ZipFile(path) as archive:
             return not {"events.npy", "metadata.npy"} <= set(archive.namelist())
     except (OSError, zipfile.BadZipFile):
-        return False  # Recording.load says what is wrong with it
+        return False  # Recording.load reports the error
 
 
 def read_foreign(path: Path, fields: Sequence[str] = (), unit: str | None = None) -> ForeignEvents:

@@ -44,9 +44,9 @@ def read_events_table(path: Path, fields: Sequence[str] = (), unit: str | None =
     columns, named_unit = _named(path, _columns(path), fields)
     for name in ("t", "p"):
         if name in columns and columns[name].dtype.kind not in "iufb":
-            raise InputError(f"{path}: column {name} has {columns[name].dtype}, which are no numbers")
+            raise InputError(f"{path}: column {name} has values of type {columns[name].dtype}, not numbers")
     if "t" not in columns:
-        raise InputError(f"{path} has no column of times; name the columns with --fields, as in --fields x,y,t,p")
+        raise InputError(f"{path} has no column of times; name the columns with --fields, such as --fields x,y,t,p")
     time = columns["t"]
     time = time.astype(np.int64) if time.dtype.kind in "iub" else time.astype(np.float64)
     notes = []
@@ -94,7 +94,7 @@ def _text_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
     width = len(header or rows[0])
     if (wrong := next((n for n, row in enumerate(rows) if len(row) != width), None)) is not None:
         hint = "; a decimal comma needs another delimiter, such as ;" if delimiter == "," else ""
-        raise InputError(f"{path}: event {wrong} has {len(rows[wrong])} cells, the first line {width}{hint}")
+        raise InputError(f"{path}: event {wrong} has {len(rows[wrong])} cells, but the first line has {width}{hint}")
     names = [str(n) for n in range(width)] if header is None else header
     if len(set(names)) < width:
         raise InputError(f"{path} has two columns of the same name: {', '.join(names)}; rename one")
@@ -108,7 +108,7 @@ def _parsed(path: Path, name: str, cells: Sequence[str]) -> NDArray[Any]:
     if None in numbers:
         if any(name.lower() in names for names in NAMES.values()):
             at = numbers.index(None)
-            raise InputError(f"{path}: event {at} has {name} {cells[at]!r}, which is no number")
+            raise InputError(f"{path}: event {at} has {name} {cells[at]!r}, which is not a number")
         return np.array(cells)
     if all(type(number) is int for number in numbers):
         if numbers and not -(2**63) <= min(numbers) <= max(numbers) < 2**63:  # type: ignore[type-var, operator]
@@ -146,7 +146,7 @@ def _array_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
     lengths = {array.shape for array in columns.values()}
     if len(lengths) != 1 or len(next(iter(lengths))) != 1:
         raise InputError(
-            f"{path} holds arrays of shapes {sorted(lengths)}; events are one array a column, equally long"
+            f"{path} holds arrays of shapes {sorted(lengths)}; events need one array for each column, all of one length"
         )
     return columns
 
@@ -159,10 +159,10 @@ def _named(
         if unknown := [field for field in fields if field not in (*NAMES, "-")]:
             raise InputError(f"--fields names {unknown[0]!r}; columns are {', '.join(NAMES)}, or - for others")
         if len(fields) != len(columns):
-            raise InputError(f"--fields names {len(fields)} columns, {path} has {len(columns)}")
+            raise InputError(f"--fields names {len(fields)} columns, but {path} has {len(columns)}")
         named = [(field, array) for field, array in zip(fields, columns.values(), strict=True) if field != "-"]
         if len(dict(named)) < len(named):
-            raise InputError(f"--fields {','.join(fields)} names a column twice; name each once")
+            raise InputError(f"--fields {','.join(fields)} names a column twice; name every column once")
         return dict(named), None
     found: dict[str, NDArray[Any]] = {}
     unit = None
@@ -180,7 +180,7 @@ def _named(
                 unit = match[2].replace("µ", "u") if match else unit
     if not found:
         raise InputError(
-            f"{path} does not name its {len(columns)} columns; name them with --fields, as in --fields x,y,t,p"
+            f"{path} does not name its {len(columns)} columns; name them with --fields, such as --fields x,y,t,p"
         )
     return found, unit
 

@@ -25,7 +25,7 @@ from eskin.skin.recordings.statistics import write_signals
 _MODEL, _HERE = Path(model.__file__).parent, Path(__file__).parent
 
 KEPT = Path("out/recordings")
-"""Where event files of folders go that a command encodes on its way."""
+"""Folder of the event files that commands encode from folders of recordings."""
 
 
 def kept_events(

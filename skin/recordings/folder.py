@@ -201,7 +201,7 @@ def read_set(
     if place.is_dir() and not options.taxel_columns:
         tables, no_taxels = only_taxels(tables)
         notes += no_taxels
-        if no_taxels:  # others are taken as these
+        if no_taxels:  # other recordings get the same columns
             names = tables[0].names
             options = dataclasses.replace(options, taxel_columns=",".join(names), names=names if options.names else ())
     classes = [str(source.class_name) for source in sources]

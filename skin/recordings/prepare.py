@@ -19,7 +19,7 @@ JITTER = 0.02
 """Part of a sample period by which time stamps may miss the grid before a recording is resampled."""
 
 OWN_CLOCK = 0.01
-"""Part by which the rate of a recording may differ from that of all and its samples still count as even."""
+"""Relative difference from the common rate up to which the samples of a recording count as even."""
 
 MISSING = 1.5
 """Sample periods between two time stamps from which on samples are missing between them."""
@@ -84,7 +84,7 @@ def prepare(
     widths = {table.values.shape[1]: table.path for table in tables}
     if len(widths) > 1:
         (a, first), (b, second) = list(widths.items())[:2]
-        raise InputError(f"{first} has {a} taxels, {second} has {b}; choose the same ones with --taxel-columns")
+        raise InputError(f"{first} has {a} taxels, {second} has {b}; choose the same taxels with --taxel-columns")
     rate_hz = rate_hz or _common_rate(tables)
     warnings = _columns_that_are_no_signal(tables)
     signals, resampled = [], 0
@@ -101,7 +101,7 @@ def prepare(
             f"{tables[0].path} has {len(tables[0].names)} taxels, but the scale has {len(scale)} factors; choose the "
             f"same taxels with --taxel-columns, or give --scale one factor for each"
         )
-    with np.errstate(over="ignore"):  # what overflows saturates, as all that is out of range
+    with np.errstate(over="ignore"):  # overflows saturate, like all values out of range
         found = [quantise(signal * np.asarray(scale), sample_bits) for signal in signals]
     clipped, samples = sum(n for _, n in found), sum(codes.size for codes, _ in found)
     if clipped > MUCH_CLIPPED * samples:
@@ -119,7 +119,7 @@ def _common_rate(tables: Sequence[Table]) -> float:
     rates = []
     for table in tables:
         if table.time_s is not None:
-            steps = np.diff(table.time_s)  # the mean, which jitter does not move, of all that are no gaps
+            steps = np.diff(table.time_s)  # mean of the steps without gaps: jitter does not change it
             rates.append(1 / float(steps[steps < MISSING * np.median(steps)].mean()))
         elif table.rate_hz is not None:
             rates.append(table.rate_hz)
@@ -129,8 +129,8 @@ def _common_rate(tables: Sequence[Table]) -> float:
     furthest = max(range(len(rates)), key=lambda k: abs(np.log(rates[k] / rate)))
     if not 0.5 < rates[furthest] / rate < 2:
         raise InputError(
-            f"{tables[furthest].path} has {rates[furthest]:.4g} samples/s, the others {rate:.4g}; give the rate of all "
-            f"with --sample-rate HZ, or --time-unit"
+            f"{tables[furthest].path} has {rates[furthest]:.4g} samples/s, but the others have {rate:.4g}; "
+            f"give the rate of all with --sample-rate HZ, or --time-unit"
         )
     return rate
 

@@ -17,13 +17,13 @@ from eskin.model.readout import Stimulus, simulate
 from eskin.model.taxel import EVENT_LATENCY, counts_of_events, decode, encode, error_bound
 
 MOST_VALUES = 2**28
-"""Largest number of values that are rebuilt (2 GiB): a longer recording is hardly meant."""
+"""Largest number of reconstructed values (2 GiB)."""
 
 MUCH_LATE = 0.01
-"""Part of the events above which late ones, or merged decisions, are worth a warning."""
+"""Part of the events above which late events or merged decisions cause a warning."""
 
 LEAST_CLOCKS, MOST_CLOCKS = 64, 2**20
-"""Clocks per sample that are chosen for a signal; the most are enough for every decision."""
+"""Range of the clocks per sample that fit a signal; the largest number is enough for every decision."""
 
 CLOCKS_PER_EVENT = {"stream": 1, "four_phase": 7, "four_phase_dual": 7}
 """Clocks that the link needs for an event at best (docs/design/microarchitecture.md)."""

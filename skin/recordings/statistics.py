@@ -17,10 +17,10 @@ SEGMENT, BANDS = 64, 16
 
 _FILE = "signals.json"
 _CODES = "signals.codes"
-"""An archive as ``.npz``, which is the ending of event files."""
+"""File of codes: an archive like ``.npz``, without the ending of event files."""
 
 _LEAST = 1e-6
-"""Added before a logarithm, beside deviations and powers of signals in full scale."""
+"""Small number that is added to deviations and powers before a logarithm."""
 
 
 def statistics(signal: NDArray[Any]) -> NDArray[np.float64]:

@@ -21,10 +21,10 @@ from eskin.skin.textures.presets import quantise
 
 RESOLUTIONS = (2, 3, 4, 5, 6, 7, 8, 9, 10)
 SAMPLE_BITS = 14
-"""W of the study, so that 10 bit leave two below the step."""
+"""Sample width W of the study: a resolution of 10 bits leaves two bits below the step."""
 
 UNIFORM_BITS = range(1, SAMPLE_BITS - 1)
-"""Up to two bits less than the samples have, or uniform sampling would lose nothing and have no finite SNR."""
+"""Bits of uniform sampling, at most two bits below the sample width, so that the SNR is finite."""
 
 RATE_HZ, SECONDS, TAXELS = 100.0, 10.0, 16
 """Samples per second, length and taxels of the generated signals."""

@@ -32,7 +32,7 @@ MOST_MISSING = 0.1
 """Part of the cells of a column that may hold no number; the samples before and after fill them."""
 
 SAME_STAMP = 0.01
-"""Part of the time stamps that may be equal to the one before, as a clock of whole milliseconds gives them at times."""
+"""Part of the time stamps that may equal the previous time stamp, for example with a clock of whole milliseconds."""
 
 _UNIT_NAMES = {"sec": "s", "secs": "s", "seconds": "s", "millis": "ms", "µs": "us", "micros": "us"}
 
@@ -161,7 +161,7 @@ def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...]
     values, filled = _filled(path, values)
     names = tuple(cells) if headed else tuple(str(number) for number in range(1, values.shape[1] + 1))
     if len(names) != values.shape[1]:
-        raise InputError(f"{path} names {len(names)} columns and has {values.shape[1]}; repair its header")
+        raise InputError(f"{path} names {len(names)} columns, but has {values.shape[1]}; repair its header")
     return values, names, not filled and re.search(r"[.eE]", numbers) is None, filled
 
 
@@ -283,8 +283,8 @@ def _seconds(path: Path, stamps: Values, name: str, options: Preparation) -> tup
     if wrong.any():
         line = int(np.argmax(wrong)) + 2
         raise InputError(
-            f"{path}: the time stamp of sample {line} is not later than the one before; sort the samples, or give "
-            f"--time-column none and --sample-rate HZ"
+            f"{path}: the time stamp of sample {line} is not later than the previous time stamp; sort the samples, or "
+            f"give --time-column none and --sample-rate HZ"
         )
     step = float(np.median(steps))
     unit: str

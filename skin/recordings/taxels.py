@@ -15,7 +15,7 @@ _OTHER_NAME = re.compile(
 )
 
 OTHER_UNIT = 20.0
-"""A column whose low values are so many times the high values of most others has another unit.
+"""Ratio of a column's low values to the high values of most columns above which the unit differs.
 
 A taxel that alone is touched has low values too, at rest.
 """

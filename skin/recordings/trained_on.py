@@ -15,7 +15,7 @@ from eskin.skin.recordings.folder import RecordingSet, read_set
 from eskin.skin.recordings.options import Preparation, scale_option
 
 EVERY_FIELD = frozenset(field.name for field in dataclasses.fields(ReadoutConfig))
-"""All of them are said: none follows the recordings."""
+"""Names of all fields, so that no field follows the recordings."""
 
 
 RUNS = Path("out")

@@ -7,7 +7,7 @@ import numpy as np
 from eskin.base.errors import InputError
 
 CHOICES = "across:K|along:K|corners|checkerboard|random:K:SEED|NUMBER+NUMBER..."
-"""How taxels are chosen on the command line."""
+"""Forms in which the command line selects taxels."""
 
 
 def choose(text: str, rows: int, columns: int) -> tuple[int, ...]:
@@ -35,8 +35,7 @@ def choose(text: str, rows: int, columns: int) -> tuple[int, ...]:
         return _of(places.ravel()[[_number(word) for word in text.split("+")]])
     except (ValueError, IndexError):
         raise InputError(
-            f"taxels of {rows} x {columns} are chosen by {CHOICES}, with numbers in 0..{rows * columns - 1}, "
-            f"not {text!r}"
+            f"choose taxels of {rows} x {columns} by {CHOICES}, with numbers in 0..{rows * columns - 1}, not {text!r}"
         ) from None
 
 

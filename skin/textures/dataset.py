@@ -56,7 +56,7 @@ class Texture:
     path: Path
     """PNG file of the image."""
     crop: tuple[int, int, int, int] | None = None
-    """The part of that file in pixels (top, left, height, width); None for all of it."""
+    """Part of the file in pixels (top, left, height, width); None for the whole image."""
 
     def load(self) -> NDArray[np.uint8]:
         """Return the pixels, uint8 of shape (height, width)."""
@@ -150,7 +150,9 @@ def directory_dataset(root: Path) -> Dataset:
             if what := not_a_file(root / class_name / name):
                 raise InputError(f"image {root / class_name / name} is {what}; fetch or remove it")
     if not found:
-        raise InputError(f"dataset directory {root} has no class folders; put the PNG images of each class in one")
+        raise InputError(
+            f"dataset directory {root} has no class folders; put the PNG images of each class into a folder"
+        )
     if (root / SUMS_FILE).is_file():
         _verify(root, found)
     for class_name, names in found.items():

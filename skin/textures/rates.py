@@ -42,16 +42,16 @@ class Rates:
     rate_std_hz: float
     """Standard deviation of that rate over the scans."""
     events: int
-    """Events that count, all scans together."""
+    """Number of counted events in all scans."""
     clipped_samples: int
-    """Samples outside full scale, all scans together."""
+    """Number of samples outside full scale in all scans."""
     images: int
     scans: int
     """Number of images, and of scans: one per image and start row."""
     scan_s: float
     """Mean length of a scan in seconds."""
     tau_s: float | None
-    """The time constant that the integers give; None for an encoder without a leak."""
+    """Time constant of the integer leak; None for an encoder without a leak."""
 
 
 def measure_rates(
@@ -115,7 +115,7 @@ class Scanned:
     """Events of one scan of one image, encoded without contention."""
 
     counts: NDArray[np.int64]
-    """Events that count, of every configuration and taxel. Shape (configurations, taxels)."""
+    """Number of counted events of every configuration and taxel. Shape (configurations, taxels)."""
     clipped: int
     """Samples outside full scale."""
     seconds: float

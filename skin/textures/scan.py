@@ -65,7 +65,7 @@ class Scan(ABC):
     pixel_full_scale: float = 256.0
     """Pixel value of 1.0 full scale: 2^8 for 8-bit images."""
     skin: tuple[int, int] | None = None
-    """Rows and columns of the skin that slides; by default those of the readout."""
+    """Rows and columns of the sliding skin, by default of the readout."""
     taxels: tuple[int, ...] = ()
     """Taxels of ``skin`` (row * columns + column) that the inputs of the readout are wired to, in their order; empty:
     all of them."""
@@ -145,7 +145,7 @@ class Scan(ABC):
         if wrong := [taxel for taxel in self.taxels if not 0 <= taxel < count]:
             raise InputError(f"taxel {wrong[0]} is not on the skin; its taxels are 0..{count - 1}")
         if len(set(self.taxels)) < len(self.taxels) or not self.taxels:
-            raise InputError("chosen taxels must be at least one, each once")
+            raise InputError("choose at least one taxel, and no taxel twice")
 
     def _places(self, config: ReadoutConfig) -> tuple[int, int, NDArray[np.int64], NDArray[np.int64]]:
         """Return the size of the skin, and row and column of the taxel at every input of the readout."""

@@ -45,7 +45,7 @@ REFUSED = {
     "asic --lib x.csv --readout frame --link four_phase": "--link has no effect with --readout frame; leave it out",
     "rates --start-row 1": "--start-row has no effect with --preset paper; leave it out",
     "train --taxels corners --events x": "--taxels has no effect with --events",
-    "train --taxels lines": "taxels of 8 x 8 are chosen by across:K|",
+    "train --taxels lines": "choose taxels of 8 x 8 by across:K|",
     "train --taxels corners --disturbed 2": "chosen taxels need undisturbed scans of textures",
     "frontier --inner 1": "--inner needs points, such as",
     "frontier --draw bad.json --inner 1": "--draw draws a finished file; leave points and --inner out",

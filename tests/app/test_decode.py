@@ -98,7 +98,7 @@ def test_decode_refuses(refuses: Any, folder: Path) -> None:
         ("none.npz -o y.npy", "cannot read none.npz: No such file or directory"),
         ("bad.npz -o y.npy", "bad.npz is damaged or not an event file; record it again with eskin encode"),
         ("good.npz -o y.wav", "signals are written as .npy, .npz, .csv, not y.wav; rename the output"),
-        ("good.npz -o y.npy --plot y.gif", "pictures end in .png, .pdf, .svg, y.gif does not; rename the output"),
+        ("good.npz -o y.npy --plot y.gif", "pictures end in .png, .pdf, .svg, but y.gif does not; rename the output"),
         (
             "long.npz -o y.npy",
             "the recording lasts 17179869184 ticks of 64 taxels, more than decode writes (268435456 values); "

@@ -232,8 +232,9 @@ ENCODE_ERRORS: dict[str, tuple[str, Any, str]] = {
     "--scale needs a number other than 0, or max, not 'nan'": ("x.npy", GOOD, RATE + " --scale nan"),
     "--scale needs a number other than 0, or max, not 'min'": ("x.npy", GOOD, RATE + " --scale min"),
     "--model must be one of cycle, functional, not 'ideal'": ("x.npy", GOOD, RATE + " --model ideal"),
-    "--preset and --start-row belong to images; samples are taken as they are": ("x.npy", GOOD, "--preset paper"),
-    "--scale belongs to samples; the scale of an image is part of its preset": ("x.png", b"\x89PNG", "--scale 2"),
+    "--preset and --start-row are only for images, and this input has samples; "
+    "leave them out": ("x.npy", GOOD, "--preset paper"),
+    "--scale is only for samples; the preset sets the scale of an image": ("x.png", b"\x89PNG", "--scale 2"),
     "x.png is damaged or not an image that can be read; save it as .png with 8 or 16 bits": ("x.png", b"\x89PNG", ""),
     "preset must be one of paper, physical, not 'best'": ("x.png", b"", "--preset best"),
     "rows must be in 1..64, not 0": ("x.npy", GOOD, RATE + " --rows 0"),

@@ -218,5 +218,5 @@ def test_compare_refuses(refuses: Any, folder: Path) -> None:
     two_recordings(folder)
     refuses("error: cannot read none.npz: No such file or directory\n", "compare a.npz none.npz")
     refuses("error: Missing argument 'B'; eskin compare --help explains it\n", "compare a.npz")
-    sentence = "error: pictures end in .png, .pdf, .svg, a.txt does not; rename the output\n"
+    sentence = "error: pictures end in .png, .pdf, .svg, but a.txt does not; rename the output\n"
     refuses(sentence, "compare a.npz b.npz --plot a.txt")

@@ -109,7 +109,7 @@ WRONG: dict[str, tuple[Callable[[Path], Any], str]] = {
     ),
     "no class": (
         lambda root: [shutil.rmtree(root / name) for name in ("silk", "felt")],
-        r"dataset directory .*/cloth has no class folders; put the PNG images of each class in one",
+        r"dataset directory .*/cloth has no class folders; put the PNG images of each class into a folder",
     ),
     "no image": (
         lambda root: [(root / "SHA256SUMS").unlink(), (root / "wool").mkdir()],

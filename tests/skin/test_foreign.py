@@ -67,7 +67,10 @@ def test_a_camera_file_needs_a_map_and_takes_one(folder: Path, call: Call) -> No
     del writer
     code, _, error = call("convert cam.aedat4 -o e.npz")
     assert code == 2
-    assert "the sensor has 260 x 346 addresses, a readout at most 64 x 64; name the taxels with --map FILE" in error
+    assert (
+        "the sensor has 260 x 346 addresses, but a readout has at most 64 x 64; name the taxels with --map FILE"
+        in error
+    )
     Path("map.csv").write_text("from_x,from_y,x,y\n100,200,1,0\n101,200,0,0\n")
     assert (
         "more than a day after 0; give the time that becomes clock 0 with --start 1700000000000000"
@@ -123,21 +126,25 @@ def test_columns_are_found_by_name_in_any_order_and_unit(folder: Path, call: Cal
 @pytest.mark.parametrize(
     ("text", "options", "sentence"),
     [
-        ("t,x,y,p\n5,0,0,1\n4,0,0,1\n", "", "event 1 has time 4, earlier than 5 before it; if a counter of N bits"),
+        (
+            "t,x,y,p\n5,0,0,1\n4,0,0,1\n",
+            "",
+            "event 1 has time 4, earlier than the previous time 5; if a counter of N bits",
+        ),
         ("t,x,y,p\n5,0,0,1\n5,0,0,2\n", "", "polarities are 0 and 1, or -1 and 1; this column has [1, 2]"),
         ("t,x,y,p\n5,-1,0,1\n", "", "event 0 has x = -1, y = 0, outside"),
-        ("t,x,y,p\n5,64,0,1\n", "", "the sensor has 1 x 65 addresses, a readout at most 64 x 64"),
+        ("t,x,y,p\n5,64,0,1\n", "", "the sensor has 1 x 65 addresses, but a readout has at most 64 x 64"),
         ("t,x,y,p\n5,1.5,0,1\n", "", "column x must hold whole numbers, not float64"),
-        ("t,x,y,p\n5,one,0,1\n", "", "event 0 has x 'one', which is no number"),
+        ("t,x,y,p\n5,one,0,1\n", "", "event 0 has x 'one', which is not a number"),
         ("t,x,y,p\nnan,0,0,1\n", "", "event 0 has no finite time; remove it"),
         ('t,x,y,p\n"1,500",0,0,1\n"2,000",0,0,1\n', "", "'1,500' may be a decimal comma or separate thousands; write"),
         (f"t,x,y,p\n{2**63},0,0,1\n", "", "column t has numbers beyond 63 bits"),
-        ("t,x,y,p\n5,0,0\n", "", "event 0 has 3 cells, the first line 4; a decimal comma needs another"),
+        ("t,x,y,p\n5,0,0\n", "", "event 0 has 3 cells, but the first line has 4; a decimal comma needs another"),
         ("t,x,p\n5,0,1\n", "", "no columns x and y, and no address"),
         ("t,address\n5,0\n", "", "one address each; give the taxel of each address with --map FILE"),
         ("time,t,x,y\n5,5,0,1\n", "", "two columns for t"),
         ("5,0,0,1\n", "", "does not name its 4 columns; name them with --fields"),
-        ("5,0,0,1\n", " --fields t,x,y", "--fields names 3 columns, e.csv has 4"),
+        ("5,0,0,1\n", " --fields t,x,y", "--fields names 3 columns, but e.csv has 4"),
         ("5,0,0,1\n", " --fields t,x,y,q", "--fields names 'q'"),
         ("t,x,y\n5,0,0\n", " --encoding nlcs --drop-unmapped", "--drop-unmapped leaves out addresses that a map lacks"),
         ("t,x,y,p\n5,0,0,0\n", " --encoding nlcs", "the file has OFF events, but encoding nlcs sends none"),
@@ -171,7 +178,7 @@ def test_options_of_foreign_events_are_refused_for_ours(folder: Path, call: Call
         ("address,x,y\n1,0,0\n2,0,0\n", "gives two addresses for taxel (0, 0)"),
         ("address,x,y\n1,64,0\n", "taxel (64, 0) is outside 0..63"),
         ("address,x,y\n", "maps no address"),
-        ("from_x,from_y,x,y\n0,0,0,0\n", "maps from_x, the events have address"),
+        ("from_x,from_y,x,y\n0,0,0,0\n", "maps from_x, but the events have address"),
     ],
 )
 def test_a_doubtful_map_is_refused(text: str, sentence: str, folder: Path, call: Call) -> None:

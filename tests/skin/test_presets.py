@@ -334,5 +334,5 @@ def test_a_readout_wired_to_some_taxels_gets_their_signals(scan: Scan) -> None:
         wired.signals(skin, image)
     with pytest.raises(InputError, match=r"^taxel 15 is not on the skin; its taxels are 0\.\.14$"):
         scan.wired_to(skin, [15])
-    with pytest.raises(InputError, match="each once"):
+    with pytest.raises(InputError, match="choose at least one taxel, and no taxel twice"):
         scan.wired_to(skin, [1, 1])

@@ -117,14 +117,14 @@ def test_chosen_columns_are_the_taxels(tmp_path):
 @pytest.mark.parametrize(
     ("text", "options", "sentence"),
     [
-        ("t,a\n0,1\n0,2\n", {}, "x.csv: the time stamp of sample 2 is not later than the one before"),
+        ("t,a\n0,1\n0,2\n", {}, "x.csv: the time stamp of sample 2 is not later than the previous time stamp"),
         ("t,a\n0,1\n1,2\n2,0\n", {}, "x.csv: the time stamps rise by one; give their unit with --time-unit"),
         ("t\n0\n0.1\n", {}, "x.csv has only time stamps"),
         ("t,a\n0,nan\n0.1,2\n", {}, "x.csv has nan in sample 1, column 2"),
         ("t,a\n0,x\n", {}, "x.csv is not a table of numbers: could not convert string 'x'"),
         ("t,a\n", {}, "x.csv holds no samples below its header"),
         ("", {}, "x.csv holds no samples"),
-        ("a,b,c\n1,2\n", {}, "x.csv names 3 columns and has 2"),
+        ("a,b,c\n1,2\n", {}, "x.csv names 3 columns, but has 2"),
         ("a,b\n1,2\n", {"taxel_columns": "c"}, "x.csv has no column 'c'; it has 2: a, b"),
         ("a,b\n1,2\n", {"time_column": "7"}, "x.csv has no column '7'"),
         ("a,b\n1,2\n", {"decimal": "comma"}, "a decimal comma needs another delimiter"),
@@ -453,14 +453,16 @@ def test_columns_are_matched_by_name(tmp_path):
 def test_recordings_of_other_arrays_or_rates_are_refused(tmp_path):
     write_csv(tmp_path / "s/a/0.csv", counts("tap"))
     write_csv(tmp_path / "s/b/0.csv", counts("tap", taxels=9))
-    with pytest.raises(InputError, match=r"has 16 taxels, .* has 9; choose the same ones with --taxel-columns"):
+    with pytest.raises(InputError, match=r"has 16 taxels, .* has 9; choose the same taxels with --taxel-columns"):
         read_set(tmp_path / "s", FIRST, ReadoutConfig())
     write_csv(tmp_path / "s/b/0.csv", counts("tap", rate_hz=200), rate_hz=200)
     write_csv(tmp_path / "s/c/0.csv", counts("tap"))
-    with pytest.raises(InputError, match="has 200 samples/s, the others 35; give the rate of all with --sample-rate"):
+    with pytest.raises(
+        InputError, match="has 200 samples/s, but the others have 35; give the rate of all with --sample-rate"
+    ):
         read_set(tmp_path / "s", FIRST, ReadoutConfig())
     write_csv(tmp_path / "s/b/0.csv", counts("tap", rate_hz=10), rate_hz=10)
-    with pytest.raises(InputError, match="has 10 samples/s, the others 35"):
+    with pytest.raises(InputError, match="has 10 samples/s, but the others have 35"):
         read_set(tmp_path / "s", FIRST, ReadoutConfig())
     with pytest.raises(
         InputError, match="16 taxels, but the array has 2 x 4 = 8; give --rows and --columns, or neither"
