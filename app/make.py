@@ -39,14 +39,14 @@ NEEDS = {
 """Commands that need each group of packages beside ``base``."""
 
 SWITCHES = {("sim", "GATES"): "gatesim", ("asic", "SCALE"): "asic-scale"}
-"""Command that runs instead where a user sets a variable to 1."""
+"""Command that runs instead if a user sets a variable to 1."""
 
 DEFAULTS = {
     "verilog": {"OUT": "out/verilog"},
     "properties": {"OUT": "out/verilog"},
     "layout": {"ROWS": "2", "COLUMNS": "2"},
 }
-"""Variables that a target sets where the user does not."""
+"""Variables that a target sets if the user does not."""
 
 APART = ("layout",)  # commands with an environment of the same name
 LINT = ("-m ruff format --check .", "-m ruff check .", "-m mypy")
@@ -87,7 +87,7 @@ STEPS: dict[str, tuple[str, tuple[str, ...]]] = {
     "lint": ("check format, lint and types", LINT),
     "format": ("format the code", ("-m ruff format .", "-m ruff check --fix .")),
 }
-"""Help and command lines of the targets that are no command, each line behind the interpreter."""
+"""Help and command lines of the targets that are no command; the interpreter runs each line."""
 
 OWN = {"help": "list the targets", "clean": "remove builds and cached scans; .venv and out/ stay"}
 ENDING = """\
@@ -231,7 +231,7 @@ def _make(name: str, variables: dict[str, str], dry: bool) -> None:
 def _check(name: str, variables: dict[str, str], known: list[str]) -> None:
     """Raise an error for the first unknown variable, with the most similar name."""
     for variable in variables:
-        if variable not in known and variable != "PYTHON":  # which make itself uses
+        if variable not in known and variable != "PYTHON":  # the Makefile itself uses this variable
             _fail(f"make {name} does not take {variable}{_nearest(variable, known)}")
 
 
@@ -248,7 +248,7 @@ def _call(line: list[str]) -> None:
         try:
             code = process.wait()
             break
-        except KeyboardInterrupt:  # the command hears it too, and ends in its own way
+        except KeyboardInterrupt:  # the command receives Ctrl-C too, and ends by itself
             continue
     if code:
         sys.exit(code if code > 0 else 128 - code)

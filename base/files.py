@@ -54,7 +54,7 @@ def atomic_write(path: Path) -> Iterator[IO[bytes]]:
     try:
         with os.fdopen(handle, "wb") as file:
             yield file
-        os.umask(mask := os.umask(0))  # reads the mask, and sets it again
+        os.umask(mask := os.umask(0))  # umask() returns the mask only when setting another
         os.chmod(name, 0o666 & ~mask)
         os.replace(name, path)
     except OSError as error:
@@ -210,7 +210,7 @@ def read_json(path: Path, what: str, kind: type | None = None) -> Any:
         raise
     except OSError as error:
         raise InputError(f"cannot read {what} {path}: {error.strerror}") from None
-    except ValueError as error:  # a character that is no text is one too
+    except ValueError as error:  # includes UnicodeDecodeError, for bytes that are no text
         raise InputError(f"{what} {path} is not JSON: {error}") from None
     except RecursionError:
         raise InputError(f"{what} {path} cannot be read as JSON: it is nested too deeply") from None

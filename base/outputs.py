@@ -20,7 +20,7 @@ OUT = Path("out")
 PART = ".part"  # ending of a file that is being written
 MOST_NAME = 255  # largest number of bytes in the name of a file or folder
 _MOST_LINKS = 40
-_PREFIX = 60  # characters of a name that the name of its part has: all fit into ``MOST_NAME`` bytes
+_PREFIX = 60  # characters of a name in the name of its temporary file, which fits into ``MOST_NAME`` bytes
 _OPEN_FILES = re.compile(r"/dev/fd|/proc/[^/]+/fd")
 _PARTS = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
 
@@ -126,7 +126,7 @@ def new_part(path: Path) -> tuple[int, str]:
             fcntl.flock(handle, fcntl.LOCK_EX)
         if os.fstat(handle).st_nlink:
             return handle, name
-        os.close(handle)  # between the two lines above another process took it for one that was left
+        os.close(handle)  # another process removed the file as abandoned before it was locked
 
 
 @functools.cache

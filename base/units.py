@@ -12,7 +12,7 @@ def with_unit(value: float, unit: str) -> str:
     if value == 0 or not math.isfinite(value):
         return f"{value:g} {unit}"
     power = len(PREFIXES) - 1
-    while power and abs(value) < 0.9995 * 1000.0 ** (power - 6):  # what rounds to 1000 is 1 of the next
+    while power and abs(value) < 0.9995 * 1000.0 ** (power - 6):  # a value that rounds to 1000 is 1 in the next unit
         power -= 1
     return f"{plain(value / 1000.0 ** (power - 6))} {PREFIXES[power]}{unit}"
 

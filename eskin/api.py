@@ -314,8 +314,8 @@ def _codes(config: ReadoutConfig, signal: ArrayLike) -> NDArray[np.int32]:
         if np.isnan(values[tick, taxel]):
             remedy = "replace the missing samples, for example by interpolation"
         raise InputError(
-            f"signal is {values[tick, taxel]:g} at tick {tick} of taxel {taxel}, and floats are full scales from -1 to "
-            f"1; {remedy}"
+            f"signal is {values[tick, taxel]:g} at tick {tick} of taxel {taxel}, but floats must be in full scales "
+            f"from -1 to 1; {remedy}"
         )
     if values.dtype.kind == "f":
         return quantise(values.astype(np.float64), config.sample_bits)[0]
@@ -354,10 +354,12 @@ def _numbers(data: ScanData, recordings: Sequence[int]) -> NDArray[np.int64]:
     """Return the indices of the chosen recordings of a dataset."""
     numbers = np.asarray(recordings)
     if numbers.ndim != 1 or not numbers.size or numbers.dtype.kind not in "iu":
-        raise InputError("recordings must be a list of numbers of recordings, at least one")
+        raise InputError("recordings must be a list of at least one recording number")
     for number in numbers.tolist():
         if not 0 <= number < len(data.names):
-            raise InputError(f"there is no recording {number}; the data have 0..{len(data.names) - 1}")
+            raise InputError(
+                f"there is no recording {number}; the recordings have the numbers 0..{len(data.names) - 1}"
+            )
     return numbers.astype(np.int64)
 
 

@@ -36,7 +36,7 @@ def test_the_guide_does_what_it_shows(folder: Path, capsys: pytest.CaptureFixtur
     assert "output [15:0] count;" in values["text"]
     with pytest.raises(InputError, match=r"^the network takes time bins of 0.001 s, not 0.002 s; set bin_s$"):
         eskin.predict(values["weights"], eskin.dataset(ONE, [values["sines"][100]], bin_s=0.002))
-    with pytest.raises(InputError, match=r"^there is no recording 40; the data have 0..39$"):
+    with pytest.raises(InputError, match=r"^there is no recording 40; the recordings have the numbers 0..39$"):
         eskin.train(values["data"], [1, 40])
     with pytest.raises(InputError, match=r"^unknown network field 'hiden'; known are "):
         eskin.train(values["data"], hiden=3)
@@ -75,9 +75,9 @@ def test_codes_floats_and_both_shapes_give_the_same_events() -> None:
         (np.zeros(5), "signal must have the shape (ticks, 6) or (ticks, 2, 3), not (5,); reshape it, or set rows"),
         (
             np.full((5, 6), 1.5),
-            "signal is 1.5 at tick 0 of taxel 0, and floats are full scales from -1 to 1; divide it",
+            "signal is 1.5 at tick 0 of taxel 0, but floats must be in full scales from -1 to 1; divide it",
         ),
-        (np.full((5, 6), np.nan), "signal is nan at tick 0 of taxel 0, and floats are full scales"),
+        (np.full((5, 6), np.nan), "signal is nan at tick 0 of taxel 0, but floats must be in full scales"),
         (
             np.full((5, 6), 2048),
             "signal has the code 2048, outside -2048..2047 of 12 bits; divide it by its full scale",

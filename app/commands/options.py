@@ -49,7 +49,9 @@ def open_pool(
 
         return Local(workers, threads)
     if workers is not None:
-        raise InputError("--workers starts processes on this machine, --scheduler uses a cluster; give one")
+        raise InputError(
+            "--workers starts processes on this machine, --scheduler uses a cluster; give only one of these options"
+        )
     from eskin.base.workers.cluster import Cluster, Needs
 
     return Cluster(scheduler, needs or Needs())

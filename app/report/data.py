@@ -118,7 +118,7 @@ SUMMARY = {
     "mismatches": int,
     "configuration": {"rows": int, "columns": int, "encoding": str, "resolution": int},
 }
-"""Shape of the summary of a replay, as far as the report reads it."""
+"""Shape of the fields of a replay summary that the report reads."""
 
 
 def load_replays(folder: Path) -> list[Data]:

@@ -108,7 +108,7 @@ def place_label(panel: Axes, label: Annotation, own: Box, taken: Taken, sides: s
             return
         crossed = crossed or box
     if crossed is None:
-        label.set_visible(False)  # no room: the legend and the data name it
+        label.set_visible(False)  # no room: the legend and the data still name the point
     else:
         _put(panel, label, crossed, taken)
 

@@ -41,7 +41,7 @@ def check_picture_path(path: str | Path) -> None:
     """Check the format and the folder of a picture path before any work."""
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
-        raise InputError(f"pictures end in {', '.join(FORMATS)}, {path.name} does not; rename the output")
+        raise InputError(f"pictures end in {', '.join(FORMATS)}, but {path.name} does not; rename the output")
     check_file(path)
 
 

@@ -20,7 +20,7 @@ from eskin.base.errors import InputError
 from eskin.base.workers.pool import SPARE, Shared, WorkerPool, unpack
 
 CONNECT_S, WORKERS_S = 5.0, 10.0
-"""Seconds that a scheduler may take to answer, and its first worker to appear."""
+"""Time limits in seconds for the answer of a scheduler, and for its first worker."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +57,11 @@ class Cluster(WorkerPool):
         self._version = version(needs)
         self._shared: dict[str, Any] = {}
         self._pieces: dict[Any, Any] = {}
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # else a lost connection is a page of text
-        warnings.filterwarnings("ignore", message="Sending large graph")  # what is shared, once for each name
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # otherwise a lost connection prints a page of text
+        warnings.filterwarnings("ignore", message="Sending large graph")  # a shared value is sent only once
         try:
             asyncio.run(_find_scheduler(address))
-        except Exception:  # whatever else may answer there, or be wrong with the address
+        except Exception:  # any other answer, or a wrong address
             raise InputError(
                 f"no Dask scheduler answers at {address or 'an empty address'}; start one with dask scheduler and give "
                 f"its address, as --scheduler tcp://HOST:8786"
@@ -84,7 +84,7 @@ class Cluster(WorkerPool):
 
         packages, libraries = self.needs.packages, self.needs.libraries
 
-        def identify() -> str:  # inside, so that it travels by value: the worker may not have this module
+        def identify() -> str:  # nested, so that Dask sends its code: the worker may not have this module
             import importlib
 
             module = importlib.import_module("eskin.base.workers.cluster")
@@ -135,9 +135,7 @@ class Cluster(WorkerPool):
     def check(self) -> None:
         """Raise an error if the scheduler no longer answers."""
         if self._client.status != "running":
-            raise InputError(
-                f"the scheduler {self.address} disappeared; the same command continues with the remaining work"
-            )
+            raise InputError(f"the scheduler {self.address} disappeared; run the same command again to continue")
 
     def __exit__(self, *error: Any) -> None:
         with contextlib.suppress(OSError):
@@ -165,7 +163,7 @@ def _check_version(found: str, wanted: str, where: str) -> None:
     if found != wanted:
         raise InputError(
             f"{where} has a different version of this project or its libraries ({found}; here {wanted}); "
-            f"install the same on both and start the worker again"
+            f"install the same versions in both places and start the worker again"
         )
 
 

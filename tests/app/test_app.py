@@ -356,4 +356,6 @@ def test_the_configuration_of_a_frame_readout_is_taken_where_frames_are(call: An
     assert json.loads(out)["frame"]["bits_per_word"] == 9
     code, _, err = call("encode x.csv -o y.npz --config frame.json")
     assert code == 2
-    assert "frame.json is that of a frame readout (word_bits, settle_clocks, conversion_clocks); leave these out" in err
+    assert (
+        "frame.json is for a frame readout (word_bits, settle_clocks, conversion_clocks); leave these fields out" in err
+    )

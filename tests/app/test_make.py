@@ -261,7 +261,7 @@ def test_groups_are_installed_when_what_they_are_made_of_changes(
     (checkout / "constraints.txt").unlink()
     (checkout / "constraints.txt").write_text("numpy==1\n")
     assert "base" in setup.missing(["base"])
-    assert "setting up .venv, once: pinned packages of base, sim" in capfd.readouterr().out
+    assert "setting up .venv, only once: installing the pinned packages of base, sim" in capfd.readouterr().out
 
 
 def name(requirement: str) -> str:
@@ -272,7 +272,7 @@ def test_a_failed_install_is_no_install(checkout: Path, monkeypatch: pytest.Monk
     monkeypatch.chdir(checkout)
     setup._stamp("base").write_text(setup._digest("base"))
     monkeypatch.setattr(setup, "python", lambda: "/bin/false")
-    with pytest.raises(setup.SetupError, match="the packages could not be installed; the reason stands above"):
+    with pytest.raises(setup.SetupError, match="the packages could not be installed; see the error above"):
         setup.install(["base", "snn"])
     assert setup.missing(["base", "snn"]) == ["snn"]
 

@@ -173,7 +173,9 @@ def test_a_folder_gets_the_page_of_its_runs(call, folder):
     assert [run["name"] for run in data_of((folder / "mine" / "report.html").read_text())["raster"]] == ["a"]
     code, _, err = call("report -o nowhere")
     assert code == 2
-    assert err.startswith("error: the report is a page; its name ends in .html, nowhere does not; rename the output")
+    assert err.startswith(
+        "error: the report is an HTML page and ends in .html, but nowhere does not; rename the output"
+    )
 
 
 def test_benchmark_ratios_are_those_of_the_files():
@@ -320,7 +322,7 @@ def test_text_from_files_cannot_leave_its_place(folder):
         ("--accuracy broken.json", "the accuracy results broken.json is not JSON"),
         ("--accuracy none.json", "cannot read the accuracy results none.json: there is no such file"),
         ("--benchmarks broken", "the benchmark result broken/a.json is not JSON"),
-        ("--benchmarks none", "none is not a folder; give one, or leave the option out"),
+        ("--benchmarks none", "none is not a folder; give a folder, or leave the option out"),
         ("--sim other-array", "a: rtl.npz is of a 2 x 3 array, model.npz of 3 x 3; run make sim again for this array"),
         ("--sim other-bits", "a: rtl.npz has resolution 4, model.npz 5; run make sim again for one of them"),
         ("--sim damaged", "damaged/a/rtl.npz is damaged or not an event file"),

@@ -100,7 +100,7 @@ def play(
     echo(f"{name}: {found}; {len(received.events)} events, {len(received.classes)} bins; {out}")
     if codes is None:
         if late := received.counts.get("lost", 0):
-            print(f"LATE {late} scans: the serial line did not take all events in time")
+            print(f"LATE {late} scans: the serial line was too slow for the events")
             raise typer.Exit(1)
         return
     if check and (difference := session.difference(chip, network, codes, received)) is not None:

@@ -60,7 +60,7 @@ def demo(
     found: list[DemoResult] = []
     with sending(udp, view.clock_hz) as sender, served(view, port, "--port") as server:
         address = f"http://127.0.0.1:{server.server_port}/"
-        print(f"{address} shows the skin; Ctrl-C ends", flush=True)
+        print(f"{address} shows the skin; Ctrl-C stops the demo", flush=True)
         if show.scale is not None:
             print(scale_text(show.scale), flush=True)
         if show.weights is not None and weights is None:

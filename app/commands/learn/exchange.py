@@ -22,7 +22,7 @@ def export(
 ) -> None:
     """Export a trained network as a NIR graph or a NumPy archive."""
     if out.suffix not in (".nir", ".npz"):
-        raise InputError(f"networks are written as .nir or .npz, not {out.name}; rename the output")
+        raise InputError(f"networks end in .nir or .npz, but {out.name} does not; rename the output")
     if eight_bits and out.suffix == ".nir":
         raise InputError("NIR has no 8-bit weights; write an .npz, or leave --eight-bits out")
     from eskin.snn.exchange.nir_network import save_nir
@@ -44,7 +44,9 @@ def _tell_lacks(path: Path, weights: Weights) -> None:
     from eskin.snn.exchange.weights import config_of
 
     if (scale := config_of(weights.network).input_scale) != 1:
-        print(f"input scale {scale:.4g}: in the weights of hidden_in, since snnTorch and Norse know no Scale")
+        print(
+            f"input scale {scale:.4g}: included in the weights of hidden_in, because snnTorch and Norse have no Scale"
+        )
     found = lacks(weights.network)
     if not found:
         print(
@@ -53,7 +55,7 @@ def _tell_lacks(path: Path, weights: Weights) -> None:
         return
     for lack in found:
         print(lack.text)
-    print("eskin train --recipe portable makes networks without these")
+    print("eskin train --recipe portable trains networks without these features")
     from eskin.snn.experiments.trained import accuracies_on_test
 
     networks = {"here": weights.network} | {f"without {lack.name}": lack.network for lack in found}
@@ -76,7 +78,7 @@ def import_(
 ) -> None:
     """Import a network from a NIR graph."""
     if out.suffix != ".npz":
-        raise InputError(f"weight files end in .npz, {out.name} does not; rename the output")
+        raise InputError(f"weight files end in .npz, but {out.name} does not; rename the output")
     from eskin.snn.exchange.nir_network import load_nir
     from eskin.snn.exchange.weights import config_of, save_weights
 
@@ -114,7 +116,7 @@ def quantise(
     """Quantise a trained network to integers for the hardware classifier, and write its memory images."""
     out = out or weights.with_name("whole.npz")
     if out.suffix != ".npz":
-        raise InputError(f"integer networks end in .npz, {out.name} does not; rename the output")
+        raise InputError(f"integer networks end in .npz, but {out.name} does not; rename the output")
     from eskin.model.classifier.chip_config import with_room
     from eskin.model.classifier.file import write_images
     from eskin.model.config import ReadoutConfig

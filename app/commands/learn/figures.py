@@ -120,7 +120,7 @@ def frontier(
         str, opt("device name of torch; a GPU trains the convolutional networks of a point together")
     ] = "cpu",
     inner: Annotated[
-        int | None, opt("FOLDS", "only inner validation, in this number of folds, without test images", min=1, max=6)
+        int | None, opt("FOLDS", "compare the points only on inner validation images of this many folds", min=1, max=6)
     ] = None,
     draw: Annotated[Path | None, opt("FILE", "plot this frontier.json without training")] = None,
     dataset: TexturesOption = None,

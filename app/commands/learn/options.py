@@ -55,7 +55,7 @@ _NAMES = {"bin_s": "bin", "config_file": "config", "start_rows": "start-rows"}
 
 
 ENCODER = ("encoding", "resolution", "fields", "sample_rate_hz")
-"""Fields of the readout that have an option of their own; ``--config`` has all."""
+"""Fields of the readout with an option; ``--config`` sets all fields."""
 
 OWN = field_options(Preparation, PREPARATION, {"baseline": "first", "strict": True}, RECORDINGS)
 
@@ -163,7 +163,9 @@ def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experim
             bin_s = FrameSteps.parse(options["frames"], bin_s).step_s
         follows = _following(recipe, folder, bin_s)
     elif "sample_rate_hz" in given and options["config_file"] is None:
-        raise InputError("--sample-rate is for your own recordings, the scan of a texture has its own; add --data DIR")
+        raise InputError(
+            "--sample-rate is for your own recordings, and texture scans have a fixed rate; add --data DIR"
+        )
     else:
         check_alone(None, prepared, {})
     bins = BinConfig(start_s=options["start"])
@@ -197,9 +199,9 @@ def _following(recipe: str, folder: Path, bin_s: float) -> dict[str, Any]:
     found = for_recordings(recipe, seconds, bin_s)
     if "window_steps" in found:
         print(
-            f"recordings of {seconds.min():.3g} to {seconds.max():.3g} s: learned in windows of "
-            f"{found['window_steps'] * bin_s:.3g} s, {found['windows']} of each in an epoch, and classified whole; "
-            f"--set window_steps=0 learns them whole"
+            f"recordings last {seconds.min():.3g} to {seconds.max():.3g} s: an epoch uses {found['windows']} windows "
+            f"of {found['window_steps'] * bin_s:.3g} s of each recording, and tests use whole recordings; "
+            f"--set window_steps=0 trains on whole recordings"
         )
     return found
 
@@ -213,7 +215,7 @@ def _bin_of(folder: Path) -> float | None:
     period_s = 1 / Recording.load(event_files([folder])[0].path).config.sample_rate_hz
     if period_s <= BinConfig().bin_s:
         return None
-    print(f"time bin: {period_s:.4g} s, one sample of these recordings; --bin chooses another")
+    print(f"time bin: {period_s:.4g} s, the sample period of these recordings; --bin sets another time bin")
     return period_s
 
 

@@ -62,7 +62,7 @@ def predict(
     torch.set_num_threads(1)
     if events and data is not None and not check_model:
         raise InputError(
-            "--data with --events only names the samples for --check-model; add --check-model, or leave one out"
+            "--data with --events only names the samples for --check-model; add --check-model, or leave --data out"
         )
     trained = load_trained(weights)
     if not events and data is None and trained.own is None:
@@ -70,7 +70,7 @@ def predict(
     files = event_files(events or [_own_events(trained, data, check_model)])
     mapping = AddressMap.read(address_map) if address_map is not None else None
     if mapping is not None and not any(is_foreign(file.path) for file in files):
-        raise InputError("--map is for foreign event files, and none was given; leave it out")
+        raise InputError("--map is for foreign event files, but there is no such file; leave --map out")
     with bar("reading events", len(files)) as step:
         recordings = read_recordings(files, trained.weights.class_names, step, mapping)
     if not events:
@@ -102,7 +102,9 @@ def _own_events(trained: Trained, data: Path | None, check_model: bool) -> Path:
     from eskin.skin.recordings.trained_on import EVERY_FIELD
 
     if data is None:
-        raise InputError("the network was trained on recordings; give --data DIR with more of them, or --events DIR")
+        raise InputError(
+            "the network was trained on recordings; give recordings with --data DIR, or event files with --events DIR"
+        )
     if check_model:
         raise InputError(
             "--check-model compares events of the RTL with the model; add --events, as from eskin replay --data"
@@ -128,7 +130,7 @@ def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> N
     if not check.passed:
         print("\n".join(map(printable, [*check.first.splitlines(), f"reproduce: {again}"])))
         differ = ", ".join(f"{len(numbers)} in {level}" for level, numbers in check.different.items())
-        print(f"FAILED: of {count} compared {noun}, {differ} differ")
+        print(f"FAILED: {count} {noun} compared, different: {differ}")
         raise typer.Exit(1)
     if count < len(recordings):
         print(f"{len(recordings) - count} recordings do not come from the RTL and were not compared")

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from eskin.snn.experiments.robustness import Subject
 
 OUT_TRAIN = Path("out/train")
-"""Default place of trainings; folders whose names begin so are searched, too."""
+"""Default folder of trainings; the search includes all folders with this beginning of the name."""
 
 Trainings = Annotated[
     list[Path] | None,
@@ -57,7 +57,7 @@ def robustness(
         with bar("cells", len(subjects) * len(chosen)) as step:
             cells = run_cells(subjects, chosen, out, step)
     except KeyboardInterrupt:
-        print(f"stopped; finished results stay in {out}, and the same command continues", file=sys.stderr)
+        print(f"stopped; finished results are in {out}; run the same command again to continue", file=sys.stderr)
         raise typer.Exit(EXIT_INTERRUPTED) from None
     points = summarise(cells)
     written = write_results(out, "robustness", {"points": points}, plot_robustness, command=command_line(context))

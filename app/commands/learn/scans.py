@@ -58,7 +58,9 @@ def counts(
     if unfit := [readout for readout, _ in chosen if readout not in registry.NAMES]:
         raise InputError(f"--points takes event encoders ({', '.join(registry.NAMES)}), not {unfit[0]}")
     if tau is not None and not {readout for readout, _ in chosen} & set(LEAKY):
-        raise InputError(f"--tau is the leak of {' or '.join(LEAKY)}, and --points has none of these; leave it out")
+        raise InputError(
+            f"--tau is the leak of {' or '.join(LEAKY)}, and --points has none of these encoders; leave --tau out"
+        )
     bins = BinConfig() if bin_s is None else BinConfig(bin_s=bin_s)
     found = {}
     for readout, bits in chosen:

@@ -78,7 +78,7 @@ def two_of(text: str | None, known: Collection[str]) -> list[str]:
     """Return the names of the two networks to compare, or an empty list without ``--pair``."""
     names = [name.strip() for name in text.split(",")] if text is not None else []
     if text is not None and (len(names) != 2 or not set(names) <= set(known)):
-        raise InputError(f"--pair takes two of {', '.join(sorted(known))}, with a comma between, not {text!r}")
+        raise InputError(f"--pair must be two of {', '.join(sorted(known))}, separated by a comma, not {text!r}")
     return names
 
 
@@ -88,12 +88,12 @@ def _numbers(text: str) -> list[float]:
     except ValueError:
         found = []
     if not found or not all(0 < number < 1000 for number in found):
-        raise InputError(f"--noises takes positive numbers of mV below 1000 with commas between, not {text!r}")
+        raise InputError(f"--noises must be positive numbers of mV below 1000, separated by commas, not {text!r}")
     return found
 
 
 NOISE = {"points": [{"mode": str, "network": str, "noise_v": float, "accuracy": float, "bootstrap_95": [float]}]}
-"""Shape of a noise study, as far as merits reads it."""
+"""Shape of the fields of a noise study that ``merits`` reads."""
 
 
 def merits(

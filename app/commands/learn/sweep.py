@@ -29,7 +29,7 @@ DEFAULT_POINTS = "lcs:2,lcs:4,lcs:6,lcs:8,nlcs:4,nlcs:6,nlcs:8,nlcs:10"
 UNSAID: dict[str, Any] = dict.fromkeys(NOT_OF_A_SWEEP)  # options that a point does not set
 
 OF_THIS_RUN = {"out", "workers", "scheduler"}
-"""Options that do not change the result, and so have no place in the command that gives it."""
+"""Options that do not change the result; the printed command leaves these options out."""
 
 
 @with_experiment
@@ -68,7 +68,9 @@ def sweep(
         named = " or ".join(LEAKY)
         raise InputError(f"--tau is the leak of {named}, but --points has no {named} point; leave it out")
     if not events and options["bin_s"] is not None and not {readout for readout, _ in chosen} - set(BASELINES):
-        raise InputError("--bin has no effect on rnn|gru|cnn:K, where K is the frames of a step; leave it out")
+        raise InputError(
+            "--bin has no effect on rnn|gru|cnn:K, where K is the number of frames per step; leave --bin out"
+        )
     made = [_point(readout, number, options) for readout, number in chosen]
     made += [_recorded_point(folder, options) for folder in events or ()]
     _tell_idle(made, options["settings"])
@@ -82,7 +84,7 @@ def sweep(
                 made, out, pool=pool, folds=folds, seeds=seeds, command=command_line(context), progress=show
             )  # fmt: skip
     except KeyboardInterrupt:
-        print(f"stopped; finished results stay in {out}, and the same command continues", file=sys.stderr)
+        print(f"stopped; finished results are in {out}; run the same command again to continue", file=sys.stderr)
         raise typer.Exit(EXIT_INTERRUPTED) from None
     _print_table(found)
     echo(f"result: {out / 'sweep.json'}")

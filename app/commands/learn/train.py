@@ -60,7 +60,7 @@ def train(
 
     made: Experiment = make(ByClasses(fold, folds, test))
     if made.grid is not None:
-        raise InputError("train takes one setting; give it with --set, or the grid to crossval or sweep")
+        raise InputError("train needs a single value of each setting; use --set, or give the grid to crossval or sweep")
     chosen_out, out = out, out or OUT
     output_folder(out, *FILES)
     with bar("recording scans") as step:
@@ -74,8 +74,8 @@ def train(
     print(f"data: {printable(data.source)}")
     noun = "images" if made.events is None else "recordings"
     print(
-        f"{len(chosen.images)} {noun} to learn ({len(data.scans_of(chosen.images))} scans), {len(chosen.test)} to "
-        f"test, {len(data.class_names)} classes; {data.steps} steps of {data.channels} channels"
+        f"{len(chosen.images)} {noun} for training ({len(data.scans_of(chosen.images))} scans), {len(chosen.test)} "
+        f"for testing, {len(data.class_names)} classes; {data.steps} steps of {data.channels} channels"
     )
     echo(f"classes: {', '.join(data.class_names[:8])}{', ...' if len(data.class_names) > 8 else ''}")
     if not kernel.available():
@@ -94,7 +94,7 @@ def train(
     _print_result(training, result, data, noun)
     if watch_test:
         best = max(training.history, key=lambda epoch: epoch.held_out or 0.0)
-        print(f"best test epoch {best.number}: {best.held_out:.1%} (no valid result: the test chose the epoch)")
+        print(f"best test epoch {best.number}: {best.held_out:.1%} (no valid result: the test images chose the epoch)")
     pictures = draw_training(result, [data.names[number] for number in chosen.test], out)
     echo(f"result: {out / 'result.json'}, weights: {out / 'weights.npz'}")
     echo(f"{'picture' if len(pictures) == 1 else 'picture and page'}: {', '.join(map(str, pictures))}")

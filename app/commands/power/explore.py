@@ -28,7 +28,7 @@ from eskin.power.readouts import READOUT_NAMES, READOUTS
 from eskin.power.study import RESOLUTIONS
 
 SENSOR = ("rows", "columns", "signal_bandwidth_hz", "supply_v", "pads_voltage_v", "pads_toggle")
-"""Parameters of the power model that have an option of their own; ``--set`` takes the others."""
+"""Parameters of the power model with an option; ``--set`` changes the other parameters."""
 
 
 STORED_RATES = (
@@ -57,7 +57,7 @@ def explore(
     from eskin.power.figures.plots import plot_explore
 
     own = list(settings or [])
-    if (bandwidth := sensor.get("signal_bandwidth_hz")) is not None:  # said by the user, so not that of the textures
+    if (bandwidth := sensor.get("signal_bandwidth_hz")) is not None:  # given by the user, not measured on textures
         own.insert(0, f"signal_bandwidth_hz={bandwidth!r}")
     parameters = PowerParameters().replace(**sensor)
     PowerModel().breakdown("frame", rate_resolution, noise, tau)  # refuses bad numbers before anything is measured

@@ -73,19 +73,23 @@ def encode(
         return
     if workers is not None or scheduler is not None:
         option = "--workers" if scheduler is None else "--scheduler"
-        raise InputError(f"{option} is for the recordings of a folder; {source} is one input, leave it out")
+        raise InputError(
+            f"{option} is for the recordings of a folder, but {source} is a single input; leave {option} out"
+        )
     if "strict" in prepared:
-        raise InputError(f"--strict is for the recordings of a folder; {source} is one input, leave it out")
+        raise InputError(
+            f"--strict is for the recordings of a folder, but {source} is a single input; leave --strict out"
+        )
     check_event_path(out)
     kind = source.suffix.lower()
     if kind in IMAGE_SUFFIXES:
         if prepared:
             option = option_named(next(iter(prepared)))
-            raise InputError(f"{option} belongs to samples; the scale of an image is part of its preset")
+            raise InputError(f"{option} is only for samples; the preset sets the scale of an image")
         made = encode_image(source, config, preset or "physical", start_row or 0.0, model)
     elif kind in ARRAY_SUFFIXES:
         if preset is not None or start_row is not None:
-            raise InputError("--preset and --start-row belong to images; samples are taken as they are")
+            raise InputError("--preset and --start-row are only for images, and this input has samples; leave them out")
         made = encode_samples(source, config, given, prepared, model)
     else:
         raise InputError(

@@ -128,7 +128,7 @@ def _print_traffic(report: dict[str, Any]) -> None:
     )
     print(
         "sent: events or words; taxel: events or samples of one taxel; "
-        "frames: the frame rate at which frames need as many bits"
+        "frames: the frame rate at which frames have the same data rate"
     )
 
 

@@ -25,7 +25,7 @@ PREPARATION = tuple(field.name for field in dataclasses.fields(Preparation) if f
 """Fields of Preparation that are options."""
 
 DEFAULTS = {"baseline": "first of a folder, none of a file", "scale": "max; file without --baseline: none"}
-"""Defaults of these options where the input is a file or a folder."""
+"""Defaults of these options, for a file or for a folder."""
 
 
 def named_place(given: Path | None) -> Path | None:
@@ -98,7 +98,7 @@ def events_of(
     from eskin.skin.recordings.event_files import kept_events
 
     if not place.is_dir() and not (flat and place.is_file()):
-        raise InputError(f"{place} is not a folder; give one with a folder for each class")
+        raise InputError(f"{place} is not a folder; give a folder with a sub-folder for each class")
     with Local(threads=True) as pool, bar("encoding recordings") as step:
         folder, notes, warnings = kept_events(
             place, preparation(prepared), config, given, step, pool=pool, flat=flat, fit=fit

@@ -39,10 +39,10 @@ def report(
         found = runs_in(out)
         sim, replay, out = sim or found[0], replay or found[1], out / "report.html"
     if not _is_page(out):
-        raise InputError(f"the report is a page; its name ends in .html, {out.name} does not; rename the output")
+        raise InputError(f"the report is an HTML page and ends in .html, but {out.name} does not; rename the output")
     for folder in (sim, replay, benchmarks):
         if folder is not None and not folder.is_dir():
-            raise InputError(f"{folder} is not a folder; give one, or leave the option out")
+            raise InputError(f"{folder} is not a folder; give a folder, or leave the option out")
     if accuracy is not None and not accuracy.is_file():
         raise InputError(f"cannot read the accuracy results {accuracy}: there is no such file")
     data, runs = report_data(

@@ -64,7 +64,7 @@ def asic(
     name: Annotated[str, opt("name of the run and its folder [from the configuration]")] = "",
     power: Annotated[bool, opt("also measure idle power and energies, by simulation")] = True,
     from_verilog: Annotated[
-        bool, opt("--from-verilog", "start from the text of verilog --clock-gates, as a user's flow does")
+        bool, opt("--from-verilog", "map the Verilog of verilog --clock-gates instead of the RTL")
     ] = False,
     out: Annotated[Path, out_folder("parent folder of the run")] = Path("out/asic"),
 ) -> None:
@@ -150,7 +150,10 @@ def gatepower(
     from eskin.flow.power.results import designs, write, write_classifier, write_glitches
 
     if three + glitching + (weights is not None) > 1:
-        raise InputError("--glitches measures one readout, --three three, --weights a classifier; give one of them")
+        raise InputError(
+            "--glitches measures one readout, --three measures three readouts, --weights measures a classifier; "
+            "give only one of these options"
+        )
     chosen: dict[str, ReadoutConfig | FrameConfig] = {str(config.encoding): config}
     chosen = designs(config) if three else chosen
     words = ["gatepower", *(f"LIB={path.name}" for path in lib), *variables(config)]

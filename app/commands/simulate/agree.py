@@ -70,7 +70,7 @@ def agree(
 def _bits(text: str) -> list[int]:
     parts = text.split(",")
     if not all(part in {str(bits) for bits in range(2, 9)} for part in parts) or len(set(parts)) < len(parts):
-        raise InputError(f"--bits takes numbers from 2 to 8 with commas between, each once, not {text!r}")
+        raise InputError(f"--bits must list different numbers from 2 to 8, separated by commas, not {text!r}")
     return [int(part) for part in parts]
 
 

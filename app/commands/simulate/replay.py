@@ -44,7 +44,7 @@ def replay(
     scheduler: Scheduler = None,
     keep: Annotated[
         Path | None,
-        out_file("--keep", "JSON file for the totals of this encoder; totals of other encoders in the file stay"),
+        out_file("--keep", "JSON file for the totals of this encoder; the file keeps the totals of other encoders"),
     ] = None,
     out: Annotated[Path, out_folder("folder for the event files")] = Path("out/replay"),
 ) -> None:

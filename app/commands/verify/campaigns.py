@@ -46,7 +46,7 @@ def soak(
     if keep is not None:
         from eskin.base.files import origin, write_json
 
-        spent = found["seconds"] / 3600  # in all, however often it was stopped
+        spent = found["seconds"] / 3600  # total of all parts of a stopped campaign
         write_json(keep, origin(make_line("soak", HOURS=f"{spent:.2f}", SEED=seed, CLOCKS=clocks)) | found)
     print(found["result"])
 
@@ -70,7 +70,7 @@ def _parts(words: list[str]) -> dict[str, Any]:
         name, separator, value = word.partition("=")
         if not separator or name not in FIELDS | set(PARTS):
             raise InputError(
-                f"--set takes NAME=VALUE, a field of the configuration or {', '.join(PARTS)}, not {word!r}"
+                f"--set needs NAME=VALUE with a field of the configuration or {', '.join(PARTS)}, not {word!r}"
             )
         if name in FIELDS:
             parts |= parse_fields(ReadoutConfig, {name: value})

@@ -100,7 +100,7 @@ def coverage(
 
     chosen = [run for run in runs() if (run.small or not small) and run.name.startswith(only)]
     if not chosen:
-        raise InputError(f"no run begins with {only!r}; one of them is {runs()[0].name!r}")
+        raise InputError(f"no run begins with {only!r}; the name of the first run is {runs()[0].name!r}")
 
     def tell(name: str, total: int, hit: int) -> None:
         print(f"{name:<45}{hit:>6} of {total:<6} constructs", flush=True)
