@@ -35,7 +35,7 @@ NETWORK = "weights"
 
 
 class Command(typer.core.TyperCommand):
-    """Command whose help lists its own options first, then groups of common options."""
+    """Command with its own options first in the help, then groups of common options."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse a command line; accept ``--weights FILE`` in place of the argument WEIGHTS."""

@@ -236,7 +236,7 @@ def _check(name: str, variables: dict[str, str], known: list[str]) -> None:
 
 
 LEFT_OUT = ("MAKEFLAGS", "MFLAGS", "MAKEOVERRIDES", "MAKELEVEL", "PYTHONDONTWRITEBYTECODE")
-"""Variables that commands do not get. With the last one, which container images set, every process and every simulator
+"""Variables that commands do not get. With the last variable, which container images set, every process and simulator
 would compile PyTorch or pytest anew: twice the time of all tests."""
 
 

@@ -44,7 +44,7 @@ def _project() -> dict[str, Any]:
 
 
 def requirements(group: str) -> list[str]:
-    """Return the requirements of an extra in pyproject.toml; ``base`` gives those of the project itself."""
+    """Return the requirements of an extra in pyproject.toml, or of the project itself for ``base``."""
     project = _project()
     return list(project["dependencies"] if group == BASE else project["optional-dependencies"][group])
 
@@ -55,7 +55,7 @@ def groups() -> list[str]:
 
 
 def missing(wanted: Iterable[str]) -> list[str]:
-    """Return the extras whose installed state differs from pyproject.toml and constraints.txt."""
+    """Return the extras with an installed state that differs from pyproject.toml and constraints.txt."""
     return [group for group in wanted if not _stamp(group).is_file() or _stamp(group).read_text() != _digest(group)]
 
 

@@ -68,7 +68,7 @@ def atomic_write(path: Path) -> Iterator[IO[bytes]]:
 
 
 def _into_stream(path: Path) -> Iterator[IO[bytes]]:
-    """Yield an in-memory file whose content is copied to a device or FIFO at the end."""
+    """Yield an in-memory file; at the end, copy its content to a device or FIFO."""
     with io.BytesIO() as file:
         yield file
         try:

@@ -45,7 +45,7 @@ def progress_of(*words: str, spinner: bool = False, time_left: bool = False, tra
 
 @contextmanager
 def bar(text: str, total: int | None = None) -> Iterator[Callable[[], None]]:
-    """Yield a function that advances a progress bar by one; without a terminal nothing is shown."""
+    """Yield a function that advances a progress bar by 1; without a terminal, show nothing."""
     if not watched():
         yield lambda: None
         return

@@ -36,7 +36,7 @@ def published(readout: str, *, lcs: T, nlcs: T) -> T:
 
 
 def equations_of(encoding: str) -> Readout:
-    """Return the readout whose power equations apply to an encoder.
+    """Return the readout with the power equations of an encoder.
 
     Raises InputError if the encoder has none.
     """

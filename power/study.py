@@ -13,7 +13,7 @@ from eskin.power.rates import TAUS_S, RateTable
 from eskin.power.readouts import READOUTS, SPIKING
 
 FIG6_NOISE_V = (1e-4, 10 ** (-4 + 2 * 14 / 29), 1e-2)
-"""Noise targets of Fig. 6 in volts rms: 0.1, 0.924 and 10 mV; the middle one is the original's grid point for 1 mV."""
+"""Noise targets of Fig. 6 in volts rms: 0.1, 0.924 and 10 mV; 0.924 mV is the original's grid point for 1 mV."""
 
 FIG7_NOISE_V = 1e-3
 """Noise in volts rms for the power ratios of Fig. 7."""

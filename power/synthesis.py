@@ -92,7 +92,7 @@ class SynthesisReport:
         known = dataclasses.fields(cls)
         required = [f.name for f in known if f.default is dataclasses.MISSING]
         if missing := [name for name in required if name not in values]:
-            raise InputError(f"a synthesis report needs the field {missing[0]!r}; docs/guide/power.md lists all")
+            raise InputError(f"a synthesis report needs the field {missing[0]!r}; docs/guide/power.md lists all fields")
         return cls(**{f.name: values[f.name] for f in known if f.name in values})
 
     @classmethod

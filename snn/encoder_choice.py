@@ -28,7 +28,7 @@ INNER_FOLDS = 3
 
 SIZE = {"rows", "columns", "sample_bits", "sample_rate_hz", "clocks_per_sample"}
 FREE = {"resolution", "scale", "link", "frontend", "reset", "fields", *SIZE}
-"""Fields that a user can give while the encoder is chosen: the others belong to one encoder, or follow from it."""
+"""Fields that a user can set during the choice of an encoder; the other fields follow from the encoder."""
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,7 @@ def refuse_unknown(fields: Any, known: Any, what: str) -> None:
     if not isinstance(fields, dict):
         raise InputError(f"the fields of {what} must be a JSON object, not {type(fields).__name__}")
     if unknown := sorted(set(map(str, fields)) - set(known)):
-        raise InputError(f"unknown {what} field {unknown[0]!r}; known are {', '.join(sorted(known))}")
+        raise InputError(f"unknown {what} field {unknown[0]!r}; known fields are {', '.join(sorted(known))}")
 
 
 def _checked(name: str, value: Any, hint: Any) -> Any:
@@ -77,7 +77,7 @@ def _checked(name: str, value: Any, hint: Any) -> Any:
         try:
             value = float(value)
         except OverflowError:
-            raise InputError(f"{name} must be a number, not one of {len(str(value))} digits") from None
+            raise InputError(f"{name} must be a number, not a number of {len(str(value))} digits") from None
     wanted = str if get_args(hint) else hint
     if type(value) is not wanted:
         raise InputError(f"{name} must be {_NOUNS.get(wanted, wanted.__name__)}, not {value!r}")

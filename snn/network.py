@@ -27,7 +27,7 @@ class Output(NamedTuple):
     penalty: Tensor
     """Penalty, added to the loss. Shape ()."""
     rate: float
-    """Mean spikes per step and hidden neuron; of the baselines 0."""
+    """Mean spikes per step and hidden neuron; 0 for a baseline."""
 
 
 def build(config: NetworkConfig, seed: int, backend: Backend = "auto") -> nn.Module:
@@ -41,7 +41,7 @@ def build(config: NetworkConfig, seed: int, backend: Backend = "auto") -> nn.Mod
             if config.kind == "spiking":
                 return SpikingNetwork(config, backend)
             return ConvolutionalNetwork(config) if config.kind == "cnn" else RecurrentBaseline(config)
-        except RuntimeError:  # torch cannot hold its tensors
+        except RuntimeError:  # torch cannot allocate the tensors
             raise MemoryError(f"a network with hidden={config.hidden} is too large; use fewer") from None
 
 

@@ -34,10 +34,10 @@ class SpikingConfig:
     output_synapse_decay: float = 0.0
     """Part of the synaptic current left after one step (NIR: CubaLIF); 0 for inputs that reach the membrane at once."""
     learn_decay: bool = False
-    """Every neuron learns its decays, from those values on (below 1)."""
+    """Every neuron learns its decays, starting from the given values (below 1)."""
     rule: NeuronRule = field(default_factory=NeuronRule)
     readout: OutputMode = "spikes"
-    """The outputs fire and their spikes are added up; or their membranes do not fire and are averaged over time."""
+    """Output neurons: they fire and their spikes are added, or their membranes are averaged over time."""
     weight_bits: int = 0
     """If not 0, the network computes with weights rounded to this many bits, like ``eskin quantise``, and gradients
     pass through the rounding (straight-through)."""

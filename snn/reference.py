@@ -15,7 +15,7 @@ PENALTY = 1.0
 """Half of this number times the sum of all squared weights is added to the loss (scikit-learn: C = 1)."""
 
 WORSE = 0.01
-"""Accuracy that a network may lack, compared with statistics of its events, before the command prints a warning."""
+"""Largest loss of accuracy against the statistics of events without a warning."""
 
 
 LEAST_RATE = 1e-3

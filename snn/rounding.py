@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 _CANDIDATES = 2.0 ** -np.arange(0, 4, 0.125)
-"""Steps that are tried, relative to the step that clips nothing, down to 1/16."""
+"""Candidate steps, relative to the smallest step without clipping, down to 1/16."""
 
 
 class Grid(NamedTuple):

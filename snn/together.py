@@ -128,7 +128,7 @@ def _clip_each(parameters: Sequence[nn.Parameter], most: float) -> None:
 
 
 class _Stack:
-    """Convolutional networks of one shape whose weights are stacked."""
+    """Convolutional networks of one shape with stacked weights."""
 
     def __init__(self, networks: Sequence[ConvolutionalNetwork], device: str) -> None:
         states = [dict(network.named_parameters()) for network in networks]

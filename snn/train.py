@@ -29,10 +29,10 @@ from eskin.snn.network_config import NetworkConfig
 from eskin.snn.training import DivergedError, Epoch, TrainConfig, Training
 
 CALIBRATION_SCANS = 128
-"""Most training scans that set input scale and first biases, evenly spread over all of them."""
+"""Largest number of training scans, evenly spread, that set the input scale and the first biases."""
 
 BATCH = 64
-"""Scans that a trained network takes at once."""
+"""Number of scans in a batch for a trained network."""
 
 
 def train(

@@ -25,7 +25,7 @@ LARGEST_RATE = 10.0
 """Largest learning rate; the default is 1e-3, and 1e30 would train nothing in finite numbers."""
 
 SILENT, SATURATED = 1e-4, 0.5
-"""Mean spikes per step and hidden neuron outside of which the surrogate gradient teaches little."""
+"""Range of the mean spikes per step and hidden neuron; outside this range, the network learns little."""
 
 
 @takes_flat_fields
@@ -43,11 +43,11 @@ class TrainConfig:
     clip: float = 1.0
     """Largest norm of the gradient."""
     window_steps: int = 0
-    """The network learns windows of so many steps, drawn anew from the scans in every epoch; 0: whole scans."""
+    """Steps of the windows drawn from the scans in every epoch; 0: whole scans."""
     windows: int = 1
-    """Windows of each scan in an epoch, however long the scan is."""
+    """Number of windows of each scan in an epoch, for any length of the scan."""
     balanced: bool = False
-    """Every class weighs the same in the loss, however many scans it has."""
+    """Every class has an equal weight in the loss, for any number of scans."""
     augment: AugmentConfig = field(default_factory=AugmentConfig)
     """Random changes of every scan."""
 
@@ -85,7 +85,7 @@ class TrainConfig:
 
 
 def parted(fields: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the fields of a network, and those of a training."""
+    """Return the fields of a network, and the fields of a training."""
     known = hints_of(TrainConfig)
     network = {name: value for name, value in fields.items() if name not in known}
     return network, {name: value for name, value in fields.items() if name in known}

@@ -38,7 +38,7 @@ def test_the_guide_does_what_it_shows(folder: Path, capsys: pytest.CaptureFixtur
         eskin.predict(values["weights"], eskin.dataset(ONE, [values["sines"][100]], bin_s=0.002))
     with pytest.raises(InputError, match=r"^there is no recording 40; the recordings have the numbers 0..39$"):
         eskin.train(values["data"], [1, 40])
-    with pytest.raises(InputError, match=r"^unknown network field 'hiden'; known are "):
+    with pytest.raises(InputError, match=r"^unknown network field 'hiden'; known fields are "):
         eskin.train(values["data"], hiden=3)
 
 

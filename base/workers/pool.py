@@ -134,7 +134,7 @@ class Local(WorkerPool):
         running.add_done_callback(lambda done: self._end(piece, pool, done))
 
     def _end(self, piece: _Piece, pool: ProcessPoolExecutor | ThreadPoolExecutor, done: Future[Any]) -> None:
-        """Deliver the result of a task, or restart a task whose process died."""
+        """Deliver the result of a task, or restart the task after its process died."""
         if done.cancelled():
             piece.future.cancel()
             return

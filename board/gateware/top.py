@@ -120,7 +120,7 @@ class Core(Component):
         ]
 
     def _chip(self, m: Module, loader: Loader, recorder: Recorder, now: Signal) -> tuple[Any, Any, Any]:
-        """Add the chip, whose clock stops while it waits for samples or while the recorder writes."""
+        """Add the chip; its clock stops while the chip waits for samples or while the recorder writes."""
         assert self.config.chip is not None
         chip = Chip(self.config.chip)
         run = Signal()

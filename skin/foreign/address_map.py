@@ -107,8 +107,8 @@ class AddressMap:
         if not drop and not kept.all():
             first = int(np.flatnonzero(~kept)[0])
             raise InputError(
-                f"{int((~kept).sum())} events have an address that {self.name} does not map, the first is "
-                f"{_text(pairs[first])} of event {first}; map it, or leave such events out with --drop-unmapped"
+                f"{int((~kept).sum())} events have an address that {self.name} does not map; event {first} "
+                f"has {_text(pairs[first])}; map this address, or leave such events out with --drop-unmapped"
             )
         table = np.array([taxel or (0, 0) for taxel in known], np.int64).reshape(-1, 2)
         return table[of_event.reshape(-1)[kept]], kept

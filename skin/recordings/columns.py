@@ -49,7 +49,7 @@ def _ordered(table: Table, names: tuple[str, ...]) -> Table:
         )
     if len(set(table.names)) < len(table.names):
         raise InputError(
-            f"{table.path} has two columns of the same name, and another order than other files; rename one"
+            f"{table.path} repeats a column name, and other files have another order of columns; rename a column"
         )
     order = [table.names.index(name) for name in names]
     return dataclasses.replace(table, values=table.values[:, order], names=names)

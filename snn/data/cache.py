@@ -50,7 +50,7 @@ def kept(key: str, make: Callable[[], ScanData]) -> ScanData:
     path = folder / f"{key}.npz"
     if (found := _read(path)) is not None:
         with contextlib.suppress(OSError):
-            os.utime(path)  # used last
+            os.utime(path)  # time of the last use
         return found
     data = make()
     with contextlib.suppress(InputError, OSError):

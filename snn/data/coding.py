@@ -19,7 +19,7 @@ from eskin.model.events.recording import Recording
 from eskin.snn.data.bins import counted_from
 
 Parts = dict[str, int]
-"""Bits by what is coded."""
+"""Bits of each coded form."""
 
 
 def coded_bits(words: NDArray[np.unsignedinteger]) -> int:

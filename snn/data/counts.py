@@ -16,7 +16,7 @@ class Likeness:
     correlation: float
     """Pearson correlation of the counts."""
     ratio: float
-    """Ratio of the events of the second readout to those of the first."""
+    """Ratio of the events of the second readout to the events of the first readout."""
 
 
 def empty_bins(data: ScanData) -> float:

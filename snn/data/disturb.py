@@ -105,7 +105,7 @@ def _rotation(draft: Draft, strength: float, _: Generator) -> None:
 def _scene_signals(draft: Draft) -> Signals:
     """Return the signals of the scene for a movement to the right, up, left or down."""
     config, turns = draft.config, draft.quarter_turns
-    image = np.rot90(draft.image, -turns)  # a movement upwards becomes one to the right
+    image = np.rot90(draft.image, -turns)  # rotate an upward movement to the right
     rows, columns = (config.columns, config.rows) if turns % 2 else (config.rows, config.columns)
     turned = config.replace(rows=rows, columns=columns)
     place = draft.height if turns < 2 else 1 - draft.height
@@ -306,7 +306,10 @@ DISTURBANCES: dict[str, Disturbance] = {
         ("slow-noise", "V", "AFE output noise below 97 Hz, rms", "signals", (0.005, 0.01, 0.02), _slow_noise),
     )
 }
-"""Disturbances by name; a recording meets those of a level in this order. A new one comes last: places seed them."""
+"""Disturbances by name; a recording meets the disturbances of a level in this order.
+
+A new disturbance comes last, because its place seeds its random numbers.
+"""
 
 
 def check_strength(name: str, strength: float) -> None:
@@ -327,7 +330,7 @@ TRAINING: dict[str, tuple[float, float, float]] = {
     "dead": (0.5, 0.0, 0.3),
     "lost": (0.3, 0.0, 0.3),
 }
-"""What a disturbed training scan draws: probability of a disturbance, and the range of its strength."""
+"""Random disturbances of training scans: probability, and range of the strength."""
 
 
 def draw_strengths(generator: Generator) -> dict[str, float]:

@@ -12,7 +12,7 @@ from eskin.base.errors import InputError
 from eskin.snn.data.scans import ScanData
 
 INNER_FOLDS = 5
-"""Number of parts of the training images, of which one is the inner validation."""
+"""Number of parts of the training images; one part is the inner validation."""
 
 
 def stratified_folds(

@@ -11,7 +11,7 @@ from eskin.base.errors import InputError
 FrameKind = Literal["frame", "frame-diff", "frame-onoff"]
 
 FRAMES = f"{'|'.join(get_args(FrameKind))}:RATE:BITS"
-"""How frames are written on the command line; ON/OFF counts take LEVEL_BITS behind it."""
+"""Form of frames on the command line; ON/OFF counts add LEVEL_BITS at the end."""
 
 DEFAULT_LEVEL_BITS = 4
 
@@ -46,8 +46,7 @@ class FrameSteps:
             raise InputError(f"kind of frames must be one of {', '.join(get_args(FrameKind))}, not {self.kind!r}")
         if self.kind == "frame-onoff" and self.level_bits >= self.bits:
             raise InputError(
-                f"level_bits must be below the {self.bits} bits of a sample, of which one is the sign, "
-                f"not {self.level_bits}"
+                f"level_bits must be below the {self.bits} bits of a sample (sign included), not {self.level_bits}"
             )
 
     @classmethod
@@ -65,7 +64,7 @@ class FrameSteps:
         except ValueError:
             raise InputError(
                 f"frames need KIND:RATE:BITS, with KIND one of {', '.join(get_args(FrameKind))} (the last with "
-                f":LEVEL_BITS if wanted), as frame-diff:250:8, not {text!r}"
+                f":LEVEL_BITS if wanted), such as frame-diff:250:8, not {text!r}"
             ) from None
         checked = cls(rate_hz=rate_hz, bits=whole[0])
         together = max(1, round(min(checked.rate_hz * bin_s, 1e6)))

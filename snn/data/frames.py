@@ -36,7 +36,7 @@ def frame_dataset(
         for start_row in start_rows:
             codes = codes_of(frames, image, scan, config, start_row)
             if len(codes) < frames.frames_per_step:
-                raise InputError(f"image {texture.name} gives {len(codes)} frames, less than one step of them")
+                raise InputError(f"image {texture.name} gives {len(codes)} frames, but one step needs more")
             scans.append(values_of(frames, codes))
             images.append(number)
             if progress is not None:

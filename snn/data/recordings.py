@@ -45,7 +45,7 @@ def event_files(paths: Iterable[Path]) -> list[EventFile]:
         if not path.exists():
             raise InputError(f"event folder or file {path} does not exist; make one with eskin replay")
         if not path.is_dir():
-            whole = path.absolute()  # the folder of a class, and what holds it
+            whole = path.absolute()  # with class folder and the folder above
             found.append(EventFile(whole, whole.parent.parent))
             continue
         inside, others = find_files(path, (".npz", AEDAT4))
@@ -104,7 +104,7 @@ def read_recordings(
     times = Counter(_scan_of(recording) for recording in recordings)
     for number, (file, recording) in enumerate(zip(files, recordings, strict=True)):
         if times[_scan_of(recording)] > 1 and not (_is_scan(recording) and "/" in recording.metadata["name"]):
-            # Two files of one name, and not one image played twice.
+            # Two files with one name, not two recordings of one image.
             recordings[number] = dataclasses.replace(recording, metadata=recording.metadata | {"name": file.name})
     return recordings
 

@@ -36,7 +36,7 @@ class ScanData:
     step_s: float
     """Seconds per step."""
     rate_hz: float
-    """Mean population event rate of the scans over their whole length; of frames, values per second."""
+    """Mean population event rate of the scans over their whole length, or values per second of frames."""
     source: str = ""
     """Origin of the scans, for the user; without effect on results."""
     lengths: NDArray[np.int64] | None = None
@@ -118,7 +118,7 @@ class Split:
     learned: Sequence[int] | NDArray[np.int64]
     """Training images; all their scans are used."""
     held_out: Sequence[int] | NDArray[np.int64] | None = None
-    """Images of which the accuracy is noted after every epoch; may be empty."""
+    """Images for the accuracy after every epoch; may be empty."""
     test: Sequence[int] | NDArray[np.int64] | None = None
     """Images whose predictions are stored for the epoch selected by ``held_out``; they select nothing."""
 

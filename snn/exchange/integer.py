@@ -28,7 +28,7 @@ DECAYS = {
 """Decays of a trained network, and the leaks of the hardware that they become."""
 
 SYNAPTIC_DECAY_BITS = 8
-"""Bits of the decays of networks with synaptic currents, whose decays are seldom shifts."""
+"""Bits of the decays of networks with synaptic currents; these decays are seldom shifts."""
 
 
 CLOCKS_HZ = (1e3, 1e10)
@@ -197,7 +197,7 @@ def _units(grids: list[Grid], bias: NDArray[np.float64], precision: Precision) -
         )
     threshold = max(round(1 / unit), 1)
     if threshold >= 2**30:
-        raise InputError(f"the weights are so small that the threshold is {threshold} of their steps; train again")
+        raise InputError(f"the weights are so small that the threshold is {threshold} weight steps; train again")
     largest = (1 << precision.bias_bits - 1) - 1
     top = float(np.abs(bias).max()) / unit
     bias_shift = min(max(math.ceil(math.log2(top / largest)), 0) if top > largest else 0, LARGEST_SHIFT)

@@ -81,10 +81,11 @@ def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[
     if wrong := np.flatnonzero((channel < 0) | (channel >= channels) | ~np.isfinite(time_s)).tolist():
         at = wrong[0]
         raise InputError(
-            f"event {at} has channel {channel[at]} at {time_s[at]} s, outside 0..{channels - 1} or no time"
+            f"event {at} has channel {channel[at]} at {time_s[at]} s; channels must be in 0..{channels - 1}, and times "
+            f"finite"
         )
     if not 0 <= events.t_max < math.inf:
-        raise InputError(f"the data last {events.t_max} s; a recording lasts a finite number of seconds from 0")
+        raise InputError(f"the data last {events.t_max} s; a duration must be a finite number of seconds from 0")
     if not 0 <= events.t_max * config.clock_hz < math.inf:
         raise InputError(
             f"the data last {events.t_max} s at {config.clock_hz:g} Hz, more than 2**51 clocks; split them"
@@ -114,7 +115,7 @@ def save_nir_data(path: Path, recording: Recording, bins: BinConfig | None = Non
     The configuration and the metadata stand beside the data, where ``nir.read_data`` does not look.
     """
     if path.suffix != ".nir":
-        raise InputError(f"NIR files end in .nir, {path.name} does not; rename the output")
+        raise InputError(f"NIR files end in .nir, but {path.name} does not; rename the output")
     header = {
         "config": recording.config.to_dict(),
         "version": recording.version,

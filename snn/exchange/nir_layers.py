@@ -72,7 +72,7 @@ def follow(graph: nir.NIRGraph) -> Chain:
     chain = Chain(scale, hidden_in, hidden, loops[0] if loops else None, advance(*_LINEAR), advance(*_NEURONS))
     advance(nir.Output)
     if unused := sorted(set(graph.nodes) - seen):
-        raise InputError(f"node {unused[0]!r} is beside the path from input to output; remove it")
+        raise InputError(f"node {unused[0]!r} is not on the path from input to output; remove it")
     expected = len(seen) - 1 + len(loops)
     if len(graph.edges) != expected:
         raise InputError(
@@ -157,7 +157,7 @@ class Layer:
                 raise InputError(f"node {name!r} has a v_reset other than 0; the network resets to 0")
         floors = np.unique(float(node.metadata.get("floor", -math.inf)) / threshold)
         if len(floors) > 1:
-            raise InputError(f"node {name!r} has a floor but thresholds that differ; the network has one floor")
+            raise InputError(f"node {name!r} has a floor and different thresholds, but the network has one floor")
         return cls(
             name=name,
             fires=fires,

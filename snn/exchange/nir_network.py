@@ -44,7 +44,7 @@ SMALLEST_LOSS = 2.0**-60
 """Part of the potential that a learned decay of exactly 1 loses in a step, so that tau stays finite."""
 
 MAX_DECAY_ERROR = 1e-6
-"""Largest difference between the decay of a time constant and the one in the metadata."""
+"""Largest difference between the decay of a time constant and the decay in the metadata."""
 
 FOLDED = "input_scale"
 """Metadata of the first linear node: the scale of the inputs that its weights hold."""
@@ -67,10 +67,13 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
     if config.neurons.weight_bits:
         raise InputError(
             f"the network rounds its weights to {config.neurons.weight_bits} bits, which NIR cannot express; "
-            f"export .npz"
+            f"export it as .npz"
         )
     if not math.isfinite(weights.step_s / SMALLEST_LOSS):
-        raise InputError(f"a time step of {weights.step_s:g} s gives time constants that NIR cannot store; export .npz")
+        raise InputError(
+            f"a time step of {weights.step_s:g} s gives time constants that NIR cannot store; "
+            f"export the network as .npz"
+        )
     arrays = {name: tensor.detach().cpu().numpy() for name, tensor in network.state_dict().items()}
     decay, output_decay = (tensor.detach().cpu().numpy() for tensor in network.decays())
     synapse, output_synapse = config.neurons.synapse_decay, config.neurons.output_synapse_decay
@@ -119,7 +122,7 @@ def save_nir(path: Path | str, weights: Weights) -> None:
     """
     path = Path(path)
     if path.suffix != ".nir":
-        raise InputError(f"NIR files end in .nir, {path.name} does not; rename the output")
+        raise InputError(f"NIR files end in .nir, but {path.name} does not; rename the output")
     data = io.BytesIO()
     nir.write(data, to_nir(weights))
     with atomic_write(path) as file:
@@ -193,12 +196,13 @@ def from_nir(
         raise InputError(f"the reset must be zero or subtract, not {reset!r}")
     parts = _Parts.of(graph, dt, reset)
     if reset is not None and reset != parts.hidden.reset:
-        raise InputError(f"the graph has a reset {parts.hidden.reset} of its own, not {reset}; leave --reset out")
+        raise InputError(f"the graph already sets the reset {parts.hidden.reset}, not {reset}; leave --reset out")
     config, names = _config_of(parts, header)
     names = names if class_names is None else class_names
     if isinstance(names, (list, tuple)) and len(names) != parts.readout.size:
         raise InputError(
-            f"node {parts.readout.name!r} has {parts.readout.size} outputs, not {len(names)}; name as many classes"
+            f"node {parts.readout.name!r} has {parts.readout.size} outputs, not {len(names)}; "
+            f"give a class name for each output"
         )
     class_names = check_class_names(names, parts.readout.size)
     network = build(config, seed=0)
@@ -258,7 +262,8 @@ class _Parts:
         for name, weight in ((chain.recurrent, w_rec), (chain.readout_in, w_out)):
             if weight.shape[1] != hidden.size or (weight is w_rec and len(w_rec) != hidden.size):
                 raise InputError(
-                    f"node {name!r} has weights of shape {weight.shape}, node {hidden.name!r} {hidden.size} neurons"
+                    f"node {name!r} has weights of shape {weight.shape}, but node {hidden.name!r} has "
+                    f"{hidden.size} neurons"
                 )
         input_scale = _folded(graph.nodes[chain.hidden_in])
         w_in = w_in / input_scale
@@ -321,13 +326,13 @@ def _config_of(parts: _Parts, header: dict[str, Any] | None) -> tuple[NetworkCon
     for name, value in {"synapse_decay": hidden.synapse_decay, "output_synapse_decay": readout.synapse_decay}.items():
         if abs(stated[name] - value) > MAX_DECAY_ERROR:
             raise InputError(
-                f"the nodes of the graph give {name} = {value:g}, its metadata {stated[name]:g}; "
+                f"the nodes of the graph give {name} = {value:g}, but its metadata give {stated[name]:g}; "
                 "remove the metadata of the graph"
             )
     for name, value in found.items():
         if stated[name] != value:
             raise InputError(
-                f"the nodes of the graph give {name} = {value}, its metadata {stated[name]}; "
+                f"the nodes of the graph give {name} = {value}, but its metadata give {stated[name]}; "
                 f"remove the metadata of the graph"
             )
     return config, names

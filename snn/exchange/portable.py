@@ -21,7 +21,7 @@ class Lack:
     text: str
     """Feature of the network, and its replacement."""
     network: nn.Module
-    """Network without this feature and all earlier ones in the list."""
+    """Network without this feature and without all earlier features in the list."""
 
 
 def lacks(network: nn.Module) -> list[Lack]:
@@ -35,7 +35,10 @@ def lacks(network: nn.Module) -> list[Lack]:
 
     if rule.floor != -math.inf:
         neurons = dataclasses.replace(neurons, rule=dataclasses.replace(rule, floor=-math.inf))
-        note("the floor", f"floor {rule.floor:g}: NIR, snnTorch and Norse have no floor, so v falls lower there")
+        note(
+            "the floor",
+            f"floor {rule.floor:g}: NIR, snnTorch and Norse have no floor, so the potential v can fall lower",
+        )
     if rule.reset != "zero":
         rule = dataclasses.replace(neurons.rule, reset="zero")
         neurons = dataclasses.replace(neurons, rule=rule)

@@ -46,7 +46,7 @@ def save_weights(path: str | Path, weights: Weights, eight_bits: bool = False) -
     """
     path = Path(path)
     if path.suffix != ".npz":
-        raise InputError(f"weight files end in .npz, {path.name} does not; rename the output")
+        raise InputError(f"weight files end in .npz, but {path.name} does not; rename the output")
     network = weights.network
     arrays: dict[str, NDArray[Any]] = {}
     for name, tensor in network.state_dict().items():

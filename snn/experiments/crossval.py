@@ -38,7 +38,7 @@ def run_cell(experiment: Experiment, data: ScanData, fold: int, seed: int, folds
         (train(split, made.network_config(data), made.train, seed), setting, made)
         for setting, made in experiment.settings()
     ]
-    part, setting, made = max(tried, key=lambda one: float(one[0].best["held_out"]))  # the first among equals
+    part, setting, made = max(tried, key=lambda one: float(one[0].best["held_out"]))  # the first of equal values
     whole = train(Split(data, images), made.network_config(data), made.train, seed)
     grid = {"setting": setting, "inner_accuracies": [one[0].best["held_out"] for one in tried]}
     return {
@@ -121,9 +121,9 @@ def read_cell(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         content = read_json(path, "the cell", dict)
         experiment, result = content["experiment"], content["result"]
     except (InputError, KeyError):
-        raise InputError(f"{path} is not the result of a cell; remove it") from None
+        raise InputError(f"{path} is not the result of a training; remove it") from None
     if not (isinstance(experiment, dict) and isinstance(result, dict) and _is_result(result)):
-        raise InputError(f"{path} is not the result of a cell; remove it")
+        raise InputError(f"{path} is not the result of a training; remove it")
     return experiment, result
 
 

@@ -31,7 +31,7 @@ from eskin.snn.experiments.trained import OTHER, TEST, TRAINING, Places, Trained
 from eskin.snn.train import check_fits, logits_of, predicted_classes
 
 LEVELS = ("events", "tensors", "logits", "predictions")
-"""What ``check_model`` compares, in the order in which one follows from the other."""
+"""Data that ``check_model`` compares, in the order of their computation."""
 
 
 def bin_recordings(recordings: Sequence[Recording], trained: Trained) -> ScanData:
@@ -76,7 +76,7 @@ class Check:
     first: str = ""
     """First difference in words, empty without differences."""
     where: int = -1
-    """The recording of the first difference."""
+    """Index of the recording with the first difference."""
 
     @property
     def passed(self) -> bool:
@@ -116,7 +116,11 @@ def check_model(
         name = rtl.metadata["name"]
         expected, class_name = sources.expected(rtl)
         if class_of(rtl) not in (None, class_name):
-            check.note("events", number, f"{name} says class {class_of(rtl)!r}, but its texture is {class_name!r}")
+            check.note(
+                "events",
+                number,
+                f"{name} states the class {class_of(rtl)!r}, but its texture is of class {class_name!r}",
+            )
         elif (difference := first_difference(expected.events, rtl.events)) is not None:
             text = f"{name}: RTL and model differ\n{difference.describe(('model', 'RTL'))}"
             check.note("events", number, text)
@@ -201,7 +205,7 @@ class _Sources:
             if source.name == name:
                 ticks = rtl.metadata.get("ticks")
                 return _as_long(rtl, codes[: ticks if isinstance(ticks, int) else None]), source.class_name
-        raise InputError(f"{place} has no recording {name}; name the folder that has it with --data")
+        raise InputError(f"{place} has no recording {name}; give its folder with --data")
 
 
 def _texture(rtl: Recording, textures: dict[str, dict[str, Texture]], where: str | None) -> Texture:
@@ -217,7 +221,7 @@ def _texture(rtl: Recording, textures: dict[str, dict[str, Texture]], where: str
             )
         textures[dataset_name] = {texture.name: texture for texture in dataset}
     if name not in textures[dataset_name]:
-        raise InputError(f"dataset {dataset_name} has no texture {name!r}; name the folder that has it with --dataset")
+        raise InputError(f"dataset {dataset_name} has no texture {name!r}; give its folder with --dataset")
     return textures[dataset_name][name]
 
 
@@ -226,7 +230,7 @@ def _counts(expected: Recording, bins: BinConfig, data: ScanData) -> NDArray[Any
     values = np.zeros_like(data.values[0])
     try:
         counts = bin_recording(expected, bins)
-    except InputError:  # no event in the window: the RTL's recording had some
+    except InputError:  # no event in the window, but the RTL recording had events
         return values
     inside = counts.step < data.steps
     values[counts.step[inside], counts.channel[inside]] = counts.number[inside]

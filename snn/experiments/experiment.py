@@ -41,9 +41,9 @@ class Experiment:
     readout: ReadoutConfig = field(default_factory=lambda: ReadoutConfig(resolution=4))
     """Readout before the preset sets its fields."""
     tau_s: float | None = None
-    """Time constant of a leak in seconds; by default the paper's 0.2 s, or with ``given_leak`` that of ``readout``."""
+    """Time constant of a leak in seconds; the paper's 0.2 s by default, ``readout``'s with ``given_leak``."""
     given_leak: bool = False
-    """The leak of ``readout`` was asked for, and is not only the default of its fields."""
+    """True if the user set the leak of ``readout``; False for the default leak."""
     taxels: tuple[int, ...] = ()
     """Taxels of the array of ``readout`` that are read (``Scan.wired_to``), in their order; empty: all of them."""
     frames: FrameSteps | None = None
@@ -51,18 +51,18 @@ class Experiment:
     start_rows: int = 1
     """Scans of each image, evenly spread; tests use the first."""
     disturbed: int = 0
-    """Additional scans of each image, randomly disturbed (``eskin.snn.data.disturb``); tests use the clean one."""
+    """Additional scans of each image, randomly disturbed (``eskin.snn.data.disturb``); tests use the clean scan."""
     variant: Variant = ""
     """Variant of the events (``eskin.snn.data.record``)."""
     bins: BinConfig = field(default_factory=BinConfig)
     network: dict[str, Any] = field(default_factory=dict)
-    """Fields of NetworkConfig but inputs and classes, which follow from the data."""
+    """Fields of NetworkConfig except inputs and classes, which follow from the data."""
     train: TrainConfig = field(default_factory=TrainConfig)
     grid: dict[str, list[Any]] | None = None
     """Values to try by name of a network or training field; inner validation chooses among all their combinations
     (``eskin.snn.experiments.crossval``)."""
     tests: tuple[str, ...] = ()
-    """Patterns of names; the images of each are the test images of one fold. Empty: stratified folds."""
+    """Patterns of image names; each pattern gives the test images of one fold. Empty: stratified folds."""
 
     def __post_init__(self) -> None:
         for name in ("dataset", "events", "preset"):

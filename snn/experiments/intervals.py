@@ -33,7 +33,7 @@ def bootstrap(correct: NDArray[np.float64]) -> tuple[float, float]:
     """
     images, seeds = correct.shape
     generator = np.random.default_rng(0)
-    rows = generator.multinomial(images, np.full(images, 1 / images), BOOTSTRAPS)  # how often each one is drawn
+    rows = generator.multinomial(images, np.full(images, 1 / images), BOOTSTRAPS)  # how often each image is drawn
     columns = generator.multinomial(seeds, np.full(seeds, 1 / seeds), BOOTSTRAPS)
     means = (rows @ correct * columns).sum(1) / correct.size
     low, high = np.percentile(means, [2.5, 97.5])

@@ -20,10 +20,10 @@ class Pair:
 
     accuracy_first: list[float]
     accuracy_second: list[float]
-    """Accuracy of every seed that both have."""
+    """Accuracy of every seed that both points have."""
     only_first: list[int]
     only_second: list[int]
-    """Images of a seed that only one of the two classifies correctly."""
+    """Number of images of each seed that only one point classifies correctly."""
     p: list[float]
     """For every seed: McNemar's exact test, two-sided (Q. McNemar, Psychometrika 12, 1947). It is the probability of
     numbers at least as unequal, if each image that only one point classifies correctly belongs to either point with

@@ -21,7 +21,7 @@ LATER = ("labels", "predictions", "coded_bps")
 """Fields that older files do not have."""
 
 DIGITS = string.digits + string.ascii_letters
-"""One for each class, in the predictions of all images as one word."""
+"""Digits of the classes in a text of predictions."""
 
 READINGS = {"last": "last epoch", "selected": "epoch selected by inner validation"}
 
@@ -34,7 +34,7 @@ class Result:
     sd_over_folds: float | None
     sd_over_seeds: float | None
     sd_over_cells: float | None
-    """Standard deviations; None of a single one."""
+    """Standard deviations; None for a single value."""
     wilson_95: Sequence[float]
     bootstrap_95: Sequence[float]
     images: int
@@ -76,11 +76,11 @@ class PointSummary:
     cells: Cells
     last: Result | None
     selected: Result | None
-    """Results of the two readings; None before the first seed is complete."""
+    """Results for the two epochs to evaluate; None before the first seed is complete."""
     labels: str | None = None
     """The true class of every image, as in ``Result.predictions``."""
     coded_bps: dict[str, float] | None = None
-    """Bits per second after lossless coding, by what is coded (``eskin.snn.data.coding``)."""
+    """Bits per second after lossless coding, by form (``eskin.snn.data.coding``)."""
 
     @property
     def measured(self) -> bool:

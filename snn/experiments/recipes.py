@@ -74,7 +74,7 @@ WINDOW_S = 5.0
 """Length of the training windows of long recordings, unless most recordings are shorter."""
 
 WHOLE_STEPS, LIKE = 512, 1.5
-"""Recordings of up to this many steps are learned whole, if none is this many times as long as another."""
+"""Largest number of steps, and largest ratio of lengths, of recordings that training uses whole."""
 
 MOST_WINDOWS = 4
 """Most windows of a recording in an epoch."""

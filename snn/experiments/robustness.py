@@ -65,7 +65,9 @@ class Subject:
             raise InputError(f"{file} was not trained on events of physical scans, which this study needs")
         dataset = open_dataset(experiment.dataset)
         if dataset.class_names != result.class_names:
-            raise InputError(f"{file} was trained on other classes than those of {dataset.name}; give --dataset there")
+            raise InputError(
+                f"{file} was trained on other classes than those of {dataset.name}; train again with --dataset"
+            )
         seed = read_json(note, "the result", dict).get("seed", 0)
         digest = hashlib.sha256(file.read_bytes()).hexdigest()[:16]
         name = file.resolve().parent.parent.name

@@ -16,7 +16,7 @@ from eskin.snn.network_config import HINTS, NetworkConfig
 from eskin.snn.training import TrainConfig, parted
 
 VARIANTS = {encoder.name: ("", "on") if encoder.polarity else ("",) for encoder in registry.ENCODERS}
-"""Variants of an encoder's events (``eskin.snn.data.record``), behind its resolution: lcs:6:on."""
+"""Variants of an encoder's events (``eskin.snn.data.record``), written after the resolution: lcs:6:on."""
 
 
 def parse_settings(texts: list[str], option: str = "--set") -> dict[str, Any]:
@@ -49,7 +49,7 @@ def parse_grid(texts: list[str]) -> dict[str, list[Any]]:
     for text in texts:
         name, _, values = text.partition("=")
         if name in found:
-            raise InputError(f"--grid has {name} twice; give its values with commas between")
+            raise InputError(f"--grid has {name} twice; separate its values by commas")
         found[name] = [parse_settings([f"{name}={value}"], "--grid")[name] for value in values.split(",")]
     return found
 
@@ -78,9 +78,9 @@ def parse_points(text: str) -> list[tuple[str, str]]:
         whole = bits.isascii() and bits.isdigit() and variant in VARIANTS.get(readout, ("",))
         if readout not in readouts or not (whole or readout in get_args(FrameKind)):
             raise InputError(
-                f"--points takes ENCODER:RESOLUTION with an encoder of {', '.join(registry.NAMES)}, {FRAMES} in "
-                f"hertz and bits, or BASELINE:FRAMES_PER_STEP with one of {', '.join(BASELINES)}, with commas between, "
-                f"not {part.strip()!r}"
+                f"a point must be ENCODER:RESOLUTION (encoders: {', '.join(registry.NAMES)}), {FRAMES} (hertz, bits) "
+                f"or BASELINE:FRAMES_PER_STEP (baselines: {', '.join(BASELINES)}), not {part.strip()!r}; separate "
+                f"points by commas"
             )
         point = (readout, f"{int(bits)}{f':{variant}' if variant else ''}" if whole else numbers)
         if point in found:

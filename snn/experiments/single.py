@@ -32,10 +32,10 @@ class Fold:
     data: ScanData
     number: int
     of: int
-    """Fold that is tested, from 0, and number of folds; 0 and 1 where names chose it."""
+    """Number of the test fold, from 0, and number of folds; 0 and 1 for a test set selected by names."""
     test: NDArray[np.int64]
     images: NDArray[np.int64]
-    """Images to test, and images to learn."""
+    """Test images and training images."""
 
     @classmethod
     def choose(cls, data: ScanData, number: int, of: int) -> Fold:
@@ -54,7 +54,7 @@ class Fold:
         labels = data.image_labels
         if lacking := set(labels[test].tolist()) - set(labels[images].tolist()):
             name = data.class_names[min(lacking)]
-            raise InputError(f"--test {pattern!r} leaves no recording of {name} to learn; choose fewer")
+            raise InputError(f"--test {pattern!r} leaves no recording of {name} for training; test fewer")
         return cls(data, 0, 1, test, images)
 
 

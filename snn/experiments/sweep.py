@@ -41,7 +41,7 @@ class SweepPoint:
     """Name of the point; empty for a single point."""
     experiment: Experiment
     data: ScanData | None = None
-    """Its scans, if they are there already; else they are made when its first cell is due."""
+    """Scans of the point; None until the first training needs the scans."""
 
     @property
     def readout(self) -> str:

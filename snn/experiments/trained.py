@@ -26,7 +26,7 @@ from eskin.snn.exchange.weights import Weights, check_class_names, load_weights
 from eskin.snn.experiments.experiment import Experiment
 
 TEST, TRAINING, OTHER = "test", "training", "other"
-"""Part of a recording: of the fold that was left out, of the images that were learned, or of neither."""
+"""Groups of recordings: of the test fold, of the training images, or of neither."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class TrainingResult:
         else:
             test = np.array([number for number in self.tested if number < len(labels)], np.int64)
         if labels[test].tolist() != self.labels:
-            raise InputError("the images differ from those of the training; give its textures with --dataset")
+            raise InputError("the images differ from the training images; give the training's textures with --dataset")
         return test
 
 
@@ -124,19 +124,19 @@ class Trained:
 
     weights: Weights
     bins: BinConfig
-    """Time bins of the training; without its result the defaults with the step of the weights."""
+    """Time bins of the training; without a training result, the defaults with the step of the weights."""
     parts: dict[str, str] = field(default_factory=dict)
     """TEST or TRAINING by image name; empty if unknown."""
     dataset: str | None = None
-    """Name of the dataset of these images, or of the folder of own recordings; None of other event files."""
+    """Name of the dataset of the images, or of the folder of recordings; None for other event files."""
     unknown: str = ""
     """Reason why ``parts`` is empty."""
     readout: ReadoutConfig | None = None
     """Readout of the training, if known."""
     own: OwnReadout | None = None
-    """How own recordings of the training were taken."""
+    """Preparation and readout of the user's recordings in the training."""
     of_recordings: bool = False
-    """Whether the training took event files, not textures."""
+    """True if the training used event files instead of textures."""
 
     def other_fields(self, config: ReadoutConfig) -> list[str]:
         """Return a text for each field in which a readout differs from the readout of the training."""
@@ -197,7 +197,7 @@ def load_test_scans(
         raise InputError(_missing(path))
     data = result.experiment.data(progress)
     if data.class_names != result.class_names:
-        raise InputError("the images differ from those of the training; give its textures with --dataset")
+        raise InputError("the images differ from the training images; give the training's textures with --dataset")
     return result, data, result.test_images(data.image_labels)
 
 

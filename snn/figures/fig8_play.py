@@ -24,7 +24,7 @@ from eskin.snn.kernels.layer import layer
 from eskin.snn.network import SpikingNetwork, synaptic
 
 MEANINGS = {"spikes": "output spikes so far", "membrane": "output membranes so far, divided by all steps"}
-"""The evidence, by the readout of the network."""
+"""Meaning of the evidence, by the readout of the network."""
 
 Source = tuple[Recording, NDArray[np.int32], Scan | None, NDArray[np.uint8] | None]
 """Events and codes of an image; with a texture, its scan and pixels."""
@@ -83,7 +83,9 @@ def play(weights_file: Path, result_file: Path, places: Places | None = None, im
     experiment = result.experiment
     if experiment.events is not None or experiment.frames is not None:
         more = "; name the folder of your recordings with --data" if result.own else ""
-        raise InputError(f"{result_file} is of a training on event files or frames; fig8 needs one on textures{more}")
+        raise InputError(
+            f"{result_file} is of a training on event files or frames; fig8 needs a training on textures{more}"
+        )
     scan, config = experiment.scan_and_config()
     textures = open_dataset(places.dataset or experiment.dataset)
     if textures.class_names != weights.class_names:

@@ -19,13 +19,13 @@ PUBLISHED = Path(__file__).with_name("published_fig9.json")
 """The points of the paper's Fig. 9."""
 
 KEPT = Path(__file__).with_name("sweeps")
-"""Sweeps that come with the project: copies of ``sweep.json``, each with a name of its own."""
+"""Folder of the project's sweeps: renamed copies of ``sweep.json``."""
 
 LATEST = Path("out/sweep/sweep.json")
 """Default output of ``eskin sweep``."""
 
 NAMES = {readout: look(readout).title for readout in dict.fromkeys((*READOUTS, *LOOKS))}
-"""All readouts, those of the paper first, as the legend has them."""
+"""Names of all readouts in the order of the legend: first the readouts of the paper."""
 
 TITLES = {
     "paper-network": "the paper's network",
@@ -36,13 +36,13 @@ TITLES = {
 """Titles of the project's sweeps in figures; a sweep of a user keeps its name."""
 
 FRAME_NETWORKS = {"rnn": "ReLU units", "cnn": "convolutions", "gru": "gated units"}
-"""Networks on frames in words, by the recipe, which is the beginning of a point's name."""
+"""Titles of networks on frames, by the recipe, with which a point's name begins."""
 
 RECEIVED = {"diff": "differences ", "onoff": "ON/OFF "}
 """Frames after preprocessing in the receiver, by the second word of a point's name (``eskin.snn.data.frame_steps``)."""
 
 RATES = "rates-"
-"""First letters of the names of sweeps whose points belong to the frontier."""
+"""Beginning of the names of the frontier's sweeps."""
 
 PUBLISHED_NAME = "published"
 

@@ -71,7 +71,7 @@ def draw_fig9(data: Data) -> Figure:
     labels = (str(key.get_label()) for key in keys)
     legend_below(figure, (keys, labels), 4, "\n".join([*data["protocol"], BARS]), columnspacing=1.4)
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # the panels keep their sizes, and labels their places
+    figure.set_layout_engine("none")  # fix the sizes of panels and the places of labels
     full_frames = {p["normalised_rate"] for p in data["points"] if p["readout"].startswith("frame")}
     for panel, points in zip(panels, of_panels, strict=True):
         taken = Taken()

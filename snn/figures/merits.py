@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 INTERPOLATED = PALETTE["sky"], "D"
-"""Colour and marker of crossings between frames by interpolation, beside those of the frames themselves."""
+"""Colour and marker of crossings that are interpolated between frames."""
 
 
 def plot_merits(result: dict[str, Any], path: Path) -> None:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLOURS = tuple(PALETTE[name] for name in ("blue", "sky", "grey", "black"))
-"""Colours of networks whose readout is not known, in turn."""
+"""Colours of networks with unknown readout, in turn."""
 MARKERS = "osD^vP"
 LINES = ("-", "--", ":", "-.")
 """Lines of the networks of one readout, in turn."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 BITS = ("2", "4", "8")
 """Bits that are written beside their points."""
 LEAST = 50.0
-"""Per cent of accuracy where the panels begin: two bits are often below."""
+"""Lower end of the panels, in percent accuracy; networks of two bits are often below."""
 
 
 def plot_precision(data: Mapping[str, Any], path: Path) -> None:

@@ -189,7 +189,7 @@ def _library() -> ctypes.CDLL | None:
     except (OSError, subprocess.CalledProcessError):
         pass
     try:
-        with tempfile.TemporaryDirectory() as own:  # for this process alone: nobody else can have written there
+        with tempfile.TemporaryDirectory() as own:  # private: no other process can have written there
             _compile(compiler, Path(own) / name)
             return _load(Path(own) / name)
     except (OSError, subprocess.CalledProcessError):

@@ -11,7 +11,7 @@ from eskin.snn.kernels import cpu as kernel
 from eskin.snn.kernels.rule import NeuronRule
 
 DENSE_FROM = 0.6
-"""Fraction of non-zero entries from which a dense product is faster than one over the events."""
+"""Fraction of non-zero entries from which a dense product is faster than a sparse product."""
 
 
 class SparseLayer(torch.autograd.Function):

@@ -33,13 +33,13 @@ INTERPRETED: bool = triton.knobs.runtime.interpret
 """Whether Triton's interpreter runs the kernels, with NumPy on the CPU (TRITON_INTERPRET=1 before the import)."""
 
 ROWS = 16
-"""Sequences of a program."""
+"""Number of sequences per program."""
 COLUMNS = 128
 """Most neurons of a block; a power of two, at least 16."""
 INNER = 32
 """Neurons of the previous step multiplied at once; a power of two, at least 8."""
 OPTIONS = {"num_warps": 8, "enable_fp_fusion": True}
-"""Of the compiler; sums of products stay in float32 with or without fusion."""
+"""Options of the compiler; sums of products stay in float32 with or without fusion."""
 
 
 def forward(rule: "NeuronRule", decay: Tensor, w_rec: Tensor | None, currents: Tensor) -> tuple[Tensor, Tensor]:

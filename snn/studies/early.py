@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from eskin.snn.data.scans import ScanData
 
 PARTS = 20
-"""Answers during a scan, evenly spread; the last one uses the whole scan."""
+"""Number of answers during a scan, evenly spread; the last answer uses the whole scan."""
 
 WANTED = 0.97
 """Accuracy that early answers must reach in inner validation."""

@@ -22,7 +22,7 @@ READOUTS: dict[str, ReadoutConfig | FrameSteps] = {
 
 NOISES_V = (0.0, 1e-3, 3e-3, 1e-2)
 FRAMES_HZ = (250.0, 500.0, 1000.0, 5000.0, 20000.0)
-"""Frame rates whose timing is compared with that of events."""
+"""Frame rates for the comparison of timing with events."""
 
 
 def rest_and_timing(textures: Dataset, progress: Watch) -> dict[str, Any]:

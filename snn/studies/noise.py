@@ -37,10 +37,10 @@ Mode = Literal["paper", "consistent"]
 MODES: tuple[Mode, ...] = get_args(Mode)
 
 POLE_HZ: dict[Mode, float | None] = {"paper": None, "consistent": SLOW_HZ}
-"""Bandwidth of the noise in each mode: 10 kHz, white to every readout here, and that of the textures."""
+"""Bandwidth of the noise in each mode: 10 kHz (white for these readouts), and the bandwidth of the textures."""
 
 CORRECTED: dict[Mode, frozenset[str]] = {"paper": frozenset({"event_rates"}), "consistent": frozenset(CORRECTIONS)}
-"""The published equations with the event rates of this noise, and all corrections."""
+"""Corrections of each mode: only the event rates with noise, or all corrections."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from eskin.snn.experiments.points import as_word
 from eskin.snn.experiments.robustness import Subject, kept_cell
 
 FLOAT = "float"
-"""Name of the network as it was trained, among the variants."""
+"""Name of the float network among the variants."""
 
 _VARIANT = re.compile(r"([2-8])(?::t(\d+))?(?::m(\d+))?")
 
@@ -41,8 +41,8 @@ def parse_variants(text: str) -> dict[str, Precision]:
         match = _VARIANT.fullmatch(name)
         if match is None or name in found:
             raise InputError(
-                f"--variants takes BITS[:tTHRESHOLD_BITS][:mMEMBRANE_BITS] with 2..8 bits, each once, as 8,4:t6,4:m12, "
-                f"not {name!r}"
+                f"--variants must list different BITS[:tTHRESHOLD_BITS][:mMEMBRANE_BITS] with 2..8 bits, for example "
+                f"8,4:t6,4:m12, not {name!r}"
             )
         bits, threshold, membrane = (None if one is None else int(one) for one in match.groups())
         assert bits is not None

@@ -24,7 +24,7 @@ from eskin.snn.studies.noise import recorded
 
 FINE_HZ = 100_000.0
 NEAR_S = 0.02
-"""Largest time between a true crossing and the found one."""
+"""Largest time in seconds between a true crossing and its found crossing."""
 
 Crossings = dict[tuple[int, int, bool], NDArray[np.float64]]
 """Times in seconds by taxel, level and direction."""
@@ -119,7 +119,7 @@ def _errors(true: Crossings, found: Crossings) -> NDArray[np.float64]:
         place = np.searchsorted(others, times)
         near = [others[np.clip(place + shift, 0, len(others) - 1)] - times for shift in (-1, 0)]
         best = np.where(np.abs(near[0]) < np.abs(near[1]), near[0], near[1])
-        nearest = times + best  # a found crossing counts for the nearest true crossing only
+        nearest = times + best  # a found crossing counts only for the nearest true crossing
         for value in np.unique(nearest):
             own = best[nearest == value]
             errors.append(own[np.abs(own).argmin()])

@@ -35,7 +35,7 @@ def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(
     small = ("--epochs", 40, "--set", "hidden=24")
     out = done("train", "--data", "finger", "--test", "*_1", *small)
     assert [line.split("'")[1] for line in out.splitlines() if "is left out" in line] == ["proximity1", "proximity2"]
-    assert "12 recordings to learn (12 scans), 12 to test, 4 classes" in out
+    assert "12 recordings for training (12 scans), 12 for testing, 4 classes" in out
     assert "logistic regression on statistics of the network's inputs: " in out
     result = json.loads(Path("out/train/result.json").read_text())
     assert {name: one["right"] >= 9 for name, one in result["references"].items()} == {

@@ -145,7 +145,8 @@ def test_bad_options_are_one_sentence(refuses, line):
         ("[]", "synthesis report gates.json: a synthesis report must be a JSON object, not list"),
         (
             "{}",
-            "synthesis report gates.json: a synthesis report needs the field 'readout'; docs/guide/power.md lists all",
+            "synthesis report gates.json: a synthesis report needs the field 'readout'; docs/guide/power.md lists all "
+            "fields",
         ),
         (json.dumps(REPORT | {"leakage_w": -1}), "synthesis report gates.json: leakage_w must be at least 0, not -1"),
         (json.dumps(REPORT | {"clock_hz": 0}), "synthesis report gates.json: clock_hz must be positive, not 0"),

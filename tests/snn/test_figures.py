@@ -588,10 +588,10 @@ def test_fig8_refuses_what_does_not_belong_together(refuses: Any, folder: Path) 
 
     result = json.loads((folder / "train" / "result.json").read_text())
     write_textures(folder / "cloth", ("cloth", "wool"))
-    others = "the images differ from those of the training; give its textures with --dataset"
+    others = "the images differ from the training images; give the training's textures with --dataset"
     for change, sentence in (
         ({"bins": {"bin_s": 0.002}}, "other.json has other classes or time bins than"),
-        ({"events": "replay"}, "is of a training on event files or frames; fig8 needs one on textures"),
+        ({"events": "replay"}, "is of a training on event files or frames; fig8 needs a training on textures"),
         ({"dataset": str(folder / "cloth")}, "the textures are cloth, wool; give the textures of the training"),
         ({"readout": {"rows": 2, "columns": 2}}, "the network has 12 input channels, but the scans have 8"),
         ({"preset": "flat"}, "preset must be one of paper, physical, not 'flat'"),

@@ -48,7 +48,7 @@ def test_taxels_are_chosen_by_name(text: str, taxels: tuple[int, ...]) -> None:
     "text", ["across", "across:5", "along:0", "corners:1", "16", "-1", "1+", "random:99:0", "lines"]
 )
 def test_a_choice_that_the_array_does_not_have_is_one_sentence(text: str) -> None:
-    with pytest.raises(InputError, match=r"^taxels of 4 x 4 are chosen by across:K\|.*, with numbers in 0\.\.15, not "):
+    with pytest.raises(InputError, match=r"^choose taxels of 4 x 4 by across:K\|.*, with numbers in 0\.\.15, not "):
         choose(text, 4, 4)
 
 

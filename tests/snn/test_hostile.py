@@ -226,7 +226,7 @@ def test_a_file_in_the_place_of_a_cell_is_refused(tmp_path: Path, text: str) -> 
     (tmp_path / "cell.json").write_text(json.dumps({"experiment": {}, "result": CELL}))
     assert read_cell(tmp_path / "cell.json") == ({}, CELL)
     (tmp_path / "cell.json").write_text(text)
-    with pytest.raises(InputError, match="is not the result of a cell; remove it"):
+    with pytest.raises(InputError, match="is not the result of a training; remove it"):
         read_cell(tmp_path / "cell.json")
 
 
@@ -281,7 +281,7 @@ def test_events_at_an_absurd_clock_are_converted_or_refused_in_one_sentence(call
     if rate < 1:
         config = ReadoutConfig(rows=1, columns=2, sample_rate_hz=rate)
         late = Recording(make_events([10**9], [0], [0]), config, 10**9 + 1)
-        with pytest.raises(InputError, match="too long for microseconds; take clocks"):
+        with pytest.raises(InputError, match="too long for microseconds; use clocks"):
             in_unit(late)
 
 
@@ -295,7 +295,7 @@ def test_export_of_an_absurd_time_step_is_one_sentence(refuses: Any, folder: Pat
     [
         ("a,a,b", "class 'a' is named twice"),
         ("a,,b", "class names must be a list of texts, not ['a', '', 'b']"),
-        ("a,b", "node 'readout' has 3 outputs, not 2; name as many classes"),
+        ("a,b", "node 'readout' has 3 outputs, not 2; give a class name for each output"),
     ],
 )
 def test_import_takes_a_name_for_each_class(refuses: Any, names: str, sentence: str) -> None:

@@ -259,11 +259,11 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "tau": ({"lif1": lif(tau=0.0005)}, "node 'lif1' has a tau that is not above 0.001 s"),
     "size": (
         {"rec": nir.Linear(weight=np.ones((4, 4)))},
-        r"node 'rec' has weights of shape \(4, 4\), node 'lif1' 5 neurons",
+        r"node 'rec' has weights of shape \(4, 4\), but node 'lif1' has 5 neurons",
     ),
     "floor": (
         {"lif1": nir.LIF(*[np.ones(5)] * 3, v_threshold=np.linspace(0.5, 2, 5), metadata={"floor": -1.0})},
-        "node 'lif1' has a floor but thresholds that differ",
+        "node 'lif1' has a floor and different thresholds, but the network has one floor",
     ),
     "weights": ({"fc2": nir.Linear(weight=np.full((2, 5), np.nan))}, "node 'fc2' has weights that are not finite"),
     "no leak": (
@@ -275,7 +275,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"if2": nir.IF(r=np.ones(3), v_threshold=np.ones(3))},
         r"node 'if2' has parameters of shape \(3,\), not \(2,\)",
     ),
-    "beside": ({"more": nir.Linear(weight=np.ones((2, 2)))}, "node 'more' is beside the path"),
+    "beside": ({"more": nir.Linear(weight=np.ones((2, 2)))}, "node 'more' is not on the path"),
 }
 
 
@@ -303,7 +303,7 @@ def test_other_forms_and_broken_files_are_refused(tmp_path: Path) -> None:
         from_nir(graph, step_s=0.001)
     with pytest.raises(InputError, match=r"export it as \.npz"):
         to_nir(some_weights(kind="gru"))
-    with pytest.raises(InputError, match=r"NIR files end in \.nir, net\.h5 does not"):
+    with pytest.raises(InputError, match=r"NIR files end in \.nir, but net\.h5 does not"):
         save_nir(tmp_path / "net.h5", made())
     with pytest.raises(InputError, match="cannot read"):
         load_nir(tmp_path / "none.nir")
@@ -323,7 +323,7 @@ def test_metadata_that_contradict_the_nodes_are_refused() -> None:
     graph = to_nir(made())
     for name in ("hidden", "readout"):
         graph.nodes[name].metadata["reset"] = "subtract"
-    with pytest.raises(InputError, match="the nodes of the graph give reset = subtract, its metadata zero"):
+    with pytest.raises(InputError, match="the nodes of the graph give reset = subtract, but its metadata give zero"):
         from_nir(graph)
     graph.nodes["readout"].metadata["reset"] = "zero"
     with pytest.raises(InputError, match="nodes 'hidden' and 'readout' differ in floor or reset"):
@@ -361,7 +361,7 @@ def test_an_export_says_what_other_libraries_lack(call: Any, folder: Path) -> No
     code, text, _ = call("export w.npz -o net.nir")
     assert code == 0
     for line in (
-        "input scale 0.4: in the weights of hidden_in",
+        "input scale 0.4: included in the weights of hidden_in",
         "floor -1: NIR, snnTorch and Norse have no floor",
         "reset by subtraction: NIR only has a reset to a value",
         "readout LI: snnTorch and Norse cannot read this node",
@@ -385,13 +385,13 @@ def test_what_is_lacking_is_taken_away_one_after_the_other() -> None:
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("export w.npz -o net.onnx", "networks are written as .nir or .npz, not net.onnx; rename the output"),
+        ("export w.npz -o net.onnx", "networks end in .nir or .npz, but net.onnx does not; rename the output"),
         ("export w.npz -o net.nir --eight-bits", "NIR has no 8-bit weights; write an .npz, or leave --eight-bits out"),
         ("export none.npz -o net.nir", "weight file none.npz does not exist; make one with eskin train"),
         ("export gru.npz -o net.nir", "a network of kind gru has no NIR neurons; export it as .npz"),
         ("export w.npz -o none/net.nir", "cannot write none/net.nir: the folder none does not exist"),
         ("import w.npz -o back.npz", "w.npz is damaged or not a NIR graph; export it again"),
-        ("import net.nir -o back.nir", "weight files end in .npz, back.nir does not; rename the output"),
+        ("import net.nir -o back.nir", "weight files end in .npz, but back.nir does not; rename the output"),
     ],
 )
 def test_wrong_commands_are_one_sentence_and_leave_nothing(refuses: Any, line: str, message: str) -> None:

@@ -29,7 +29,7 @@ def test_variants_are_read_as_they_are_written() -> None:
 
 @pytest.mark.parametrize("text", ["9", "8,8", "4:m", "4:m12:t6", "", "4t6"])
 def test_other_variants_are_refused(text: str) -> None:
-    with pytest.raises(InputError, match="--variants takes BITS"):
+    with pytest.raises(InputError, match="--variants must list different BITS"):
         parse_variants(text)
 
 

@@ -183,7 +183,7 @@ def test_other_images_than_those_of_the_training_are_noticed(tmp_path: Path, tra
     (tmp_path / "result.json").write_text(json.dumps(result | {"labels": result["labels"][1:], "predicted": []}))
     found = load_trained(tmp_path / "weights.npz")
     assert found.parts == {}
-    assert found.unknown == "the images differ from those of the training; give its textures with --dataset"
+    assert found.unknown == "the images differ from the training images; give the training's textures with --dataset"
     result["experiment"]["dataset"] = "gone"
     (tmp_path / "result.json").write_text(json.dumps(result))
     assert "the images of the training are missing (dataset directory gone" in (
@@ -237,7 +237,7 @@ def test_a_readout_that_is_not_that_of_the_training_is_told(tmp_path: Path, repl
     dataclasses.replace(made, config=CONFIG.replace(resolution=5)).save(tmp_path / "a.npz")
     code, _, error = predict("--events", tmp_path / "a.npz")
     assert code == 0
-    assert error == "warning: the readout differs from that of the training: resolution 5, in training 6\n"
+    assert error == "warning: the readout differs from the readout of the training: resolution 5, in training 6\n"
     assert predict("--events", replayed)[2] == ""
 
 
@@ -284,7 +284,7 @@ def test_an_event_moved_by_a_clock_in_its_bin_is_found(tmp_path: Path, replayed:
     assert "reproduce: eskin predict" in output
     assert f"--events {path} --check-model\n" in output
     assert output.splitlines()[-1] == (
-        "FAILED: of 6 compared images, 1 in events, 0 in tensors, 0 in logits, 0 in predictions differ"
+        "FAILED: 6 images compared, different: 1 in events, 0 in tensors, 0 in logits, 0 in predictions"
     )
     report = json.loads((tmp_path / "predictions.json").read_text())
     assert report["check"]["different"]["events"] == ["gravel/gravel-00"]
@@ -316,7 +316,7 @@ def test_a_changed_event_is_found(
     code, output, _ = predict("--events", tmp_path / "in", "--check-model")
     assert code == 1
     assert words in output
-    assert "FAILED: of 6 compared images, 1 in events, " in output
+    assert "FAILED: 6 images compared, different: 1 in events, " in output
 
 
 @pytest.mark.parametrize(
@@ -326,7 +326,10 @@ def test_a_changed_event_is_found(
         ({"config": CONFIG.replace(link="four_phase")}, "differs in clock: model"),
         ({"metadata": {"name": "gravel/gravel-05"}}, "gravel/gravel-05: RTL and model differ"),
         ({"metadata": {"start_row": 3.0}}, "RTL and model differ"),
-        ({"metadata": {"class": "grass"}}, "gravel/gravel-00 says class 'grass', but its texture is 'gravel'"),
+        (
+            {"metadata": {"class": "grass"}},
+            "gravel/gravel-00 states the class 'grass', but its texture is of class 'gravel'",
+        ),
         ({"duration_clocks": -1}, "gravel/gravel-00 ends at clock"),
     ],
     ids=str,
@@ -343,7 +346,7 @@ def test_a_file_that_says_something_else_than_its_events_is_found(
     code, output, _ = predict("--events", path, "--check-model")
     assert code == 1
     assert words in output
-    assert "FAILED: of 1 compared images, 1 in events" in output
+    assert "FAILED: 1 images compared, different: 1 in events" in output
 
 
 def test_counts_and_logits_are_compared_by_themselves(
@@ -361,7 +364,7 @@ def test_counts_and_logits_are_compared_by_themselves(
         code, output, _ = predict("--events", replayed, "--check-model")
     assert code == 1
     assert "brick/brick-00: step 0, taxel (0, 0), channel 0: model" in output
-    assert "images, 0 in events, 6 in tensors, " in output
+    assert "images compared, different: 0 in events, 6 in tensors, " in output
     calls = 0
     forward = evaluate.logits_of
 
@@ -376,7 +379,7 @@ def test_counts_and_logits_are_compared_by_themselves(
         code, output, _ = predict("--events", replayed, "--check-model")
     assert code == 1
     assert "brick/brick-00: logits of the model [" in output
-    assert "images, 0 in events, 0 in tensors, 6 in logits, 0 in predictions differ" in output
+    assert "images compared, different: 0 in events, 0 in tensors, 6 in logits, 0 in predictions" in output
 
 
 def test_nothing_compared_is_a_failure(tmp_path: Path, replayed: Path, predict: Call) -> None:
@@ -397,7 +400,7 @@ def test_nothing_compared_is_a_failure(tmp_path: Path, replayed: Path, predict: 
     [
         ({"dataset": None}, "gravel/gravel-00 has no dataset name; play it again"),
         ({"dataset": "mine"}, "is a scan of dataset mine, not of embedded; name its folder with --dataset"),
-        ({"name": "x"}, "dataset embedded has no texture 'x'; name the folder that has it with --dataset"),
+        ({"name": "x"}, "dataset embedded has no texture 'x'; give its folder with --dataset"),
         ({"start_row": "top"}, "gravel/gravel-00 has no preset and start row; play it again"),
         ({"start_row": 900.0}, "the scan of gravel/gravel-00 cannot be repeated: start row must be in"),
         ({"ticks": 50}, "gravel/gravel-00 has 50 sample ticks, but the scan of its texture has"),

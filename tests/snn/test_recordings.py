@@ -105,7 +105,9 @@ def test_from_class_folders_to_classes(skin: Path, call: Any) -> None:
     """Check that recordings with equal names in different class folders stay separate."""
     code, out, error = call("train", "--events", skin, SMALL, "--folds", 2)
     assert code == 0, error
-    assert out.startswith(f"data: recordings in {skin}\n15 recordings to learn (15 scans), 15 to test, 3 classes;")
+    assert out.startswith(
+        f"data: recordings in {skin}\n15 recordings for training (15 scans), 15 for testing, 3 classes;"
+    )
     result = json.loads(Path("out/train/result.json").read_text())
     assert result["accuracy"] >= 0.9
     assert (
@@ -157,7 +159,7 @@ def test_a_slow_skin_goes_from_csv_to_its_classes(folder: Path, call: Any) -> No
     assert call("encode skin -o events")[0] == 0
     code, out, error = call("train", "--events", "events", SMALL, "--folds", 2)
     assert code == 0, error
-    assert "9 recordings to learn (9 scans), 9 to test, 3 classes; 80 steps of 32 channels" in out
+    assert "9 recordings for training (9 scans), 9 for testing, 3 classes; 80 steps of 32 channels" in out
     assert json.loads(Path("out/train/result.json").read_text())["accuracy"] >= 0.9
     code, out, error = call("predict", "out/train/weights.npz", "--events", "events/tap")
     assert code == 0, error
@@ -288,7 +290,7 @@ def test_a_bin_is_no_shorter_than_a_sample_of_own_recordings(folder: Path, call:
     write_skin(folder / "skin", taxels=4, each=3)
     code, out, error = call("train", "--data", "skin", "--folds", 3, "--epochs", 1, "--set", "hidden=8")
     assert code == 0, error
-    assert "time bin: 0.02857 s, one sample of these recordings; --bin chooses another" in out
+    assert "time bin: 0.02857 s, the sample period of these recordings; --bin sets another time bin" in out
     experiment = json.loads(Path("out/train/result.json").read_text())["experiment"]
     assert experiment["bins"]["bin_s"] == 1 / 35
 
@@ -317,7 +319,7 @@ def test_a_frame_is_the_newest_sample(folder: Path, call: Any) -> None:
         ("train --events events --frames frame:25:8", "frames need samples, and event files have none; give"),
         (
             "sweep --data none --points lcs:4",
-            "point lcs:4: none is not a folder; give one with a folder for each class",
+            "point lcs:4: none is not a folder; give a folder with a sub-folder for each class",
         ),
         ("predict weights.npz", "event folder or file out/replay does not exist; make one with eskin replay"),
         ("predict weights.npz --data skin", "the network was not trained on recordings, so their scale"),

@@ -172,9 +172,9 @@ def test_both_commands_write_what_they_print(call: Any, refuses: Any, folder: Pa
         ("noise-power nets --noises 1,50,60 -o out", "out/a-fold-0-seed-0.json belongs to other weights, noises or "),
         (
             "noise-power nets --noises 0",
-            "--noises takes positive numbers of mV below 1000 with commas between, not '0'\n",
+            "--noises must be positive numbers of mV below 1000, separated by commas, not '0'\n",
         ),
         ("merits --pair a,b", "--pair compares trained networks; name their folders"),
-        ("merits nets --pair a,c", "--pair takes two of a, b, with a comma between, not 'a,c'"),
+        ("merits nets --pair a,c", "--pair must be two of a, b, separated by a comma, not 'a,c'"),
     ):
         refuses(f"error: {message}", line)

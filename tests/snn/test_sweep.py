@@ -165,12 +165,12 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ("--points lcs", f"--points takes ENCODER:RESOLUTION with an encoder of {ENCODERS}, frame|"),
-        ("--points lcs:4,,nlcs:6", "--points takes ENCODER:RESOLUTION"),
-        ("--points ann:4", "--points takes ENCODER:RESOLUTION"),
+        ("--points lcs", f"a point must be ENCODER:RESOLUTION (encoders: {ENCODERS}), frame|"),
+        ("--points lcs:4,,nlcs:6", "a point must be ENCODER:RESOLUTION"),
+        ("--points ann:4", "a point must be ENCODER:RESOLUTION"),
         ("--points lcs:4,lcs:04", "--points has lcs:4 twice; leave one out"),
         ("--points lcs:4:on,lcs:04:on", "--points has lcs:4:on twice; leave one out"),
-        ("--points nlcs:4:on", "--points takes ENCODER:RESOLUTION"),
+        ("--points nlcs:4:on", "a point must be ENCODER:RESOLUTION"),
         ("--points lcs:99", "point lcs:99: resolution must be"),
         ("--points rnn:0", "point rnn:0: frames_per_step must be at least 1, not 0"),
         (
@@ -179,7 +179,10 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
         ),
         ("--points frame:250", "point frame:250: frames need KIND:RATE:BITS"),
         ("--points frame-diff:250:8:4", "point frame-diff:250:8:4: frames need KIND:RATE:BITS"),
-        ("--points gru:20 --bin 0.004", "--bin has no effect on rnn|gru|cnn:K, where K is the frames of a step"),
+        (
+            "--points gru:20 --bin 0.004",
+            "--bin has no effect on rnn|gru|cnn:K, where K is the number of frames per step",
+        ),
         (
             "--points rnn:20,gru:20 --set decay=0.5",
             "--set decay has no effect on any network of these points; leave it",

@@ -293,7 +293,7 @@ def test_a_network_in_a_file_is_one_flat_list_in_a_fixed_order(kind: str) -> Non
     assert tuple(flat) == FIELDS
     assert flat | fields == flat
     assert NetworkConfig.from_dict(json.loads(json.dumps(flat))) == config
-    with pytest.raises(InputError, match="unknown network field 'colour'; known are"):
+    with pytest.raises(InputError, match="unknown network field 'colour'; known fields are"):
         NetworkConfig.from_dict(fields | {"colour": 1})
 
 
@@ -465,7 +465,10 @@ def test_a_network_that_is_too_large_gets_one_sentence() -> None:
         (["--events", "x", "--config", "c.json"], "--config has no effect with --events"),
         (["--fold", "6"], "fold must be in 0..5, not 6"),
         (["--events", "nowhere"], "event folder nowhere does not exist; make one with eskin replay"),
-        (["--grid", "dropout=0,0.3"], "train takes one setting; give it with --set, or the grid to crossval or sweep"),
+        (
+            ["--grid", "dropout=0,0.3"],
+            "train needs a single value of each setting; use --set, or give the grid to crossval or sweep",
+        ),
         (["--recipe", "gru", "--grid", "decay=0.9"], "--grid decay has no effect on a network of kind gru"),
         (["--grid", "dropout=0,fast"], "--grid dropout takes a number, not 'fast'"),
         (["--grid", "dropout=0", "--grid", "dropout=0.3"], "--grid has dropout twice; give its values with commas"),

@@ -74,7 +74,7 @@ def test_eight_bit_weights_are_within_half_a_step(tmp_path: Path) -> None:
 
 
 def test_other_files_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"weight files end in \.npz, w\.bin does not; rename the output"):
+    with pytest.raises(InputError, match=r"weight files end in \.npz, but w\.bin does not; rename the output"):
         save_weights(tmp_path / "w.bin", made())
     with pytest.raises(InputError, match="does not exist; make one with eskin train"):
         load_weights(tmp_path / "none.npz")

@@ -81,7 +81,7 @@ def predict(
     found = counted(len(counts), "recording")
     print(f"{found}; {counts.steps} steps of {counts.channels} channels, {counts.step_s:g} s each")
     if other := trained.other_fields(recordings[0].config):
-        print(f"warning: the readout differs from that of the training: {'; '.join(other)}", file=sys.stderr)
+        print(f"warning: the readout differs from the readout of the training: {'; '.join(other)}", file=sys.stderr)
     _print_recordings(recordings, logits, trained)
     _print_scores(scores, trained)
     check = None

@@ -157,7 +157,7 @@ def crossproof(
     mutants: Annotated[bool, opt("compare generated mutants too")] = False,
     out: Annotated[Path | None, out_file("file for the results, JSON")] = None,
 ) -> None:
-    """Repeat the bounded search of make formal with z3; both solvers must find the same first clocks.
+    """Repeat the bounded search of make formal with z3, and compare the first clocks of both solvers.
 
     With --out a stopped run continues.
     """
