@@ -471,7 +471,7 @@ def test_a_network_that_is_too_large_gets_one_sentence() -> None:
         ),
         (["--recipe", "gru", "--grid", "decay=0.9"], "--grid decay has no effect on a network of kind gru"),
         (["--grid", "dropout=0,fast"], "--grid dropout takes a number, not 'fast'"),
-        (["--grid", "dropout=0", "--grid", "dropout=0.3"], "--grid has dropout twice; give its values with commas"),
+        (["--grid", "dropout=0", "--grid", "dropout=0.3"], "--grid has dropout twice; separate its values by commas"),
         (["--preset", "paper", "--start-rows", "2"], "the paper preset has one start row; use the physical preset"),
     ],
 )
