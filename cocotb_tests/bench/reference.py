@@ -39,10 +39,16 @@ Requests = Sequence[Sequence[bool | None]]
 """Polarity of the pending request of every row and column; None without a request."""
 
 
+KNOWN = {"lcs", "cw-lcs", "nlcs", "nlcs-bipolar"}
+"""Encoders that ``TaxelReference`` plays; it would play any other encoder as LCS."""
+
+
 class TaxelReference:
     """Reference model of one taxel."""
 
     def __init__(self, config: ReadoutConfig) -> None:
+        if config.encoder.name not in KNOWN:
+            raise NotImplementedError(f"{__name__} has no rule for the encoder {config.encoding}")
         self.config = config
         self.unit = 2**config.fraction_bits if config.encoder.leaks else 1
         self.step = 2 ** (config.sample_bits - 2 - config.resolution)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from eskin.base.errors import InputError
+from eskin.cocotb_tests.bench import reference
 from eskin.cocotb_tests.bench.reference import play
 from eskin.flow.datasheet.page import sheet_of
 from eskin.flow.gate_count import count_gates
@@ -54,6 +55,13 @@ def test_an_unknown_name_is_refused(part: str, field: str) -> None:
 def test_the_independent_model_knows_no_other_name(field: str) -> None:
     with pytest.raises(KeyError, match="dpcm"):
         IndependentReadout(Settings(**{field: "dpcm"})).clock()
+
+
+def test_the_plain_model_plays_no_encoder_without_its_rule(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert set(registry.NAMES) == reference.KNOWN
+    monkeypatch.setattr(reference, "KNOWN", {"lcs"})  # as before the rule of another encoder is written
+    with pytest.raises(NotImplementedError, match="no rule for the encoder nlcs"):
+        play(ReadoutConfig(rows=1, columns=2, encoding="nlcs"), STIMULUS)
 
 
 def test_every_encoder_has_hardware() -> None:
