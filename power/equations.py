@@ -358,7 +358,7 @@ def _checked_resolution(resolution: ArrayLike) -> FloatArray:
 
 
 def _positive(value: ArrayLike, name: str, unit: str) -> FloatArray:
-    """Return a float array after checking for positive numbers in a safe range."""
+    """Return values as a float array; raise an error unless all are positive and in a safe range."""
     values = np.asarray(value, np.float64)
     bad = ~(np.isfinite(values) & (values > 0))
     if bad.any():

@@ -35,7 +35,9 @@ def read_foreign(path: Path, fields: Sequence[str] = (), unit: str | None = None
         return tables.read_events_table(path, fields, unit)
     if fields or unit:
         option = "--fields" if fields else "--time-unit"
-        raise InputError(f"{option} is for tables; AEDAT 4 states its columns and its unit, leave it out")
+        raise InputError(
+            f"leave {option} out: it is only for tables, and an AEDAT 4 file states its columns and its unit"
+        )
     return aedat4.read_aedat4(path)
 
 

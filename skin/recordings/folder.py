@@ -248,7 +248,9 @@ def _with_array(config: ReadoutConfig, taxels: int, given: Collection[str], path
             )
         return config
     if (size := array_of(taxels)) is None:
-        raise InputError(f"no array of at most 64 x 64 has {taxels} taxels; leave some out with --taxel-columns")
+        raise InputError(
+            f"{taxels} taxels do not fill an array of at most 64 rows and 64 columns; choose fewer with --taxel-columns"
+        )
     return config.replace(rows=size[0], columns=size[1])
 
 

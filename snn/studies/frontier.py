@@ -179,7 +179,7 @@ class Point:
 
     @classmethod
     def lines(cls, preset: str, network: str, readout: str, taxels: int) -> Point:
-        """Return the point for a number of taxels: a line of them on a skin of 12 x 16, or the array of 8 x 8."""
+        """Return the point with a line of taxels on a skin of 12 x 16, or with all 64 taxels of an array of 8 x 8."""
         return cls(preset, network, readout, "all" if taxels == 64 else f"12x16:{LINES[preset]}:{taxels}")
 
     @property

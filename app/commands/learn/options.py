@@ -163,9 +163,7 @@ def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experim
             bin_s = FrameSteps.parse(options["frames"], bin_s).step_s
         follows = _following(recipe, folder, bin_s)
     elif "sample_rate_hz" in given and options["config_file"] is None:
-        raise InputError(
-            "--sample-rate is for your own recordings, and texture scans have a fixed rate; add --data DIR"
-        )
+        raise InputError("--sample-rate needs your own recordings; name their folder with --data DIR")
     else:
         check_alone(None, prepared, {})
     bins = BinConfig(start_s=options["start"])

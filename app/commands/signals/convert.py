@@ -42,7 +42,9 @@ def convert(
     sort: Annotated[bool, opt("--sort", "foreign events: sort them by time")] = False,
     drop_unmapped: Annotated[bool, opt("--drop-unmapped", "foreign events: drop addresses that --map lacks")] = False,
     plot: Annotated[Path | None, out_file("--plot", "FILE", "file for a raster plot of the events")] = None,
-    bin_s: Annotated[float | None, opt("--bin", "SECONDS", "to .nir: counts per time bin instead of events")] = None,
+    bin_s: Annotated[
+        float | None, opt("--bin", "SECONDS", "for .nir output: write event counts per time bin, not single events")
+    ] = None,
     unit: Annotated[str | None, opt("us|clocks", "to .npy or .csv: unit of the times [us]")] = None,
 ) -> None:
     """Convert events from and to formats of other programs: AEDAT 4, NIRData, tables and arrays.
