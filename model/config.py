@@ -179,7 +179,10 @@ class ReadoutConfig(Configuration):
     sample_bits: int = parameter(12, "", f"{SPECIFICATION} 2", "W, bits of a signed sample")
     resolution: int = parameter(6, "", f"{SPECIFICATION} 2", "N, LSB = 2**-N of full scale, 1..W-2")
     decide_every: DecideEvery = parameter(
-        "clock", "", f"{SPECIFICATION} 2", "decisions of a taxel without pending request: every clock, or every sample"
+        "clock",
+        "",
+        f"{SPECIFICATION} 2",
+        "a taxel without a pending request decides in every clock, or once per sample",
     )
     reference_reset: int = parameter(0, "codes", f"{SPECIFICATION} 2", "reference after reset, in codes")
     closing_shift: int = parameter(2, "", f"{SPECIFICATION} 2", "cw-lcs: window closes by D / 2**shift")

@@ -236,7 +236,7 @@ def _checked_codes(source: Path, values: NDArray[Any], config: ReadoutConfig) ->
         raise InputError(
             f"{source} has the code {values[tick, taxel]:g} at tick {tick}, taxel {taxel}, outside "
             f"{low}..{high} "
-            f"of {config.sample_bits} bits; add --sample-bits, or --scale FACTOR to read them as numbers"
+            f"of {config.sample_bits} bits; add --sample-bits, or --scale FACTOR if the file has physical values"
         )
     return values.astype(np.int32)
 

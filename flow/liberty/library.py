@@ -97,7 +97,7 @@ class Memory:
 
     @property
     def rising(self) -> bool:
-        """True if data is stored at the rising clock edge, or a latch is open at high enable."""
+        """True for a flop that stores data at the rising edge, or a latch that is open while its enable is high."""
         return not {"!", "'"} & set(self.when)
 
     @property

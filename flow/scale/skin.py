@@ -34,7 +34,7 @@ class Spot(NamedTuple):
 
 @dataclass
 class Piece:
-    """A part of a skin as cells, with nets numbered from 0."""
+    """The netlist of a part of a skin: standard cells, and nets numbered from 0."""
 
     # names, cells, pins: name, kind and nets of the pins of every cell
     names: list[str]

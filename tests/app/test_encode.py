@@ -223,11 +223,11 @@ ENCODE_ERRORS: dict[str, tuple[str, Any, str]] = {
         ("x.npy", np.zeros((5, 3, 4)), RATE + " --rows 4"),
     "rows must be in 1..64, not 99": ("x.npy", np.zeros((5, 99, 2)), RATE),
     "x.npy has the code -2049 at tick 0, taxel 0, outside -2048..2047 of 12 bits; add --sample-bits, or --scale "
-    "FACTOR to read them as numbers": ("x.npy", np.full((5, 64), -2049), RATE),
+    "FACTOR if the file has physical values": ("x.npy", np.full((5, 64), -2049), RATE),
     "x.npy has 5 values beyond full scale, the largest 1.25 times full scale; subtract the baseline with --baseline "
     "first, or add --scale max": ("x.npy", np.where(np.eye(5, 64), -1.25, 1.0), RATE),
     "x.csv has the code 2048 at tick 1, taxel 0, outside -2048..2047 of 12 bits; add --sample-bits, or --scale "
-    "FACTOR to read them as numbers": ("x.csv", b"time_s,a\n0,1\n1,2048\n2,3\n", ""),
+    "FACTOR if the file has physical values": ("x.csv", b"time_s,a\n0,1\n1,2048\n2,3\n", ""),
     "--scale needs a number other than 0, or max, not '0'": ("x.npy", GOOD, RATE + " --scale 0"),
     "--scale needs a number other than 0, or max, not 'nan'": ("x.npy", GOOD, RATE + " --scale nan"),
     "--scale needs a number other than 0, or max, not 'min'": ("x.npy", GOOD, RATE + " --scale min"),

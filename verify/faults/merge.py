@@ -21,7 +21,7 @@ LOADED, PAUSE, AGAIN = 160, 120, 120
 
 
 def upsets(config: TilesConfig, stride: int = 1, flops: str = "") -> Iterator[Upset]:
-    """Flip every flop of a merge in every clock of a stimulus, one per run; yield the outcomes.
+    """Yield the outcome of each run; in a run, one flop of a merge is flipped in one clock of the stimulus.
 
     Of a skin with relay stations it is one of those that is upset. Every event of a tile has a number of its own, so
     what is lost and what is added is known one by one. Before the last load tile 0 alone sends an event: then its turn

@@ -175,7 +175,7 @@ def passes(checkout: Path, test: str) -> bool:
 
 
 def failing(checkout: Path) -> list[str]:
-    """Return the tests that are known to fail without a mutant."""
+    """Return the tests that are known to fail in the unchanged code."""
     known = checkout.with_name(f"{checkout.name}-tests")
     lines = known.read_text().splitlines() if known.exists() else []
     return [line.removesuffix(" fails") for line in lines if line.endswith(" fails")]
