@@ -106,5 +106,5 @@ def test_what_does_not_fit_is_refused_in_one_sentence() -> None:
         chip(3, 5, 29, 20)
     with pytest.raises(InputError, match="has 384 clocks, but its work needs 1505; raise --clocks-per-sample"):
         chip(3, 5, 30, 500)
-    with pytest.raises(InputError, match="link stream inside, not four_phase"):
+    with pytest.raises(InputError, match="must have the link stream, not four_phase"):
         chip(3, 5, 30, 20, link="four_phase")

@@ -97,7 +97,7 @@ def play(
     """Simulate events on a netlist, compare with the golden model, and return the dump and the run of the model."""
     config = network.config
     width = config.clocks_per_bin
-    memories = {name: (image(network), memory(config).bits) for name, (memory, image) in MEMORIES.items()}
+    memories = {name: (image(network), len(memory(config).read_data)) for name, (memory, image) in MEMORIES.items()}
     images = memories | {"at": ([clock for clock, _ in offered] or [0], 64)}
     images["channel"] = ([channel for _, channel in offered] or [0], 32)
     for name, (words, bits) in images.items():

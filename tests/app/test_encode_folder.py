@@ -122,8 +122,8 @@ def test_training_refuses_what_is_not_fetched_and_encoding_says_so(call: Any, re
     (folder / "e/tap/gone.npz").symlink_to("nowhere")
     what = "event folder e has an entry that is not an event file: e/tap/gone.npz is a broken link"
     assert call("train --events e")[2] == f"error: {what}; fetch or remove it\n"
-    what = "--strict is for the recordings of a folder; x.csv is one input"
-    assert call("encode x.csv -o e.npz --strict")[2] == f"error: {what}, leave it out\n"
+    what = "--strict is for the recordings of a folder, but x.csv is a single input"
+    assert call("encode x.csv -o e.npz --strict")[2] == f"error: {what}; leave --strict out\n"
 
 
 def test_an_image_of_floats_is_refused(refuses: Any, folder: Path) -> None:

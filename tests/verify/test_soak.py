@@ -126,7 +126,7 @@ def test_a_run_fits_the_memory_and_a_configuration_has_all_its_clocks() -> None:
         (["--hours", -1], "--hours must be in 0..10000, not -1.0"),
         (["--set", "rows=1"], "--set has no effect without --only; add --only, or leave it out"),
         (["--only", 1, "--set", "row=1"],
-         "--set takes NAME=VALUE, a field of the configuration or signal, gap, sink, masks, share, not 'row=1'"),
+         "--set needs NAME=VALUE with a field of the configuration or signal, gap, sink, masks, share, not 'row=1'"),
         (["--only", 1, "--set", "rows=65"], "rows must be in 1..64, not 65"),
         (["--only", 1, "--set", "signal=rare", "--set", "sink=none", "--set", "gap=3", "--set", "masks=x"],
          "signal must be one of noise, walk, square, hold, near, rare, sink one of always, random, slow, stuck, gap in "
