@@ -7,6 +7,7 @@ Every network gets the scans, shifts and learning rates of ``eskin.snn.train.tra
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -55,16 +56,9 @@ def train_together(
     DivergedError
         If a weight is not finite at the end.
     """
-    wanted = TrainConfig(
-        epochs=train_config.epochs,
-        batch=train_config.batch,
-        learning_rate=train_config.learning_rate,
-        weight_decay=train_config.weight_decay,
-        cosine=train_config.cosine,
-        clip=train_config.clip,
-        augment=AugmentConfig(shift_steps=train_config.augment.shift_steps),
-    )
-    if network_config.kind != "cnn" or wanted != train_config:
+    shifts_alone = AugmentConfig(shift_steps=train_config.augment.shift_steps)
+    supported = dataclasses.replace(train_config, window_steps=0, windows=1, balanced=False, augment=shifts_alone)
+    if network_config.kind != "cnn" or train_config != supported:
         raise NotImplementedError("only convolutional networks with shifted whole scans are trained together")
     scans = np.stack([data.scans_of(images) for images in learned])
     networks = []
@@ -149,10 +143,8 @@ class _Stack:
         for number in range(0, 9, 3):
             h = _convolved(h, found[f"layers.{number}.weight"], found[f"layers.{number}.bias"])
             h = functional.layer_norm(h, h.shape[-2:])  # GroupNorm with one group
-            h = h * _of_channels(found[f"layers.{number + 1}.weight"]) + _of_channels(
-                found[f"layers.{number + 1}.bias"]
-            )
-            h = torch.relu(h)
+            scale, offset = (found[f"layers.{number + 1}.{name}"][:, None, :, None] for name in ("weight", "bias"))
+            h = torch.relu(h * scale + offset)
         features = functional.dropout(h.mean(3), self._config.dropout)
         logits = torch.baddbmm(found["out.bias"][:, None], features, found["out.weight"].transpose(1, 2))
         return logits * self._config.output_scale
@@ -167,11 +159,6 @@ class _Stack:
 
 def _offset(units: Any) -> float:
     return units.input_offset if isinstance(units, BaselineConfig) else 0.0
-
-
-def _of_channels(values: Tensor) -> Tensor:
-    """Return values of shape (networks, channels) for tensors of shape (networks, scans, channels, steps)."""
-    return values[:, None, :, None]
 
 
 def _convolved(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:

@@ -10,7 +10,6 @@ from eskin.snn.experiments.pairs import compare
 LCS_LEAKY = "physical/leaky-2ms/lcs:2/12x16:across:12"
 BIPOLAR_LEAKY = "physical/leaky-2ms/nlcs-bipolar:2/12x16:across:12"
 FRAMES_LEAKY = "physical/leaky-2ms/frame-onoff:250:3:2/12x16:across:12"
-LCS_CONVOLUTIONS = "physical/convolutions/lcs:2/12x16:across:12"
 """Points of the frontier in the README and in sentences of docs/results/frontier.md."""
 
 NETWORKS = {"leaky": "leaky", "leaky-2ms": "leaky", "convolutions": "convolutions", "paper": "the paper's"}
@@ -133,7 +132,7 @@ def against(kind: str) -> Data:
 
 
 def candidates() -> Data:
-    """Return the number of readouts that were compared by inner validation, and of those that were chosen."""
+    """Count the readouts that inner validation compared, and the readouts that it chose."""
     inner = read("docs/data/frontier.json")["inner"]
     return {"tried": len(inner), "chosen": sum(one["chosen"] for one in inner)}
 

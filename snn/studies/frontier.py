@@ -364,7 +364,8 @@ def best_of(validated: Sequence[dict[str, Any]]) -> int:
 def measured(run: Frontier, step: Step) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return the points of all budgets, and the inner validations by which they were chosen.
 
-    Frames have the data rate of the LCS readout that was chosen at the same budget.
+    Frames have the data rate of the LCS readout that was chosen at the same budget. If no frames are slow enough, the
+    budget has none.
     """
     seeds = {Point.parse(name): number for name, number in ALSO.items()}
     inner = []
@@ -373,9 +374,12 @@ def measured(run: Frontier, step: Step) -> tuple[list[dict[str, Any]], list[dict
             for budget_hz in BUDGETS_HZ:
                 bits_per_s = 0.0
                 for kind in (*CANDIDATES[preset], "frame"):
-                    tried = frame_candidates(preset, network, bits_per_s)
-                    if kind != "frame":
+                    if kind == "frame":
+                        tried = frame_candidates(preset, network, bits_per_s)
+                    else:
                         tried = candidates(preset, network, kind, budget_hz)
+                    if not tried:  # even the slowest frames need more bits than these events
+                        continue
                     point, validated = run.chosen(tried, step)
                     if kind == "lcs":
                         bits_per_s = validated[tried.index(point)]["bits_per_s"]

@@ -169,6 +169,9 @@ def test_the_best_in_inner_validation_is_measured_and_frames_have_its_rate(monke
     ]
     assert len(inner) == 5 + len(frames)
     assert {one["budget_hz"] for one in inner} == {1_000}
+    monkeypatch.setattr(frontier, "frame_candidates", lambda *_: [])
+    points, inner = frontier.measured(Run(), lambda: None)  # type: ignore[arg-type]
+    assert (len(points), len(inner)) == (2, 5), "events so rare that no frames are slow enough"
 
 
 def test_early_answers_wait_for_the_margin_that_inner_validation_needs() -> None:
