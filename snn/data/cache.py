@@ -11,11 +11,9 @@ import contextlib
 import dataclasses
 import functools
 import hashlib
-import io
 import json
 import os
 import platform
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,7 +23,7 @@ import numpy as np
 from eskin import model, skin
 from eskin.base import cache
 from eskin.base.errors import InputError
-from eskin.base.files import atomic_write, plain
+from eskin.base.files import plain, read_arrays, write_arrays
 from eskin.model.config import ReadoutConfig
 from eskin.skin.textures.dataset import Dataset
 from eskin.skin.textures.presets import Scan
@@ -33,10 +31,6 @@ from eskin.snn.data.scans import ScanData
 
 LIMIT_BYTES = 2**30
 """Largest size of all cached scans together."""
-
-_ARRAYS = ("values", "labels", "images")
-_ABANDONED_S = 3600.0
-"""Age of a half-written entry from which its writer counts as dead."""
 
 
 def kept(key: str, make: Callable[[], ScanData]) -> ScanData:
@@ -99,7 +93,8 @@ def clear() -> int:
 
 
 def _entries(folder: Path) -> list[Path]:
-    return sorted(folder.glob("*.npz"))
+    """Return the entries, and the temporary files of their writers."""
+    return sorted(folder.glob("*"))
 
 
 def _read(path: Path) -> ScanData | None:
@@ -107,33 +102,23 @@ def _read(path: Path) -> ScanData | None:
     if not cache.is_private(path):
         return None
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            header = json.loads(str(archive["header"]))
-            arrays = {name: archive[name] for name in _ARRAYS}
-        if not len(arrays["values"]) == len(arrays["labels"]) == len(arrays["images"]) > 0:
-            return None
-        names, class_names = tuple(header.pop("names")), tuple(header.pop("class_names"))
-        if header["lengths"] is not None:
-            header["lengths"] = np.array(header["lengths"], np.int64)
-        return ScanData(**arrays, names=names, class_names=class_names, **header)
-    except Exception:  # a damaged archive makes zipfile, zlib and NumPy raise almost any type
+        arrays = read_arrays(path, "scans", "remove it")
+        fields = json.loads(str(arrays.pop("fields")))
+        names, class_names = tuple(fields.pop("names")), tuple(fields.pop("class_names"))
+        return ScanData(**arrays, **fields, names=names, class_names=class_names)
+    except (InputError, KeyError, TypeError, ValueError):
         return None
 
 
 def _write(path: Path, data: ScanData) -> None:
-    header = {field.name: getattr(data, field.name) for field in dataclasses.fields(data) if field.name not in _ARRAYS}
-    header["lengths"] = None if data.lengths is None else data.lengths.tolist()
-    content = io.BytesIO()
-    np.savez_compressed(content, header=np.array(json.dumps(header)), **{n: getattr(data, n) for n in _ARRAYS})
-    with atomic_write(path) as file:
-        file.write(content.getvalue())
+    values = {field.name: getattr(data, field.name) for field in dataclasses.fields(data)}
+    arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+    fields = np.array(json.dumps({name: value for name, value in values.items() if name not in arrays}))
+    write_arrays(path, arrays | {"fields": fields}, compressed=True)
 
 
 def _shrink(folder: Path, newest: Path) -> None:
-    """Remove the least recently used entries beyond the size limit, and temporary files of killed processes."""
-    for path in folder.glob(".*.part"):
-        if time.time() - path.stat().st_mtime > _ABANDONED_S:
-            path.unlink(missing_ok=True)
+    """Remove the least recently used entries beyond the size limit."""
     by_use = sorted((path.stat().st_mtime_ns, path.stat().st_size, path) for path in _entries(folder))
     total = sum(size for _, size, _ in by_use)
     for _, size, path in by_use:
