@@ -25,7 +25,7 @@ from eskin.skin.textures.dataset import Dataset, Texture
 from eskin.skin.textures.physical import PhysicalScan
 from eskin.skin.textures.scan import Signals, quantise
 from eskin.snn.data.bins import BinConfig
-from eskin.snn.data.record import Tick, record, said_of
+from eskin.snn.data.record import Tick, record, recorded, said_of
 from eskin.snn.data.scans import ScanData, collect
 
 Level = Literal["scene", "signals", "comparators", "events"]
@@ -38,18 +38,35 @@ HOT_HZ = 1000.0
 """Events per second of a hot taxel."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Disturbance:
     """A disturbance with its test strengths."""
 
-    unit: str
-    help: str
     level: Level
     """Level that it changes."""
+    unit: str
+    help: str
     strengths: tuple[float, ...]
     """Strengths in rising order, without the clean scan."""
     apply: Callable[[Draft, float, Generator], None]
     """(Draft, strength, Generator) -> None: changes the draft of a recording in place."""
+
+
+DISTURBANCES: dict[str, Disturbance] = {}
+"""Disturbances by name; a recording meets the disturbances of a level in this order.
+
+A new disturbance comes last in this file, because its place seeds its random numbers.
+"""
+
+
+def disturbance(name: str, level: Level, unit: str, help: str, *strengths: float) -> Callable[[Any], Any]:
+    """Return a decorator that adds a function to DISTURBANCES."""
+
+    def add(apply: Any) -> Any:
+        DISTURBANCES[name] = Disturbance(level, unit, help, strengths, apply)
+        return apply
+
+    return add
 
 
 @dataclass
@@ -79,20 +96,24 @@ class Draft:
 # -- scene -------------------------------------------------------------------------------------------
 
 
+@disturbance("speed", "scene", "", "factor of the scan speed", 0.5, 0.8, 1.2, 1.5)
 def _speed(draft: Draft, strength: float, _: Generator) -> None:
     draft.scan = dataclasses.replace(draft.scan, speed_m_per_s=draft.scan.speed_m_per_s * strength)
 
 
+@disturbance("height", "scene", "", "position of the array on the texture, top 0 to bottom 1", 0.5, 1.0)
 def _height(draft: Draft, strength: float, _: Generator) -> None:
     draft.height = strength
 
 
+@disturbance("direction", "scene", "degrees", "direction of the movement; the array is not rotated", 90.0, 180.0, 270.0)
 def _direction(draft: Draft, strength: float, _: Generator) -> None:
     if strength % 90:
         raise InputError(f"a direction is a multiple of 90 degrees, not {strength:g}")
     draft.quarter_turns = round(strength / 90) % 4
 
 
+@disturbance("rotation", "scene", "degrees", "rotation of the texture under the array", 15.0, 45.0, 90.0, 180.0)
 def _rotation(draft: Draft, strength: float, _: Generator) -> None:
     if strength % 90 == 0:
         draft.image = np.ascontiguousarray(np.rot90(draft.image, round(strength / 90)))
@@ -117,12 +138,9 @@ def _scene_signals(draft: Draft) -> Signals:
 # -- signals -----------------------------------------------------------------------------------------
 
 
+@disturbance("noise", "signals", "V", "AFE output noise, rms", 0.001, 0.005, 0.01, 0.02)
 def _noise(draft: Draft, strength: float, generator: Generator) -> None:
     draft.signals = noisy(draft.signals, strength, generator)
-
-
-def _slow_noise(draft: Draft, strength: float, generator: Generator) -> None:
-    draft.signals = noisy(draft.signals, strength, generator, SLOW_HZ / draft.config.sample_rate_hz)
 
 
 def noisy(signals: Signals, noise_v: float, generator: Generator, pole: float | None = None) -> Signals:
@@ -141,14 +159,17 @@ def noisy(signals: Signals, noise_v: float, generator: Generator, pole: float | 
     return signals + noise
 
 
+@disturbance("gain", "signals", "", "factor of all signals", 0.7, 0.9, 1.2, 1.5)
 def _gain(draft: Draft, strength: float, _: Generator) -> None:
     draft.signals = draft.signals * strength
 
 
+@disturbance("offset", "signals", "V", "offset of every taxel, deviation", 0.05, 0.1)
 def _offset(draft: Draft, strength: float, generator: Generator) -> None:
     draft.signals = draft.signals + generator.normal(0.0, strength, draft.signals.shape[1])
 
 
+@disturbance("mismatch", "signals", "", "gain of every taxel, deviation", 0.1, 0.2, 0.4)
 def _mismatch(draft: Draft, strength: float, generator: Generator) -> None:
     draft.signals = draft.signals * np.maximum(1 + generator.normal(0.0, strength, draft.signals.shape[1]), 0.0)
 
@@ -156,10 +177,12 @@ def _mismatch(draft: Draft, strength: float, generator: Generator) -> None:
 # -- comparators -------------------------------------------------------------------------------------
 
 
+@disturbance("comparator-noise", "comparators", "V", "noise of every comparator, rms", 0.005, 0.01, 0.02)
 def _comparator_noise(draft: Draft, strength: float, generator: Generator) -> None:
     draft.noise_v, draft.generator = strength, generator
 
 
+@disturbance("comparator-offset", "comparators", "V", "offset of every comparator, deviation", 0.01, 0.02)
 def _comparator_offset(draft: Draft, strength: float, generator: Generator) -> None:
     draft.offset_v, draft.generator = strength, generator
 
@@ -214,11 +237,13 @@ def _some_taxels(draft: Draft, part: float, generator: Generator) -> NDArray[np.
     return generator.permutation(draft.config.taxels)[: round(part * draft.config.taxels)]
 
 
+@disturbance("dead", "events", "", "share of the taxels that send no events", 0.05, 0.1, 0.2, 0.4)
 def _dead(draft: Draft, strength: float, generator: Generator) -> None:
     dead = _some_taxels(draft, strength, generator)
     draft.events = draft.events[~np.isin(taxel_of(draft.events, draft.config), dead)]
 
 
+@disturbance("hot", "events", "", "share of the taxels that send 1000 additional events/s", 0.05, 0.2)
 def _hot(draft: Draft, strength: float, generator: Generator) -> None:
     hot = _some_taxels(draft, strength, generator)
     number = generator.poisson(HOT_HZ * draft.duration / draft.config.clock_hz, len(hot))
@@ -229,10 +254,12 @@ def _hot(draft: Draft, strength: float, generator: Generator) -> None:
     draft.events = _in_order(np.concatenate((draft.events, more)))
 
 
+@disturbance("lost", "events", "", "share of lost events", 0.1, 0.3, 0.5)
 def _lost(draft: Draft, strength: float, generator: Generator) -> None:
     draft.events = draft.events[generator.random(len(draft.events)) >= strength]
 
 
+@disturbance("jitter", "events", "s", "time of every event, deviation", 0.001, 0.004)
 def _jitter(draft: Draft, strength: float, generator: Generator) -> None:
     events = draft.events.copy()
     moved = np.rint(generator.normal(0.0, strength * draft.config.clock_hz, len(events))).astype(np.int64)
@@ -240,76 +267,25 @@ def _jitter(draft: Draft, strength: float, generator: Generator) -> None:
     draft.events = _in_order(events)
 
 
+@disturbance("late", "events", "s", "delay from the touch to the start of the recording", 0.01, 0.05)
 def _late(draft: Draft, strength: float, _: Generator) -> None:
     events = draft.events[draft.events["t"] >= round(strength * draft.config.clock_hz)].copy()
     events["t"] -= round(strength * draft.config.clock_hz)
     draft.events = events
 
 
+@disturbance("short", "events", "s", "duration of the touch", 0.05, 0.1, 0.2)
 def _short(draft: Draft, strength: float, _: Generator) -> None:
     draft.events = draft.events[draft.events["t"] < round(strength * draft.config.clock_hz)]
 
 
+@disturbance("slow-noise", "signals", "V", "AFE output noise below 97 Hz, rms", 0.005, 0.01, 0.02)
+def _slow_noise(draft: Draft, strength: float, generator: Generator) -> None:
+    draft.signals = noisy(draft.signals, strength, generator, SLOW_HZ / draft.config.sample_rate_hz)
+
+
 def _in_order(events: Events) -> Events:
     return events[np.argsort(events["t"], kind="stable")]
-
-
-# -- the registry ------------------------------------------------------------------------------------
-
-DISTURBANCES: dict[str, Disturbance] = {
-    name: Disturbance(unit=unit, help=text, level=level, strengths=strengths, apply=apply)  # type: ignore[arg-type]
-    for name, unit, text, level, strengths, apply in (
-        ("speed", "", "factor of the scan speed", "scene", (0.5, 0.8, 1.2, 1.5), _speed),
-        ("height", "", "position of the array on the texture, top 0 to bottom 1", "scene", (0.5, 1.0), _height),
-        (
-            "direction",
-            "degrees",
-            "direction of the movement; the array is not rotated",
-            "scene",
-            (90.0, 180.0, 270.0),
-            _direction,
-        ),
-        (
-            "rotation",
-            "degrees",
-            "rotation of the texture under the array",
-            "scene",
-            (15.0, 45.0, 90.0, 180.0),
-            _rotation,
-        ),
-        ("noise", "V", "AFE output noise, rms", "signals", (0.001, 0.005, 0.01, 0.02), _noise),
-        ("gain", "", "factor of all signals", "signals", (0.7, 0.9, 1.2, 1.5), _gain),
-        ("offset", "V", "offset of every taxel, deviation", "signals", (0.05, 0.1), _offset),
-        ("mismatch", "", "gain of every taxel, deviation", "signals", (0.1, 0.2, 0.4), _mismatch),
-        (
-            "comparator-noise",
-            "V",
-            "noise of every comparator, rms",
-            "comparators",
-            (0.005, 0.01, 0.02),
-            _comparator_noise,
-        ),
-        (
-            "comparator-offset",
-            "V",
-            "offset of every comparator, deviation",
-            "comparators",
-            (0.01, 0.02),
-            _comparator_offset,
-        ),
-        ("dead", "", "share of the taxels that send no events", "events", (0.05, 0.1, 0.2, 0.4), _dead),
-        ("hot", "", "share of the taxels that send 1000 additional events/s", "events", (0.05, 0.2), _hot),
-        ("lost", "", "share of lost events", "events", (0.1, 0.3, 0.5), _lost),
-        ("jitter", "s", "time of every event, deviation", "events", (0.001, 0.004), _jitter),
-        ("late", "s", "delay from the touch to the start of the recording", "events", (0.01, 0.05), _late),
-        ("short", "s", "duration of the touch", "events", (0.05, 0.1, 0.2), _short),
-        ("slow-noise", "V", "AFE output noise below 97 Hz, rms", "signals", (0.005, 0.01, 0.02), _slow_noise),
-    )
-}
-"""Disturbances by name; a recording meets the disturbances of a level in this order.
-
-A new disturbance comes last, because its place seeds its random numbers.
-"""
 
 
 def check_strength(name: str, strength: float) -> None:
@@ -385,16 +361,14 @@ def record_disturbed(
     - ``strengths``: strength by name of DISTURBANCES.
     - ``height``: position of the array on the texture, unless ``strengths`` give it.
     """
-    from eskin.model.readout import Stimulus, simulate
-
     for name, strength in strengths.items():
         check_strength(name, strength)
     draft = Draft(config, scan, texture.load(), height)
 
     def disturb(level: Level) -> None:
-        for name, disturbance in DISTURBANCES.items():
-            if name in strengths and disturbance.level == level:
-                disturbance.apply(draft, strengths[name], generator)
+        for name, one in DISTURBANCES.items():
+            if name in strengths and one.level == level:
+                one.apply(draft, strengths[name], generator)
 
     disturb("scene")
     draft.signals = _scene_signals(draft)
@@ -402,8 +376,7 @@ def record_disturbed(
     disturb("comparators")
     draft.duration = len(draft.signals) * config.clocks_per_sample
     if draft.generator is None:
-        stimulus = Stimulus.from_samples(config, quantise(draft.signals, config.sample_bits)[0])
-        draft.events = simulate(config, stimulus)
+        draft.events = recorded(config, quantise(draft.signals, config.sample_bits)[0], {}).events
     else:
         draft.events = compare(config, draft.signals, draft.noise_v, draft.offset_v, draft.generator)
         draft.events = draft.events[draft.events["t"] < draft.duration]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
@@ -34,6 +35,14 @@ def said_of(texture: Texture, dataset_name: str, scan: Scan) -> dict[str, Any]:
     }
 
 
+def recorded(config: ReadoutConfig, codes: NDArray[np.int32], metadata: dict[str, Any]) -> Recording:
+    """Return the events of codes from the cycle-accurate model."""
+    from eskin.model.readout import Stimulus, simulate
+
+    stimulus = Stimulus.from_samples(config, codes)
+    return Recording(simulate(config, stimulus), config, stimulus.clocks, metadata=metadata)
+
+
 def record(
     texture: Texture,
     dataset_name: str,
@@ -49,20 +58,17 @@ def record(
 
     The recording has the events and the metadata of an RTL replay but ``source``, which is "model".
     """
-    from eskin.model.readout import Stimulus, simulate
-
     try:
         samples, clipped = scan.samples(config, texture.load() if image is None else image, start_row)
     except InputError as error:
         raise InputError(f"image {texture.name}: {error}") from None
-    stimulus = Stimulus.from_samples(config, samples)
     metadata = said_of(texture, dataset_name, scan) | {
         "start_row": start_row,
         "clipped_samples": clipped,
         "source": "model",
     }
-    events = simulate(config, stimulus)
-    return Recording(events[events["p"]] if variant == "on" else events, config, stimulus.clocks, metadata=metadata)
+    made = recorded(config, samples, metadata)
+    return dataclasses.replace(made, events=made.events[made.events["p"]]) if variant == "on" else made
 
 
 def record_dataset(

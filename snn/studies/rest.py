@@ -21,7 +21,7 @@ from eskin.snn.data.coding import coded_events, coded_frames
 from eskin.snn.data.disturb import noisy
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.frames import sampled_config
-from eskin.snn.studies.noise import recorded
+from eskin.snn.data.record import recorded
 
 REST_S = 0.6
 """Seconds of the scan after the texture ended."""

@@ -20,7 +20,7 @@ from eskin.skin.textures.physical import PhysicalScan
 from eskin.skin.textures.scan import quantise
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.frames import sampled_config
-from eskin.snn.studies.noise import recorded
+from eskin.snn.data.record import recorded
 
 FINE_HZ = 100_000.0
 NEAR_S = 0.02
