@@ -21,7 +21,7 @@ from eskin.base.files import plain, read_json
 from eskin.snn.data.folds import INNER_FOLDS, stratified_folds, tested
 from eskin.snn.data.scans import ScanData, Split
 from eskin.snn.experiments.experiment import Experiment
-from eskin.snn.experiments.intervals import bootstrap, wilson
+from eskin.snn.experiments.intervals import scored
 from eskin.snn.experiments.points import as_word
 
 
@@ -99,15 +99,11 @@ def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[st
         folds = sorted({fold for fold, _ in by_cell})
         of_folds = [np.mean([by_cell[fold, seed] for seed in seeds if (fold, seed) in by_cell]) for fold in folds]
         of_seeds = [np.mean([by_cell[fold, seed] for fold in folds if (fold, seed) in by_cell]) for seed in seeds]
-        accuracy = float(correct.mean())
         result[reading] = {
-            "accuracy": accuracy,
+            **scored(correct),
             "sd_over_folds": float(np.std(of_folds, ddof=1)) if len(of_folds) > 1 else None,
             "sd_over_seeds": float(np.std(of_seeds, ddof=1)) if len(of_seeds) > 1 else None,
             "sd_over_cells": float(np.std(list(by_cell.values()), ddof=1)) if len(by_cell) > 1 else None,
-            "wilson_95": wilson(accuracy * images, images),
-            "bootstrap_95": bootstrap(correct),
-            "images": images,
             "accuracy_of_seeds": [float(value) for value in of_seeds],
             "confusion": confusion.tolist(),
             "predictions": [as_word(row) for row in classified],

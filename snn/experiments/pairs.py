@@ -1,17 +1,21 @@
-"""Compare the predictions of two sweep points image by image."""
+"""Compare the predictions of two sweep points or networks image by image."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.snn.experiments.intervals import bootstrap
-from eskin.snn.experiments.points import PointSummary, load_sweep
+from eskin.snn.experiments.points import Point, load_sweep
+
+ONE_SEED = ("accuracy_first", "accuracy_second", "only_first", "only_second", "p")
+"""Fields of Pair with a value for every seed."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +39,7 @@ class Pair:
     images: int
 
 
-def find_point(text: str, kept: Path) -> PointSummary:
+def find_point(text: str, kept: Path) -> Point:
     """Return the sweep point for a text ``SWEEP:POINT``, with SWEEP a file, a folder or a name in ``kept``.
 
     Raise InputError if the sweep or point does not exist or has no predictions.
@@ -45,24 +49,25 @@ def find_point(text: str, kept: Path) -> PointSummary:
         raise InputError(f"a point must be SWEEP:POINT, such as rates-cnn:lcs-4, not {text!r}")
     own = kept / f"{name}.json"
     sweep = load_sweep(own if own.is_file() else Path(name))
-    points = {point.name: point for point in sweep.points}
+    points = {point["name"]: point for point in sweep.points}
     if wanted not in points:
         raise InputError(f"sweep {name} has no point {wanted!r}; it has {', '.join(points)}")
     point = points[wanted]
-    if point.last is None or not point.labels or not point.last.predictions:
+    if not (point["last"] and point.get("labels") and point["last"].get("predictions")):
         raise InputError(f"{text} has no predictions for images; run its sweep again")
     return point
 
 
-def pair(first: PointSummary, second: PointSummary, reading: str) -> Pair:
+def pair(first: Point, second: Point, reading: str) -> Pair:
     """Return the comparison of two sweep points over their common seeds.
 
     Raise InputError if the two points have different test images.
     """
-    if first.labels != second.labels or first.class_names != second.class_names:
-        raise InputError(f"{first.name} and {second.name} have different images or classes and cannot be compared")
-    assert first.labels is not None
-    return compare(first.labels, first.result(reading).predictions or (), second.result(reading).predictions or ())
+    if any(first[name] != second[name] for name in ("labels", "class_names")):
+        raise InputError(
+            f"{first['name']} and {second['name']} have different images or classes and cannot be compared"
+        )
+    return compare(first["labels"], *(point[reading].get("predictions") or () for point in (first, second)))
 
 
 def compare(labels: str, first: Sequence[str], second: Sequence[str]) -> Pair:
@@ -95,3 +100,26 @@ def mcnemar(only_first: int, only_second: int) -> float:
 def right_of(labels: str, words: Sequence[str]) -> NDArray[np.bool_]:
     """Return whether each prediction is correct, shape (seeds, images)."""
     return np.array([[a == b for a, b in zip(word, labels, strict=True)] for word in words], bool)
+
+
+def paired(points: Sequence[dict[str, Any]], first: str, second: str, of: Sequence[str]) -> list[dict[str, Any]]:
+    """Return McNemar's tests of two networks on common images.
+
+    Each test compares two points with equal values of the fields ``of``. A point is a result with the fields
+    ``network`` and ``answers``: labels and predictions by fold and seed.
+    """
+    found = []
+    for point in points:
+        same = [p for p in points if p["network"] == second and all(p[name] == point[name] for name in of)]
+        if point["network"] != first or not same:
+            continue
+        answers = [{(one["fold"], one["seed"]): one for one in p["answers"]} for p in (point, same[0])]
+        cells = sorted(answers[0].keys() & answers[1].keys())
+        if not cells:
+            continue
+        labels = "".join(answers[0][cell]["labels"] for cell in cells)
+        result = compare(labels, *(["".join(own[cell]["predicted"] for cell in cells)] for own in answers))
+        of_seed = {name: getattr(result, name)[0] for name in ONE_SEED}
+        about = {"first": first, "second": second} | {name: point[name] for name in of}
+        found.append(about | {"images": result.images} | of_seed)
+    return found

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from eskin.snn.data.disturb import DISTURBANCES, check_strength, record_disturbe
 from eskin.snn.data.scans import ScanData, collect
 from eskin.snn.exchange.weights import Weights, config_of, load_weights
 from eskin.snn.experiments.experiment import Experiment
-from eskin.snn.experiments.intervals import bootstrap, wilson
+from eskin.snn.experiments.intervals import right_by_image, scored
 from eskin.snn.experiments.trained import read_result
 
 CLEAN = "clean"
@@ -74,30 +75,34 @@ class Subject:
         return cls(name, result.fold, seed, weights, experiment, result.test_images(dataset.labels), digest)
 
     @property
+    def name(self) -> str:
+        """Name of this network among all, for its files."""
+        return f"{self.network}-fold-{self.fold}-seed-{self.seed}"
+
+    @property
     def recorded_as(self) -> str:
         """Text that identifies the test scans of a network."""
         _, config = self.experiment.scan_and_config()
         return repr((self.experiment.dataset, config, self.experiment.bins, self.images.tolist()))
 
 
-def kept_cell(subject: Subject, out: Path, asked: dict[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Return the test results of a network, read from ``out`` or computed.
+def kept_cell(subject: Subject, path: Path, key: dict[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """Return the test results of a network, read from a file or computed.
 
-    - ``asked``: one request of the study.
+    - ``key``: the request of the study; the message names its last field.
     - ``make``: returns labels and answers.
 
-    Raise InputError if the file is of other weights, or the study was asked for something else.
+    Raise InputError if the file is of other weights or images, or the study was asked for something else.
     """
-    path = out / f"{subject.network}-fold-{subject.fold}-seed-{subject.seed}.json"
-    key = {"weights": subject.digest} | asked | {"images": subject.images.tolist()}
+    whole = {"weights": subject.digest} | key | {"images": subject.images.tolist()}
     if path.exists():
         cell: dict[str, Any] = read_json(path, "the results of a network", dict)
-        if {name: cell.get(name) for name in key} != key:
-            (other,) = (name.removesuffix("_v") for name in asked)
+        if {name: cell.get(name) for name in whole} != whole:
+            other = list(key)[-1].removesuffix("_v")
             raise InputError(f"{path} belongs to other weights, {other} or images; remove it or choose another --out")
         return cell
-    cell = {name: getattr(subject, name) for name in ("network", "fold", "seed")} | key | make()
-    out.mkdir(parents=True, exist_ok=True)
+    cell = {name: getattr(subject, name) for name in ("network", "fold", "seed")} | whole | make()
+    path.parent.mkdir(parents=True, exist_ok=True)
     write_json(path, cell)
     return cell
 
@@ -149,51 +154,29 @@ def run_cells(
     Raise InputError if a file is of other weights, or damaged.
     """
     found = []
-    for case in chosen:
+    for disturbance, strength in chosen:
         scans: dict[str, ScanData] = {}
         for subject in subjects:
-            path = out / f"{subject.network}-fold-{subject.fold}-seed-{subject.seed}" / f"{case[0]}-{case[1]:g}.json"
-            if path.exists():
-                found.append(_read(path, subject, case))
-            else:
-                if subject.recorded_as not in scans:
-                    scans[subject.recorded_as] = disturbed_scans(subject.experiment, subject.images, case)
-                cell = _test(subject, case, scans[subject.recorded_as])
-                path.parent.mkdir(parents=True, exist_ok=True)
-                write_json(path, cell)
-                found.append(cell)
+            path = out / subject.name / f"{disturbance}-{strength:g}.json"
+            key = {"disturbance": disturbance, "strength": strength}
+            found.append(kept_cell(subject, path, key, partial(_test, subject, (disturbance, strength), scans)))
             progress()
     return found
 
 
-def _test(subject: Subject, case: Case, data: ScanData) -> dict[str, Any]:
+def _test(subject: Subject, case: Case, scans: dict[str, ScanData]) -> dict[str, Any]:
+    """Return the predictions of a network; ``scans`` has the disturbed scans of other networks."""
     from eskin.snn.train import check_fits, logits_of
 
-    network = subject.weights.network
+    if subject.recorded_as not in scans:
+        scans[subject.recorded_as] = disturbed_scans(subject.experiment, subject.images, case)
+    network, data = subject.weights.network, scans[subject.recorded_as]
     check_fits(config_of(network), data)
     return {
-        "network": subject.network,
-        "fold": subject.fold,
-        "seed": subject.seed,
-        "weights": subject.digest,
-        "disturbance": case[0],
-        "strength": case[1],
-        "images": subject.images.tolist(),
         "labels": data.labels.tolist(),
         "predicted": logits_of(network, data).argmax(1).tolist(),
         "rate_hz": data.rate_hz,
     }
-
-
-def _read(path: Path, subject: Subject, case: Case) -> dict[str, Any]:
-    cell: dict[str, Any] = read_json(path, "the cell", dict)
-    if cell.get("weights") != subject.digest:
-        raise InputError(f"{path} belongs to other weights; remove the folder or choose another with --out")
-    same = (cell.get("disturbance"), cell.get("strength"), cell.get("images")) == (*case, subject.images.tolist())
-    answers = cell.get("predicted")
-    if not same or not isinstance(answers, list) or len(answers) != len(subject.images):
-        raise InputError(f"{path} is damaged or belongs to another run; remove it")
-    return cell
 
 
 def summarise(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -203,25 +186,15 @@ def summarise(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         points.setdefault((cell["network"], cell["disturbance"], cell["strength"]), []).append(cell)
     found = []
     for (network, name, strength), parts in points.items():
-        seeds = sorted({cell["seed"] for cell in parts})
-        images = sorted({image for cell in parts for image in cell["images"]})
-        right = np.full((len(images), len(seeds)), np.nan)
-        for cell in parts:
-            rows = np.searchsorted(images, cell["images"])
-            right[rows, seeds.index(cell["seed"])] = np.equal(cell["predicted"], cell["labels"])
-        of_image = np.nanmean(right, 1)
-        whole = not np.isnan(right).any()
+        right = right_by_image(parts)
         found.append(
             {
                 "network": network,
                 "disturbance": name,
                 "strength": strength,
-                "accuracy": float(of_image.mean()),
-                "wilson_95": wilson(float(of_image.sum()), len(images)),
-                "bootstrap_95": bootstrap(right if whole else of_image[:, None]),
-                "images": len(images),
+                **scored(np.nanmean(right, 1, keepdims=True) if np.isnan(right).any() else right),
                 "folds": sorted({cell["fold"] for cell in parts}),
-                "seeds": seeds,
+                "seeds": sorted({cell["seed"] for cell in parts}),
                 "rate_hz": float(np.average([c["rate_hz"] for c in parts], weights=[len(c["images"]) for c in parts])),
                 "answers": [
                     {key: cell[key] for key in ("fold", "seed", "images", "labels", "predicted")}

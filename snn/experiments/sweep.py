@@ -24,7 +24,7 @@ from eskin.snn.data.scans import ScanData
 from eskin.snn.experiments.coded import coded_bps
 from eskin.snn.experiments.crossval import check_same, read_cell, run_alone, summarise
 from eskin.snn.experiments.experiment import Experiment
-from eskin.snn.experiments.points import Cells, PointSummary, Result, write_sweep
+from eskin.snn.experiments.points import READINGS, Point, write_sweep
 
 PUBLISHED_BPS = 640e3
 """Data rate by which the paper divides its data rates."""
@@ -159,33 +159,32 @@ class PointRun:
         }
         write_json(self.folder / "result.json", self.report)
 
-    def summary(self) -> PointSummary:
-        """Return the summary: rates, finished trainings, and accuracies over completed seeds."""
+    def summary(self) -> Point:
+        """Return the fields for ``sweep.json``: rates, finished trainings, and accuracies over completed seeds."""
         bits = self.point.bits_per_event
         data_rate = None if self.rate_hz is None else self.rate_hz * bits
         whole = [s for s in range(self.seeds) if all((fold, s) in self.done for fold in range(self.folds))]
-        readings = self.report
-        if readings is None and whole:
+        found = self.report
+        if found is None and whole:
             if self._partial[0] != len(whole):
                 cells = [self.done[fold, s] for s in whole for fold in range(self.folds)]
                 self._partial = (len(whole), summarise(cells, self._images, len(self._class_names)))
-            readings = self._partial[1]
-        return PointSummary(
-            name=self.point.name,
-            readout=self.point.readout,
-            resolution=self.point.resolution,
-            preset=self.point.experiment.preset,
-            rate_hz=self.rate_hz,
-            bits_per_event=bits,
-            data_rate_bps=data_rate,
-            normalised_rate=None if data_rate is None else data_rate / PUBLISHED_BPS,
-            class_names=self._class_names if self.ready else None,
-            cells=Cells(len(self.done), len(self.paths), len(whole)),
-            last=Result(**readings["last"]) if readings else None,
-            selected=Result(**readings["selected"]) if readings else None,
-            labels=readings["labels"] if readings else None,
-            coded_bps=self.coded_bps,
-        )
+            found = self._partial[1]
+        return {
+            "name": self.point.name,
+            "readout": self.point.readout,
+            "resolution": self.point.resolution,
+            "preset": self.point.experiment.preset,
+            "rate_hz": self.rate_hz,
+            "bits_per_event": bits,
+            "data_rate_bps": data_rate,
+            "normalised_rate": None if data_rate is None else data_rate / PUBLISHED_BPS,
+            "class_names": self._class_names if self.ready else None,
+            "cells": {"done": len(self.done), "of": len(self.paths), "whole_seeds": len(whole)},
+            **{name: found[name] if found else None for name in READINGS},
+            **({"labels": found["labels"]} if found else {}),
+            **({"coded_bps": self.coded_bps} if self.coded_bps else {}),
+        }
 
 
 def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell | None = None) -> None:
@@ -311,7 +310,7 @@ def sweep(
     seeds: int = 3,
     command: str | None = None,
     progress: OnCell | None = None,
-) -> list[PointSummary]:
+) -> list[Point]:
     """Cross-validate every sweep point in a folder of its own, and write ``sweep.json``; return the summaries.
 
     Parameters

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from eskin.base.errors import InputError
 from eskin.base.figures.style import new_figure, save_figure
 from eskin.skin.textures.presets import PRESETS
-from eskin.snn.experiments.points import READINGS, Sweep
+from eskin.snn.experiments.points import READINGS, Sweep, measured, partial
 from eskin.snn.figures.fig9 import Data, own_point
 
 if TYPE_CHECKING:
@@ -22,24 +22,21 @@ TITLE_LETTERS = 46
 
 def confusion_data(sweeps: Sequence[Sweep], reading: str, name: str | None = None) -> Data:
     """Return the confusion matrices of a named point, or of the best finished spiking points by preset."""
-    candidates = [(sweep, point) for sweep in sweeps for point in sweep.points if point.measured]
+    candidates = [(sweep, point) for sweep in sweeps for point in sweep.points if measured(point)]
     if name is not None:
-        chosen = [(sweep, point) for sweep, point in candidates if point.name == name]
+        chosen = [(sweep, point) for sweep, point in candidates if point["name"] == name]
         if not chosen:
-            known = dict.fromkeys(point.name for _, point in candidates)
+            known = dict.fromkeys(point["name"] for _, point in candidates)
             raise InputError(f"there is no point {name!r}; the points are {', '.join(known) or 'without results'}")
     else:
-        chosen = []
-        for preset in (*PRESETS, None):
-            finished = [(sweep, point) for sweep, point in candidates if not point.partial]
-            spiking = [c for c in finished if c[1].preset == preset and c[1].readout != "frame"]
-            if spiking:
-                chosen.append(max(spiking, key=lambda c: c[1].result(reading).accuracy))
+        finished = [(s, point) for s, point in candidates if not partial(point) and point["readout"] != "frame"]
+        of_presets = ([one for one in finished if one[1]["preset"] == preset] for preset in (*PRESETS, None))
+        chosen = [max(own, key=lambda one: one[1][reading]["accuracy"]) for own in of_presets if own]
     return {
         "reading": reading,
         "points": [
             own_point(sweep, point, reading)
-            | {"class_names": point.class_names, "confusion": point.result(reading).confusion}
+            | {"class_names": point["class_names"], "confusion": point[reading]["confusion"]}
             for sweep, point in chosen
         ],
     }

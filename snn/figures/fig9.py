@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from eskin.base.errors import InputError
 from eskin.base.files import read_json
 from eskin.power.readouts import READOUTS
 from eskin.skin.figures.readouts import LOOKS, look
-from eskin.snn.experiments.points import READINGS, PointSummary, Sweep, load_sweep
+from eskin.snn.experiments.points import READINGS, Point, Sweep, load_sweep, measured, partial
 
 Data = dict[str, Any]
 
@@ -87,10 +86,10 @@ def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
     left_out = []
     for sweep in sweeps:
         for point in sweep.points:
-            if point.measured:
+            if measured(point):
                 points.append(own_point(sweep, point, reading))
             else:
-                left_out.append(f"{sweep.name}: {point.name}")
+                left_out.append(f"{sweep.name}: {point['name']}")
     named: dict[str, list[str]] = {}
     for sweep in sweeps:
         named.setdefault(_protocol(sweep, reading), []).append(title(sweep.name))
@@ -106,38 +105,26 @@ def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
     }
 
 
-def own_point(sweep: Sweep, point: PointSummary, reading: str) -> Data:
+def own_point(sweep: Sweep, point: Point, reading: str) -> Data:
     """Return a sweep point for figures, with its interval over images and seeds."""
-    found, cells = point.result(reading), point.cells
-    fields = {"readout": point.readout, "name": point.name, "resolution": point.resolution}
-    label = _label(point.readout, detail(fields), title(sweep.name))
-    if point.preset not in (None, "paper") and str(point.preset) not in sweep.name:
-        label += f", {point.preset} scan"
-    if point.partial:
-        label += f", {cells.done} of {cells.of} cells"
+    found, preset = point[reading], point["preset"]
+    label = _label(point["readout"], detail(point), title(sweep.name))
+    if preset not in (None, "paper") and preset not in sweep.name:
+        label += f", {preset} scan"
+    if partial(point):
+        label += f", {point['cells']['done']} of {point['cells']['of']} cells"
+    own = ("readout", "name", "preset", "resolution", "cells", "data_rate_bps", "normalised_rate")
+    of_result = ("accuracy", "wilson_95", "sd_over_cells", "sd_over_folds", "sd_over_seeds", "images")
     return {
-        "readout": point.readout,
+        **{name: point[name] for name in own},
+        **{name: found[name] for name in of_result},
         "label": label,
-        "detail": detail(fields),
+        "detail": detail(point),
         "sweep": sweep.name,
         "title": title(sweep.name),
-        "name": point.name,
-        "preset": point.preset,
-        "resolution": point.resolution,
-        "cells": dataclasses.asdict(cells),
-        "data_rate_bps": point.data_rate_bps,
-        "normalised_rate": point.normalised_rate,
-        "classes": len(found.confusion),
-        "accuracy": found.accuracy,
-        "interval": found.bootstrap_95,
-        **{key: getattr(found, key) for key in ("wilson_95", "sd_over_cells", "sd_over_folds", "sd_over_seeds")},
-        "images": found.images,
+        "classes": len(found["confusion"]),
+        "interval": found["bootstrap_95"],
     }
-
-
-def partial(point: Data) -> bool:
-    """Return True if trainings of a drawn point are missing."""
-    return "cells" in point and bool(point["cells"]["done"] < point["cells"]["of"])
 
 
 def title(sweep: str) -> str:
@@ -167,7 +154,7 @@ def _protocol(sweep: Sweep, reading: str) -> str:
     """Return a text with images, folds, seeds and epoch of the finished points."""
     found = []
     for point in sweep.points:
-        if point.measured and not point.partial:
-            of, seeds = point.cells.of, point.cells.whole_seeds
-            found.append(f"{point.result(reading).images} images, {of // seeds} folds x {seeds} seeds")
+        if measured(point) and not partial(point):
+            of, seeds = point["cells"]["of"], point["cells"]["whole_seeds"]
+            found.append(f"{point[reading]['images']} images, {of // seeds} folds x {seeds} seeds")
     return f"{' or '.join(dict.fromkeys(found)) or 'no point is finished'}, {READINGS[reading]}"

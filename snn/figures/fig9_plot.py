@@ -11,7 +11,8 @@ from eskin.base.figures.labels import Box, Taken, in_data, on_page, place_label,
 from eskin.base.figures.style import GREY, dress, legend_below, new_figure, save_figure
 from eskin.skin.figures.readouts import FRAME, look
 from eskin.skin.textures.presets import PRESETS
-from eskin.snn.figures.fig9 import NAMES, PUBLISHED_NAME, Data, detail, partial, title
+from eskin.snn.experiments.points import partial
+from eskin.snn.figures.fig9 import NAMES, PUBLISHED_NAME, Data, detail, title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

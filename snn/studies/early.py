@@ -1,15 +1,25 @@
-"""Measure the answers of a network during a touch, and the time until its evidence suffices."""
+"""Measure the answers of networks during a touch, and the time until their evidence suffices.
+
+The results are in docs/results/what_events_are_good_for.md and docs/results/frontier.md.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eskin.snn.data.scans import ScanData
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.intervals import bootstrap
+from eskin.snn.experiments.pairs import right_of
+from eskin.snn.experiments.points import as_word
+from eskin.snn.experiments.robustness import Subject
+
+Cells = list[dict[str, Any]]
 
 PARTS = 20
 """Number of answers during a scan, evenly spread; the last answer uses the whole scan."""
@@ -27,12 +37,17 @@ def course_of(network: Any, data: ScanData, images: NDArray[np.int64], device: s
         ``times_s``: seconds from the first step, shape (PARTS,). ``answers``: classes, shape (PARTS, images).
         ``margin``: largest logit minus the next one, same shape, rounded to two digits.
     """
-    from eskin.snn.train import logits_of
-
     scans = data.first_scans(images)
     steps = [max(1, round(data.steps * part / PARTS)) for part in range(1, PARTS + 1)]
-    begun = (dataclasses.replace(data, values=data.values[:, :count], lengths=None) for count in steps)
-    return course(np.array(steps) * data.step_s, np.stack([logits_of(network, one, scans, device) for one in begun]))
+    logits = np.stack([_logits_after(count, network, data, scans, device) for count in steps])
+    return course(np.array(steps) * data.step_s, logits)
+
+
+def _logits_after(steps: int, network: Any, data: ScanData, scans: Any, device: str = "cpu") -> NDArray[np.float32]:
+    """Return the logits for the first steps of scans."""
+    from eskin.snn.train import logits_of
+
+    return logits_of(network, dataclasses.replace(data, values=data.values[:, :steps], lengths=None), scans, device)
 
 
 def course(times_s: NDArray[np.float64], logits: NDArray[np.floating[Any]]) -> dict[str, Any]:
@@ -42,7 +57,7 @@ def course(times_s: NDArray[np.float64], logits: NDArray[np.floating[Any]]) -> d
     return {"times_s": times_s.tolist(), "answers": logits.argmax(2).tolist(), "margin": margin.tolist()}
 
 
-def latency_of(cells: Sequence[dict[str, Any]], inner: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def latency_of(cells: Cells, inner: Cells) -> dict[str, Any]:
     """Return the accuracy of a point over time, and its early answers.
 
     The network answers as soon as the margin of its answer reaches a threshold, at the latest at the end of the scan.
@@ -60,38 +75,78 @@ def latency_of(cells: Sequence[dict[str, Any]], inner: Sequence[dict[str, Any]])
         or None if no threshold reaches ``WANTED`` in inner validation.
     """
     times_s = np.array(cells[0]["times_s"])
+    right, margin = _judged(inner)
+    fitting = []
+    for threshold in [*np.unique(margin).tolist(), float(margin.max()) + 1]:
+        first, accuracy = _answered(right, margin, threshold)
+        if accuracy >= WANTED:
+            fitting.append((float(times_s[first].mean()), threshold))
     right, margin = _judged(cells)
-    fitting = [
-        (float(times_s[first].mean()), threshold)
-        for threshold, first, accuracy in _thresholds(*_judged(inner))
-        if accuracy >= WANTED
-    ]
     early = None
     if fitting:
         threshold = min(fitting)[1]
-        first = _first(margin, threshold)
-        accuracy = float(np.take_along_axis(right, first[None], 0).mean())
+        first, accuracy = _answered(right, margin, threshold)
         early = {"threshold": threshold, "mean_s": float(times_s[first].mean()), "accuracy": accuracy}
     return {"times_s": times_s.tolist(), "accuracy": right.mean(1).tolist(), "early": early}
 
 
-def _judged(cells: Sequence[dict[str, Any]]) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+def _judged(cells: Cells) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     """Return whether each answer is right, and its margin, shape (PARTS, images of all cells)."""
     right = np.concatenate([np.equal(cell["answers"], cell["labels"]) for cell in cells], 1)
     return right, np.concatenate([np.array(cell["margin"]) for cell in cells], 1)
 
 
-def _first(margin: NDArray[np.float64], threshold: float) -> NDArray[np.intp]:
-    """Return the index of the first answer whose margin suffices, or of the last answer, for each image."""
+def _answered(
+    right: NDArray[np.bool_], margin: NDArray[np.float64], threshold: float
+) -> tuple[NDArray[np.intp], float]:
+    """Return the index of the first answer of each image whose margin suffices, else of the last; and the accuracy."""
     enough = margin >= threshold
     enough[-1] = True
-    return enough.argmax(0)
+    first = enough.argmax(0)
+    return first, float(np.take_along_axis(right, first[None], 0).mean())
 
 
-def _thresholds(right: NDArray[np.bool_], margin: NDArray[np.float64]) -> list[tuple[float, NDArray[np.intp], float]]:
-    """Return each threshold with the index of the answer of every image, and the accuracy."""
-    found = []
-    for threshold in [*np.unique(margin).tolist(), float(margin.max()) + 1]:
-        first = _first(margin, threshold)
-        found.append((threshold, first, float(np.take_along_axis(right, first[None], 0).mean())))
-    return found
+def latency_points(subjects: Sequence[Subject], times_s: Sequence[float], tick: Callable[[], object]) -> Cells:
+    """Return accuracy and predictions of every network at given times after the start of the scan.
+
+    A network has seen the steps that are whole by then; before the first it has no answer, which is wrong.
+    """
+    found: dict[tuple[str, float], list[dict[str, Any]]] = {}
+    for subject in subjects:
+        data = subject.experiment.data()
+        scans = data.scans_of(subject.images, first_row_only=True)
+        begin_s = begin_of(subject.experiment)
+        labels = as_word(data.labels[scans])
+        for time_s in times_s:
+            steps = int((time_s - begin_s) / data.step_s + 1e-9)
+            predicted = "." * len(scans)
+            if steps > 0:
+                predicted = as_word(_logits_after(steps, subject.weights.network, data, scans).argmax(1))
+            answer = {"fold": subject.fold, "seed": subject.seed, "images": data.images[scans].tolist()}
+            found.setdefault((subject.network, time_s), []).append(answer | {"labels": labels, "predicted": predicted})
+            tick()
+    return [_point(network, time_s, answers) for (network, time_s), answers in found.items()]
+
+
+def begin_of(experiment: Experiment) -> float:
+    """Return the time in seconds from the start of a scan to the first network step."""
+    if experiment.frames is not None:
+        return 0.0
+    if experiment.bins.start_s is not None:
+        return experiment.bins.start_s
+    scan, config = experiment.scan_and_config()
+    return scan.skipped_ticks(config) / config.sample_rate_hz
+
+
+def _point(network: str, time_s: float, answers: Cells) -> dict[str, Any]:
+    in_order = sorted(answers, key=lambda one: (one["fold"], one["seed"]))
+    labels, predicted = ("".join(one[name] for one in in_order) for name in ("labels", "predicted"))
+    right = right_of(labels, [predicted]).astype(float)
+    return {
+        "network": network,
+        "time_s": time_s,
+        "accuracy": float(right.mean()),
+        "bootstrap_95": bootstrap(right.T),
+        "images": right.size,
+        "answers": answers,
+    }

@@ -407,18 +407,12 @@ def points_of(sweep: Sweep, network: str) -> list[dict[str, Any]]:
     """Return the points of a sweep of whole arrays in the form of ``Frontier.point``."""
     found = []
     for point in sweep.points:
-        last, coded = point.last, point.coded_bps
-        assert last is not None
-        assert last.predictions
-        assert point.labels
-        assert coded
-        assert point.rate_hz
-        made = Point(str(point.preset), network, re.sub(r"-(?=[\d.])", ":", point.name))
+        made = Point(str(point["preset"]), network, re.sub(r"-(?=[\d.])", ":", point["name"]))
         experiment = made.experiment()
         found.append(
             _named(made, experiment)
-            | _rates(experiment, point.rate_hz, coded)
-            | _result(point.labels, list(last.predictions))
+            | _rates(experiment, point["rate_hz"], point["coded_bps"])
+            | _result(point["labels"], point["last"]["predictions"])
         )
     return found
 

@@ -25,11 +25,11 @@ from eskin.skin.textures.scan import quantise
 from eskin.snn.data.bins import counted_from
 from eskin.snn.data.disturb import SLOW_HZ, noisy
 from eskin.snn.data.frames import frame_data, sampled_config, values_of
-from eskin.snn.data.record import said_of
+from eskin.snn.data.record import recorded, said_of
 from eskin.snn.data.scans import ScanData, collect
 from eskin.snn.exchange.weights import config_of
 from eskin.snn.experiments.experiment import Experiment
-from eskin.snn.experiments.intervals import bootstrap, wilson
+from eskin.snn.experiments.intervals import scored
 from eskin.snn.experiments.points import as_word
 from eskin.snn.experiments.robustness import Subject, kept_cell
 
@@ -96,14 +96,6 @@ def noisy_scans(
     return [(data, Rates(data.rate_hz, data.rate_hz**2 / config.taxels)) for data in made]
 
 
-def recorded(config: Any, codes: NDArray[np.int32], metadata: dict[str, Any]) -> Recording:
-    """Return the events of codes from the cycle-accurate model."""
-    from eskin.model.readout import Stimulus, simulate
-
-    stimulus = Stimulus.from_samples(config, codes)
-    return Recording(simulate(config, stimulus), config, stimulus.clocks, metadata=metadata)
-
-
 def rates_of(recordings: Sequence[Recording]) -> Rates:
     """Return the rates of the counted events, as sums over the taxels."""
     config = recordings[0].config
@@ -122,8 +114,8 @@ def under_noise(
 
     Raise InputError if a file is of other weights or noises.
     """
-    asked = {"noises_v": list(noises_v)}
-    return [kept_cell(one, out, asked, partial(_cell, one, noises_v, progress)) for one in subjects]
+    key = {"noises_v": list(noises_v)}
+    return [kept_cell(one, out / f"{one.name}.json", key, partial(_cell, one, noises_v, progress)) for one in subjects]
 
 
 def _cell(subject: Subject, noises_v: Sequence[float], progress: Callable[[], object]) -> dict[str, Any]:
@@ -168,10 +160,7 @@ def points_of(subjects: Sequence[Subject], cells: Sequence[dict[str, Any]]) -> l
                     "readout": "frame" if experiment.frames is not None else experiment.readout.encoding,
                     "mode": first["mode"],
                     "noise_v": first["noise_v"],
-                    "accuracy": float(right.mean()),
-                    "wilson_95": wilson(float(right.sum()), len(right)),
-                    "bootstrap_95": bootstrap(right[:, None]),
-                    "images": len(right),
+                    **scored(right[:, None]),
                     "folds": sorted({cell["fold"] for _, cell in own}),
                     "rate_hz": means["population_hz"],
                     "data_rate_bps": means["population_hz"] * bits,

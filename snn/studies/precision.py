@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.snn.exchange.integer import Precision, quantise
-from eskin.snn.experiments.intervals import bootstrap, wilson
+from eskin.snn.experiments.intervals import right_by_image, scored
 from eskin.snn.experiments.points import as_word
 from eskin.snn.experiments.robustness import Subject, kept_cell
 
@@ -61,7 +61,8 @@ def in_precisions(
     """
     found = []
     for subject in subjects:
-        found.append(kept_cell(subject, out, {"variants": list(variants)}, partial(_cell, subject, variants)))
+        path, key = out / f"{subject.name}.json", {"variants": list(variants)}
+        found.append(kept_cell(subject, path, key, partial(_cell, subject, variants)))
         progress()
     return found
 
@@ -116,11 +117,8 @@ def points_of(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
                     "network": network,
                     "hidden": own[0]["hidden"],
                     "variant": variant,
-                    "accuracy": float(right.mean()),
-                    "wilson_95": wilson(float(right.mean()) * len(right), len(right)),
-                    "bootstrap_95": bootstrap(right),
+                    **scored(right),
                     "within": float(np.concatenate(same).mean()),
-                    "images": len(right),
                     "seeds": right.shape[1],
                     **{name: max(one[name] for one in takes) for name in takes[0]},
                     "predicted": [as_word(cell["answers"][variant]["predicted"]) for cell in own],
@@ -140,11 +138,9 @@ def tests_of(cells: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]
 
 def _right(cells: Sequence[dict[str, Any]], variant: str) -> NDArray[np.float64]:
     """Return whether each prediction is correct, shape (images, seeds), for images tested with every seed."""
-    by_seed: dict[int, dict[int, bool]] = {}
-    for cell in cells:
-        right = np.equal(cell["answers"][variant]["predicted"], cell["labels"])
-        by_seed.setdefault(cell["seed"], {}).update(zip(cell["images"], right.tolist(), strict=True))
-    images = sorted(set.intersection(*(set(seed) for seed in by_seed.values())))
-    if not images:
+    answers = [cell | {"predicted": cell["answers"][variant]["predicted"]} for cell in cells]
+    right = right_by_image(answers)
+    right = right[~np.isnan(right).any(1)]
+    if not len(right):
         raise InputError(f"the seeds of {cells[0]['network']} have no common test image; train complete folds")
-    return np.array([[seed[image] for seed in by_seed.values()] for image in images], float)
+    return right

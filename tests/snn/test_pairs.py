@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from math import comb
 from pathlib import Path
@@ -17,19 +16,15 @@ from eskin.base.workers.pool import Local
 from eskin.snn.experiments.crossval import read_cell
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.pairs import find_point, mcnemar, pair
-from eskin.snn.experiments.points import Cells, PointSummary, Result, as_word, load_sweep
+from eskin.snn.experiments.points import Point, as_word, load_sweep
 from eskin.snn.experiments.sweep import SweepPoint, sweep
 from eskin.snn.training import TrainConfig
 from tests.snn.helpers import easy_data
 
 
-def point(name: str, *predictions: str, labels: str = "00112") -> PointSummary:
-    right = [sum(map(str.__eq__, word, labels)) / len(labels) for word in predictions]
-    result = Result(
-        sum(right) / len(right), None, None, None, [0, 1], [0, 1], len(labels), right, [[1]] * 3, predictions
-    )
-    counts = Cells(1, 1, len(predictions))
-    return PointSummary(name, "lcs", 4, "paper", 1.0, 7, 7.0, 0.1, ["a", "b", "c"], counts, result, result, labels)
+def point(name: str, *predictions: str, labels: str = "00112") -> Point:
+    result = {"predictions": predictions}
+    return {"name": name, "class_names": ["a", "b", "c"], "labels": labels, "last": result, "selected": result}
 
 
 def test_the_exact_test_by_hand() -> None:
@@ -61,9 +56,9 @@ def test_a_sweep_keeps_every_prediction_and_pairs_are_made_from_its_file(tmp_pat
     sweep(made, tmp_path, pool=Local(1), folds=2, seeds=2)
     data = easy_data()
     (first, _) = load_sweep(tmp_path).points
-    assert first.labels == as_word(data.image_labels)
+    assert first["labels"] == as_word(data.image_labels)
     for reading in ("last", "selected"):
-        words = first.result(reading).predictions
+        words = first[reading]["predictions"]
         for fold, seed in ((0, 0), (1, 0), (0, 1), (1, 1)):
             _, cell = read_cell(tmp_path / "hidden-8" / f"fold-{fold}-seed-{seed}.json")
             assert [int(words[seed][image]) for image in cell["test_images"]] == cell[reading]
@@ -91,23 +86,3 @@ def test_a_sweep_keeps_every_prediction_and_pairs_are_made_from_its_file(tmp_pat
 )
 def test_bad_names_get_one_sentence(names: list[str], message: str, refuses: Any) -> None:
     refuses(f"error: {message}", "pair", *names)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"labels": "001"}, "labels, a digit for each image"),
-        ({"labels": 5}, "labels, a digit for each image"),
-        ({"last": {"predictions": ["00"]}}, "predictions, a digit for each image"),
-        ({"last": {"predictions": "00112"}}, "predictions, a digit for each image"),
-    ],
-)
-def test_predictions_of_a_damaged_file_are_refused(change: dict[str, object], message: str) -> None:
-    fields = json.loads(json.dumps(dataclasses.asdict(point("a", "00110"))))
-    good = {"confusion": [[1] * 3] * 3}
-    fields |= {"last": fields["last"] | good, "selected": fields["selected"] | good}
-    assert PointSummary.from_dict(fields, "x").labels == "00112"
-    for name, value in change.items():
-        fields[name] = fields[name] | value if isinstance(value, dict) else value
-    with pytest.raises(InputError, match=message):
-        PointSummary.from_dict(fields, "x")

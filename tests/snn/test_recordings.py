@@ -177,12 +177,12 @@ def test_crossval_and_sweep_take_them(skin: Path, call: Any, refuses: Any) -> No
     code, _, error = call("sweep", *both, SMALL, "--folds", 2, "--seeds", 1, "--workers", 1)
     assert code == 0, error
     points = load_sweep(Path("out/sweep")).points
-    assert [(p.name, p.readout, p.resolution, p.preset) for p in points] == [
+    assert [tuple(p[name] for name in ("name", "readout", "resolution", "preset")) for p in points] == [
         ("skin", "lcs", 4, None),
         ("again", "lcs", 4, None),
     ]
-    assert points[0].result("last").accuracy == points[1].result("last").accuracy >= 0.9
-    assert points[0].data_rate_bps == pytest.approx(120 / 2 * 3)
+    assert points[0]["last"]["accuracy"] == points[1]["last"]["accuracy"] >= 0.9
+    assert points[0]["data_rate_bps"] == pytest.approx(120 / 2 * 3)
     assert f"--events {skin}" in load_sweep(Path("out/sweep")).command
     assert call("fig9", "--sweep", "out/sweep")[0] == 0
     refuses("--points has no effect with --events", "sweep", *both, "--points lcs:2")
@@ -271,12 +271,12 @@ def test_fig8_and_sweep_take_own_recordings(own: dict[str, Any], call: Any, refu
     code, _, error = call(*sweep, *tests)
     assert code == 0, error
     points = load_sweep(Path("out/sweep")).points
-    assert [(p.name, p.readout, p.resolution, p.preset) for p in points] == [
+    assert [tuple(p[name] for name in ("name", "readout", "resolution", "preset")) for p in points] == [
         ("lcs-3", "lcs", 3, None),
         ("nlcs-4", "nlcs", 4, None),
         ("frame-17.5-8", "frame", 8, None),
     ]
-    assert points[2].data_rate_bps == 17.5 * 4 * 8
+    assert points[2]["data_rate_bps"] == 17.5 * 4 * 8
     cell = json.loads(Path("out/sweep/frame-17.5-8/fold-1-seed-0.json").read_text())
     images = load_recordings(next(Path("out/recordings").iterdir()), BinConfig()).names
     assert [images[k] for k in cell["result"]["test_images"]] == [f"{kind}/{k}" for kind in TOUCHES for k in (2, 3)]

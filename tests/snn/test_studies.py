@@ -17,11 +17,11 @@ from eskin.skin.textures.dataset import Dataset, open_dataset
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.exchange.weights import Weights
 from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.pairs import paired
 from eskin.snn.network import build
 from eskin.snn.studies.agreement import agreement, random_events
-from eskin.snn.studies.latency import begin_of
+from eskin.snn.studies.early import begin_of
 from eskin.snn.studies.noise import Noisy, Rates, noisy_scans, power_of
-from eskin.snn.studies.paired import paired
 from eskin.snn.studies.rest import bits_per_second
 from eskin.snn.studies.timing import _errors, timing_points
 from tests.snn.helpers import small_network, two_textures

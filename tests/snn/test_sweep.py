@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import os
 import signal
@@ -29,7 +28,6 @@ from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.scans import ScanData
 from eskin.snn.experiments import crossval
 from eskin.snn.experiments.experiment import Experiment
-from eskin.snn.experiments.points import Cells, PointSummary, Result
 from eskin.snn.experiments.settings import parse_points
 from eskin.snn.experiments.sweep import PointRun, SweepPoint, sweep
 from eskin.snn.training import TrainConfig
@@ -107,9 +105,9 @@ def test_cells_of_other_scans_or_another_experiment_are_refused(tmp_path: Path) 
 def test_rates_of_the_summary_by_hand(tmp_path: Path) -> None:
     def summary(experiment: Experiment) -> dict[str, Any]:
         run = PointRun(SweepPoint("x", experiment, easy_data()), tmp_path, 2, 1)
-        assert run.summary().normalised_rate is None
+        assert run.summary()["normalised_rate"] is None
         run.prepare(lambda: None)
-        return dataclasses.asdict(run.summary())
+        return run.summary()
 
     lcs = summary(Experiment(readout=ReadoutConfig(encoding="lcs", resolution=4)))  # easy_data: 1000 events/s
     assert (lcs["readout"], lcs["resolution"], lcs["preset"], lcs["bits_per_event"]) == ("lcs", 4, "physical", 7)
@@ -203,9 +201,8 @@ def test_a_setting_that_some_points_do_not_have_is_said(call: Any) -> None:
 
 
 def test_the_table_has_the_interval_over_images_and_seeds(capsys: pytest.CaptureFixture[str]) -> None:
-    last = Result(0.8, 0.011, None, 0.157, [0.75, 0.85], [0.612, 0.934], 30, [0.8], [[1]])
-    selected = dataclasses.replace(last, accuracy=0.7)
-    point = PointSummary("lcs-6", "lcs", 6, "paper", 1.0, 7, 7.0, 1.085, ["a"], Cells(6, 6, 2), last, selected)
+    last = {"accuracy": 0.8, "sd_over_cells": 0.157, "bootstrap_95": [0.612, 0.934]}
+    point = {"name": "lcs-6", "normalised_rate": 1.085, "last": last, "selected": last | {"accuracy": 0.7}}
     _print_table([point])
     title, row = capsys.readouterr().out.split("point")
     assert "95 % interval over images and seeds; sd over cells" in " ".join(title.split())

@@ -45,9 +45,9 @@ def noise_power(
     out: Annotated[Path, out_folder("DIR", "folder for results, noise_power.json and .png")] = Path("out/noise-power"),
 ) -> None:
     """Measure accuracy, event rate and power of trained networks at several AFE noises, in both power modes."""
+    from eskin.snn.experiments.pairs import paired
     from eskin.snn.figures.noise_power import plot_noise_power
     from eskin.snn.studies.noise import MODES, points_of, under_noise
-    from eskin.snn.studies.paired import paired
 
     noises_v = [1e-3 * number for number in _numbers(noises)]
     check_device("cpu", 1)
@@ -130,8 +130,8 @@ def _latency(weights: list[Path], pair: str | None) -> tuple[list[dict[str, Any]
         if pair is not None:
             raise InputError("--pair compares trained networks; name their folders")
         return [], []
-    from eskin.snn.studies.latency import latency_points
-    from eskin.snn.studies.paired import paired
+    from eskin.snn.experiments.pairs import paired
+    from eskin.snn.studies.early import latency_points
 
     check_device("cpu", 1)
     subjects = subjects_of(weights, scenes=False)

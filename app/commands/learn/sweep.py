@@ -21,7 +21,7 @@ from eskin.snn.data.frame_steps import FRAMES, FrameKind, FrameSteps
 from eskin.snn.experiments.recipes import BASELINES
 
 if TYPE_CHECKING:
-    from eskin.snn.experiments.points import PointSummary
+    from eskin.snn.experiments.points import Point
     from eskin.snn.experiments.sweep import SweepPoint
 
 DEFAULT_POINTS = "lcs:2,lcs:4,lcs:6,lcs:8,nlcs:4,nlcs:6,nlcs:8,nlcs:10"
@@ -150,14 +150,14 @@ def command_line(context: typer.Context) -> str:
     return shlex.join(words)
 
 
-def _print_table(points: list[PointSummary]) -> None:
+def _print_table(points: list[Point]) -> None:
     """Print accuracy and data rate of every sweep point."""
     print_table(
         "point | rate | last epoch | 95 % interval | sd | selected | sd",
-        map(vars, points),
-        "{name} | {normalised_rate:.3g} | {last.accuracy:100*.1f} | {last.bootstrap_95[0]:100*.1f} to "
-        "{last.bootstrap_95[1]:100*.1f} | {last.sd_over_cells:100*.1f} | {selected.accuracy:100*.1f}"
-        " | {selected.sd_over_cells:100*.1f}",
+        points,
+        "{name} | {normalised_rate:.3g} | {last[accuracy]:100*.1f} | {last[bootstrap_95][0]:100*.1f} to "
+        "{last[bootstrap_95][1]:100*.1f} | {last[sd_over_cells]:100*.1f} | {selected[accuracy]:100*.1f}"
+        " | {selected[sd_over_cells]:100*.1f}",
         "accuracy in % by data rate in units of 640 kb/s\n"
         "95 % interval over images and seeds; sd over cells, each one fold and seed",
     )
