@@ -102,10 +102,10 @@ def _read(path: Path) -> ScanData | None:
     if not cache.is_private(path):
         return None
     try:
-        arrays = read_arrays(path, "scans", "remove it")
+        arrays: dict[str, Any] = dict(read_arrays(path, "scans", "remove it"))
         fields = json.loads(str(arrays.pop("fields")))
-        names, class_names = tuple(fields.pop("names")), tuple(fields.pop("class_names"))
-        return ScanData(**arrays, **fields, names=names, class_names=class_names)
+        fields |= {name: tuple(fields[name]) for name in ("names", "class_names")}
+        return ScanData(**arrays, **fields)
     except (InputError, KeyError, TypeError, ValueError):
         return None
 

@@ -49,6 +49,11 @@ def stratified_folds(
     return [np.flatnonzero(fold_of == fold) for fold in range(folds)]
 
 
+def inner_part(labels: NDArray[np.int64], images: NDArray[np.int64], seed: int) -> NDArray[np.int64]:
+    """Return the inner validation images of a seed, from training images; ``labels`` are those of all images."""
+    return images[stratified_folds(labels[images], INNER_FOLDS, seed=1)[seed % INNER_FOLDS]]
+
+
 def matching(names: Sequence[str], pattern: str) -> NDArray[np.int64]:
     """Return the indices of the names that match a pattern with ``*``, ``?`` and ``[...]``.
 

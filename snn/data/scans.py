@@ -199,3 +199,24 @@ def counted_rate_hz(recording: Recording, start_s: float | None = None) -> float
     """Return the event rate as in the paper: counted events divided by the duration of the whole recording."""
     counted = int(np.count_nonzero(recording.events["t"] >= counted_from(recording, start_s)))
     return counted / recording.duration_s
+
+
+def empty_bins(data: ScanData) -> float:
+    """Return the share of bins without an event, over all channels."""
+    return float((data.values == 0).mean())
+
+
+def likeness(first: ScanData, second: ScanData) -> dict[str, float]:
+    """Return the agreement of the event counts of two readouts by taxel and bin, with ON and OFF counts added.
+
+    ``correlation`` is the Pearson correlation of the counts; ``ratio`` the events of the second readout by those of the
+    first. The bins that only one of the two has, at the end, are left out. Encoders whose events count from other times
+    on have other bins and cannot be compared.
+    """
+    steps = min(first.steps, second.steps)
+    counts = [
+        data.values[:, :steps].reshape(len(data), steps, -1, data.taxels).sum(2, dtype=np.int64).ravel()
+        for data in (first, second)
+    ]
+    ratio = counts[1].sum() / counts[0].sum()
+    return {"correlation": float(np.corrcoef(*counts)[0, 1]), "ratio": float(ratio)}

@@ -18,7 +18,7 @@ import numpy as np
 
 from eskin.base.errors import InputError
 from eskin.base.files import plain, read_json
-from eskin.snn.data.folds import INNER_FOLDS, stratified_folds, tested
+from eskin.snn.data.folds import inner_part, tested
 from eskin.snn.data.scans import ScanData, Split
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.intervals import scored
@@ -32,7 +32,7 @@ def run_cell(experiment: Experiment, data: ScanData, fold: int, seed: int, folds
     labels = data.image_labels
     test = tested(data, folds, experiment.tests)[fold]
     images = np.setdiff1d(np.arange(len(labels)), test)
-    held_out = images[stratified_folds(labels[images], INNER_FOLDS, seed=1)[seed % INNER_FOLDS]]
+    held_out = inner_part(labels, images, seed)
     split = Split(data, np.setdiff1d(images, held_out), held_out, test)
     tried = [
         (train(split, made.network_config(data), made.train, seed), setting, made)

@@ -84,9 +84,10 @@ class Check:
         return bool(self.compared) and not any(self.different.values())
 
     def note(self, level: str, number: int, text: str) -> None:
-        """Record a difference between an RTL recording and the model."""
-        self.different[level].append(number)
-        if not self.first:
+        """Record a difference between an RTL recording and the model; an empty text is none."""
+        if text:
+            self.different[level].append(number)
+        if text and not self.first:
             self.first, self.where = text, number
 
 
@@ -107,48 +108,44 @@ def check_model(
     - ``progress``: called after each comparison.
     """
     compared = [number for number, recording in enumerate(recordings) if recording.metadata.get("source") == "rtl"]
-    check = Check(compared, 0, {level: [] for level in LEVELS}, logits.copy())
+    check = Check(compared, 0, {level: [] for level in LEVELS}, logits)
     sources = _Sources(places or Places())
-    values = data.values.copy()
+    values, classes = data.values.copy(), data.class_names
     for number in compared:
         rtl = recordings[number]
         check.events += len(rtl.events)
-        name = rtl.metadata["name"]
         expected, class_name = sources.expected(rtl)
-        if class_of(rtl) not in (None, class_name):
-            check.note(
-                "events",
-                number,
-                f"{name} states the class {class_of(rtl)!r}, but its texture is of class {class_name!r}",
-            )
-        elif (difference := first_difference(expected.events, rtl.events)) is not None:
-            text = f"{name}: RTL and model differ\n{difference.describe(('model', 'RTL'))}"
-            check.note("events", number, text)
-        elif rtl.duration_clocks < expected.duration_clocks:
-            text = f"{name} ends at clock {rtl.duration_clocks}, its scan lasts to clock {expected.duration_clocks}"
-            check.note("events", number, text)
+        check.note("events", number, _event_difference(rtl, expected, class_name))
         values[number] = _counts(expected, trained.bins, data)
         if (unequal := np.argwhere(values[number] != data.values[number])).size:
             step, channel = unequal[0].tolist()
-            row, column = divmod(channel % data.taxels, rtl.config.columns)
-            text = (
-                f"{name}: step {step}, taxel ({row}, {column}), channel {channel}: model "
-                f"{values[number, step, channel]} events, RTL {data.values[number, step, channel]}"
-            )
-            check.note("tensors", number, text)
+            place = f"step {step}, taxel {divmod(channel % data.taxels, rtl.config.columns)}, channel {channel}"
+            counts = f"model {values[number, step, channel]} events, RTL {data.values[number, step, channel]}"
+            check.note("tensors", number, f"{rtl.metadata['name']}: {place}: {counts}")
         if progress is not None:
             progress()
     check.logits = logits_of(trained.weights.network, dataclasses.replace(data, values=values))
     for number in compared:
-        expected_row, row = check.logits[number], logits[number]
+        model, row = check.logits[number], logits[number]
         name = recordings[number].metadata["name"]
-        if expected_row.tobytes() != row.tobytes():
-            check.note("logits", number, f"{name}: logits of the model {expected_row.tolist()}, RTL {row.tolist()}")
-        if expected_row.argmax() != row.argmax():
-            classes = data.class_names
-            text = f"{name}: the model predicts {classes[expected_row.argmax()]}, RTL {classes[row.argmax()]}"
+        if model.tobytes() != row.tobytes():
+            check.note("logits", number, f"{name}: logits of the model {model.tolist()}, RTL {row.tolist()}")
+        if model.argmax() != row.argmax():
+            text = f"{name}: the model predicts {classes[model.argmax()]}, RTL {classes[row.argmax()]}"
             check.note("predictions", number, text)
     return check
+
+
+def _event_difference(rtl: Recording, expected: Recording, class_name: str | None) -> str:
+    """Return the first difference between an RTL recording and the model's recording, or an empty text."""
+    name = rtl.metadata["name"]
+    if class_of(rtl) not in (None, class_name):
+        return f"{name} states the class {class_of(rtl)!r}, but its texture is of class {class_name!r}"
+    if (difference := first_difference(expected.events, rtl.events)) is not None:
+        return f"{name}: RTL and model differ\n{difference.describe(('model', 'RTL'))}"
+    if rtl.duration_clocks < expected.duration_clocks:
+        return f"{name} ends at clock {rtl.duration_clocks}, its scan lasts to clock {expected.duration_clocks}"
+    return ""
 
 
 def model_recording(rtl: Recording, texture: Texture) -> Recording:
@@ -193,7 +190,7 @@ class _Sources:
         """Return the recording that the model makes from the input of an RTL recording, and the class of this input."""
         own = OwnReadout.of(rtl)
         if own is None:
-            texture = _texture(rtl, self.textures, self.places.dataset)
+            texture = self._texture(rtl.metadata["name"], rtl.metadata.get("dataset"))
             return model_recording(rtl, texture), texture.class_name
         name, place = rtl.metadata["name"], self.places.data
         if place is None:
@@ -207,22 +204,20 @@ class _Sources:
                 return _as_long(rtl, codes[: ticks if isinstance(ticks, int) else None]), source.class_name
         raise InputError(f"{place} has no recording {name}; give its folder with --data")
 
-
-def _texture(rtl: Recording, textures: dict[str, dict[str, Texture]], where: str | None) -> Texture:
-    """Return the texture that was the input of a recording."""
-    name, dataset_name = rtl.metadata["name"], rtl.metadata.get("dataset")
-    if not isinstance(dataset_name, str):
-        raise InputError(f"{name} has no dataset name; play it again")
-    if dataset_name not in textures:
-        dataset = open_dataset(where or (EMBEDDED if dataset_name == EMBEDDED else None))
-        if dataset.name != dataset_name:
-            raise InputError(
-                f"{name} is a scan of dataset {dataset_name}, not of {dataset.name}; name its folder with --dataset"
-            )
-        textures[dataset_name] = {texture.name: texture for texture in dataset}
-    if name not in textures[dataset_name]:
-        raise InputError(f"dataset {dataset_name} has no texture {name!r}; give its folder with --dataset")
-    return textures[dataset_name][name]
+    def _texture(self, name: str, dataset_name: Any) -> Texture:
+        """Return the texture that was the input of a recording."""
+        if not isinstance(dataset_name, str):
+            raise InputError(f"{name} has no dataset name; play it again")
+        if dataset_name not in self.textures:
+            dataset = open_dataset(self.places.dataset or (EMBEDDED if dataset_name == EMBEDDED else None))
+            if dataset.name != dataset_name:
+                raise InputError(
+                    f"{name} is a scan of dataset {dataset_name}, not of {dataset.name}; name its folder with --dataset"
+                )
+            self.textures[dataset_name] = {texture.name: texture for texture in dataset}
+        if name not in self.textures[dataset_name]:
+            raise InputError(f"dataset {dataset_name} has no texture {name!r}; give its folder with --dataset")
+        return self.textures[dataset_name][name]
 
 
 def _counts(expected: Recording, bins: BinConfig, data: ScanData) -> NDArray[Any]:
@@ -237,26 +232,15 @@ def _counts(expected: Recording, bins: BinConfig, data: ScanData) -> NDArray[Any
     return values
 
 
-@dataclass(frozen=True)
-class Score:
-    """Number of correct predictions in a group of recordings."""
-
-    correct: int
-    total: int
-    confusion: NDArray[np.int64]
-    """Rows are the classes, columns the predictions. Shape (classes, classes)."""
-
-    @property
-    def accuracy(self) -> float:
-        """Fraction of correct predictions."""
-        return self.correct / self.total
-
-
 def scores(
     recordings: Sequence[Recording], data: ScanData, logits: NDArray[np.float32], trained: Trained
-) -> dict[str, Score]:
-    """Return the scores of the groups TEST, TRAINING and OTHER, for recordings with known class."""
-    found: dict[str, Score] = {}
+) -> dict[str, dict[str, Any]]:
+    """Return the scores of the groups TEST, TRAINING and OTHER, for recordings with known class.
+
+    A score has ``accuracy``, the numbers of ``correct`` predictions and of ``images``, ``confusion`` (rows are the
+    classes, columns the predictions), and ``learned``: whether the training used the group.
+    """
+    found = {}
     parts = np.array([trained.part_of(recording) for recording in recordings])
     known = np.array([class_of(recording) is not None for recording in recordings])
     predicted = logits.argmax(1)
@@ -265,7 +249,14 @@ def scores(
         if chosen.any():
             confusion = np.zeros((len(data.class_names),) * 2, np.int64)
             np.add.at(confusion, (data.labels[chosen], predicted[chosen]), 1)
-            found[part] = Score(int(np.trace(confusion)), int(chosen.sum()), confusion)
+            correct, images = int(np.trace(confusion)), int(chosen.sum())
+            found[part] = {
+                "accuracy": correct / images,
+                "correct": correct,
+                "images": images,
+                "confusion": confusion.tolist(),
+                "learned": part == TRAINING,
+            }
     return found
 
 
@@ -301,7 +292,7 @@ def predictions(
     recordings: Sequence[Recording],
     logits: NDArray[np.float32],
     trained: Trained,
-    scores: dict[str, Score],
+    scores: dict[str, dict[str, Any]],
     check: Check | None = None,
 ) -> dict[str, Any]:
     """Return predictions and logits of every recording, and the accuracy of each group, as a dictionary for JSON.
@@ -328,16 +319,7 @@ def predictions(
         "class_names": list(names),
         "step_s": trained.weights.step_s,
         "readout": recordings[0].config.to_dict(),
-        "accuracy": {
-            part if trained.parts else "all": {
-                "accuracy": score.accuracy,
-                "correct": score.correct,
-                "images": score.total,
-                "confusion": score.confusion.tolist(),
-                "learned": part == TRAINING,
-            }
-            for part, score in scores.items()
-        },
+        "accuracy": {part if trained.parts else "all": score for part, score in scores.items()},
     }
     if check is not None:
         report["check"] = {

@@ -187,6 +187,24 @@ class Experiment:
         config = scan.configure(self.readout, tau_s)
         return scan.wired_to(config, self.taxels) if self.taxels else (scan, config)
 
+    @property
+    def kind(self) -> str:
+        """Name of the encoder, or ``frame``."""
+        return self.readout.encoding if self.frames is None else "frame"
+
+    @property
+    def bits(self) -> int:
+        """Resolution N of the encoder, or bits of a frame sample."""
+        return self.readout.resolution if self.frames is None else self.frames.bits
+
+    @property
+    def bits_per_event(self) -> int:
+        """Address and polarity bits of an event, or bits of a frame sample."""
+        if self.frames is not None:
+            return self.frames.bits
+        readout = self.scan_and_config()[1] if self.taxels else self.readout
+        return readout.event_bits - (self.variant == "on")  # ON events alone need no bit for the polarity
+
     def network_config(self, data: ScanData) -> NetworkConfig:
         """Return the network configuration for given scans; raise an error for scans of one class only."""
         if len(data.class_names) < 2:

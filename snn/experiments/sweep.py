@@ -18,16 +18,24 @@ from eskin.base.errors import InputError
 from eskin.base.files import write_json
 from eskin.base.outputs import check_file
 from eskin.base.workers.pool import Local, Shared, WorkerPool, next_landed, sentence
+from eskin.model.events.recording import Recording
+from eskin.skin.textures.dataset import open_dataset
 from eskin.snn.checkpoint import digest
+from eskin.snn.data.coding import coded_events, coded_frames
 from eskin.snn.data.folds import check_folds
+from eskin.snn.data.frames import codes_of
+from eskin.snn.data.record import record
+from eskin.snn.data.recordings import event_files, read_recordings
 from eskin.snn.data.scans import ScanData
-from eskin.snn.experiments.coded import coded_bps
 from eskin.snn.experiments.crossval import check_same, read_cell, run_alone, summarise
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.points import READINGS, Point, write_sweep
 
 PUBLISHED_BPS = 640e3
 """Data rate by which the paper divides its data rates."""
+
+CODED_SCANS = 24
+"""Number of scans that are compressed as one stream, evenly spread over the images."""
 
 OnCell = Callable[["PointRun", "dict[str, Any] | None"], object]
 """Function that takes a point and the result of a cell, or None before and after the scans of the point are made."""
@@ -43,48 +51,13 @@ class SweepPoint:
     data: ScanData | None = None
     """Scans of the point; None until the first training needs the scans."""
 
-    @property
-    def readout(self) -> str:
-        """Name of the encoder, or "frame"."""
-        return "frame" if self.experiment.frames is not None else self.experiment.readout.encoding
-
-    @property
-    def resolution(self) -> int:
-        """Resolution N of the encoder, or bits of a frame sample."""
-        frames = self.experiment.frames
-        return self.experiment.readout.resolution if frames is None else frames.bits
-
-    @property
-    def bits_per_event(self) -> int:
-        """Address and polarity bits of an event, or bits of a frame sample."""
-        experiment = self.experiment
-        if experiment.frames is not None:
-            return experiment.frames.bits
-        readout = experiment.scan_and_config()[1] if experiment.taxels else experiment.readout
-        return readout.event_bits - (experiment.variant == "on")  # ON events alone need no bit for the polarity
-
 
 class PointRun:
     """The trainings of one sweep point: finished, missing, and their report.
 
     Raise InputError if the folder contains other files in place of cells, or cells of another experiment.
 
-    Parameters
-    ----------
-    point : SweepPoint
-    folder : Path
-        Takes one file per cell, and ``result.json`` when all are done; it is made here.
-    folds, seeds : int
-        Seeds are 0 .. seeds - 1.
-
-    Attributes
-    ----------
-    done : dict
-        Results by (fold, seed); existing ones after ``prepare``.
-    report : dict or None
-        The content of ``result.json``.
-    shared : Shared or None
-        The scans, from ``prepare`` until all cells are done.
+    ``folder`` takes one file per cell, and ``result.json`` when all are done. Seeds are 0 .. seeds - 1.
     """
 
     def __init__(self, point: SweepPoint, folder: Path, folds: int, seeds: int) -> None:
@@ -96,8 +69,11 @@ class PointRun:
         self.folds, self.seeds = folds, seeds
         self.paths = {(fold, s): folder / f"fold-{fold}-seed-{s}.json" for s in range(seeds) for fold in range(folds)}
         self.done: dict[tuple[int, int], dict[str, Any]] = {}
+        """Results by (fold, seed); existing ones after ``prepare``."""
         self.report: dict[str, Any] | None = None
+        """The content of ``result.json``."""
         self.shared: Shared | None = None
+        """The scans, from ``prepare`` until all cells are done."""
         self.rate_hz: float | None = None
         self.coded_bps: dict[str, float] | None = None
         self._partial: tuple[int, dict[str, Any]] = (0, {})
@@ -161,8 +137,8 @@ class PointRun:
 
     def summary(self) -> Point:
         """Return the fields for ``sweep.json``: rates, finished trainings, and accuracies over completed seeds."""
-        bits = self.point.bits_per_event
-        data_rate = None if self.rate_hz is None else self.rate_hz * bits
+        experiment = self.point.experiment
+        data_rate = None if self.rate_hz is None else self.rate_hz * experiment.bits_per_event
         whole = [s for s in range(self.seeds) if all((fold, s) in self.done for fold in range(self.folds))]
         found = self.report
         if found is None and whole:
@@ -172,11 +148,11 @@ class PointRun:
             found = self._partial[1]
         return {
             "name": self.point.name,
-            "readout": self.point.readout,
-            "resolution": self.point.resolution,
-            "preset": self.point.experiment.preset,
+            "readout": experiment.kind,
+            "resolution": experiment.bits,
+            "preset": experiment.preset,
             "rate_hz": self.rate_hz,
-            "bits_per_event": bits,
+            "bits_per_event": experiment.bits_per_event,
             "data_rate_bps": data_rate,
             "normalised_rate": None if data_rate is None else data_rate / PUBLISHED_BPS,
             "class_names": self._class_names if self.ready else None,
@@ -185,6 +161,28 @@ class PointRun:
             **({"labels": found["labels"]} if found else {}),
             **({"coded_bps": self.coded_bps} if self.coded_bps else {}),
         }
+
+
+def coded_bps(experiment: Experiment) -> dict[str, float]:
+    """Return the compressed bits per second of each form in which ``snn/data/coding.py`` codes events or frames."""
+    if experiment.events is not None:
+        files = event_files([Path(experiment.events)])
+        return _of_events(read_recordings(files[:: -(-len(files) // CODED_SCANS)]))
+    scan, config = experiment.scan_and_config()
+    textures = open_dataset(experiment.dataset).limit(CODED_SCANS)
+    frames = experiment.frames
+    if frames is None:
+        kind = experiment.variant
+        recordings = [record(texture, textures.name, scan, config, variant=kind) for texture in textures]
+        return _of_events(recordings, experiment.bins.start_s)
+    codes = [codes_of(frames, texture.load(), scan, config) for texture in textures]
+    seconds = sum(map(len, codes)) / frames.rate_hz
+    return {name: bits / seconds for name, bits in coded_frames(codes, frames.bits).items()}
+
+
+def _of_events(recordings: list[Recording], start_s: float | None = None) -> dict[str, float]:
+    seconds = sum(recording.duration_s for recording in recordings)
+    return {name: bits / seconds for name, bits in coded_events(recordings, start_s).items()}
 
 
 def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell | None = None) -> None:

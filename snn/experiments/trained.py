@@ -21,7 +21,7 @@ from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.folds import stratified_folds
 from eskin.snn.data.record import Tick
 from eskin.snn.data.recordings import event_files
-from eskin.snn.data.scans import ScanData, load_recordings
+from eskin.snn.data.scans import load_recordings
 from eskin.snn.exchange.weights import Weights, check_class_names, load_weights
 from eskin.snn.experiments.experiment import Experiment
 
@@ -142,19 +142,15 @@ class Trained:
         """Return a text for each field in which a readout differs from the readout of the training."""
         if self.readout is None:
             return []
-        learned = self.readout.to_dict()
+        fields, learned = config.to_dict(), self.readout.to_dict()
         return [
-            f"{name} {value}, in training {learned[name]}"
-            for name, value in config.to_dict().items()
-            if value != learned[name]
+            f"{name} {fields[name]}, in training {learned[name]}" for name in fields if fields[name] != learned[name]
         ]
 
     def part_of(self, recording: Recording) -> str:
         """Return the group of a recording: TEST, TRAINING or OTHER."""
-        metadata = recording.metadata
-        if self.dataset is not None and metadata.get("dataset") != self.dataset:
-            return OTHER
-        return self.parts.get(str(metadata.get("name")), OTHER)
+        other = self.dataset is not None and recording.metadata.get("dataset") != self.dataset
+        return OTHER if other else self.parts.get(str(recording.metadata.get("name")), OTHER)
 
 
 def load_trained(path: Path) -> Trained:
@@ -178,27 +174,10 @@ def load_trained(path: Path) -> Trained:
     except InputError as error:
         return replace(found, unknown=f"the images of the training are missing ({error})")
     try:
-        tested = set(result.test_images(labels).tolist())
+        parts = dict.fromkeys(names, TRAINING) | {names[n]: TEST for n in result.test_images(labels)}
     except InputError as error:
         return replace(found, unknown=str(error))
-    parts = {name: TEST if number in tested else TRAINING for number, name in enumerate(names)}
     return replace(found, parts=parts, dataset=dataset)
-
-
-def load_test_scans(
-    path: Path, weights: Weights, progress: Tick | None = None
-) -> tuple[TrainingResult, ScanData, NDArray[np.int64]]:
-    """Return ``result.json`` of a weight file, the scans of the training, and the test images.
-
-    Raise InputError if the result or the images of the training are missing.
-    """
-    result = result_beside(path, weights)
-    if result is None:
-        raise InputError(_missing(path))
-    data = result.experiment.data(progress)
-    if data.class_names != result.class_names:
-        raise InputError("the images differ from the training images; give the training's textures with --dataset")
-    return result, data, result.test_images(data.image_labels)
 
 
 def accuracies_on_test(
@@ -206,12 +185,20 @@ def accuracies_on_test(
 ) -> tuple[int, dict[str, float]]:
     """Return the number of test images of a training, and the accuracy of each network by name.
 
+    Raise InputError if the result or the images of the training are missing.
+
     - ``path``: weight file of the training, with ``result.json`` beside it.
     - ``progress``: called while scans are recorded.
     """
     from eskin.snn.train import predicted_classes
 
-    _, data, test = load_test_scans(path, weights, progress)
+    result = result_beside(path, weights)
+    if result is None:
+        raise InputError(_missing(path))
+    data = result.experiment.data(progress)
+    if data.class_names != result.class_names:
+        raise InputError("the images differ from the training images; give the training's textures with --dataset")
+    test = result.test_images(data.image_labels)
     labels = data.image_labels[test]
     found = {name: predicted_classes(network, data, test) == labels for name, network in networks.items()}
     return len(test), {name: float(right.mean()) for name, right in found.items()}

@@ -24,16 +24,15 @@ from eskin.model.config import ReadoutConfig
 from eskin.power.readouts import EQUATIONS
 from eskin.skin.textures.choice import choose
 from eskin.snn.data.bins import BinConfig
-from eskin.snn.data.folds import INNER_FOLDS, stratified_folds
+from eskin.snn.data.folds import inner_part, stratified_folds
 from eskin.snn.data.frame_steps import FrameKind
 from eskin.snn.data.scans import ScanData, Split
-from eskin.snn.experiments.coded import coded_bps
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.intervals import bootstrap
 from eskin.snn.experiments.pairs import compare, right_of
 from eskin.snn.experiments.points import Sweep, as_word
 from eskin.snn.experiments.settings import experiment_of
-from eskin.snn.experiments.sweep import SweepPoint
+from eskin.snn.experiments.sweep import coded_bps
 from eskin.snn.reference import LEAST_RATE, logistic_classes
 from eskin.snn.studies.early import course_of, latency_of
 from eskin.snn.studies.noise import Rates, power_of
@@ -328,7 +327,7 @@ class Frontier:
             "name": point.name,
             "folds": folds,
             "rate_hz": rate_hz,
-            "bits_per_s": rate_hz * SweepPoint("", experiment).bits_per_event,
+            "bits_per_s": rate_hz * experiment.bits_per_event,
             "accuracy": float(np.mean(right)),
         }
 
@@ -448,7 +447,7 @@ def judged_of(data: ScanData, fold: int, seed: int, inner: bool) -> tuple[Any, A
     judged = stratified_folds(labels, FOLDS, 0)[fold]
     learned = np.setdiff1d(np.arange(len(labels)), judged)
     if inner:
-        judged = learned[stratified_folds(labels[learned], INNER_FOLDS, 1)[seed % INNER_FOLDS]]
+        judged = inner_part(labels, learned, seed)
         learned = np.setdiff1d(learned, judged)
     return learned, judged
 
@@ -504,15 +503,15 @@ def _named(point: Point, experiment: Experiment) -> dict[str, Any]:
 
 def _rates(experiment: Experiment, rate_hz: float, coded: dict[str, float]) -> dict[str, Any]:
     """Return rates and power of a readout; power is None without power equations."""
-    config, bits = experiment.scan_and_config()[1], SweepPoint("", experiment).bits_per_event
+    config = experiment.scan_and_config()[1]
     power_w = None
     if experiment.frames is not None or experiment.readout.encoding in EQUATIONS:
         even = Rates(rate_hz, rate_hz**2 / config.taxels)
         power_w = power_of(experiment, "consistent", NOISE_V, even)["total"]
     return {
         "rate_hz": rate_hz,
-        "bits": bits,
-        "bits_per_s": rate_hz * bits,
+        "bits": experiment.bits_per_event,
+        "bits_per_s": rate_hz * experiment.bits_per_event,
         "coded_bits_per_s": min(bps for name, bps in coded.items() if name != "addresses"),
         "power_w": power_w,
     }

@@ -153,17 +153,16 @@ def points_of(subjects: Sequence[Subject], cells: Sequence[dict[str, Any]]) -> l
                 for name in ("population_hz", "square_sum_hz2")
             }
             experiment = own[0][0].experiment
-            bits = experiment.readout.event_bits if experiment.frames is None else experiment.frames.bits
             found.append(
                 {
                     "network": network,
-                    "readout": "frame" if experiment.frames is not None else experiment.readout.encoding,
+                    "readout": experiment.kind,
                     "mode": first["mode"],
                     "noise_v": first["noise_v"],
                     **scored(right[:, None]),
                     "folds": sorted({cell["fold"] for _, cell in own}),
                     "rate_hz": means["population_hz"],
-                    "data_rate_bps": means["population_hz"] * bits,
+                    "data_rate_bps": means["population_hz"] * experiment.bits_per_event,
                     "power_w": power_of(experiment, first["mode"], first["noise_v"], Rates(**means)),
                     "answers": [
                         {name: cell[name] for name in ("fold", "seed", "images")}
@@ -184,15 +183,10 @@ def power_of(experiment: Experiment, mode: Mode, noise_v: float, rates: Rates) -
     """
     config = experiment.scan_and_config()[1]
     parameters = PowerParameters(rows=config.rows, columns=config.columns)
-    readout: Readout = "frame"
-    bits, tau_s = experiment.readout.resolution, 0.2
     if experiment.frames is not None:
-        bits = experiment.frames.bits
         parameters = parameters.replace(signal_bandwidth_hz=experiment.frames.rate_hz / 2)
-    else:
-        readout = equations_of(experiment.readout.encoding)
-        if experiment.readout.encoder.leaks:
-            tau_s = config.tau_s
+    readout: Readout = equations_of(experiment.readout.encoding) if experiment.frames is None else "frame"
+    tau_s = config.tau_s if config.encoder.leaks else 0.2
     model = PowerModel(parameters=parameters, corrections=CORRECTED[mode], measured=rates)
-    found = model.breakdown(readout, bits, noise_v, tau_s)
+    found = model.breakdown(readout, experiment.bits, noise_v, tau_s)
     return {name: float(getattr(found, name)) for name in ("afe", "converter", "io", "total")}

@@ -12,9 +12,9 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.snn.data.coding import coded_bits, coded_events, coded_frames
 from eskin.snn.data.frame_steps import FrameSteps
-from eskin.snn.experiments import coded
-from eskin.snn.experiments.coded import coded_bps
+from eskin.snn.experiments import sweep
 from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.sweep import coded_bps
 
 
 def test_noise_stays_as_large_as_it_is_and_a_constant_costs_nothing() -> None:
@@ -66,7 +66,7 @@ def test_differences_cost_what_they_say_whatever_the_width_of_a_word(bits: int) 
 
 def test_twenty_four_scans_are_coded_as_one_stream(monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
-    monkeypatch.setattr(coded, "coded_events", lambda recordings, _: {"events": seen.append(recordings) or 1})
+    monkeypatch.setattr(sweep, "coded_events", lambda recordings, _: {"events": seen.append(recordings) or 1})
     coded_bps(Experiment(dataset="embedded", readout=ReadoutConfig(rows=1, columns=1, resolution=2)))
     assert [len(recordings) for recordings in seen] == [24]
 

@@ -11,8 +11,7 @@ import pytest
 
 from eskin.model.encoders import registry
 from eskin.skin.textures.dataset import embedded_dataset
-from eskin.snn.data.counts import Likeness, empty_bins, likeness
-from eskin.snn.data.scans import ScanData
+from eskin.snn.data.scans import ScanData, empty_bins, likeness
 
 ENCODERS = ", ".join(registry.NAMES)
 
@@ -27,8 +26,8 @@ def test_likeness_by_hand() -> None:
     nlcs = scans([[0, 1], [2, 0], [0, 3], [9, 9]])
     lcs = scans([[0, 1, 0, 1], [1, 0, 3, 0], [0, 6, 0, 0]])  # ON of both taxels, then OFF; a bin shorter
     assert empty_bins(lcs) == pytest.approx(7 / 12)
-    assert likeness(nlcs, lcs) == Likeness(pytest.approx(1.0), 2.0)
-    assert likeness(nlcs, scans([[1, 0], [0, 2], [3, 0]])).correlation < 0
+    assert likeness(nlcs, lcs) == {"correlation": pytest.approx(1.0), "ratio": 2.0}
+    assert likeness(nlcs, scans([[1, 0], [0, 2], [3, 0]]))["correlation"] < 0
 
 
 def test_the_command_writes_what_it_prints(call: Any, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

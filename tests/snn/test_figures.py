@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import itertools
 import json
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 
@@ -36,20 +35,6 @@ from eskin.snn.figures.fig8_play import evidence, play
 from eskin.snn.network import build
 from eskin.snn.network_config import NetworkConfig
 from tests.snn.helpers import some_weights
-
-# shared/physics.md, section 3: normalised data rate and accuracy in per cent.
-PUBLISHED = {
-    ("lcs", 2): (0.027, 56.25),
-    ("lcs", 4): (0.222, 77.08),
-    ("lcs", 6): (1.084, 87.92),
-    ("lcs", 8): (4.38, 68.75),
-    ("nlcs", 4): (0.028, 59.58),
-    ("nlcs", 6): (0.116, 68.33),
-    ("nlcs", 8): (0.465, 76.25),
-    ("nlcs", 10): (1.87, 71.67),
-    ("frame", 10): (64 * 5000 * 10 / 640e3, 74.58),
-}
-PUBLISHED_SD = {("lcs", 6): 7.0, ("lcs", 8): 17.9}
 
 
 def kept(sweep: str, wanted: str, **fields: Any) -> dict[str, Any]:
@@ -87,46 +72,14 @@ def files(folder: Path) -> list[str]:
     return ["--sweep", "plain.json", "--sweep", "hand"]
 
 
-def marks(figure: Figure, panel: int) -> dict[tuple[str, Any], list[tuple[float, float]]]:
-    """Return the points of a panel by colour and fill."""
-    found: dict[tuple[str, Any], list[tuple[float, float]]] = {}
-    for line in figure.axes[panel].lines:
+def marks(panel: Any) -> list[tuple[float, float, str, bool]]:
+    """Return position, colour and hollowness of the marks of a panel."""
+    found = []
+    for line in panel.lines:
         if line.get_marker() in {look.marker for look in LOOKS.values()} and line.get_markersize() < 10:
-            points = [(float(x), float(y)) for x, y in np.column_stack(line.get_data())]
-            found.setdefault((str(line.get_color()), line.get_fillstyle()), []).extend(points)
+            hollow = line.get_fillstyle() == "none"
+            found += [(float(x), float(y), line.get_color(), hollow) for x, y in zip(*line.get_data(), strict=True)]
     return found
-
-
-def bars(figure: Figure, panel: int) -> set[tuple[float, float, float]]:
-    """Return position and ends of all error bars of a panel."""
-    lines = [line for line in figure.axes[panel].lines if line.get_marker() == "_"]
-    return {(float(line.get_xdata()[0]), *(float(y) for y in line.get_ydata())) for line in lines}  # type: ignore[index]
-
-
-def chance_lines(figure: Figure, panel: int) -> list[Line2D]:
-    """Return the horizontal lines across a panel."""
-    lines = figure.axes[panel].lines
-    return [line for line in lines if line.get_transform() == figure.axes[panel].get_yaxis_transform()]
-
-
-def test_the_published_points_are_those_of_the_paper() -> None:
-    data = figures.fig9_data([], "last")
-    assert data["reference_bps"] == PUBLISHED_BPS
-    assert {(p["readout"], p["resolution"]) for p in data["points"]} == {(f"{r}, published", n) for r, n in PUBLISHED}
-    for point in data["points"]:
-        key = (point["readout"].removesuffix(", published"), point["resolution"])
-        rate, accuracy = PUBLISHED[key]
-        assert 100 * point["accuracy"] == pytest.approx(accuracy, abs=1e-9)
-        assert point["normalised_rate"] == rate
-        assert point["data_rate_bps"] == pytest.approx(rate * 640e3)
-        assert point.get("sd_over_folds") == (PUBLISHED_SD[key] / 100 if key in PUBLISHED_SD else None)
-    colour = LOOKS["lcs"].colour
-    figure = pictures.draw_fig9(data)
-    assert marks(figure, 0)[colour, "none"] == [PUBLISHED["lcs", n] for n in (2, 4, 6, 8)]
-    assert {(x, round(low, 9), round(high, 9)) for x, low, high in bars(figure, 0)} == {
-        (1.084, 80.92, 94.92),
-        (4.38, 50.85, 86.65),
-    }
 
 
 @pytest.mark.parametrize("reading", ["last", "selected"])
@@ -146,6 +99,7 @@ def test_what_is_drawn_is_what_the_sweeps_say(call: Any, files: list[str], folde
         "frames, ReLU units, plain",
         "CW-LCS 2 b, hand, physical scan",
     } <= {point["label"] for point in shown}
+    assert data["reference_bps"] == PUBLISHED_BPS
     own = {(p["sweep"], p["name"]): p for p in data["points"] if p["sweep"] != "published"}
     measured = {("plain", p["name"]): p for p in SWEEP["points"] if p["last"]}
     measured |= {("hand", p["name"]): p for p in PHYSICAL["points"]}
@@ -157,15 +111,23 @@ def test_what_is_drawn_is_what_the_sweeps_say(call: Any, files: list[str], folde
             assert own[key][name] == point[reading][name]
         assert own[key]["interval"] == point[reading]["bootstrap_95"] != own[key]["wilson_95"]
     figure = pictures.draw_fig9(data)
-    assert [panel.get_title("left") for panel in figure.axes] == ["paper scan", "physical scan"]
-    for panel, sweep, content in ((0, "plain", SWEEP), (1, "hand", PHYSICAL)):
-        drawn = sorted(at for (_, filling), ats in marks(figure, panel).items() if filling != "none" for at in ats)
-        points = [point for point in content["points"] if point["last"]]
-        assert drawn == sorted((p["normalised_rate"], 100 * p[reading]["accuracy"]) for p in points), sweep
-        wanted = {(p["normalised_rate"], *(100 * e for e in p[reading]["bootstrap_95"])) for p in points}
-        assert {bar for bar in wanted if bar[1] < bar[2]} <= bars(figure, panel)
-        levels = {float(line.get_ydata()[0]) for line in chance_lines(figure, panel)}
-        assert levels == {100 / 6}
+    for panel, preset in zip(figure.axes, ("paper", "physical"), strict=True):
+        assert panel.get_title("left") == f"{preset} scan"
+        points = [p for p in data["points"] if p["preset"] == preset]
+        wanted = [(p["normalised_rate"], 100 * p["accuracy"], p["sweep"] == "published") for p in points]
+        assert sorted((x, y, hollow) for x, y, _, hollow in marks(panel)) == sorted(wanted)
+        bars = {(line.get_xdata()[0], *line.get_ydata()) for line in panel.lines if line.get_marker() == "_"}
+        assert bars == {(p["normalised_rate"], *(100 * end for end in ends)) for p in points if (ends := ends_of(p))}
+        across = [line for line in panel.lines if line.get_transform() == panel.get_yaxis_transform()]
+        assert {line.get_ydata()[0] for line in across} == {100 / 6}, "chance"
+
+
+def ends_of(point: dict[str, Any]) -> list[float]:
+    """Return the ends of an error bar: the interval, of published points the deviation; empty without a bar."""
+    if point["sweep"] != "published":
+        return point["interval"]
+    deviation = point.get("sd_over_folds", 0)
+    return [point["accuracy"] - deviation, point["accuracy"] + deviation] if deviation else []
 
 
 def test_the_protocol_comes_from_the_points(folder: Path, files: list[str]) -> None:
@@ -211,20 +173,6 @@ def test_the_kept_sweeps_are_the_default(
     refuses("nor out/sweep/sweep.json; make one with eskin sweep", "fig9")
 
 
-def covered(figure: Figure, panel: int) -> tuple[list[Any], list[Any]]:
-    """Return the boxes of markers and labels of a panel, in pixels."""
-    figure.draw_without_rendering()
-    marks_found = []
-    for line in figure.axes[panel].lines:
-        if line.get_marker() in {look.marker for look in LOOKS.values()} and line.get_markersize() < 10:
-            half = 0.5 * line.get_markersize() * figure.dpi / 72
-            for x, y in line.get_transform().transform(np.column_stack(line.get_data())):
-                marks_found.append(Bbox([[x - half, y - half], [x + half, y + half]]))
-    labels = [text for text in figure.axes[panel].texts if isinstance(text, Annotation)]
-    assert all(label.get_visible() for label in labels)
-    return marks_found, [label.get_window_extent() for label in labels]
-
-
 @pytest.mark.parametrize("crowded", [False, True])
 def test_no_mark_of_fig9_hides_another_and_labels_lie_on_nothing(files: list[str], crowded: bool) -> None:
     """Check that markers and labels do not overlap, with the project's points and with duplicates."""
@@ -232,23 +180,26 @@ def test_no_mark_of_fig9_hides_another_and_labels_lie_on_nothing(files: list[str
     if crowded:
         sweeps.append(dataclasses.replace(sweeps[0], name="again"))
     figure = pictures.draw_fig9(figures.fig9_data(sweeps, "last"))
-    for panel, axes in enumerate(figure.axes):
-        marks_found, labels = covered(figure, panel)
-        assert len(marks_found) > 5 or panel
-        assert len(labels) >= 4
-        for number, mark in enumerate(marks_found):
-            assert not any(overlap(mark, other) for other in marks_found[:number])
-            assert not any(overlap(mark, label) for label in labels)
-        for number, label in enumerate(labels):
-            assert not any(overlap(label, other) for other in labels[:number])
-            inside = axes.get_window_extent()
-            assert inside.x0 <= label.x0 <= label.x1 <= inside.x1
-            assert inside.y0 <= label.y0 <= label.y1 <= inside.y1
-
-
-def overlap(a: Any, b: Any) -> bool:
-    """Return True if two boxes overlap."""
-    return bool(min(a.x1, b.x1) - max(a.x0, b.x0) > 0.01 and min(a.y1, b.y1) - max(a.y0, b.y0) > 0.01)
+    figure.draw_without_rendering()
+    for panel in figure.axes:
+        boxes = []
+        for line in panel.lines:
+            if line.get_marker() in {look.marker for look in LOOKS.values()} and line.get_markersize() < 10:
+                half = 0.5 * line.get_markersize() * figure.dpi / 72
+                places = line.get_transform().transform(np.column_stack(line.get_data()))
+                boxes += [Bbox([place - half, place + half]) for place in places]
+        count, frame = len(boxes), panel.get_window_extent()
+        for label in panel.texts:
+            if isinstance(label, Annotation):
+                assert label.get_visible()
+                boxes.append(label.get_window_extent())
+                assert frame.contains(*boxes[-1].min)
+                assert frame.contains(*boxes[-1].max)
+        assert count > 5 or panel is not figure.axes[0]
+        assert len(boxes) - count >= 4
+        for one, other in itertools.combinations(boxes, 2):
+            common = Bbox.intersection(one, other)
+            assert common is None or min(common.width, common.height) < 0.01
 
 
 def test_the_page_has_the_points_of_the_kept_sweeps() -> None:
@@ -265,9 +216,8 @@ def test_fig9_names_sweeps_and_networks_in_words_and_the_rate_of_frames_in_every
         assert file.stem not in words
         assert figures.TITLES[file.stem] in words
     assert "cnn" not in words
-    for panel, axes in enumerate(figure.axes):
-        frames = [place for (colour, _), places in marks(figure, panel).items() for place in places
-                  if colour == LOOKS["frame"].colour]  # fmt: skip
+    for axes in figure.axes:
+        frames = [mark for mark in marks(axes) if mark[2] == LOOKS["frame"].colour]
         said = any("rate of frames; no network" in text.get_text() for text in axes.texts)
         assert bool(frames) != said
         known = [f"{point['preset']} scan" for point in data["points"] if point["readout"].startswith("frame")]

@@ -157,13 +157,16 @@ def test_test_images_are_told_from_training_images(tmp_path: Path, trained: Path
     assert len({image["predicted"] for image in images_in(tmp_path)}) > 1
 
 
-def test_images_of_another_dataset_are_of_no_part(tmp_path: Path, replayed: Path, predict: Call) -> None:
+def test_images_of_another_dataset_or_readout_are_told(tmp_path: Path, replayed: Path, predict: Call) -> None:
     made = Recording.load(replayed / "brick" / "brick-00.npz")
-    dataclasses.replace(made, metadata=made.metadata | {"dataset": "mine"}).save(tmp_path / "a.npz")
-    code, output, _ = predict("--events", tmp_path / "a.npz")
+    config, metadata = CONFIG.replace(resolution=5), made.metadata | {"dataset": "mine"}
+    dataclasses.replace(made, config=config, metadata=metadata).save(tmp_path / "a.npz")
+    code, output, error = predict("--events", tmp_path / "a.npz")
     assert code == 0
     assert "images not used in the training: accuracy" in output
     assert images_in(tmp_path)[0]["part"] == "other"
+    assert error == "warning: the readout differs from the readout of the training: resolution 5, in training 6\n"
+    assert predict("--events", replayed)[2] == ""
 
 
 def test_without_the_result_of_the_training_nothing_is_said_about_folds(
@@ -232,25 +235,16 @@ def test_the_bins_are_those_of_the_training(tmp_path: Path, trained: Path, repla
     assert output.startswith("6 recordings; 3 steps of 4 channels, 0.02 s each")
 
 
-def test_a_readout_that_is_not_that_of_the_training_is_told(tmp_path: Path, replayed: Path, predict: Call) -> None:
-    made = Recording.load(replayed / "brick" / "brick-00.npz")
-    dataclasses.replace(made, config=CONFIG.replace(resolution=5)).save(tmp_path / "a.npz")
-    code, _, error = predict("--events", tmp_path / "a.npz")
-    assert code == 0
-    assert error == "warning: the readout differs from the readout of the training: resolution 5, in training 6\n"
-    assert predict("--events", replayed)[2] == ""
+GRAVEL = "gravel/gravel-00"
 
 
-def tampered(replayed: Path, folder: Path, **changes: Any) -> Path:
+def tampered(replayed: Path, folder: Path, metadata: dict[str, Any] | None = None, **changes: Any) -> Path:
     """Copy the recordings with one changed; return the changed file."""
     shutil.copytree(replayed, folder)
-    path = folder / "gravel" / "gravel-00.npz"
-    dataclasses.replace(Recording.load(path), **changes).save(path)
+    path = folder / f"{GRAVEL}.npz"
+    made = Recording.load(path)
+    dataclasses.replace(made, metadata=made.metadata | (metadata or {}), **changes).save(path)
     return path
-
-
-def changed_events(replayed: Path) -> Any:
-    return Recording.load(replayed / "gravel" / "gravel-00.npz").events.copy()
 
 
 def test_an_intact_replay_passes(replayed: Path, predict: Call, tmp_path: Path) -> None:
@@ -268,26 +262,12 @@ def test_an_intact_replay_passes(replayed: Path, predict: Call, tmp_path: Path) 
     assert str(tmp_path) not in json.dumps(report)
 
 
-def test_an_event_moved_by_a_clock_in_its_bin_is_found(tmp_path: Path, replayed: Path, predict: Call) -> None:
-    events = changed_events(replayed)
+def later(events: Any) -> Any:
+    """Move an event by a clock within its bin."""
     width = round(BINS.bin_s * CONFIG.clock_hz)
     free = (np.diff(events["t"]) > 1) & ((events["t"][:-1] + 1) // width == events["t"][:-1] // width)
-    place = int(np.flatnonzero(free)[7])
-    clock = int(events["t"][place])
-    events["t"][place] += 1
-    path = tampered(replayed, tmp_path / "in", events=events)
-    code, output, _ = predict("--events", tmp_path / "in", "--check-model")
-    assert code == 1
-    assert "gravel/gravel-00: RTL and model differ\n" in output
-    assert f"event {place} differs in clock: model clock {clock}, row 0, column" in output
-    assert f"; RTL clock {clock + 1}, row 0, column" in output
-    assert "reproduce: eskin predict" in output
-    assert f"--events {path} --check-model\n" in output
-    assert output.splitlines()[-1] == (
-        "FAILED: 6 images compared, different: 1 in events, 0 in tensors, 0 in logits, 0 in predictions"
-    )
-    report = json.loads((tmp_path / "predictions.json").read_text())
-    assert report["check"]["different"]["events"] == ["gravel/gravel-00"]
+    events["t"][np.flatnonzero(free)[7]] += 1
+    return events
 
 
 def flip(events: Any) -> Any:
@@ -303,50 +283,38 @@ def other_taxel(events: Any) -> Any:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
+        (later, "differs in clock: model clock"),
         (lambda events: np.delete(events, 40), "event 40 differs in"),
         (lambda events: events[:-1], "; RTL nothing more\n"),  # behind the last whole bin
         (flip, "event 40 differs in polarity: model"),
         (other_taxel, "event 40 differs in column: model"),
-    ],
-)
-def test_a_changed_event_is_found(
-    tmp_path: Path, replayed: Path, predict: Call, change: Callable[[Any], Any], words: str
-) -> None:
-    tampered(replayed, tmp_path / "in", events=change(changed_events(replayed)))
-    code, output, _ = predict("--events", tmp_path / "in", "--check-model")
-    assert code == 1
-    assert words in output
-    assert "FAILED: 6 images compared, different: 1 in events, " in output
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
         ({"config": CONFIG.replace(resolution=5)}, "RTL and model differ"),
         ({"config": CONFIG.replace(link="four_phase")}, "differs in clock: model"),
         ({"metadata": {"name": "gravel/gravel-05"}}, "gravel/gravel-05: RTL and model differ"),
         ({"metadata": {"start_row": 3.0}}, "RTL and model differ"),
-        (
-            {"metadata": {"class": "grass"}},
-            "gravel/gravel-00 states the class 'grass', but its texture is of class 'gravel'",
-        ),
-        ({"duration_clocks": -1}, "gravel/gravel-00 ends at clock"),
+        ({"metadata": {"class": "grass"}}, f"{GRAVEL} states the class 'grass', but its texture is of class 'gravel'"),
+        ({"duration_clocks": -1}, f"{GRAVEL} ends at clock"),
     ],
     ids=str,
 )
-def test_a_file_that_says_something_else_than_its_events_is_found(
-    tmp_path: Path, replayed: Path, predict: Call, changes: dict[str, Any], words: str
+def test_a_recording_that_differs_from_the_model_is_found(
+    tmp_path: Path, replayed: Path, predict: Call, change: Any, words: str
 ) -> None:
-    made = Recording.load(replayed / "gravel" / "gravel-00.npz")
-    if "metadata" in changes:
-        changes = {"metadata": made.metadata | changes["metadata"]}
+    events = Recording.load(replayed / f"{GRAVEL}.npz").events.copy()
+    changes = {"events": change(events)} if callable(change) else dict(change)
     if "duration_clocks" in changes:
-        changes = {"duration_clocks": int(made.events["t"][-1]) + 1}
+        changes["duration_clocks"] = int(events["t"][-1]) + 1
     path = tampered(replayed, tmp_path / "in", **changes)
-    code, output, _ = predict("--events", path, "--check-model")
+    code, output, _ = predict("--events", path if "config" in changes else tmp_path / "in", "--check-model")
     assert code == 1
     assert words in output
-    assert "FAILED: 1 images compared, different: 1 in events" in output
+    assert "reproduce: eskin predict" in output
+    assert f"--events {path} --check-model\n" in output
+    last = output.splitlines()[-1]
+    assert f"FAILED: {1 if 'config' in changes else 6} images compared, different: 1 in events, " in last
+    assert change is not later or last.endswith(", 0 in tensors, 0 in logits, 0 in predictions")
+    report = json.loads((tmp_path / "predictions.json").read_text())
+    assert report["check"]["different"]["events"] == [changes.get("metadata", {}).get("name", GRAVEL)]
 
 
 def test_counts_and_logits_are_compared_by_themselves(
@@ -410,8 +378,7 @@ def test_nothing_compared_is_a_failure(tmp_path: Path, replayed: Path, predict: 
 def test_a_scan_that_the_model_cannot_make_again_is_refused(
     tmp_path: Path, replayed: Path, predict: Call, metadata: dict[str, Any], sentence: str
 ) -> None:
-    made = Recording.load(replayed / "gravel" / "gravel-00.npz")
-    path = tampered(replayed, tmp_path / "in", metadata=made.metadata | metadata)
+    path = tampered(replayed, tmp_path / "in", metadata)
     code, _, error = predict("--events", path, "--check-model", "--dataset", "embedded")
     assert code == 2
     assert sentence in error

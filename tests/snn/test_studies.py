@@ -19,11 +19,10 @@ from eskin.snn.exchange.weights import Weights
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.pairs import paired
 from eskin.snn.network import build
-from eskin.snn.studies.agreement import agreement, random_events
 from eskin.snn.studies.early import begin_of
+from eskin.snn.studies.merits import _errors, bits_per_second, timing_points
 from eskin.snn.studies.noise import Noisy, Rates, noisy_scans, power_of
-from eskin.snn.studies.rest import bits_per_second
-from eskin.snn.studies.timing import _errors, timing_points
+from eskin.snn.studies.precision import agreement, random_events
 from tests.snn.helpers import small_network, two_textures
 
 SMALL = ReadoutConfig(rows=2, columns=3, resolution=4)

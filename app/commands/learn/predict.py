@@ -6,7 +6,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from eskin.model.events.recording import Recording
-    from eskin.snn.experiments.evaluate import Check, Score
+    from eskin.snn.experiments.evaluate import Check
     from eskin.snn.experiments.trained import Trained
 
 MOST_LINES = 20  # recordings listed one by one; of more, only those without a class
@@ -151,7 +151,7 @@ def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float3
             echo(f"{recording.metadata['name']}: {predicted} (class: {class_of(recording) or 'not known'})")
 
 
-def _print_scores(scores: dict[str, Score], trained: Trained) -> None:
+def _print_scores(scores: dict[str, dict[str, Any]], trained: Trained) -> None:
     """Print the accuracy of each group, and the confusion matrix of the test group."""
     from eskin.snn.experiments.trained import OTHER, TEST, TRAINING
 
@@ -162,7 +162,7 @@ def _print_scores(scores: dict[str, Score], trained: Trained) -> None:
         OTHER: f"{noun} not used in the training" if trained.parts else f"all {noun}",
     }
     for part, score in scores.items():
-        print(f"{words[part]}: accuracy {score.accuracy:.1%} ({score.correct} of {score.total})")
+        print(f"{words[part]}: accuracy {score['accuracy']:.1%} ({score['correct']} of {score['images']})")
     if scores and not trained.parts:
         print(f"the network may have learned some of them: {printable(trained.unknown)}")
     shown = scores.get(TEST) or scores.get(OTHER)
@@ -171,5 +171,5 @@ def _print_scores(scores: dict[str, Score], trained: Trained) -> None:
         return
     width = max(map(len, names)) + 2
     print("predicted:".ljust(width) + "".join(name.rjust(width) for name in names))
-    for name, row in zip(names, shown.confusion.tolist(), strict=True):
+    for name, row in zip(names, shown["confusion"], strict=True):
         print(name.ljust(width) + "".join(str(number).rjust(width) for number in row))

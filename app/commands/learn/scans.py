@@ -50,7 +50,7 @@ def counts(
     Prints the share of empty bins, and correlation and ratio of the counts.
     """
     from eskin.snn.data.bins import BinConfig
-    from eskin.snn.data.counts import empty_bins, likeness
+    from eskin.snn.data.scans import empty_bins, likeness
     from eskin.snn.experiments.experiment import Experiment
     from eskin.snn.experiments.settings import parse_points
 
@@ -79,8 +79,8 @@ def counts(
         if one.partition(":")[0] != other.partition(":")[0]:
             continue
         like = likeness(found[one], found[other])
-        result["pairs"].append({"first": one, "second": other, "correlation": like.correlation, "ratio": like.ratio})
-        print(f"{one} and {other}: correlation of the counts {like.correlation:.4f}, ratio {like.ratio:.2f}")
+        result["pairs"].append({"first": one, "second": other} | like)
+        print(f"{one} and {other}: correlation of the counts {like['correlation']:.4f}, ratio {like['ratio']:.2f}")
     if out is not None:
         write_json(out, result)
         echo(f"result: {out}")

@@ -46,7 +46,7 @@ def noise_power(
 ) -> None:
     """Measure accuracy, event rate and power of trained networks at several AFE noises, in both power modes."""
     from eskin.snn.experiments.pairs import paired
-    from eskin.snn.figures.noise_power import plot_noise_power
+    from eskin.snn.figures.merits import plot_noise_power
     from eskin.snn.studies.noise import MODES, points_of, under_noise
 
     noises_v = [1e-3 * number for number in _numbers(noises)]
