@@ -72,7 +72,7 @@ COMMANDS = {
     "robustness": "tests/snn/test_robustness.py::test_cells_are_kept_resumed_and_paired",
     "noise-power": "tests/snn/test_studies.py::test_power_is_that_of_the_model_at_these_rates",
     "merits": "tests/snn/test_studies.py::test_events_know_times_to_a_sample_and_frames_to_a_period",
-    "precision": "tests/snn/test_precision.py::test_variants_are_read_as_they_are_written",
+    "precision": "tests/snn/test_studies.py::test_variants_are_read_as_they_are_written",
     "sweep": "tests/snn/test_sweep.py::test_bad_options_get_one_sentence",  # pair runs a real one
     "pair": "tests/snn/test_pairs.py::test_a_sweep_keeps_every_prediction",
     "predict": "tests/snn/test_predict.py::test_an_intact_replay_passes",
@@ -83,7 +83,7 @@ COMMANDS = {
     "import": "tests/snn/test_nir_network.py::test_networks_go_out_and_come_back",
     "convert": "tests/snn/test_nir_events.py::test_events_go_out_and_come_back",
     "quantise": "tests/snn/test_integer.py::test_the_command_writes_the_network_and_its_images",
-    "counts": "tests/snn/test_counts.py::test_the_command_writes_what_it_prints",
+    "counts": "tests/snn/test_coding.py::test_the_command_writes_what_it_prints",
     "cache": "tests/snn/test_cache.py::test_the_command_shows_and_clears",
 }
 """A test for each command of the packages."""

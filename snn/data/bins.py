@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,28 +54,12 @@ class BinConfig:
         return taxel_of(events, config) + np.where(events["p"], 0, self.channels(config) - config.taxels)
 
 
-class SparseCounts(NamedTuple):
-    """Event counts of one recording in sparse form."""
+def bin_recording(recording: Recording, bins: BinConfig) -> NDArray[np.int16]:
+    """Return the event counts of a recording, shape (steps, channels).
 
-    step: NDArray[np.int64]
-    channel: NDArray[np.int64]
-    """Sorted by step, then channel. Channel = taxel index, plus the number of taxels for OFF. Shape (entries,)."""
-    number: NDArray[np.int64]
-    """Events in that bin. Shape (entries,)."""
-    shape: tuple[int, int]
-    """Steps and channels."""
+    The link transfer time of an event determines its bin. Channel = taxel index, plus the number of taxels for OFF.
 
-    def dense(self) -> NDArray[np.int64]:
-        """Return the counts as a dense array, shape (steps, channels)."""
-        full = np.zeros(self.shape, np.int64)
-        full[self.step, self.channel] = self.number
-        return full
-
-
-def bin_recording(recording: Recording, bins: BinConfig) -> SparseCounts:
-    """Return the event counts of a recording; the link transfer time of an event determines its bin.
-
-    Raise InputError if the window contains no event or no complete bin.
+    Raise InputError if the window contains no event or no complete bin, or a bin too many events.
     """
     config, events = recording.config, recording.events
     name = recording.metadata.get("name", "the recording")
@@ -105,10 +88,12 @@ def bin_recording(recording: Recording, bins: BinConfig) -> SparseCounts:
     seen = (events["t"] >= start) & (step < steps)
     if not seen.any():
         raise InputError(f"{name} has no event in the time window; record it again or choose another window")
-    channels = bins.channels(config)
-    channel = bins.channel_of(events, config)
-    place, count = np.unique(step[seen] * channels + channel[seen], return_counts=True)
-    return SparseCounts(place // channels, place % channels, count, (steps, channels))
+    counts = np.zeros((steps, bins.channels(config)), np.int16)
+    place, number = np.unique(step[seen] * counts.shape[1] + bins.channel_of(events, config)[seen], return_counts=True)
+    if number.max() > np.iinfo(np.int16).max:
+        raise InputError(f"a time bin of {bins.bin_s:g} s holds {number.max()} events; choose a shorter one")
+    counts.ravel()[place] = number
+    return counts
 
 
 def counted_from(recording: Recording, start_s: float | None = None) -> int:

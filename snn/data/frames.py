@@ -18,7 +18,7 @@ from eskin.skin.textures.presets import Scan
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.recordings import own_readout
-from eskin.snn.data.scans import ScanData, load_recordings
+from eskin.snn.data.scans import ScanData, filled, load_recordings
 
 
 def frame_dataset(
@@ -93,14 +93,6 @@ def frames_of_recordings(folder: Path, frames: FrameSteps) -> ScanData:
     lengths = np.array([len(scan) for scan in scans], np.int64)
     rate_hz = frames.rate_hz * events.taxels
     return dataclasses.replace(events, values=filled(scans), lengths=lengths, rate_hz=rate_hz)
-
-
-def filled(scans: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Return scans as one array, shape (scans, steps, channels), with shorter scans padded with 0."""
-    values = np.zeros((len(scans), max(map(len, scans)), scans[0].shape[1]), scans[0].dtype)
-    for place, scan in zip(values, scans, strict=True):
-        place[: len(scan)] = scan
-    return values
 
 
 def codes_of(

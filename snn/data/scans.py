@@ -164,17 +164,11 @@ def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Seque
             )
         if recording.config != first:
             raise InputError(f"{name} has another readout configuration than {names[0]}; keep them apart")
-    sparse = [bin_recording(recording, bins) for recording in recordings]
-    steps = max(counts.shape[0] for counts in sparse)
-    values = np.zeros((len(sparse), steps, bins.channels(first)), np.int16)
-    for scan, counts in zip(values, sparse, strict=True):
-        if counts.number.max() > np.iinfo(np.int16).max:
-            raise InputError(f"a time bin of {bins.bin_s:g} s holds {counts.number.max()} events; choose a shorter one")
-        scan[counts.step, counts.channel] = counts.number
+    counts = [bin_recording(recording, bins) for recording in recordings]
     images = [image_of(recording) for recording in recordings]
     number = {image: index for index, image in enumerate(dict.fromkeys(images))}
     return ScanData(
-        values=values,
+        values=filled(counts),
         labels=np.array([classes.index(name) for name in found], np.int64),
         images=np.array([number[image] for image in images], np.int64),
         names=_names_of(list(number)),
@@ -182,8 +176,16 @@ def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Seque
         taxels=first.taxels,
         step_s=bins.bin_s,
         rate_hz=float(np.mean([counted_rate_hz(recording, bins.start_s) for recording in recordings])),
-        lengths=np.array([counts.shape[0] for counts in sparse], np.int64),
+        lengths=np.array([len(one) for one in counts], np.int64),
     )
+
+
+def filled(scans: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Return scans as one array, shape (scans, steps, channels), with shorter scans padded with 0."""
+    values = np.zeros((len(scans), max(map(len, scans)), scans[0].shape[1]), scans[0].dtype)
+    for place, scan in zip(values, scans, strict=True):
+        place[: len(scan)] = scan
+    return values
 
 
 def _names_of(images: list[tuple[str, str, str]]) -> tuple[str, ...]:

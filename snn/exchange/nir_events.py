@@ -52,7 +52,7 @@ def to_nir_data(recording: Recording) -> nir.NIRGraphData:
 
 def to_nir_grid(recording: Recording, bins: BinConfig) -> nir.NIRGraphData:
     """Return the event counts per time bin of a recording as NIRData (float32)."""
-    counts = bin_recording(recording, bins).dense().astype(np.float32)
+    counts = bin_recording(recording, bins).astype(np.float32)
     return nir.NIRGraphData({INPUT: nir.NIRNodeData({OBSERVABLE: nir.TimeGriddedData(counts[None], bins.bin_s)})})
 
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from eskin.base.errors import InputError
 from eskin.base.files import plain, read_json
+from eskin.base.shapes import misfit
 from eskin.snn.data.folds import inner_part, tested
 from eskin.snn.data.scans import ScanData, Split
 from eskin.snn.experiments.experiment import Experiment
@@ -111,26 +112,20 @@ def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[st
     return result
 
 
+_LISTS = ("test_images", "labels", "last", "selected")
+_CELL = {"experiment": dict, "result": {"fold": int, "seed": int, **{name: [int] for name in _LISTS}}}
+"""Fields of a result file that ``summarise`` needs."""
+
+
 def read_cell(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return key and result from a result file of one fold and seed; raise an error for other files."""
     try:
         content = read_json(path, "the cell", dict)
-        experiment, result = content["experiment"], content["result"]
-    except (InputError, KeyError):
-        raise InputError(f"{path} is not the result of a training; remove it") from None
-    if not (isinstance(experiment, dict) and isinstance(result, dict) and _is_result(result)):
+    except InputError:
+        content = {}
+    if misfit(content, _CELL) or len({len(content["result"][name]) for name in _LISTS}) > 1:
         raise InputError(f"{path} is not the result of a training; remove it")
-    return experiment, result
-
-
-def _is_result(result: dict[str, Any]) -> bool:
-    """Return True if a result has the fields that ``summarise`` needs: images, classes and predictions."""
-    lists = [result.get(name) for name in ("test_images", "labels", "last", "selected")]
-    if not all(isinstance(found, list) and all(type(n) is int and n >= 0 for n in found) for found in lists):
-        return False
-    return len({len(found) for found in lists if found}) == 1 and all(
-        type(result.get(name)) is int for name in ("fold", "seed")
-    )
+    return content["experiment"], content["result"]
 
 
 def check_same(path: Path, found: dict[str, Any], key: dict[str, Any]) -> None:

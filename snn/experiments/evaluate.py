@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 from collections.abc import Sequence
@@ -27,7 +28,7 @@ from eskin.snn.data.record import Tick
 from eskin.snn.data.recordings import class_of
 from eskin.snn.data.scans import ScanData, collect
 from eskin.snn.exchange.weights import config_of, load_weights
-from eskin.snn.experiments.trained import OTHER, TEST, TRAINING, Places, Trained, result_beside
+from eskin.snn.experiments.trained import OTHER, TEST, TRAINING, Trained, result_beside
 from eskin.snn.train import check_fits, logits_of, predicted_classes
 
 LEVELS = ("events", "tensors", "logits", "predictions")
@@ -96,7 +97,8 @@ def check_model(
     data: ScanData,
     logits: NDArray[np.float32],
     trained: Trained,
-    places: Places | None = None,
+    dataset: str | None = None,
+    folder: Path | None = None,
     progress: Tick | None = None,
 ) -> Check:
     """Compare every RTL recording with the model: events, counts, logits and prediction.
@@ -104,12 +106,12 @@ def check_model(
     Raise InputError if a recording does not name its scan, or its texture is missing.
 
     - ``recordings``, ``data``, ``logits``: recordings, and the results of ``bin_recordings`` and ``logits_of``.
-    - ``places``: locations of textures or recordings.
+    - ``dataset``, ``folder``: places of the textures, if another than in the training, and of own recordings.
     - ``progress``: called after each comparison.
     """
     compared = [number for number, recording in enumerate(recordings) if recording.metadata.get("source") == "rtl"]
     check = Check(compared, 0, {level: [] for level in LEVELS}, logits)
-    sources = _Sources(places or Places())
+    sources = _Sources(dataset, folder)
     values, classes = data.values.copy(), data.class_names
     for number in compared:
         rtl = recordings[number]
@@ -182,7 +184,8 @@ def _as_long(rtl: Recording, samples: NDArray[np.int32]) -> Recording:
 class _Sources:
     """Cache of opened input textures and recordings."""
 
-    places: Places
+    dataset: str | None
+    folder: Path | None
     textures: dict[str, dict[str, Texture]] = field(default_factory=dict)
     sets: dict[str, RecordingSet] = field(default_factory=dict)
 
@@ -192,7 +195,7 @@ class _Sources:
         if own is None:
             texture = self._texture(rtl.metadata["name"], rtl.metadata.get("dataset"))
             return model_recording(rtl, texture), texture.class_name
-        name, place = rtl.metadata["name"], self.places.data
+        name, place = rtl.metadata["name"], self.folder
         if place is None:
             raise InputError(f"{name} is one of your own recordings; name the folder of its samples with --data")
         key = json.dumps(own.to_dict(), sort_keys=True)
@@ -209,7 +212,7 @@ class _Sources:
         if not isinstance(dataset_name, str):
             raise InputError(f"{name} has no dataset name; play it again")
         if dataset_name not in self.textures:
-            dataset = open_dataset(self.places.dataset or (EMBEDDED if dataset_name == EMBEDDED else None))
+            dataset = open_dataset(self.dataset or (EMBEDDED if dataset_name == EMBEDDED else None))
             if dataset.name != dataset_name:
                 raise InputError(
                     f"{name} is a scan of dataset {dataset_name}, not of {dataset.name}; name its folder with --dataset"
@@ -223,12 +226,9 @@ class _Sources:
 def _counts(expected: Recording, bins: BinConfig, data: ScanData) -> NDArray[Any]:
     """Return the counts of the model's recording in the shape of ``data``; None without events."""
     values = np.zeros_like(data.values[0])
-    try:
-        counts = bin_recording(expected, bins)
-    except InputError:  # no event in the window, but the RTL recording had events
-        return values
-    inside = counts.step < data.steps
-    values[counts.step[inside], counts.channel[inside]] = counts.number[inside]
+    with contextlib.suppress(InputError):  # no event in the window, but the RTL recording had events
+        counts = bin_recording(expected, bins)[: data.steps]
+        values[: len(counts)] = counts
     return values
 
 

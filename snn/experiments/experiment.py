@@ -156,8 +156,7 @@ class Experiment:
                 return disturbed_dataset(textures, scan, config, self.bins, self.disturbed, progress)
             if self.frames is not None:
                 return frame_dataset(textures, scan, config, self.frames, rows, progress)
-            more = (self.variant,) if self.variant else ()
-            return record_dataset(textures, scan, config, self.bins, rows, progress, *more)
+            return record_dataset(textures, scan, config, self.bins, rows, progress, self.variant)
 
         key = key_of(textures, scan, config, self.frames or self.bins, rows)
         key += f"-disturbed-{self.disturbed}" if self.disturbed else ""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -54,19 +53,3 @@ def scored(correct: NDArray[np.float64]) -> dict[str, Any]:
         "bootstrap_95": bootstrap(correct),
         "images": images,
     }
-
-
-def right_by_image(cells: Sequence[dict[str, Any]]) -> NDArray[np.float64]:
-    """Return the correctness of the predictions of several trainings, shape (images, seeds).
-
-    NaN stands for an image that no training of a seed was tested with.
-
-    - ``cells``: dictionaries with ``seed``, and a value for each image in ``images``, ``labels`` and ``predicted``.
-    """
-    images = np.unique(np.concatenate([cell["images"] for cell in cells]))
-    seeds = sorted({cell["seed"] for cell in cells})
-    right = np.full((len(images), len(seeds)), np.nan)
-    for cell in cells:
-        rows = np.searchsorted(images, cell["images"])
-        right[rows, seeds.index(cell["seed"])] = np.equal(cell["predicted"], cell["labels"])
-    return right

@@ -24,7 +24,8 @@ from eskin.snn.data.disturb import DISTURBANCES, check_strength, record_disturbe
 from eskin.snn.data.scans import ScanData, collect
 from eskin.snn.exchange.weights import Weights, config_of, load_weights
 from eskin.snn.experiments.experiment import Experiment
-from eskin.snn.experiments.intervals import right_by_image, scored
+from eskin.snn.experiments.intervals import scored
+from eskin.snn.experiments.points import as_word
 from eskin.snn.experiments.trained import read_result
 
 CLEAN = "clean"
@@ -107,6 +108,50 @@ def kept_cell(subject: Subject, path: Path, key: dict[str, Any], make: Callable[
     return cell
 
 
+Cells = Sequence[dict[str, Any]]
+"""Answers of trainings: ``network``, ``fold``, ``seed``, ``images``; ``labels`` and ``predicted`` of each image."""
+
+
+def by_case(cells: Cells, *names: str) -> list[tuple[dict[str, Any], list[dict[str, Any]]]]:
+    """Return each combination of values of some fields, with its cells."""
+    found: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
+    for cell in cells:
+        found.setdefault(tuple(cell[name] for name in names), []).append(cell)
+    return [(dict(zip(names, values, strict=True)), parts) for values, parts in found.items()]
+
+
+def right_by_image(cells: Cells) -> NDArray[np.float64]:
+    """Return the correctness of predictions, shape (images, seeds); NaN where no training of a seed had the image."""
+    images = np.unique(np.concatenate([cell["images"] for cell in cells]))
+    seeds = sorted({cell["seed"] for cell in cells})
+    right = np.full((len(images), len(seeds)), np.nan)
+    for cell in cells:
+        rows = np.searchsorted(images, cell["images"])
+        right[rows, seeds.index(cell["seed"])] = np.equal(cell["predicted"], cell["labels"])
+    return right
+
+
+def score_of(cells: Cells) -> dict[str, Any]:
+    """Return accuracy and intervals, and the folds and seeds.
+
+    If a seed lacks images, an image counts with the mean over its seeds.
+    """
+    right = right_by_image(cells)
+    return {
+        **scored(np.nanmean(right, 1, keepdims=True) if np.isnan(right).any() else right),
+        **{f"{name}s": sorted({cell[name] for cell in cells}) for name in ("fold", "seed")},
+    }
+
+
+def in_words(cells: Cells) -> list[dict[str, Any]]:
+    """Return answers with a digit for each image (``as_word``), by fold and seed."""
+    return [
+        {name: cell[name] for name in ("fold", "seed", "images")}
+        | {name: as_word(cell[name]) for name in ("labels", "predicted")}
+        for cell in sorted(cells, key=lambda cell: (cell["fold"], cell["seed"]))
+    ]
+
+
 def cases(names: Sequence[str]) -> list[Case]:
     """Return the clean case, and all strengths of the named disturbances.
 
@@ -144,10 +189,7 @@ def disturbed_scans(experiment: Experiment, images: NDArray[np.int64], case: Cas
 
 
 def run_cells(
-    subjects: Sequence[Subject],
-    chosen: Sequence[Case],
-    out: Path,
-    progress: Callable[[], object] = lambda: None,
+    subjects: Sequence[Subject], chosen: Sequence[Case], out: Path, progress: Callable[[], object]
 ) -> list[dict[str, Any]]:
     """Return the test results of all networks in all cases; results stored in ``out`` are reused.
 
@@ -179,27 +221,13 @@ def _test(subject: Subject, case: Case, scans: dict[str, ScanData]) -> dict[str,
     }
 
 
-def summarise(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def summarise(cells: Cells) -> list[dict[str, Any]]:
     """Return accuracy, intervals and predictions for every network, disturbance and strength."""
-    points: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
-    for cell in cells:
-        points.setdefault((cell["network"], cell["disturbance"], cell["strength"]), []).append(cell)
     found = []
-    for (network, name, strength), parts in points.items():
-        right = right_by_image(parts)
-        found.append(
-            {
-                "network": network,
-                "disturbance": name,
-                "strength": strength,
-                **scored(np.nanmean(right, 1, keepdims=True) if np.isnan(right).any() else right),
-                "folds": sorted({cell["fold"] for cell in parts}),
-                "seeds": sorted({cell["seed"] for cell in parts}),
-                "rate_hz": float(np.average([c["rate_hz"] for c in parts], weights=[len(c["images"]) for c in parts])),
-                "answers": [
-                    {key: cell[key] for key in ("fold", "seed", "images", "labels", "predicted")}
-                    for cell in sorted(parts, key=lambda cell: (cell["fold"], cell["seed"]))
-                ],
-            }
-        )
+    for case, parts in by_case(cells, "network", "disturbance", "strength"):
+        parts.sort(key=lambda cell: (cell["fold"], cell["seed"]))
+        rates_hz, sizes = [cell["rate_hz"] for cell in parts], [len(cell["images"]) for cell in parts]
+        answers = [{name: cell[name] for name in ("fold", "seed", "images", "labels", "predicted")} for cell in parts]
+        rate_hz = float(np.average(rates_hz, weights=sizes))
+        found.append(case | score_of(parts) | {"rate_hz": rate_hz, "answers": answers})
     return found

@@ -71,38 +71,23 @@ def train_fold(
 ) -> tuple[Training, dict[str, Any]]:
     """Train a network on a fold, and write ``result.json`` and ``weights.npz``.
 
-    Parameters
-    ----------
-    experiment : Experiment
-        Its grid is not used.
-    seed : int
-        Seed of weights, order and augmentation.
-    out : Path
-        Folder of checkpoint, result and weights.
-    checkpoint_every : int
-        Epochs between checkpoints.
-    device : str
-        Device name of torch.
-    watch_test : bool
-        Note the test accuracy of every epoch too; it selects nothing.
-    progress : callable, optional
-        Called after each epoch.
+    Return the trained network with its history, and the content of ``result.json``.
 
-    Returns
-    -------
-    (Training, dict)
-        The trained network with its history, and the content of ``result.json``.
+    - ``experiment``: its grid is not used.
+    - ``seed``: seed of weights, order and augmentation.
+    - ``out``: folder of checkpoint, result and weights; ``checkpoint_every`` epochs there is a checkpoint.
+    - ``device``: device name of torch.
+    - ``watch_test``: also note the test accuracy of every epoch, which selects nothing.
+    - ``progress``: called after each epoch.
     """
     data, labels = fold.data, fold.data.image_labels[fold.test]
-    split = Split(data, fold.images, fold.test if watch_test else None)
-    checkpoint = Checkpoint(out / "checkpoint.pt", checkpoint_every)
     training = train(
-        split,
+        Split(data, fold.images, fold.test if watch_test else None),
         experiment.network_config(data),
         experiment.train,
         seed,
         progress=progress,
-        checkpoint=checkpoint,
+        checkpoint=Checkpoint(out / "checkpoint.pt", checkpoint_every),
         device=device,
     )
     predicted = predicted_classes(training.network, data, fold.test, device)

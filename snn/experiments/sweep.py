@@ -76,7 +76,9 @@ class PointRun:
         """The scans, from ``prepare`` until all cells are done."""
         self.rate_hz: float | None = None
         self.coded_bps: dict[str, float] | None = None
-        self._partial: tuple[int, dict[str, Any]] = (0, {})
+        self._whole = 0
+        self._results: dict[str, Any] = {}
+        """Number of completed seeds, and their summary."""
         self._key = point.experiment.to_dict() | {"folds": folds, "fold_seed": 0}
         self._found = {cell: read_cell(path) for cell, path in self.paths.items() if path.exists()}
         for cell, (key, _) in self._found.items():
@@ -120,18 +122,21 @@ class PointRun:
         self._conclude()
 
     def _conclude(self) -> None:
-        """Write the report and delete the scans if all trainings are finished."""
+        """Summarise the completed seeds; with all of them, write the report and delete the scans."""
+        whole = [s for s in range(self.seeds) if all((fold, s) in self.done for fold in range(self.folds))]
+        if len(whole) > self._whole:
+            cells = [self.done[fold, s] for s in whole for fold in range(self.folds)]
+            self._whole, self._results = len(whole), summarise(cells, self._images, len(self._class_names))
         if len(self.done) < len(self.paths):
             return
-        cells = [self.done[cell] for cell in self.paths]
         self.shared = None
         self.report = {
             "experiment": self._key,
             "seeds": self.seeds,
             "rate_hz": self.rate_hz,
             "class_names": self._class_names,
-            **summarise(cells, self._images, len(self._class_names)),
-            "cells": cells,
+            **self._results,
+            "cells": [self.done[cell] for cell in self.paths],
         }
         write_json(self.folder / "result.json", self.report)
 
@@ -139,13 +144,6 @@ class PointRun:
         """Return the fields for ``sweep.json``: rates, finished trainings, and accuracies over completed seeds."""
         experiment = self.point.experiment
         data_rate = None if self.rate_hz is None else self.rate_hz * experiment.bits_per_event
-        whole = [s for s in range(self.seeds) if all((fold, s) in self.done for fold in range(self.folds))]
-        found = self.report
-        if found is None and whole:
-            if self._partial[0] != len(whole):
-                cells = [self.done[fold, s] for s in whole for fold in range(self.folds)]
-                self._partial = (len(whole), summarise(cells, self._images, len(self._class_names)))
-            found = self._partial[1]
         return {
             "name": self.point.name,
             "readout": experiment.kind,
@@ -156,9 +154,9 @@ class PointRun:
             "data_rate_bps": data_rate,
             "normalised_rate": None if data_rate is None else data_rate / PUBLISHED_BPS,
             "class_names": self._class_names if self.ready else None,
-            "cells": {"done": len(self.done), "of": len(self.paths), "whole_seeds": len(whole)},
-            **{name: found[name] if found else None for name in READINGS},
-            **({"labels": found["labels"]} if found else {}),
+            "cells": {"done": len(self.done), "of": len(self.paths), "whole_seeds": self._whole},
+            **dict.fromkeys(READINGS),
+            **self._results,
             **({"coded_bps": self.coded_bps} if self.coded_bps else {}),
         }
 
@@ -311,22 +309,12 @@ def sweep(
 ) -> list[Point]:
     """Cross-validate every sweep point in a folder of its own, and write ``sweep.json``; return the summaries.
 
-    Parameters
-    ----------
-    folder : Path
-        Takes ``POINT/fold-F-seed-S.json``, ``POINT/result.json`` and ``sweep.json``, which is up to date after
-        every cell.
-    pool, progress
-        Same as for ``run_points``; ``progress`` receives the names of the points.
-    folds, seeds : int
-        Seeds are 0 .. seeds - 1.
-    command : str, optional
-        Command stored in the summary.
+    Raise InputError as ``run_points``, and if a folder contains cells of another experiment.
 
-    Raises
-    ------
-    InputError
-        Same as for ``run_points``, and if a folder contains cells of another experiment.
+    - ``folder``: takes ``POINT/fold-F-seed-S.json``, ``POINT/result.json`` and ``sweep.json``, which is up to date
+      after every cell.
+    - ``pool``, ``progress``: as for ``run_points``.
+    - ``command``: stored in ``sweep.json``.
     """
     names = [point.name for point in points]
     if twice := [name for name in names if names.count(name) > 1]:

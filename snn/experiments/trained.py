@@ -30,16 +30,6 @@ TEST, TRAINING, OTHER = "test", "training", "other"
 
 
 @dataclass(frozen=True)
-class Places:
-    """Folders of the textures and recordings that were the inputs of a training or of the RTL."""
-
-    dataset: str | None = None
-    """Path of the textures, if it differs from the training."""
-    data: Path | None = None
-    """Folder of own recordings."""
-
-
-@dataclass(frozen=True)
 class TrainingResult:
     """Content of ``result.json`` written by ``eskin train``."""
 
@@ -207,12 +197,9 @@ def accuracies_on_test(
 def said_of_training(path: Path, weights: Weights) -> dict[str, Any]:
     """Return a dictionary about the training for files made from its weights; empty without a result.
 
-    Returns
-    -------
-    dict
-        ``readout``, ``preset``, ``dataset``, ``bin_s``; ``wiring``: skin and chosen taxels, or None; ``tested``: the
-        predicted class number of every image outside
-        the training, by name; and ``recordings``: how a user's recordings were prepared.
+    The fields are ``readout``, ``preset``, ``dataset``, ``bin_s``; ``wiring``: skin and chosen taxels, or None;
+    ``tested``: the predicted class number of every image outside the training, by name; and ``recordings``: how a
+    user's recordings were prepared.
     """
     result = result_beside(path, weights)
     if result is None:

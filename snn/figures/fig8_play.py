@@ -19,7 +19,7 @@ from eskin.skin.textures.scan import Scan
 from eskin.snn.data.record import record
 from eskin.snn.data.scans import collect
 from eskin.snn.exchange.weights import Weights, load_weights
-from eskin.snn.experiments.trained import Places, TrainingResult, read_result
+from eskin.snn.experiments.trained import TrainingResult, read_result
 from eskin.snn.kernels.layer import layer
 from eskin.snn.network import SpikingNetwork, synaptic
 
@@ -28,6 +28,9 @@ MEANINGS = {"spikes": "output spikes so far", "membrane": "output membranes so f
 
 Source = tuple[Recording, NDArray[np.int32], Scan | None, NDArray[np.uint8] | None]
 """Events and codes of an image; with a texture, its scan and pixels."""
+
+Images = tuple[list[str], NDArray[np.int64], Callable[[int], Source]]
+"""Names and labels of images, and the function that returns an image by its number."""
 
 
 @torch.no_grad()
@@ -59,18 +62,25 @@ def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
     return spikes, parts.cumsum(0) * config.output_scale
 
 
-def play(weights_file: Path, result_file: Path, places: Places | None = None, image: str | None = None) -> ScanToClass:
+def play(
+    weights_file: Path,
+    result_file: Path,
+    dataset: str | None = None,
+    folder: Path | None = None,
+    image: str | None = None,
+) -> ScanToClass:
     """Return the response of a network to a scan of its dataset or to a user's recording.
 
     - ``weights_file``, ``result_file``: what ``eskin train`` wrote: the network, and the experiment that says how scans
       are made.
+    - ``dataset``, ``folder``: places of the textures, if another than in the training, and of own recordings.
     - ``image``: name of the texture or recording. By default the first image of the test fold that the result lists as
       correctly classified, else the first one.
 
     Raise InputError if the two files do not belong together, or are not of a spiking network on textures or own
     recordings.
     """
-    weights, places = load_weights(weights_file), places or Places()
+    weights = load_weights(weights_file)
     if not result_file.is_file():
         raise InputError(
             f"{result_file} does not exist, but fig8 needs the result of the training; name it with --result"
@@ -78,60 +88,21 @@ def play(weights_file: Path, result_file: Path, places: Places | None = None, im
     if not isinstance(weights.network, SpikingNetwork):
         raise InputError(f"{weights_file} holds a baseline for frames; fig8 needs a spiking network")
     result = read_result(result_file, weights_file, weights)
-    if places.data is not None:
-        return _play_own(weights, result, places.data, image)
-    experiment = result.experiment
-    if experiment.events is not None or experiment.frames is not None:
+    if folder is not None:
+        names, labels, source = _own(weights, result, folder)
+    elif result.experiment.events is None and result.experiment.frames is None:
+        names, labels, source = _textures(weights, result, dataset)
+    else:
         more = "; name the folder of your recordings with --data" if result.own else ""
         raise InputError(
             f"{result_file} is of a training on event files or frames; fig8 needs a training on textures{more}"
         )
-    scan, config = experiment.scan_and_config()
-    textures = open_dataset(places.dataset or experiment.dataset)
-    if textures.class_names != weights.class_names:
-        raise InputError(
-            f"the network knows the classes {', '.join(weights.class_names)}, the textures are "
-            f"{', '.join(textures.class_names)}; give the textures of the training with --dataset"
-        )
-
-    def source(index: int) -> Source:
-        texture = textures[index]
-        pixels = texture.load()
-        return record(texture, textures.name, scan, config), scan.samples(config, pixels)[0], scan, pixels
-
-    return _played(weights, result, [texture.name for texture in textures], textures.labels, image, source)
-
-
-def _play_own(weights: Weights, result: TrainingResult, place: Path, image: str | None) -> ScanToClass:
-    """Return the response of a network to a user's recording, prepared as in the training."""
-    if result.own is None:
-        raise InputError("the network was not trained on your own recordings; leave --data out, or train with it")
-    found = result.own.read(place)
-    names, classes = [source.name for source in found.sources], weights.class_names
-    if strange := [source for source in found.sources if source.class_name not in classes]:
-        raise InputError(f"{strange[0].path} is not in a class of the network: {', '.join(classes)}")
-    labels = np.array([classes.index(str(source.class_name)) for source in found.sources])
-    return _played(
-        weights, result, names, labels, image, lambda index: (found.recording(index)[0], found.codes[index], None, None)
-    )
-
-
-def _played(
-    weights: Weights,
-    result: TrainingResult,
-    names: list[str],
-    labels: NDArray[np.int64],
-    image: str | None,
-    source: Callable[[int], Source],
-) -> ScanToClass:
-    """Return the response of a network to the image of a name, by default to one of the test images."""
     test = result.test_images(labels)
     if image is not None and image not in names:
         raise InputError(f"there is no image {image!r}; there are {len(names)} images, from {names[0]} to {names[-1]}")
     index = result.default_image(test) if image is None else names.index(image)
     recording, codes, scan, pixels = source(index)
     network, config, bins = weights.network, recording.config, result.experiment.bins
-    assert isinstance(network, SpikingNetwork)
     spikes, grown = evidence(network, collect([recording], bins, weights.class_names).batch([0]))
     scale = network.config.output_scale
     counted_s = 0.0 if scan is None else scan.skipped_ticks(config) / config.sample_rate_hz
@@ -153,3 +124,33 @@ def _played(
         right=sum(result.right),
         tests=len(result.right),
     )
+
+
+def _textures(weights: Weights, result: TrainingResult, dataset: str | None) -> Images:
+    """Return the textures of a dataset, scanned as in the training."""
+    scan, config = result.experiment.scan_and_config()
+    textures = open_dataset(dataset or result.experiment.dataset)
+    if textures.class_names != weights.class_names:
+        raise InputError(
+            f"the network knows the classes {', '.join(weights.class_names)}, the textures are "
+            f"{', '.join(textures.class_names)}; give the textures of the training with --dataset"
+        )
+
+    def source(index: int) -> Source:
+        texture = textures[index]
+        pixels = texture.load()
+        return record(texture, textures.name, scan, config), scan.samples(config, pixels)[0], scan, pixels
+
+    return [texture.name for texture in textures], textures.labels, source
+
+
+def _own(weights: Weights, result: TrainingResult, place: Path) -> Images:
+    """Return a user's recordings, prepared as in the training."""
+    if result.own is None:
+        raise InputError("the network was not trained on your own recordings; leave --data out, or train with it")
+    found, classes = result.own.read(place), weights.class_names
+    if strange := [source for source in found.sources if source.class_name not in classes]:
+        raise InputError(f"{strange[0].path} is not in a class of the network: {', '.join(classes)}")
+    labels = np.array([classes.index(str(source.class_name)) for source in found.sources])
+    names = [source.name for source in found.sources]
+    return names, labels, lambda index: (found.recording(index)[0], found.codes[index], None, None)

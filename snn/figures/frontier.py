@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from eskin.base.figures.style import dress, legend_below, new_figure, save_figure
 from eskin.skin.figures.readouts import look
 from eskin.snn.figures.fig9 import NAMES, Data
+from eskin.snn.figures.networks import draw_accuracies
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,10 +72,7 @@ def _draw(panel: Axes, points: list[Data], field: str) -> None:
         own.sort(key=lambda point: point[field])
         if not own:
             continue
-        middle = [100 * point["accuracy"] for point in own]
-        ends = [[abs(100 * (point["interval"][end] - point["accuracy"])) for point in own] for end in (0, 1)]
-        style = look(readout)
+        style = {"color": look(readout).colour, "marker": look(readout).marker, "linestyle": "-"}
         at = [point[field] for point in own]
-        panel.errorbar(
-            at, middle, ends, color=style.colour, marker=style.marker, ms=5, lw=1, elinewidth=0.8, alpha=0.85
-        )
+        shown = [point | {"bootstrap_95": point["interval"]} for point in own]
+        draw_accuracies(panel, at, shown, style, markersize=5, linewidth=1)

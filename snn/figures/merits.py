@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from eskin.base.figures.labels import Box, Taken, on_page, place_label
 from eskin.base.figures.style import GREY, PALETTE, dress, legend_below, new_figure, plain_numbers, save_figure
 from eskin.skin.figures.readouts import FRAME, look
-from eskin.snn.figures.networks import draw_accuracies, label, network_styles
+from eskin.snn.figures.networks import draw_networks, label, network_styles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,12 +38,7 @@ def plot_merits(result: dict[str, Any], path: Path) -> None:
 
 def _curves(axis: Axes, points: list[dict[str, Any]], key: str, title: str, across: str) -> None:
     dress(axis, title, across, "accuracy (%)")
-    for network, style in network_styles(points).items():
-        own = [point for point in points if point["network"] == network]
-        x, y = [1e3 * point[key] for point in own], [100 * point["accuracy"] for point in own]
-        low, high = ([100 * point["bootstrap_95"][end] for point in own] for end in (0, 1))
-        axis.fill_between(x, low, high, color=style["color"], alpha=0.1, linewidth=0)
-        axis.plot(x, y, **style, markersize=4, label=label(network))
+    draw_networks(axis, points, lambda point: 1e3 * point[key], network_styles(points))
     axis.set_xscale("log")
     axis.set_ylim(0, 103)
     axis.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
@@ -99,10 +94,8 @@ def plot_noise_power(data: Mapping[str, Any], path: Path) -> None:
     classes = {1 + max(map(int, filter(str.isdigit, words_of)), default=-1)} - {0}
     for axis, (mode, title) in zip(axes, TITLES.items(), strict=True):
         dress(axis, f"{mode} mode: {title}", "total power (uW)")
-        for network, style in network_styles(points).items():
-            own = [point for point in points if (point["network"], point["mode"]) == (network, mode)]
-            power = [1e6 * point["power_w"]["total"] for point in own]
-            draw_accuracies(axis, power, own, style, markersize=4.5, label=label(network))
+        own = [point for point in points if point["mode"] == mode]
+        draw_networks(axis, own, lambda point: 1e6 * point["power_w"]["total"], network_styles(points))
         axis.set_xscale("log")
         plain_numbers(axis)
         axis.set_ylim(0, 104)

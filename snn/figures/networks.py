@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from eskin.base.figures.style import PALETTE
@@ -94,3 +94,15 @@ def draw_accuracies(
     middle, ends = accuracies(points)
     axis.errorbar(x, middle, ends, color=style["color"], alpha=0.25, linestyle="none", capsize=2)
     axis.plot(x, middle, **style, **line)
+
+
+def draw_networks(
+    axis: Axes,
+    points: Sequence[Mapping[str, Any]],
+    x: Callable[[Mapping[str, Any]], float],
+    styles: Mapping[str, Mapping[str, Any]],
+) -> None:
+    """Draw the accuracies of every network; ``x`` returns the place of a point."""
+    for network, style in styles.items():
+        own = [point for point in points if point["network"] == network]
+        draw_accuracies(axis, [x(point) for point in own], own, style, markersize=4, label=label(network))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from eskin.base.figures.style import dress, legend_below, new_figure, save_figure
 from eskin.snn.data.disturb import DISTURBANCES
-from eskin.snn.figures.networks import accuracies, label, network_styles
+from eskin.snn.figures.networks import accuracies, draw_networks, label, network_styles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,24 +59,19 @@ def _described(name: str) -> str:
     return DISTURBANCES[name].help + f" ({unit})" * bool(unit)
 
 
-def _of(points: Points, network: str, name: str) -> Points:
-    """Return the points of a network under one disturbance, by rising strength."""
-    own = [point for point in points if (point["network"], point["disturbance"]) == (network, name)]
-    return sorted(own, key=lambda point: float(point["strength"]))
-
-
 def _draw_curve(
     panel: Axes, name: str, strengths: Sequence[float], points: Points, styles: Mapping[str, dict[str, Any]]
 ) -> None:
     """Draw accuracy against the strength of one disturbance."""
     dress(panel)
-    for network, style in styles.items():
-        own = _of(points, network, name)
-        middle, ends = accuracies(own)
-        at = [strengths.index(point["strength"]) for point in own]
-        panel.errorbar(at, middle, ends, **style, markersize=4, capsize=2, label=label(network))
-        for point in _of(points, network, "clean"):
-            panel.axhline(100 * point["accuracy"], color=style["color"], linestyle=":", linewidth=1)
+    own = sorted(
+        (point for point in points if point["disturbance"] == name), key=lambda point: float(point["strength"])
+    )
+    draw_networks(panel, own, lambda point: strengths.index(point["strength"]), styles)
+    for point in points:
+        if point["disturbance"] == "clean":
+            colour = styles[point["network"]]["color"]
+            panel.axhline(100 * point["accuracy"], color=colour, linestyle=":", linewidth=1)
     panel.set_xticks(range(len(strengths)), [f"{strength:g}" for strength in strengths])
     panel.set_xlabel(_described(name), fontsize=8)
     panel.set_ylim(0, 103)
@@ -86,7 +81,7 @@ def _draw_rows(panel: Axes, names: Sequence[str], points: Points, styles: Mappin
     """Draw the accuracy under disturbances that have a single strength."""
     dress(panel, "disturbances at one strength", "accuracy (%)")
     for number, (network, style) in enumerate(styles.items()):
-        own = [point for name in names for point in _of(points, network, name)]
+        own = [point for point in points if point["network"] == network and point["disturbance"] in names]
         middle, ends = accuracies(own)
         move = 0.3 * (number / max(len(styles) - 1, 1) - 0.5)
         at = [names.index(point["disturbance"]) + move for point in own]

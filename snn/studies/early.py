@@ -14,12 +14,7 @@ from numpy.typing import NDArray
 
 from eskin.snn.data.scans import ScanData
 from eskin.snn.experiments.experiment import Experiment
-from eskin.snn.experiments.intervals import bootstrap
-from eskin.snn.experiments.pairs import right_of
-from eskin.snn.experiments.points import as_word
-from eskin.snn.experiments.robustness import Subject
-
-Cells = list[dict[str, Any]]
+from eskin.snn.experiments.robustness import Cells, Subject, by_case, in_words, score_of
 
 PARTS = 20
 """Number of answers during a scan, evenly spread; the last answer uses the whole scan."""
@@ -31,11 +26,8 @@ WANTED = 0.97
 def course_of(network: Any, data: ScanData, images: NDArray[np.int64], device: str) -> dict[str, Any]:
     """Return the answers of a network at ``PARTS`` times of the first scan of images.
 
-    Returns
-    -------
-    dict
-        ``times_s``: seconds from the first step, shape (PARTS,). ``answers``: classes, shape (PARTS, images).
-        ``margin``: largest logit minus the next one, same shape, rounded to two digits.
+    ``times_s``: seconds from the first step, shape (PARTS,). ``answers``: classes, shape (PARTS, images). ``margin``:
+    largest logit minus the next one, same shape, rounded to two digits.
     """
     scans = data.first_scans(images)
     steps = [max(1, round(data.steps * part / PARTS)) for part in range(1, PARTS + 1)]
@@ -63,16 +55,11 @@ def latency_of(cells: Cells, inner: Cells) -> dict[str, Any]:
     The network answers as soon as the margin of its answer reaches a threshold, at the latest at the end of the scan.
     The threshold is the one with the earliest answers in inner validation whose accuracy there is at least ``WANTED``.
 
-    Parameters
-    ----------
-    cells, inner
-        Trainings with test images, and with inner validation images alone; all with the fields of ``course``.
+    ``times_s``, ``accuracy``: shape (PARTS,). ``early``: threshold, mean time and accuracy of the early answers, or
+    None if no threshold reaches ``WANTED`` in inner validation.
 
-    Returns
-    -------
-    dict
-        ``times_s``, ``accuracy``: shape (PARTS,). ``early``: threshold, mean time and accuracy of the early answers,
-        or None if no threshold reaches ``WANTED`` in inner validation.
+    - ``cells``, ``inner``: trainings with test images, and with inner validation images alone, with the fields of
+      ``course``.
     """
     times_s = np.array(cells[0]["times_s"])
     right, margin = _judged(inner)
@@ -106,26 +93,33 @@ def _answered(
     return first, float(np.take_along_axis(right, first[None], 0).mean())
 
 
-def latency_points(subjects: Sequence[Subject], times_s: Sequence[float], tick: Callable[[], object]) -> Cells:
+def latency_points(
+    subjects: Sequence[Subject], times_s: Sequence[float], tick: Callable[[], object]
+) -> list[dict[str, Any]]:
     """Return accuracy and predictions of every network at given times after the start of the scan.
 
     A network has seen the steps that are whole by then; before the first it has no answer, which is wrong.
     """
-    found: dict[tuple[str, float], list[dict[str, Any]]] = {}
+    answers = []
     for subject in subjects:
         data = subject.experiment.data()
         scans = data.scans_of(subject.images, first_row_only=True)
         begin_s = begin_of(subject.experiment)
-        labels = as_word(data.labels[scans])
+        about = {name: getattr(subject, name) for name in ("network", "fold", "seed")}
+        about |= {"images": data.images[scans].tolist(), "labels": data.labels[scans]}
         for time_s in times_s:
             steps = int((time_s - begin_s) / data.step_s + 1e-9)
-            predicted = "." * len(scans)
+            predicted = np.full(len(scans), -1)
             if steps > 0:
-                predicted = as_word(_logits_after(steps, subject.weights.network, data, scans).argmax(1))
-            answer = {"fold": subject.fold, "seed": subject.seed, "images": data.images[scans].tolist()}
-            found.setdefault((subject.network, time_s), []).append(answer | {"labels": labels, "predicted": predicted})
+                predicted = _logits_after(steps, subject.weights.network, data, scans).argmax(1)
+            answers.append(about | {"time_s": time_s, "predicted": predicted})
             tick()
-    return [_point(network, time_s, answers) for (network, time_s), answers in found.items()]
+    found = []
+    for case, parts in by_case(answers, "network", "time_s"):
+        score = score_of(parts)
+        kept = {name: score[name] for name in ("accuracy", "bootstrap_95", "images")}
+        found.append(case | kept | {"answers": in_words(parts)})
+    return found
 
 
 def begin_of(experiment: Experiment) -> float:
@@ -136,17 +130,3 @@ def begin_of(experiment: Experiment) -> float:
         return experiment.bins.start_s
     scan, config = experiment.scan_and_config()
     return scan.skipped_ticks(config) / config.sample_rate_hz
-
-
-def _point(network: str, time_s: float, answers: Cells) -> dict[str, Any]:
-    in_order = sorted(answers, key=lambda one: (one["fold"], one["seed"]))
-    labels, predicted = ("".join(one[name] for one in in_order) for name in ("labels", "predicted"))
-    right = right_of(labels, [predicted]).astype(float)
-    return {
-        "network": network,
-        "time_s": time_s,
-        "accuracy": float(right.mean()),
-        "bootstrap_95": bootstrap(right.T),
-        "images": right.size,
-        "answers": answers,
-    }

@@ -249,14 +249,9 @@ def frame_candidates(preset: str, network: str, bits_per_s: float) -> list[Point
 class Frontier:
     """Results of all trainings, stored in a file so that a stopped run can continue.
 
-    Parameters
-    ----------
-    out : Path
-        File of the whole result.
-    dataset : str, optional
-        As for ``open_dataset``.
-    device : str
-        Device name of torch. A GPU trains the convolutional networks of a point together.
+    - ``out``: file of the whole result.
+    - ``dataset``: as for ``open_dataset``.
+    - ``device``: device name of torch. A GPU trains the convolutional networks of a point together.
     """
 
     def __init__(self, out: Path, dataset: str | None = None, device: str = "cpu") -> None:
@@ -332,9 +327,13 @@ class Frontier:
         }
 
     def chosen(self, points: Sequence[Point], step: Step) -> tuple[Point, list[dict[str, Any]]]:
-        """Return the point that is best in inner validation, and the inner validation of all."""
+        """Return the point that is best in inner validation, and the inner validation of all.
+
+        Among equals the point with the lowest data rate is best.
+        """
         found = [self.inner(point, INNER, step) for point in points]
-        return points[best_of(found)], found
+        best = max(range(len(found)), key=lambda n: (found[n]["accuracy"], -found[n]["bits_per_s"]))
+        return points[best], found
 
     def point(self, point: Point, seeds: int, step: Step) -> dict[str, Any]:
         """Return a point with its accuracy over all folds and a number of seeds."""
@@ -353,11 +352,6 @@ class Frontier:
         if timed and judged:
             more["latency"] = latency_of(timed, judged)
         return _named(point, point.experiment(self._dataset)) | rates | more | _result(labels, words)
-
-
-def best_of(validated: Sequence[dict[str, Any]]) -> int:
-    """Return the index of the best inner validation; among equals the one with the lowest data rate."""
-    return max(range(len(validated)), key=lambda n: (validated[n]["accuracy"], -validated[n]["bits_per_s"]))
 
 
 def measured(run: Frontier, step: Step) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:

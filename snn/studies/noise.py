@@ -29,9 +29,7 @@ from eskin.snn.data.record import recorded, said_of
 from eskin.snn.data.scans import ScanData, collect
 from eskin.snn.exchange.weights import config_of
 from eskin.snn.experiments.experiment import Experiment
-from eskin.snn.experiments.intervals import scored
-from eskin.snn.experiments.points import as_word
-from eskin.snn.experiments.robustness import Subject, kept_cell
+from eskin.snn.experiments.robustness import Cells, Subject, by_case, in_words, kept_cell, score_of
 
 Mode = Literal["paper", "consistent"]
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -139,39 +137,24 @@ def _cell(subject: Subject, noises_v: Sequence[float], progress: Callable[[], ob
     return {"labels": data[0][0].labels.tolist(), "answers": answers}
 
 
-def points_of(subjects: Sequence[Subject], cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def points_of(subjects: Sequence[Subject], cells: Cells) -> list[dict[str, Any]]:
     """Return accuracy, intervals, rates and power for every network, mode and noise level."""
+    experiments = {subject.network: subject.experiment for subject in subjects}
     found = []
-    for network in dict.fromkeys(subject.network for subject in subjects):
-        own = [(subject, cell) for subject, cell in zip(subjects, cells, strict=True) if subject.network == network]
-        for number, first in enumerate(own[0][1]["answers"]):
-            right = np.concatenate(
-                [np.equal(cell["answers"][number]["predicted"], cell["labels"]) for _, cell in own]
-            ).astype(float)
-            means = {
-                name: float(np.mean([cell["answers"][number][name] for _, cell in own]))
-                for name in ("population_hz", "square_sum_hz2")
+    for case, parts in by_case([cell | one for cell in cells for one in cell["answers"]], "network", "mode", "noise_v"):
+        means = {name: float(np.mean([cell[name] for cell in parts])) for name in ("population_hz", "square_sum_hz2")}
+        experiment = experiments[case["network"]]
+        found.append(
+            {
+                **case,
+                "readout": experiment.kind,
+                **score_of(parts),
+                "rate_hz": means["population_hz"],
+                "data_rate_bps": means["population_hz"] * experiment.bits_per_event,
+                "power_w": power_of(experiment, case["mode"], case["noise_v"], Rates(**means)),
+                "answers": in_words(parts),
             }
-            experiment = own[0][0].experiment
-            found.append(
-                {
-                    "network": network,
-                    "readout": experiment.kind,
-                    "mode": first["mode"],
-                    "noise_v": first["noise_v"],
-                    **scored(right[:, None]),
-                    "folds": sorted({cell["fold"] for _, cell in own}),
-                    "rate_hz": means["population_hz"],
-                    "data_rate_bps": means["population_hz"] * experiment.bits_per_event,
-                    "power_w": power_of(experiment, first["mode"], first["noise_v"], Rates(**means)),
-                    "answers": [
-                        {name: cell[name] for name in ("fold", "seed", "images")}
-                        | {"labels": as_word(cell["labels"])}
-                        | {"predicted": as_word(cell["answers"][number]["predicted"])}
-                        for _, cell in own
-                    ],
-                }
-            )
+        )
     return found
 
 

@@ -20,12 +20,15 @@ from eskin.base.errors import InputError
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.snn.exchange.integer import Precision, quantise
 from eskin.snn.exchange.weights import Weights
-from eskin.snn.experiments.intervals import right_by_image, scored, wilson
+from eskin.snn.experiments.intervals import scored, wilson
 from eskin.snn.experiments.points import as_word
-from eskin.snn.experiments.robustness import Subject, kept_cell
+from eskin.snn.experiments.robustness import Cells, Subject, by_case, kept_cell, right_by_image
 
 FLOAT = "float"
 """Name of the float network among the variants."""
+
+COSTS = ("memory_bits", "membrane_bits", "threshold", "operations_hz")
+"""Fields of an integer network in the result."""
 
 _VARIANT = re.compile(r"([2-8])(?::t(\d+))?(?::m(\d+))?")
 
@@ -101,51 +104,47 @@ def _operations_hz(made: IntegerNetwork, counts: NDArray[Any], rate: float, bin_
     return float(made.config.additions(events, rate * made.config.hidden, 1) / bin_s)
 
 
-def points_of(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def points_of(cells: Cells) -> list[dict[str, Any]]:
     """Return accuracy, intervals, cost and predictions for every network and precision.
 
     ``within`` is the part of the images that have the answer of the float network; ``predicted`` has a word for each
-    of the ``tests_of`` the network.
+    of the ``tests_of`` the network. Only images that were tested with every seed count.
     """
+    answers = [
+        cell | one | {"variant": variant, "float": cell["answers"][FLOAT]["predicted"]}
+        for cell in cells
+        for variant, one in cell["answers"].items()
+    ]
     found = []
-    for network in dict.fromkeys(cell["network"] for cell in cells):
-        own = [cell for cell in cells if cell["network"] == network]
-        for variant in own[0]["answers"]:
-            right = _right(own, variant)
-            same = [np.equal(c["answers"][variant]["predicted"], c["answers"][FLOAT]["predicted"]) for c in own]
-            takes = [{k: v for k, v in c["answers"][variant].items() if k != "predicted"} for c in own]
-            found.append(
-                {
-                    "network": network,
-                    "hidden": own[0]["hidden"],
-                    "variant": variant,
-                    **scored(right),
-                    "within": float(np.concatenate(same).mean()),
-                    "seeds": right.shape[1],
-                    **{name: max(one[name] for one in takes) for name in takes[0]},
-                    "predicted": [as_word(cell["answers"][variant]["predicted"]) for cell in own],
-                }
-            )
+    for case, parts in by_case(answers, "network", "variant"):
+        right = right_by_image(parts)
+        right = right[~np.isnan(right).any(1)]
+        if not len(right):
+            raise InputError(f"the seeds of {case['network']} have no common test image; train complete folds")
+        same = np.concatenate([np.equal(cell["predicted"], cell["float"]) for cell in parts])
+        found.append(
+            {
+                **case,
+                "hidden": parts[0]["hidden"],
+                **scored(right),
+                "within": float(same.mean()),
+                "seeds": right.shape[1],
+                **{name: max(cell[name] for cell in parts) for name in COSTS if name in parts[0]},
+                "predicted": [as_word(cell["predicted"]) for cell in parts],
+            }
+        )
     return found
 
 
-def tests_of(cells: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+def tests_of(cells: Cells) -> dict[str, list[dict[str, Any]]]:
     """Return the test images of each network's trainings, by network."""
-    found: dict[str, list[dict[str, Any]]] = {}
-    for cell in cells:
-        about = {name: cell[name] for name in ("fold", "seed", "images")}
-        found.setdefault(cell["network"], []).append(about | {"labels": as_word(cell["labels"])})
-    return found
-
-
-def _right(cells: Sequence[dict[str, Any]], variant: str) -> NDArray[np.float64]:
-    """Return whether each prediction is correct, shape (images, seeds), for images tested with every seed."""
-    answers = [cell | {"predicted": cell["answers"][variant]["predicted"]} for cell in cells]
-    right = right_by_image(answers)
-    right = right[~np.isnan(right).any(1)]
-    if not len(right):
-        raise InputError(f"the seeds of {cells[0]['network']} have no common test image; train complete folds")
-    return right
+    return {
+        case["network"]: [
+            {name: cell[name] for name in ("fold", "seed", "images")} | {"labels": as_word(cell["labels"])}
+            for cell in parts
+        ]
+        for case, parts in by_case(cells, "network")
+    }
 
 
 def random_events(scans: int, bins: int, inputs: int, most: float, seed: int) -> NDArray[np.uint8]:

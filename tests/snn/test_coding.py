@@ -1,17 +1,22 @@
-"""Test the compressed data rates: the compressed streams can be decoded."""
+"""Test data rates after compression, and the comparison of event counts."""
 
 from __future__ import annotations
 
-import lzma
+import json
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from eskin.model.address_events import make_events
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
 from eskin.model.events.recording import Recording
+from eskin.skin.textures.dataset import embedded_dataset
 from eskin.snn.data.coding import coded_bits, coded_events, coded_frames
 from eskin.snn.data.frame_steps import FrameSteps
+from eskin.snn.data.scans import ScanData, empty_bins, likeness
 from eskin.snn.experiments import sweep
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.sweep import coded_bps
@@ -23,14 +28,6 @@ def test_noise_stays_as_large_as_it_is_and_a_constant_costs_nothing() -> None:
     assert coded_bits(np.zeros(50_000, np.uint16)) < 1000
     wide = noise.astype(np.uint32)
     assert coded_bits(wide) < 1.02 * coded_bits(noise), "the planes of high bytes are zeros"
-
-
-def test_the_size_is_that_of_a_stream_which_decodes_to_the_words() -> None:
-    words = (np.arange(40_000) // 7 % 97).astype(np.uint8)
-    filters = [{"id": lzma.FILTER_LZMA2, "preset": 9}]
-    stream = lzma.compress(words.tobytes(), lzma.FORMAT_RAW, filters=filters)
-    assert lzma.decompress(stream, lzma.FORMAT_RAW, filters=filters) == words.tobytes()
-    assert coded_bits(words) <= 8 * len(stream)
 
 
 def test_every_event_and_its_time_are_in_the_bits() -> None:
@@ -78,3 +75,39 @@ def test_a_readout_has_coded_rates_below_its_own() -> None:
     frames = coded_bps(Experiment(dataset="embedded", readout=readout, frames=FrameSteps.parse("frame:250:8", 0.004)))
     assert 0 < frames["differences"] < 250 * 4 * 8
     assert 0 < frames["samples"] < 250 * 4 * 8
+
+
+ENCODERS = ", ".join(registry.NAMES)
+
+
+def scans(values: list[list[int]]) -> ScanData:
+    found = np.array([values], np.int16)
+    one = np.zeros(1, np.int64)
+    return ScanData(found, one, one, ("a",), ("c",), 2, 0.004, 1.0)
+
+
+def test_likeness_by_hand() -> None:
+    nlcs = scans([[0, 1], [2, 0], [0, 3], [9, 9]])
+    lcs = scans([[0, 1, 0, 1], [1, 0, 3, 0], [0, 6, 0, 0]])  # ON of both taxels, then OFF; a bin shorter
+    assert empty_bins(lcs) == pytest.approx(7 / 12)
+    assert likeness(nlcs, lcs) == {"correlation": pytest.approx(1.0), "ratio": 2.0}
+    assert likeness(nlcs, scans([[1, 0], [0, 2], [3, 0]]))["correlation"] < 0
+
+
+def test_the_command_writes_what_it_prints(call: Any, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eskin.snn.experiments.experiment.open_dataset", lambda _: embedded_dataset().limit(4))
+    code, output, error = call("counts --preset physical --dataset embedded --points lcs:2,lcs:3,nlcs:4 --out c.json")
+    assert code == 0, error
+    found = json.loads((folder / "c.json").read_text())
+    assert found["command"].startswith("eskin counts --points lcs:2,lcs:3,nlcs:4")
+    assert found.keys() >= {"commit", "date"}
+    assert found["empty"]["lcs:3"] < found["empty"]["lcs:2"]
+    (one,) = found["pairs"]  # encoders are not mixed
+    assert found["empty"]["nlcs:4"] > 0
+    assert 0.5 < one["correlation"] < 1
+    said = f"correlation of the counts {one['correlation']:.4f}, ratio {one['ratio']:.2f}"
+    assert f"lcs:2 and lcs:3: {said}" in output
+
+
+def test_frames_have_no_events_to_count(refuses: Any) -> None:
+    refuses(f"error: --points takes event encoders ({ENCODERS}), not frame\n", "counts --points frame:250:8")

@@ -34,7 +34,8 @@ from eskin.snn.figures.confusion import draw_confusion
 from eskin.snn.figures.fig8_play import evidence, play
 from eskin.snn.network import build
 from eskin.snn.network_config import NetworkConfig
-from tests.snn.helpers import some_weights
+from eskin.snn.train import predicted_classes
+from tests.snn.helpers import some_weights, two_textures
 
 
 def kept(sweep: str, wanted: str, **fields: Any) -> dict[str, Any]:
@@ -417,12 +418,8 @@ def test_the_default_of_fig8_is_right_and_says_how_many_are(call: Any, refuses: 
     result = json.loads(file.read_text())
     textures = open_dataset("embedded")
     test = stratified_folds(textures.labels, 6)[1]
-    network = load_weights(folder / "train" / "weights.npz").network.eval()
-    predicted = []
-    for index in test:
-        recording = record(textures[int(index)], "embedded", EXPERIMENT.scan_and_config()[0], EXPERIMENT.readout)
-        logits = network(collect([recording], EXPERIMENT.bins, textures.class_names).batch([0])).logits
-        predicted.append(int(logits.argmax()))
+    network = load_weights(folder / "train" / "weights.npz").network
+    predicted = predicted_classes(network, EXPERIMENT.data(), test).tolist()
     right = [a == b for a, b in zip(predicted, result["labels"], strict=True)]
     assert not right[0]
     assert any(right)
@@ -482,12 +479,12 @@ def test_fig8_refuses_what_does_not_belong_together(refuses: Any, folder: Path) 
     refuses("other.json is damaged or not the result of a training", "fig8", *options, "--result", "other.json")
 
     result = json.loads((folder / "train" / "result.json").read_text())
-    write_textures(folder / "cloth", ("cloth", "wool"))
+    two_textures(folder / "cloth")
     others = "the images differ from the training images; give the training's textures with --dataset"
     for change, sentence in (
         ({"bins": {"bin_s": 0.002}}, "other.json has other classes or time bins than"),
         ({"events": "replay"}, "is of a training on event files or frames; fig8 needs a training on textures"),
-        ({"dataset": str(folder / "cloth")}, "the textures are cloth, wool; give the textures of the training"),
+        ({"dataset": str(folder / "cloth")}, "the textures are rough, smooth; give the textures of the training"),
         ({"readout": {"rows": 2, "columns": 2}}, "the network has 12 input channels, but the scans have 8"),
         ({"preset": "flat"}, "preset must be one of paper, physical, not 'flat'"),
         ({"class_names": ["a", "b", "c"]}, "other.json has other classes or time bins than"),
@@ -501,21 +498,15 @@ def test_fig8_refuses_what_does_not_belong_together(refuses: Any, folder: Path) 
     assert not (folder / "out").exists()
 
 
-def write_textures(folder: Path, classes: tuple[str, ...]) -> None:
-    """Write a dataset with one image per class."""
-    from PIL import Image
-
-    for name in classes:
-        (folder / name).mkdir(parents=True, exist_ok=True)
-        Image.fromarray(np.zeros((64, 256), np.uint8)).save(folder / name / "a.png")
-
-
-def test_the_names_of_frames_are_words() -> None:
-    def words(name: str) -> str:
-        return figures.detail({"readout": "frame", "name": name, "resolution": 8})
-
-    assert words("frame-250-8") == "250 Hz 8 b"
-    assert words("frame-diff-62.5-8") == "differences 62.5 Hz 8 b"
-    assert words("frame-onoff-250-8-3") == "ON/OFF 250 Hz 8 b, levels of 3 b"
-    assert words("cnn-20") == "convolutions"
-    assert figures.detail({"readout": "frame", "resolution": 10}) == "10 b"
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("frame-250-8", "250 Hz 8 b"),
+        ("frame-diff-62.5-8", "differences 62.5 Hz 8 b"),
+        ("frame-onoff-250-8-3", "ON/OFF 250 Hz 8 b, levels of 3 b"),
+        ("cnn-20", "convolutions"),
+        ("", "10 b"),
+    ],
+)
+def test_the_names_of_frames_are_words(name: str, words: str) -> None:
+    assert figures.detail({"readout": "frame", "name": name, "resolution": 10}) == words

@@ -48,7 +48,7 @@ def test_events_come_back_from_nir_data(tmp_path: Path, encoding: str) -> None:
 def test_channels_and_times_are_those_of_the_counts() -> None:
     original, bins = recording(), BinConfig(bin_s=0.01)
     events = to_nir_data(original).nodes["input"].observables["spikes"]
-    counts = bin_recording(original, bins).dense()
+    counts = bin_recording(original, bins)
     found = np.zeros_like(counts)
     step = np.floor(events.time[0] / 0.01).astype(int)
     np.add.at(found, (step[step < len(counts)], events.idx[0][step < len(counts)]), 1)
@@ -63,7 +63,7 @@ def test_counts_and_events_fit_the_graph_of_a_network(tmp_path: Path) -> None:
     data = nir.read_data(tmp_path / "counts.nir")
     data.check_nodes(graph)
     grid = data.nodes["input"].observables["spikes"]
-    np.testing.assert_array_equal(grid.data[0], bin_recording(original, bins).dense())
+    np.testing.assert_array_equal(grid.data[0], bin_recording(original, bins))
     assert grid.dt == 0.01
     with pytest.raises(InputError, match="must have the observable 'spikes' of type EventData, not TimeGriddedData"):
         load_nir_data(tmp_path / "counts.nir")

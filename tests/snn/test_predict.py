@@ -325,7 +325,7 @@ def test_counts_and_logits_are_compared_by_themselves(
 
     def lossy(recording: Recording, bins: BinConfig) -> Any:
         counts = original(recording, bins)
-        return counts._replace(number=np.maximum(counts.number - 1, 1))
+        return counts - (counts > 1)
 
     with monkeypatch.context() as patch:
         patch.setattr(evaluate, "bin_recording", lossy)

@@ -154,20 +154,6 @@ def test_from_class_folders_to_classes(skin: Path, call: Any) -> None:
     assert "class: not known" in out
 
 
-def test_a_slow_skin_goes_from_csv_to_its_classes(folder: Path, call: Any) -> None:
-    write_skin(folder / "skin", each=6)
-    assert call("encode skin -o events")[0] == 0
-    code, out, error = call("train", "--events", "events", SMALL, "--folds", 2)
-    assert code == 0, error
-    assert "9 recordings for training (9 scans), 9 for testing, 3 classes; 80 steps of 32 channels" in out
-    assert json.loads(Path("out/train/result.json").read_text())["accuracy"] >= 0.9
-    code, out, error = call("predict", "out/train/weights.npz", "--events", "events/tap")
-    assert code == 0, error
-    assert "events/tap" not in out
-    assert "tap/0: tap (class: tap)" in out
-    assert "test recordings of the fold: accuracy " in out, "known by the same names from another folder"
-
-
 def test_crossval_and_sweep_take_them(skin: Path, call: Any, refuses: Any) -> None:
     code, _, error = call("crossval", "--events", skin, SMALL, "--folds", 2, "--seeds", 1, "--workers", 1)
     assert code == 0, error

@@ -62,11 +62,11 @@ def fig8(
 ) -> None:
     """Plot figure 8: one scan from texture through events and hidden spikes to the evidence of each class."""
     from eskin.skin.figures.scan_to_class import plot_scan
-    from eskin.snn.figures.fig8_play import Places, play
+    from eskin.snn.figures.fig8_play import play
 
     if dataset is not None and data is not None:
         raise InputError("--dataset is for textures, --data for your own recordings; give one of the two")
-    played = play(weights, result or weights.parent / "result.json", Places(dataset, data), image)
+    played = play(weights, result or weights.parent / "result.json", dataset, data, image)
     echo(
         write_results(
             out, "fig8", played.to_dict(), lambda _, path: plot_scan(played, path), data_out, command=asked_for()

@@ -87,7 +87,7 @@ def predict(
     check = None
     if check_model:
         with bar("model", len(files)) as step:
-            check = work.check_model(recordings, counts, logits, trained, work.Places(dataset, data), step)
+            check = work.check_model(recordings, counts, logits, trained, dataset, data, step)
     write_json(out, work.predictions(recordings, logits, trained, scores, check))
     echo(f"predictions: {out}")
     if check is not None:
