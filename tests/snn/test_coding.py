@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import lzma
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,12 @@ def test_noise_stays_as_large_as_it_is_and_a_constant_costs_nothing() -> None:
     assert coded_bits(np.zeros(50_000, np.uint16)) < 1000
     wide = noise.astype(np.uint32)
     assert coded_bits(wide) < 1.02 * coded_bits(noise), "the planes of high bytes are zeros"
+
+
+def test_the_smallest_of_three_coders_counts() -> None:
+    words = (np.arange(40_000) // 7 % 97).astype(np.uint8)
+    filters = [{"id": lzma.FILTER_LZMA2, "preset": 9}]
+    assert coded_bits(words) == 8 * len(lzma.compress(words.tobytes(), lzma.FORMAT_RAW, filters=filters))
 
 
 def test_every_event_and_its_time_are_in_the_bits() -> None:

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import distributed
 import pytest
 from typer.testing import CliRunner
 
@@ -245,36 +246,17 @@ def test_a_scheduler_that_is_not_there_gets_one_sentence(
     )
 
 
-def start(*arguments: str) -> subprocess.Popen[bytes]:
-    return subprocess.Popen(
-        [sys.executable, "-m", *arguments, "--no-dashboard"],
-        cwd=ROOT,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-
-
 def start_worker(scheduler: str, number: int) -> subprocess.Popen[bytes]:
-    options = ["--nthreads", "1", "--no-nanny", "--name", str(number)]
-    return start("distributed.cli.dask_worker", scheduler, *options)
+    options = ["--nthreads", "1", "--no-nanny", "--name", str(number), "--no-dashboard"]
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", scheduler, *options]
+    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 @pytest.fixture(scope="module")
-def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+def scheduler() -> Iterator[str]:
     """Yield the address of a Dask scheduler without workers."""
-    file = tmp_path_factory.mktemp("dask") / "scheduler.json"
-    options = ["--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file)]
-    process = start("distributed.cli.dask_scheduler", *options)
-    try:
-        deadline = time.monotonic() + 60
-        while not (file.exists() and file.read_text().endswith("}")):
-            assert process.poll() is None
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
-        yield json.loads(file.read_text())["address"]
-    finally:
-        process.kill()
-        process.wait()
+    with distributed.LocalCluster(n_workers=0, host="127.0.0.1", dashboard_address=None) as cluster:
+        yield cluster.scheduler_address
 
 
 @pytest.fixture
