@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from PIL import Image
 
+from eskin.skin.textures.dataset import embedded_dataset
 from eskin.snn.data.scans import ScanData
 from eskin.snn.exchange.weights import Weights
 from eskin.snn.network import build
@@ -37,6 +39,12 @@ def two_textures(folder: Path) -> None:
         for number in range(4):
             pixels = generator.integers(0, 256 if name == "rough" else 64, (40, 160), np.uint8)
             Image.fromarray(pixels).save(folder / name / f"{number}.png")
+
+
+def few_textures(monkeypatch: pytest.MonkeyPatch, number: int = 6) -> None:
+    """Let experiments use some of the embedded textures, evenly spread."""
+    for module in ("experiments.experiment", "studies.noise"):
+        monkeypatch.setattr(f"eskin.snn.{module}.open_dataset", lambda _: embedded_dataset().limit(number))
 
 
 def some_weights(classes: Sequence[str] = "abc", step_s: float = 0.002, seed: int = 0, **fields: Any) -> Weights:

@@ -24,7 +24,7 @@ from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.scans import ScanData
 from eskin.snn.experiments.experiment import Experiment
-from tests.snn.helpers import easy_data
+from tests.snn.helpers import easy_data, few_textures
 
 ROOT = Path(__file__).parents[2]
 
@@ -47,6 +47,7 @@ def same(a: ScanData, b: ScanData) -> bool:
 def test_the_second_time_nothing_is_recorded_and_the_scans_are_the_same(
     fields: dict[str, object], kept: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    few_textures(monkeypatch)
     small = ReadoutConfig(rows=1, columns=2, resolution=4)
     experiment = Experiment(dataset="embedded", readout=small, **fields)  # type: ignore[arg-type]
     first = experiment.data()

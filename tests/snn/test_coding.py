@@ -14,13 +14,13 @@ from eskin.model.address_events import make_events
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.events.recording import Recording
-from eskin.skin.textures.dataset import embedded_dataset
 from eskin.snn.data.coding import coded_bits, coded_events, coded_frames
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.scans import ScanData, empty_bins, likeness
 from eskin.snn.experiments import sweep
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.sweep import coded_bps
+from tests.snn.helpers import few_textures
 
 
 def test_noise_stays_as_large_as_it_is_and_a_constant_costs_nothing() -> None:
@@ -102,7 +102,7 @@ def test_likeness_by_hand() -> None:
 
 
 def test_the_command_writes_what_it_prints(call: Any, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("eskin.snn.experiments.experiment.open_dataset", lambda _: embedded_dataset().limit(4))
+    few_textures(monkeypatch, 4)
     code, output, error = call("counts --preset physical --dataset embedded --points lcs:2,lcs:3,nlcs:4 --out c.json")
     assert code == 0, error
     found = json.loads((folder / "c.json").read_text())

@@ -23,6 +23,7 @@ from eskin.snn.data.frames import frame_dataset, values_of
 from eskin.snn.data.record import record, record_dataset
 from eskin.snn.data.scans import collect, load_recordings
 from eskin.snn.experiments.experiment import Experiment
+from tests.snn.helpers import few_textures
 
 CONFIG = ReadoutConfig(rows=2, columns=3, resolution=4, sample_rate_hz=1000.0, clocks_per_sample=10)
 """A clock of 10 kHz: a bin of 1 ms is ten clocks."""
@@ -77,8 +78,9 @@ def test_start_rows_are_scans_of_one_image_and_only_the_first_is_tested() -> Non
     assert scans.image_labels.tolist() == data.labels.tolist()
 
 
-def test_variants_are_of_the_same_scans() -> None:
+def test_variants_are_of_the_same_scans(monkeypatch: pytest.MonkeyPatch) -> None:
     """Check that variants of an encoder use the same scans."""
+    few_textures(monkeypatch)
     small = ReadoutConfig(rows=2, columns=2, resolution=4)
     fields: dict[str, Any] = {"dataset": "embedded"}
     whole, on = (Experiment(**fields, readout=small, variant=kind).data() for kind in ("", "on"))

@@ -29,7 +29,7 @@ from eskin.snn.studies.early import begin_of
 from eskin.snn.studies.merits import _errors, bits_per_second, timing_points
 from eskin.snn.studies.noise import Noisy, Rates, noisy_scans, power_of
 from eskin.snn.studies.precision import _operations_hz, agreement, parse_variants, points_of, random_events
-from tests.snn.helpers import small_network, two_textures
+from tests.snn.helpers import few_textures, small_network, two_textures
 
 SMALL = ReadoutConfig(rows=2, columns=3, resolution=4)
 
@@ -40,11 +40,12 @@ def textures() -> Dataset:
 
 
 @pytest.mark.parametrize("kind", ["lcs", "nlcs", "frames"])
-def test_scans_with_next_to_no_noise_are_those_of_the_training(kind: str) -> None:
+def test_scans_with_next_to_no_noise_are_those_of_the_training(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    few_textures(monkeypatch)
     frames = FrameSteps.parse("frame-onoff:250:8", 0.004) if kind == "frames" else None
     readout = SMALL.replace(encoding="lcs" if kind == "frames" else kind)
     made = Experiment(dataset="embedded", preset="paper", readout=readout, frames=frames)
-    images = [0, 7]
+    images = [0, 5]
     noises = [Noisy("paper", 1e-9), Noisy("consistent", 1e-9), Noisy("paper", 0.05)]
     (clean, rates), (slow, _), (noise, more) = noisy_scans(made, images, noises, lambda: None)
     whole = made.data()
