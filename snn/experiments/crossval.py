@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.files import plain, read_json
@@ -23,7 +24,7 @@ from eskin.snn.data.folds import inner_part, tested
 from eskin.snn.data.scans import ScanData, Split
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.intervals import scored
-from eskin.snn.experiments.points import as_word
+from eskin.snn.experiments.points import READINGS, as_word
 
 
 def run_cell(experiment: Experiment, data: ScanData, fold: int, seed: int, folds: int) -> dict[str, Any]:
@@ -81,35 +82,36 @@ def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[st
     patches of a class come from one surface, so both intervals are too narrow for another surface
     (docs/guide/classifier.md). Compare ``sd_over_cells``, over single trainings, with a published deviation over folds.
     """
+    seeds, folds = (sorted({cell[name] for cell in cells}) for name in ("seed", "fold"))
     true = np.full(images, -1)
     for cell in cells:
         true[cell["test_images"]] = cell["labels"]
     result: dict[str, Any] = {"labels": as_word(true)}
-    for reading in ("last", "selected"):
-        seeds = sorted({cell["seed"] for cell in cells})
-        correct = np.zeros((images, len(seeds)))
+    for reading in READINGS:
         classified = np.full((len(seeds), images), -1)
+        accuracies = np.full((len(seeds), len(folds)), np.nan)
         confusion = np.zeros((classes, classes), np.int64)
-        by_cell = {}
         for cell in cells:
-            labels, predicted = np.array(cell["labels"]), np.array(cell[reading])
-            correct[cell["test_images"], seeds.index(cell["seed"])] = labels == predicted
-            classified[seeds.index(cell["seed"]), cell["test_images"]] = predicted
-            np.add.at(confusion, (labels, predicted), 1)
-            by_cell[cell["fold"], cell["seed"]] = float((labels == predicted).mean())
-        folds = sorted({fold for fold, _ in by_cell})
-        of_folds = [np.mean([by_cell[fold, seed] for seed in seeds if (fold, seed) in by_cell]) for fold in folds]
-        of_seeds = [np.mean([by_cell[fold, seed] for fold in folds if (fold, seed) in by_cell]) for seed in seeds]
+            seed, predicted = seeds.index(cell["seed"]), cell[reading]
+            classified[seed, cell["test_images"]] = predicted
+            accuracies[seed, folds.index(cell["fold"])] = np.equal(cell["labels"], predicted).mean()
+            np.add.at(confusion, (cell["labels"], predicted), 1)
+        of_seeds = np.nanmean(accuracies, 1)
         result[reading] = {
-            **scored(correct),
-            "sd_over_folds": float(np.std(of_folds, ddof=1)) if len(of_folds) > 1 else None,
-            "sd_over_seeds": float(np.std(of_seeds, ddof=1)) if len(of_seeds) > 1 else None,
-            "sd_over_cells": float(np.std(list(by_cell.values()), ddof=1)) if len(by_cell) > 1 else None,
-            "accuracy_of_seeds": [float(value) for value in of_seeds],
+            **scored(((classified == true) & (classified >= 0)).T.astype(float)),
+            "sd_over_folds": _deviation(np.nanmean(accuracies, 0)),
+            "sd_over_seeds": _deviation(of_seeds),
+            "sd_over_cells": _deviation(accuracies[~np.isnan(accuracies)]),
+            "accuracy_of_seeds": of_seeds.tolist(),
             "confusion": confusion.tolist(),
             "predictions": [as_word(row) for row in classified],
         }
     return result
+
+
+def _deviation(values: NDArray[np.float64]) -> float | None:
+    """Return the sample standard deviation, or None for a single value."""
+    return float(np.std(values, ddof=1)) if len(values) > 1 else None
 
 
 _LISTS = ("test_images", "labels", "last", "selected")
