@@ -76,18 +76,14 @@ class ScanData:
         """Return the length of a scan in steps, without padding."""
         return self.steps if self.lengths is None else min(int(self.lengths[scan]), self.steps)
 
-    def scans_of(self, images: Sequence[int] | NDArray[np.int64], first_row_only: bool = False) -> NDArray[np.int64]:
-        """Return the indices of the scans of given images, in rising order."""
-        chosen = np.flatnonzero(np.isin(self.images, images))
-        if not first_row_only:
-            return chosen
-        return chosen[np.unique(self.images[chosen], return_index=True)[1]]
+    def scans_of(self, images: Sequence[int] | NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the indices of all scans of given images, in rising order."""
+        return np.flatnonzero(np.isin(self.images, images))
 
     def first_scans(self, images: Sequence[int] | NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the first scan of every given image."""
-        scans = self.scans_of(images, first_row_only=True)
-        of_image = dict(zip(self.images[scans].tolist(), scans.tolist(), strict=True))
-        return np.array([of_image[int(image)] for image in images], np.int64)
+        numbers, first = np.unique(self.images, return_index=True)
+        return first[np.searchsorted(numbers, images)]
 
     def batch(self, scans: Sequence[int] | NDArray[np.int64]) -> Tensor:
         """Return scans as a dense float32 tensor of shape (steps, scans, channels)."""

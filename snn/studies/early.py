@@ -103,7 +103,7 @@ def latency_points(
     answers = []
     for subject in subjects:
         data = subject.experiment.data()
-        scans = data.scans_of(subject.images, first_row_only=True)
+        scans = data.first_scans(subject.images)
         begin_s = begin_of(subject.experiment)
         about = {name: getattr(subject, name) for name in ("network", "fold", "seed")}
         about |= {"images": data.images[scans].tolist(), "labels": data.labels[scans]}

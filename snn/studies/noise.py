@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.model.address_events import taxel_of
+from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.power.equations import CORRECTIONS, FloatArray, PowerModel, TaxelRates
 from eskin.power.parameters import PowerParameters
@@ -41,19 +42,17 @@ CORRECTED: dict[Mode, frozenset[str]] = {"paper": frozenset({"event_rates"}), "c
 """Corrections of each mode: only the event rates with noise, or all corrections."""
 
 
-@dataclass(frozen=True)
-class Noisy:
-    """AFE noise added to the signals of a scan."""
+Noise = tuple[Mode, float]
+"""Mode, and rms of the AFE noise in volts."""
 
-    mode: Mode
-    noise_v: float
 
-    def samples(self, config: Any, signals: NDArray[np.float64], image: int) -> NDArray[np.int32]:
-        """Return the codes of a scan with noise, equal for all networks with the same samples."""
-        generator = np.random.default_rng([MODES.index(self.mode), round(1e7 * self.noise_v), image])
-        pole_hz = POLE_HZ[self.mode]
-        pole = None if pole_hz is None else pole_hz / config.sample_rate_hz
-        return quantise(noisy(signals, self.noise_v, generator, pole), config.sample_bits)[0]
+def noisy_codes(noise: Noise, config: ReadoutConfig, signals: NDArray[np.float64], image: int) -> NDArray[np.int32]:
+    """Return the codes of a scan with noise, equal for all networks with the same samples."""
+    mode, noise_v = noise
+    generator = np.random.default_rng([MODES.index(mode), round(1e7 * noise_v), image])
+    pole_hz = POLE_HZ[mode]
+    pole = None if pole_hz is None else pole_hz / config.sample_rate_hz
+    return quantise(noisy(signals, noise_v, generator, pole), config.sample_bits)[0]
 
 
 @dataclass(frozen=True)
@@ -70,7 +69,7 @@ class Rates:
 
 
 def noisy_scans(
-    experiment: Experiment, images: Sequence[int], noises: Sequence[Noisy], progress: Callable[[], object]
+    experiment: Experiment, images: Sequence[int], noises: Sequence[Noise], progress: Callable[[], object]
 ) -> list[tuple[ScanData, Rates]]:
     """Return the network inputs for images at every noise level, and the event rates."""
     scan, config = experiment.scan_and_config()
@@ -82,7 +81,7 @@ def noisy_scans(
         texture = dataset[int(image)]
         signals = scan.signals(config, texture.load())
         for noise, kept in zip(noises, found, strict=True):
-            codes = noise.samples(config, signals, int(image))
+            codes = noisy_codes(noise, config, signals, int(image))
             said = said_of(texture, dataset.name, scan)
             kept.append(values_of(frames, codes) if frames is not None else recorded(config, codes, said))
         progress()
@@ -120,19 +119,19 @@ def _cell(subject: Subject, noises_v: Sequence[float], progress: Callable[[], ob
     """Return predictions and event rates of one network at every noise level."""
     from eskin.snn.train import check_fits, logits_of
 
-    noises = [Noisy(mode, noise) for mode in MODES for noise in noises_v]
+    noises = [(mode, noise_v) for mode in MODES for noise_v in noises_v]
     data = noisy_scans(subject.experiment, subject.images.tolist(), noises, progress)
     network = subject.weights.network
     check_fits(config_of(network), data[0][0])
     answers = [
         {
-            "mode": noise.mode,
-            "noise_v": noise.noise_v,
+            "mode": mode,
+            "noise_v": noise_v,
             "predicted": logits_of(network, scans).argmax(1).tolist(),
             "population_hz": rates.population_hz,
             "square_sum_hz2": rates.square_sum_hz2,
         }
-        for noise, (scans, rates) in zip(noises, data, strict=True)
+        for (mode, noise_v), (scans, rates) in zip(noises, data, strict=True)
     ]
     return {"labels": data[0][0].labels.tolist(), "answers": answers}
 

@@ -73,7 +73,7 @@ def test_start_rows_are_scans_of_one_image_and_only_the_first_is_tested() -> Non
     scans = record_dataset(data, PhysicalScan(), config, BinConfig(), [0.0, 20.0])
     assert scans.images.tolist() == [0, 0, 1, 1, 2, 2]
     assert scans.scans_of([2, 0]).tolist() == [0, 1, 4, 5]
-    assert scans.scans_of([2, 0], first_row_only=True).tolist() == [0, 4]
+    assert scans.first_scans([2, 0]).tolist() == [4, 0]
     assert not np.array_equal(scans.values[0], scans.values[1])
     assert scans.image_labels.tolist() == data.labels.tolist()
 

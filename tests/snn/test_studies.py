@@ -27,7 +27,7 @@ from eskin.snn.experiments.robustness import Subject
 from eskin.snn.network import build
 from eskin.snn.studies.early import begin_of
 from eskin.snn.studies.merits import _errors, bits_per_second, timing_points
-from eskin.snn.studies.noise import Noisy, Rates, noisy_scans, power_of
+from eskin.snn.studies.noise import Noise, Rates, noisy_scans, power_of
 from eskin.snn.studies.precision import _operations_hz, agreement, parse_variants, points_of, random_events
 from tests.snn.helpers import few_textures, small_network, two_textures
 
@@ -46,7 +46,7 @@ def test_scans_with_next_to_no_noise_are_those_of_the_training(kind: str, monkey
     readout = SMALL.replace(encoding="lcs" if kind == "frames" else kind)
     made = Experiment(dataset="embedded", preset="paper", readout=readout, frames=frames)
     images = [0, 5]
-    noises = [Noisy("paper", 1e-9), Noisy("consistent", 1e-9), Noisy("paper", 0.05)]
+    noises: list[Noise] = [("paper", 1e-9), ("consistent", 1e-9), ("paper", 0.05)]
     (clean, rates), (slow, _), (noise, more) = noisy_scans(made, images, noises, lambda: None)
     whole = made.data()
     assert np.array_equal(clean.values, whole.values[images])
