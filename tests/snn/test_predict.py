@@ -180,28 +180,25 @@ def test_without_the_result_of_the_training_nothing_is_said_about_folds(
     assert {image["part"] for image in images_in(tmp_path)} == {None}
 
 
-def test_other_images_than_those_of_the_training_are_noticed(tmp_path: Path, trained: Path) -> None:
-    shutil.copy(trained / "weights.npz", tmp_path / "weights.npz")
+def copied(trained: Path, folder: Path, experiment: dict[str, Any] | None = None, **changes: Any) -> Path:
+    """Copy weights and result of the training, with changed fields; return the path of the weights."""
     result = json.loads((trained / "result.json").read_text())
-    (tmp_path / "result.json").write_text(json.dumps(result | {"labels": result["labels"][1:], "predicted": []}))
-    found = load_trained(tmp_path / "weights.npz")
+    result["experiment"] |= experiment or {}
+    (folder / "result.json").write_text(json.dumps(result | changes))
+    return shutil.copy(trained / "weights.npz", folder / "weights.npz")
+
+
+def test_other_images_than_those_of_the_training_are_noticed(tmp_path: Path, trained: Path) -> None:
+    found = load_trained(copied(trained, tmp_path, labels=[0], predicted=[]))
     assert found.parts == {}
     assert found.unknown == "the images differ from the training images; give the training's textures with --dataset"
-    result["experiment"]["dataset"] = "gone"
-    (tmp_path / "result.json").write_text(json.dumps(result))
-    assert "the images of the training are missing (dataset directory gone" in (
-        load_trained(tmp_path / "weights.npz").unknown
-    )
+    found = load_trained(copied(trained, tmp_path, {"dataset": "gone"}))
+    assert found.unknown.startswith("the images of the training are missing (dataset directory gone")
 
 
 def test_a_training_on_event_files_has_its_folds_too(tmp_path: Path, replayed: Path, trained: Path) -> None:
-    shutil.copy(trained / "weights.npz", tmp_path / "weights.npz")
-    result = json.loads((trained / "result.json").read_text())
-    result["experiment"]["events"] = str(replayed)
-    (tmp_path / "result.json").write_text(
-        json.dumps(result | {"folds": 2, "fold": 1, "labels": [0, 1, 2], "predicted": []})
-    )
-    found = load_trained(tmp_path / "weights.npz")
+    folds = {"folds": 2, "fold": 1, "labels": [0, 1, 2], "predicted": []}
+    found = load_trained(copied(trained, tmp_path, {"events": str(replayed)}, **folds))
     assert sorted(found.parts.values()) == ["test"] * 3 + ["training"] * 3
     assert found.part_of(Recording.load(next(replayed.rglob("*.npz")))) in ("test", "training")
     assert found.readout is None
@@ -222,17 +219,17 @@ def test_a_recording_without_a_class_is_only_classified(tmp_path: Path, replayed
 
 
 def test_the_bins_are_those_of_the_training(tmp_path: Path, trained: Path, replayed: Path, predict: Call) -> None:
-    result = json.loads((trained / "result.json").read_text())
-    save_weights(tmp_path / "weights.npz", some_weights(result["class_names"], 0.02, inputs=4, readout="membrane"))
-    code, _, error = predict("--events", replayed, weights=tmp_path / "weights.npz")
-    assert code == 2
-    assert error.startswith("error: the network has 4 input channels, but the scans have 8 (4 taxels)")
     bins = BinConfig(bin_s=0.02, start_s=0.04, stop_s=0.1, polarity=False)
-    result["experiment"]["bins"] = dataclasses.asdict(bins)
-    (tmp_path / "result.json").write_text(json.dumps(result))
-    code, output, error = predict("--events", replayed, "--check-model", weights=tmp_path / "weights.npz")
+    weights = copied(trained, tmp_path, {"bins": dataclasses.asdict(bins)})
+    classes = load_trained(trained / "weights.npz").weights.class_names
+    save_weights(weights, some_weights(classes, 0.02, inputs=4, readout="membrane"))
+    code, output, error = predict("--events", replayed, "--check-model", weights=weights)
     assert code == 0, error
     assert output.startswith("6 recordings; 3 steps of 4 channels, 0.02 s each")
+    (tmp_path / "result.json").unlink()
+    code, _, error = predict("--events", replayed, weights=weights)
+    assert code == 2
+    assert error.startswith("error: the network has 4 input channels, but the scans have 8 (4 taxels)")
 
 
 GRAVEL = "gravel/gravel-00"
@@ -385,27 +382,21 @@ def test_a_scan_that_the_model_cannot_make_again_is_refused(
 
 
 def test_damaged_and_missing_files_are_refused(tmp_path: Path, trained: Path, replayed: Path, predict: Call) -> None:
-    whole = (trained / "weights.npz").read_bytes()
-    path = tmp_path / "weights.npz"
-    path.write_bytes(whole[: len(whole) // 2])
+    damaged = "is damaged or not the result of a training; remove it or train again\n"
+    for experiment, changes, words in (
+        ({}, {"class_names": ["a", "b", "c"]}, "has other classes or time bins than weights.npz"),
+        ({}, {"fold": -1}, damaged),
+        ({}, {"fold": 6}, damaged),
+        ({"frames": {"frames_per_step": 20}, "network": {"kind": "rnn"}}, {}, "was trained on frames and cannot"),
+    ):
+        path = copied(trained, tmp_path, experiment, **changes)
+        code, _, error = predict("--events", replayed, weights=path)
+        assert (code, words in error) == (2, True)
+    (tmp_path / "result.json").write_text("{}")
+    assert predict("--events", replayed, weights=path)[2] == f"error: {tmp_path}/result.json {damaged}"
+    path.write_bytes(path.read_bytes()[:5000])
     code, _, error = predict("--events", replayed, weights=path)
     assert (code, error) == (2, f"error: {path} is damaged or not a weight file; train again\n")
-    path.write_bytes(whole)
-    note = tmp_path / "result.json"
-    note.write_text("{}")
-    code, _, error = predict("--events", replayed, weights=path)
-    assert (code, error) == (
-        2, f"error: {note} is damaged or not the result of a training; remove it or train again\n"
-    )  # fmt: skip
-    result = json.loads((trained / "result.json").read_text())
-    note.write_text(json.dumps(result | {"class_names": ["a", "b", "c"]}))
-    assert "has other classes or time bins than weights.npz" in predict("--events", replayed, weights=path)[2]
-    for fold in (-1, 6):
-        note.write_text(json.dumps(result | {"fold": fold}))
-        assert "is damaged or not the result of a training" in predict("--events", replayed, weights=path)[2]
-    result["experiment"] |= {"frames": {"frames_per_step": 20}, "network": {"kind": "rnn"}}
-    note.write_text(json.dumps(result))
-    assert "was trained on frames and cannot classify events" in predict("--events", replayed, weights=path)[2]
     (tmp_path / "none").mkdir()
     assert "holds no event files (.npz, .aedat4)" in predict("--events", tmp_path / "none")[2]
     code, _, error = predict("--events", tmp_path / "none.npz")
