@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import ctypes
 import dataclasses
 import os
 import shutil
 import subprocess
-import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +25,8 @@ from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.scans import ScanData
 from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.kernels import cpu
 from tests.snn.helpers import easy_data, few_textures
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(autouse=True)
@@ -151,33 +151,31 @@ def test_a_folder_that_others_can_write_to_or_a_link_is_not_believed(
 
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="no compiler")
-def test_a_library_that_was_planted_is_not_run(tmp_path: Path) -> None:
+def test_a_library_that_was_planted_is_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Check that planted libraries are not loaded from predictable or shared places."""
-    (tmp_path / "evil.c").write_text(
-        "#include <stdlib.h>\n__attribute__((constructor)) static void run(void) { exit(66); }\n"
-    )
-    subprocess.run(["g++", "-shared", "-fPIC", "-x", "c", "evil.c", "-o", "evil.so"], cwd=tmp_path, check=True)
-    program = "from eskin.snn.kernels import cpu; print(cpu.available())"
-    compiler = tmp_path / "compiler"  # the kernel is made three times here, and does not have to be a quick one
-    compiler.write_text('#!/bin/sh\nexec g++ "$@" -O0\n')
-    compiler.chmod(0o700)
-    environment = os.environ | {"ESKIN_CACHE": str(tmp_path / "good"), "PYTHONPATH": str(ROOT), "CXX": str(compiler)}
+    source = 'extern "C" void kernel_keep_memory() {}\n'
+    (tmp_path / "kernel.cpp").write_text(source)
+    trap = f'__attribute__((constructor)) static void run() {{ fopen("{tmp_path}/sprung", "w"); }}\n'
+    (tmp_path / "evil.cpp").write_text(f"#include <cstdio>\n{source}{trap}")
+    subprocess.run(["g++", "-shared", "-fPIC", "evil.cpp", "-o", "evil.so"], cwd=tmp_path, check=True)
+    monkeypatch.setattr(cpu, "SOURCE", tmp_path / "kernel.cpp")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "tmp"))
 
-    def run(**more: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, "-c", program], env=environment | more, capture_output=True, text=True, cwd=tmp_path
-        )
+    def load(**places: str) -> None:
+        for name, value in places.items():
+            monkeypatch.setenv(name, value)
+        assert cpu._library.__wrapped__() is not None
+        assert not (tmp_path / "sprung").exists()
 
-    assert run().stdout == "True\n"
+    load(ESKIN_CACHE=str(tmp_path / "good"))
     (library,) = (tmp_path / "good").glob("kernel-*.so")
-    old = tmp_path / "tmp" / f"spiking-eskin-readout-{os.getuid()}"
-    old.mkdir(parents=True)
-    shutil.copy(tmp_path / "evil.so", old / library.name)
-    (tmp_path / "file").write_text("no folder can be here")
-    unusable = {"ESKIN_CACHE": "", "XDG_CACHE_HOME": str(tmp_path / "file"), "TMPDIR": str(tmp_path / "tmp")}
-    found = run(**unusable)
-    assert (found.returncode, found.stdout) == (0, "True\n"), found.stderr
-    shutil.copy(tmp_path / "evil.so", library)
-    library.chmod(0o666)
-    assert run().returncode == 0
-    assert library.stat().st_mode & 0o777 == 0o700
+    for folder in ("shared", f"tmp/spiking-eskin-readout-{os.getuid()}"):
+        (tmp_path / folder).mkdir(parents=True)
+        shutil.copy(tmp_path / "evil.so", tmp_path / folder / library.name)
+    planted = tmp_path / "shared" / library.name
+    planted.chmod(0o666)
+    load(ESKIN_CACHE=str(tmp_path / "shared"))
+    assert planted.stat().st_mode & 0o777 == 0o700
+    load(ESKIN_CACHE="", XDG_CACHE_HOME=str(tmp_path / "kernel.cpp"))  # no folder can be there
+    ctypes.CDLL(str(tmp_path / "evil.so"))
+    assert (tmp_path / "sprung").exists(), "the trap works"
