@@ -69,43 +69,35 @@ class Experiment:
             if not isinstance(value := getattr(self, name), str | None):
                 raise InputError(f"{name} must be text, not {value!r}")
         refuse_unknown(self.network, set(FIELDS) - {"inputs", "classes"}, "network")
+        for name in ("tests", "taxels"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        self._check_fit()
         if self.taxels:
-            self._check_taxels()
-        object.__setattr__(self, "tests", tuple(self.tests))
-        if self.frames is not None and self.train.augment.speed_spread:
-            raise InputError("speed_spread moves events in time and cannot be used for frames; set it to 0")
-        if self.disturbed:
-            self._check_disturbed()
+            self.scan_and_config()
         if self.variant:
-            self._check_variant()
+            object.__setattr__(self, "bins", dataclasses.replace(self.bins, polarity=False))
         self._network(1, 1)
         self._settle_leak()
         if self.grid is not None:
             self.settings()
 
-    def _check_taxels(self) -> None:
-        """Check that chosen taxels exist and that the scans are not recorded events."""
-        object.__setattr__(self, "taxels", tuple(self.taxels))
-        if self.events is not None or self.disturbed:
+    def _check_fit(self) -> None:
+        """Check that the fields fit each other."""
+        frames, recorded = self.frames is not None, self.events is not None
+        if frames and self.train.augment.speed_spread:
+            raise InputError("speed_spread moves events in time and cannot be used for frames; set it to 0")
+        if self.taxels and (recorded or self.disturbed):
             raise InputError("chosen taxels need undisturbed scans of textures; leave taxels out")
-        self.scan_and_config()
-
-    def _check_disturbed(self) -> None:
-        """Check that the readout supports disturbed scans."""
-        if self.frames is not None or self.events is not None or self.preset != "physical":
+        if self.disturbed and (frames or recorded or self.preset != "physical"):
             raise InputError("disturbed scans need events and the physical preset; leave disturbed out")
-        if self.disturbed < 0 or self.start_rows != 1:
+        if self.disturbed < 0 or (self.disturbed and self.start_rows != 1):
             raise InputError("disturbed must be at least 1 with start-rows 1, because it draws the heights itself")
-
-    def _check_variant(self) -> None:
-        """Check that the readout supports a variant of its encoder."""
         if self.variant not in get_args(Variant):
             raise InputError(f"variant must be on, not {self.variant!r}")
-        if self.frames is not None or self.events is not None or self.disturbed:
+        if self.variant and (frames or recorded or self.disturbed):
             raise InputError("variants need events of the model without disturbances")
-        if not self.readout.has_polarity:
+        if self.variant and not self.readout.has_polarity:
             raise InputError(f"{self.readout.encoding} has only ON events; leave the variant out")
-        object.__setattr__(self, "bins", dataclasses.replace(self.bins, polarity=False))
 
     def _settle_leak(self) -> None:
         """Raise an error for a readout's own leak if neither ``tau_s`` nor ``given_leak`` is set.

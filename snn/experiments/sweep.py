@@ -6,6 +6,7 @@ that is stopped early therefore has complete seeds of every point.
 
 from __future__ import annotations
 
+import itertools
 import queue
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -183,7 +184,7 @@ def _of_events(recordings: list[Recording], start_s: float | None = None) -> dic
     return {name: bits / seconds for name, bits in coded_events(recordings, start_s).items()}
 
 
-def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell | None = None) -> None:
+def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell) -> None:
     """Run all missing trainings of sweep points; each result is stored immediately.
 
     Raise InputError if a point has no scans or a cell cannot be trained. The running cells are finished first and their
@@ -191,77 +192,55 @@ def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell | No
 
     - ``runs``: points with equal numbers of folds and seeds.
     - ``pool``: pool for the cells; without effect on the results.
-    - ``progress``: called with a point and None before its scans are made, with None again when they are made and cells
-      were found done, and with every cell that was run.
+    - ``progress``: called with a point and None before and after its scans are made, and with every cell that was run.
     """
-    flight = _Flight(pool, progress or (lambda run, result: None))
-    order = [(run, fold, seed) for seed in range(runs[0].seeds) for run in runs for fold in range(runs[0].folds)]
-    for run, fold, seed in order:
-        while flight.cells >= pool.window:
-            flight.land()
-        if not run.ready:
-            flight.prepare(run)
-        if flight.failures:
-            break
-        if (fold, seed) not in run.done:
-            flight.submit(run, fold, seed)
-    while flight.cells:
-        flight.land()
-    if flight.failures:
-        others = f" ({len(flight.failures) - 1} more failed)" if len(flight.failures) > 1 else ""
-        raise InputError(f"{flight.failures[0]}{others}")
+    landed: queue.SimpleQueue[tuple[PointRun, int, int, Any]] = queue.SimpleQueue()
+    failures: list[str] = []
+    flying = 0
 
-
-class _Flight:
-    """The trainings in progress, and their errors."""
-
-    def __init__(self, pool: WorkerPool, progress: OnCell) -> None:
-        self.cells = 0
-        self.failures: list[str] = []
-        self._pool, self._progress = pool, progress
-        self._landed: queue.SimpleQueue[tuple[PointRun, int, int, Any]] = queue.SimpleQueue()
-
-    def prepare(self, run: PointRun) -> None:
-        """Record the scans of a sweep point while running trainings finish."""
-        self._progress(run, None)
-        try:
-            run.prepare(self._land_those_there)
-        except InputError as error:
-            self.failures.append(f"point {run.point.name}: {error}" if run.point.name else str(error))
-        else:
-            self._progress(run, None)
-
-    def submit(self, run: PointRun, fold: int, seed: int) -> None:
-        """Submit a training to the worker pool."""
-        assert run.shared is not None
-        cell = (run.point.experiment, fold, seed, run.folds)
-        future = self._pool.submit(run_alone, *cell, shared=run.shared)
-        self.cells += 1
-        future.add_done_callback(lambda done: self._landed.put((run, fold, seed, done)))
-
-    def land(self) -> None:
-        """Wait for the end of a training and store its result."""
-        self._take(*next_landed(self._landed, self._pool))
-
-    def _land_those_there(self) -> None:
-        while not self._landed.empty():
-            self._take(*self._landed.get())
-
-    def _take(self, run: PointRun, fold: int, seed: int, future: Any) -> None:
-        self.cells -= 1
+    def take(run: PointRun, fold: int, seed: int, future: Any) -> None:
+        """Store the result of a training, or its error."""
+        nonlocal flying
+        flying -= 1
         try:
             result = future.result()
         except Exception as error:
-            words = sentence(error)
-            if words is None:
+            if (words := sentence(error)) is None:
                 raise
             point = f"point {run.point.name}, " if run.point.name else ""
-            self.failures.append(f"{point}fold {fold}, seed {seed}: {words}")
+            failures.append(f"{point}fold {fold}, seed {seed}: {words}")
             return
         run.finish(result)
         if run.report is not None:
-            self._pool.forget(run.point.name)
-        self._progress(run, result)
+            pool.forget(run.point.name)
+        progress(run, result)
+
+    def take_those_there() -> None:
+        while not landed.empty():
+            take(*landed.get())
+
+    for seed, run, fold in itertools.product(range(runs[0].seeds), runs, range(runs[0].folds)):
+        while flying >= pool.window:
+            take(*next_landed(landed, pool))
+        if not run.ready and not failures:
+            progress(run, None)
+            try:
+                run.prepare(take_those_there)
+            except InputError as error:
+                failures.append(f"point {run.point.name}: {error}" if run.point.name else str(error))
+            else:
+                progress(run, None)
+        if failures:
+            break
+        if (fold, seed) not in run.done:
+            future = pool.submit(run_alone, run.point.experiment, fold, seed, run.folds, shared=run.shared)
+            flying += 1
+            future.add_done_callback(lambda done, cell=(run, fold, seed): landed.put((*cell, done)))
+    while flying:
+        take(*next_landed(landed, pool))
+    if failures:
+        others = f" ({len(failures) - 1} more failed)" if len(failures) > 1 else ""
+        raise InputError(f"{failures[0]}{others}")
 
 
 def cross_validate(

@@ -16,6 +16,7 @@ from eskin.model.events.recording import Recording
 from eskin.skin.figures.scan_to_class import ScanToClass
 from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.scan import Scan
+from eskin.snn.data.bins import counted_from
 from eskin.snn.data.record import record
 from eskin.snn.data.scans import collect
 from eskin.snn.exchange.weights import Weights, load_weights
@@ -105,7 +106,6 @@ def play(
     network, config, bins = weights.network, recording.config, result.experiment.bins
     spikes, grown = evidence(network, collect([recording], bins, weights.class_names).batch([0]))
     scale = network.config.output_scale
-    counted_s = 0.0 if scan is None else scan.skipped_ticks(config) / config.sample_rate_hz
     return ScanToClass(
         name=names[index],
         true=weights.class_names[labels[index]],
@@ -115,7 +115,7 @@ def play(
         pixels=pixels,
         recording=recording,
         signals=codes / config.full_scale,
-        start_s=counted_s if bins.start_s is None else bins.start_s,
+        start_s=counted_from(recording, bins.start_s) / config.clock_hz,
         step_s=bins.bin_s,
         spikes=spikes[:, 0].numpy(),
         evidence=grown[:, 0].numpy(),

@@ -131,30 +131,25 @@ def ends_of(point: dict[str, Any]) -> list[float]:
     return [point["accuracy"] - deviation, point["accuracy"] + deviation] if deviation else []
 
 
-def test_the_protocol_comes_from_the_points(folder: Path, files: list[str]) -> None:
+def test_the_protocol_is_that_of_finished_points_and_others_are_ringed(folder: Path, files: list[str]) -> None:
+    protocol = "240 images, 6 folds x 3 seeds, last epoch"
     data = figures.fig9_data(figures.load_sweeps([Path("plain.json")]), "last")
-    assert data["protocol"] == ["240 images, 6 folds x 3 seeds, last epoch"]
-    assert "plain: 240 images, 6 folds x 3 seeds, last epoch" in data["source"]
+    assert data["protocol"] == [protocol]
+    assert f"plain: {protocol}" in data["source"]
     assert data["commands"] == {"plain": "eskin sweep --preset paper"}
-    legend = pictures.draw_fig9(data).legends[0]
-    assert legend.get_title().get_text() == f"240 images, 6 folds x 3 seeds, last epoch\n{pictures.BARS}"
-    partial = copy.deepcopy(SWEEP) | {"points": [SWEEP["points"][2]]}
-    Path("plain.json").write_text(json.dumps(partial))
-    data = figures.fig9_data(figures.load_sweeps([Path("plain.json")]), "selected")
-    assert data["protocol"] == ["no point is finished, epoch selected by inner validation"]
-
-
-def test_unfinished_points_are_ringed_and_named(folder: Path, files: list[str]) -> None:
-    data = figures.fig9_data(figures.load_sweeps([Path("plain.json")]), "last")
     assert data["left_out"] == ["plain: nlcs-8"]
-    partial = [point for point in data["points"] if point["label"].endswith(", 9 of 18 cells")]
-    assert [point["name"] for point in partial] == ["nlcs-6"]
+    (partial,) = [point for point in data["points"] if point["label"].endswith(", 9 of 18 cells")]
+    assert partial["name"] == "nlcs-6"
     figure = pictures.draw_fig9(data)
     rings = [line for line in figure.axes[0].lines if line.get_markersize() == 15]
-    assert [(ring.get_xdata()[0], ring.get_ydata()[0]) for ring in rings] == [
-        (partial[0]["normalised_rate"], 100 * partial[0]["accuracy"])
-    ]
-    assert "not all cells finished" in [text.get_text() for text in figure.legends[0].get_texts()]
+    place = partial["normalised_rate"], 100 * partial["accuracy"]
+    assert [(ring.get_xdata()[0], ring.get_ydata()[0]) for ring in rings] == [place]
+    legend = figure.legends[0]
+    assert legend.get_title().get_text() == f"{protocol}\n{pictures.BARS}"
+    assert "not all cells finished" in [text.get_text() for text in legend.get_texts()]
+    Path("plain.json").write_text(json.dumps(SWEEP | {"points": [SWEEP["points"][2]]}))
+    data = figures.fig9_data(figures.load_sweeps([Path("plain.json")]), "selected")
+    assert data["protocol"] == ["no point is finished, epoch selected by inner validation"]
 
 
 def test_the_kept_sweeps_are_the_default(
