@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +11,7 @@ from eskin.base.figures.style import GREY, dress, legend_below, new_figure, save
 from eskin.skin.figures.readouts import FRAME, look
 from eskin.skin.textures.presets import PRESETS
 from eskin.snn.experiments.points import partial
-from eskin.snn.figures.fig9 import NAMES, PUBLISHED_NAME, Data, detail, title
+from eskin.snn.figures.fig9 import NAMES, PUBLISHED_NAME, Data, title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,13 +33,8 @@ BARS = (
 )
 
 
-@dataclass(frozen=True)
-class Series:
-    """Points of one sweep and readout by rising data rate."""
-
-    sweep: str
-    readout: str
-    points: list[Data]
+Series = tuple[str, str, list[Data]]
+"""Sweep, readout, and their points by rising data rate."""
 
 
 def plot_fig9(data: Data, path: Path) -> None:
@@ -80,10 +74,10 @@ def draw_fig9(data: Data) -> Figure:
             box = text.get_window_extent()
             taken.boxes.append(Box(*(end * 72 / figure.dpi for end in (box.x0, box.y0, box.x1, box.y1))))
         drawn = [
-            (series, _draw_series(panel, series, _style(series.sweep, sweeps), taken))
+            (series, _draw_series(panel, series, _style(series[0], sweeps), taken))
             for series in _series(points, [PUBLISHED_NAME, *sweeps])
         ]
-        if full_frames and not any(series.readout == "frame" for series, _ in drawn):
+        if full_frames and not any(readout == "frame" for (_, readout, _), _ in drawn):
             _draw_frame_rate(panel, max(full_frames), taken)
         _label_points(panel, drawn, taken)
     return figure
@@ -109,11 +103,11 @@ def _series(points: list[Data], sweeps: list[str]) -> Iterator[Series]:
     for sweep in sweeps:
         for readout in NAMES:
             chosen = [p for p in points if p["sweep"] == sweep and p["readout"].split(",")[0] == readout]
-            networks = dict.fromkeys(detail(p) for p in chosen) if readout == "frame" else [""]
+            networks = dict.fromkeys(p["detail"] for p in chosen) if readout == "frame" else [""]
             for network in networks:
-                found = [p for p in chosen if network in ("", detail(p))]
+                found = [p for p in chosen if network in ("", p["detail"])]
                 if found:
-                    yield Series(sweep, readout, sorted(found, key=lambda p: p["normalised_rate"]))
+                    yield sweep, readout, sorted(found, key=lambda p: p["normalised_rate"])
 
 
 def _style(sweep: str, sweeps: list[str]) -> Data:
@@ -132,9 +126,10 @@ def _draw_series(panel: Axes, series: Series, style: Data, taken: Taken) -> list
     """
     from matplotlib.transforms import ScaledTranslation
 
-    colour = look(series.readout).colour
+    _, readout, points = series
+    colour, marker = look(readout).colour, look(readout).marker
     boxes, joints = [], []
-    for point in series.points:
+    for point in points:
         covered = _boxes(panel, point)
         move = side_by_side(covered, taken.boxes)
         covered = [box.moved(move) for box in covered]
@@ -144,7 +139,7 @@ def _draw_series(panel: Axes, series: Series, style: Data, taken: Taken) -> list
         place = panel.transData + ScaledTranslation(move / 72, 0, panel.figure.dpi_scale_trans)
         x, y = on_page(panel, at, middle)
         joints.append((x + move, y))
-        panel.plot(at, middle, color=colour, marker=look(series.readout).marker, transform=place, **style)
+        panel.plot(at, middle, color=colour, marker=marker, transform=place, **style)
         if ends[1] > ends[0]:
             panel.plot([at, at], [100 * end for end in ends], color=colour, lw=style["lw"], marker="_", ms=CAP_POINTS,
                        mew=style["lw"], alpha=0.75, zorder=1.5, transform=place)  # fmt: skip
@@ -187,10 +182,10 @@ def _draw_frame_rate(panel: Axes, rate: float, taken: Taken) -> None:
 def _label_points(panel: Axes, drawn: list[tuple[Series, list[Box]]], taken: Taken) -> None:
     """Label every resolution once, and each network on frames."""
     groups: dict[tuple[str, str], list[tuple[Data, Box]]] = {}
-    for series, boxes in drawn:
-        for point, box in zip(series.points, boxes, strict=True):
-            own = series.sweep if series.readout == "frame" else ""
-            groups.setdefault((series.readout, detail(point) + "\n" * bool(own) + own), []).append((point, box))
+    for (sweep, readout, points), boxes in drawn:
+        for point, box in zip(points, boxes, strict=True):
+            own = f"\n{sweep}" if readout == "frame" else ""
+            groups.setdefault((readout, point["detail"] + own), []).append((point, box))
     for (readout, text), group in groups.items():
         if readout in ABOVE:
             point, box = max(group, key=lambda pair: pair[1].top)

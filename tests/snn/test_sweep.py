@@ -166,7 +166,6 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
     [
         ("--points lcs", f"a point must be ENCODER:RESOLUTION (encoders: {ENCODERS}), frame|"),
         ("--points lcs:4,,nlcs:6", "a point must be ENCODER:RESOLUTION"),
-        ("--points ann:4", "a point must be ENCODER:RESOLUTION"),
         ("--points lcs:4,lcs:04", "--points has lcs:4 twice; leave one out"),
         ("--points lcs:4:on,lcs:04:on", "--points has lcs:4:on twice; leave one out"),
         ("--points nlcs:4:on", "a point must be ENCODER:RESOLUTION"),
@@ -177,7 +176,6 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
             "--tau is the leak of {0}, but --points has no {0} point; leave it out".format(" or ".join(LEAKY)),
         ),
         ("--points frame:250", "point frame:250: frames need KIND:RATE:BITS"),
-        ("--points frame-diff:250:8:4", "point frame-diff:250:8:4: frames need KIND:RATE:BITS"),
         (
             "--points gru:20 --bin 0.004",
             "--bin has no effect on rnn|gru|cnn:K, where K is the number of frames per step",
