@@ -115,17 +115,11 @@ def sampled_config(frames: FrameSteps, config: ReadoutConfig) -> ReadoutConfig:
 
 
 def values_of(frames: FrameSteps, codes: NDArray[np.int32]) -> NDArray[Any]:
-    """Return the network input for the frames of one scan.
+    """Return the network input for the frames of one scan, shape (steps, channels): float32 of samples, else int32.
 
-    Parameters
-    ----------
-    codes : int32 array, shape (frames, taxels)
-        Signed; full scale is 2**(bits - 1).
+    Frames that do not fill a step are left out.
 
-    Returns
-    -------
-    array, shape (steps, channels)
-        float32 of samples, else int32. Frames that do not fill a step are left out.
+    - ``codes``: signed, with a full scale of 2**(bits - 1). Shape (frames, taxels).
     """
     steps = len(codes) // frames.frames_per_step
     full_scale = 2 ** (frames.bits - 1)

@@ -38,15 +38,10 @@ Images = tuple[list[str], NDArray[np.int64], Callable[[int], Source]]
 def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
     """Return the hidden spikes, and the evidence of each class after each step.
 
-    Parameters
-    ----------
-    x : shape (steps, scans, inputs)
+    - ``x``: shape (steps, scans, inputs).
 
-    Returns
-    -------
-    spikes : shape (steps, scans, hidden)
-    evidence : shape (steps, scans, classes)
-        Output spikes so far; or the sum of the output membranes so far, divided by the number of all steps.
+    The spikes have the shape (steps, scans, hidden), the evidence (steps, scans, classes): output spikes so far; or the
+    sum of the output membranes so far, divided by the number of all steps.
     """
     config, neurons = network.config, network.config.neurons
     spikes = network.spikes(x)
