@@ -72,6 +72,8 @@ def pair(first: Point, second: Point, reading: str) -> Pair:
 
 def compare(labels: str, first: Sequence[str], second: Sequence[str]) -> Pair:
     """Return the comparison of two lists of predictions, with one text per seed."""
+    from scipy.stats import binomtest
+
     seeds = min(len(first), len(second))
     of_first, of_second = right_of(labels, first[:seeds]), right_of(labels, second[:seeds])
     only_first = (of_first & ~of_second).sum(1).tolist()
@@ -82,19 +84,11 @@ def compare(labels: str, first: Sequence[str], second: Sequence[str]) -> Pair:
         accuracy_second=of_second.mean(1).tolist(),
         only_first=only_first,
         only_second=only_second,
-        p=[mcnemar(a, b) for a, b in zip(only_first, only_second, strict=True)],
+        p=[float(binomtest(a, a + b).pvalue) if a + b else 1.0 for a, b in zip(only_first, only_second, strict=True)],
         difference=float(gains.mean()),
         interval=bootstrap(gains.T),
         images=gains.shape[1],
     )
-
-
-def mcnemar(only_first: int, only_second: int) -> float:
-    """Return the two-sided p-value of McNemar's exact test."""
-    from scipy.stats import binomtest
-
-    parted = only_first + only_second
-    return float(binomtest(only_first, parted).pvalue) if parted else 1.0
 
 
 def right_of(labels: str, words: Sequence[str]) -> NDArray[np.bool_]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from math import comb
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from eskin.base.errors import InputError
 from eskin.base.workers.pool import Local
 from eskin.snn.experiments.crossval import read_cell
 from eskin.snn.experiments.experiment import Experiment
-from eskin.snn.experiments.pairs import find_point, mcnemar, pair
+from eskin.snn.experiments.pairs import find_point, pair
 from eskin.snn.experiments.points import Point, as_word, load_sweep
 from eskin.snn.experiments.sweep import SweepPoint, sweep
 from eskin.snn.training import TrainConfig
@@ -25,12 +24,6 @@ from tests.snn.helpers import easy_data
 def point(name: str, *predictions: str, labels: str = "00112") -> Point:
     result = {"predictions": predictions}
     return {"name": name, "class_names": ["a", "b", "c"], "labels": labels, "last": result, "selected": result}
-
-
-def test_the_exact_test_by_hand() -> None:
-    assert mcnemar(0, 0) == 1.0
-    assert mcnemar(0, 6) == pytest.approx(2 / 2**6)
-    assert mcnemar(2, 8) == pytest.approx(2 * sum(comb(10, k) for k in range(3)) / 2**10)
 
 
 def test_two_points_are_compared_image_by_image() -> None:

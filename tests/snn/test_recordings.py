@@ -56,14 +56,6 @@ def skin(folder: Path) -> Path:
 SMALL = "--bin 0.1 --set hidden=16 --set shift_steps=0 --set batch=4 --set learning_rate=0.01 --epochs 20"
 
 
-def test_files_of_equal_name_in_two_class_folders_are_two_recordings(skin: Path) -> None:
-    data = load_recordings(skin, BINS)
-    assert len(data.names) == len(data) == 30
-    assert data.class_names == CLASSES
-    assert data.names[:2] == ("felt/00", "felt/01")
-    assert [data.class_names[label] for label in data.image_labels] == [kind for kind in CLASSES for _ in range(10)]
-
-
 def test_the_class_is_that_of_the_metadata_else_of_the_folder(skin: Path) -> None:
     touch("felt", 99, **{"class": "felt"}).save(skin / "wood" / "99.npz")
     touch("felt", 98, label="felt").save(skin / "wood" / "98.npz")  # as older event files say it
