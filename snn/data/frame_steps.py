@@ -58,9 +58,10 @@ class FrameSteps:
         kind, *numbers = text.split(":")
         most = 3 if kind == "frame-onoff" else 2
         try:
-            if kind not in get_args(FrameKind) or not 2 <= len(numbers) <= most:
+            digits = all(number.isascii() and number.isdigit() for number in numbers[1:])
+            if kind not in get_args(FrameKind) or not 2 <= len(numbers) <= most or not digits:
                 raise ValueError
-            rate_hz, whole = float(numbers[0]), [_digits(number) for number in numbers[1:]]
+            rate_hz, whole = float(numbers[0]), list(map(int, numbers[1:]))
         except ValueError:
             raise InputError(
                 f"frames need KIND:RATE:BITS, with KIND one of {', '.join(get_args(FrameKind))} (the last with "
@@ -81,10 +82,3 @@ class FrameSteps:
     def step_s(self) -> float:
         """Seconds per time step of the network."""
         return self.frames_per_step / self.rate_hz
-
-
-def _digits(text: str) -> int:
-    """Return the integer for a text of digits."""
-    if not (text.isascii() and text.isdigit()):
-        raise ValueError
-    return int(text)

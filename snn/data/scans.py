@@ -161,6 +161,10 @@ def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Seque
         if recording.config != first:
             raise InputError(f"{name} has another readout configuration than {names[0]}; keep them apart")
     counts = [bin_recording(recording, bins) for recording in recordings]
+    rates_hz = [  # as in the paper: counted events divided by the duration of the whole recording
+        np.count_nonzero(recording.events["t"] >= counted_from(recording, bins.start_s)) / recording.duration_s
+        for recording in recordings
+    ]
     images = [image_of(recording) for recording in recordings]
     number = {image: index for index, image in enumerate(dict.fromkeys(images))}
     return ScanData(
@@ -171,7 +175,7 @@ def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Seque
         class_names=classes,
         taxels=first.taxels,
         step_s=bins.bin_s,
-        rate_hz=float(np.mean([counted_rate_hz(recording, bins.start_s) for recording in recordings])),
+        rate_hz=float(np.mean(rates_hz)),
         lengths=np.array([len(one) for one in counts], np.int64),
     )
 
@@ -191,12 +195,6 @@ def _names_of(images: list[tuple[str, str, str]]) -> tuple[str, ...]:
         if len(set(names)) == len(names):
             break
     return tuple(names)
-
-
-def counted_rate_hz(recording: Recording, start_s: float | None = None) -> float:
-    """Return the event rate as in the paper: counted events divided by the duration of the whole recording."""
-    counted = int(np.count_nonzero(recording.events["t"] >= counted_from(recording, start_s)))
-    return counted / recording.duration_s
 
 
 def empty_bins(data: ScanData) -> float:
