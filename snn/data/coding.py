@@ -17,9 +17,7 @@ from numpy.typing import NDArray
 from eskin.model.address_events import taxel_of
 from eskin.model.events.recording import Recording
 from eskin.snn.data.bins import counted_from
-
-Parts = dict[str, int]
-"""Bits of each coded form."""
+from eskin.snn.data.frame_steps import FrameSteps
 
 
 def coded_bits(words: NDArray[np.unsignedinteger]) -> int:
@@ -35,8 +33,8 @@ def coded_bits(words: NDArray[np.unsignedinteger]) -> int:
     return 8 * min(sizes)
 
 
-def coded_events(recordings: Sequence[Recording], start_s: float | None = None) -> Parts:
-    """Return the compressed size in bits of the counted events of recordings.
+def events_bps(recordings: Sequence[Recording], start_s: float | None = None) -> dict[str, float]:
+    """Return the compressed bits per second of the counted events of recordings.
 
     ``addresses``: polarity and address of every event in the order sent; like the words on an AER link they have no
     time stamps. ``events``: these, and the sample ticks since the event before.
@@ -48,24 +46,26 @@ def coded_events(recordings: Sequence[Recording], start_s: float | None = None) 
         off = np.where(events["p"], 0, config.taxels) if config.has_polarity else 0
         addresses.append((taxel_of(events, config) + off).astype(np.uint16))
         ticks.append(np.diff(events["t"].astype(np.int64) // config.clocks_per_sample, prepend=0).astype(np.uint32))
+    seconds = sum(recording.duration_s for recording in recordings)
     bits = coded_bits(np.concatenate(addresses))
-    return {"addresses": bits, "events": bits + coded_bits(np.concatenate(ticks))}
+    return {"addresses": bits / seconds, "events": (bits + coded_bits(np.concatenate(ticks))) / seconds}
 
 
-def coded_frames(frames: Sequence[NDArray[np.int32]], bits: int) -> Parts:
-    """Return the compressed size in bits of the frames of scans.
+def frames_bps(codes: Sequence[NDArray[np.int32]], frames: FrameSteps) -> dict[str, float]:
+    """Return the compressed bits per second of the frames of scans.
 
     ``samples``: the words as sent. ``differences``: to the previous frame, modulo 2**bits, with small values of either
     sign as small words.
 
-    - ``frames``: shape (frames, taxels).
-    - ``bits``: bits of a word.
+    - ``codes``: shape (frames, taxels).
     """
-    mask = 2**bits - 1
+    mask = 2**frames.bits - 1
     kind = np.min_scalar_type(mask)
-    samples = [(codes & mask).astype(kind).ravel() for codes in frames]
+    samples = [(scan & mask).astype(kind).ravel() for scan in codes]
     changes = []
-    for codes in frames:
-        change = ((np.diff(codes, axis=0, prepend=0) + mask // 2 + 1) & mask) - mask // 2 - 1
+    for scan in codes:
+        change = ((np.diff(scan, axis=0, prepend=0) + mask // 2 + 1) & mask) - mask // 2 - 1
         changes.append(((change << 1 ^ change >> 31) & mask).astype(kind).ravel())
-    return {"samples": coded_bits(np.concatenate(samples)), "differences": coded_bits(np.concatenate(changes))}
+    seconds = sum(map(len, codes)) / frames.rate_hz
+    forms = {"samples": samples, "differences": changes}
+    return {name: coded_bits(np.concatenate(words)) / seconds for name, words in forms.items()}

@@ -19,10 +19,9 @@ from eskin.base.errors import InputError
 from eskin.base.files import write_json
 from eskin.base.outputs import check_file
 from eskin.base.workers.pool import Local, Shared, WorkerPool, next_landed, sentence
-from eskin.model.events.recording import Recording
 from eskin.skin.textures.dataset import open_dataset
 from eskin.snn.checkpoint import digest
-from eskin.snn.data.coding import coded_events, coded_frames
+from eskin.snn.data.coding import events_bps, frames_bps
 from eskin.snn.data.folds import check_folds
 from eskin.snn.data.frames import codes_of
 from eskin.snn.data.record import record
@@ -166,22 +165,15 @@ def coded_bps(experiment: Experiment) -> dict[str, float]:
     """Return the compressed bits per second of each form in which ``snn/data/coding.py`` codes events or frames."""
     if experiment.events is not None:
         files = event_files([Path(experiment.events)])
-        return _of_events(read_recordings(files[:: -(-len(files) // CODED_SCANS)]))
+        return events_bps(read_recordings(files[:: -(-len(files) // CODED_SCANS)]))
     scan, config = experiment.scan_and_config()
     textures = open_dataset(experiment.dataset).limit(CODED_SCANS)
     frames = experiment.frames
     if frames is None:
         kind = experiment.variant
         recordings = [record(texture, textures.name, scan, config, variant=kind) for texture in textures]
-        return _of_events(recordings, experiment.bins.start_s)
-    codes = [codes_of(frames, texture.load(), scan, config) for texture in textures]
-    seconds = sum(map(len, codes)) / frames.rate_hz
-    return {name: bits / seconds for name, bits in coded_frames(codes, frames.bits).items()}
-
-
-def _of_events(recordings: list[Recording], start_s: float | None = None) -> dict[str, float]:
-    seconds = sum(recording.duration_s for recording in recordings)
-    return {name: bits / seconds for name, bits in coded_events(recordings, start_s).items()}
+        return events_bps(recordings, experiment.bins.start_s)
+    return frames_bps([codes_of(frames, texture.load(), scan, config) for texture in textures], frames)
 
 
 def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell) -> None:

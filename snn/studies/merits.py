@@ -16,7 +16,7 @@ from eskin.skin.textures.dataset import Dataset
 from eskin.skin.textures.physical import PhysicalScan
 from eskin.skin.textures.rates import Watch
 from eskin.skin.textures.scan import quantise
-from eskin.snn.data.coding import coded_events, coded_frames
+from eskin.snn.data.coding import events_bps, frames_bps
 from eskin.snn.data.disturb import noisy
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.frames import sampled_config
@@ -101,16 +101,14 @@ def _of_events(recordings: Sequence[Recording], phase: str) -> dict[str, float]:
         events = events[(events["t"] >= begin) & (events["t"] < end)].copy()
         events["t"] -= begin
         parts.append(Recording(events, recording.config, end - begin))
-    seconds = sum(part.duration_s for part in parts)
     sent = sum(len(part.events) for part in parts) * recordings[0].config.event_bits
-    return {"sent_bps": sent / seconds, "coded_bps": coded_events(parts)["events"] / seconds}
+    return {"sent_bps": sent / sum(part.duration_s for part in parts), "coded_bps": events_bps(parts)["events"]}
 
 
 def _of_frames(frames: FrameSteps, codes: Sequence[NDArray[np.int32]], phase: str) -> dict[str, float]:
     parts = [one[slice(*_part(len(one), frames.rate_hz, phase))] for one in codes]
-    seconds = sum(map(len, parts)) / frames.rate_hz
-    coded = min(coded_frames(parts, frames.bits).values())
-    return {"sent_bps": frames.rate_hz * parts[0].shape[1] * frames.bits, "coded_bps": coded / seconds}
+    sent_bps = frames.rate_hz * parts[0].shape[1] * frames.bits
+    return {"sent_bps": sent_bps, "coded_bps": min(frames_bps(parts, frames).values())}
 
 
 # -- timing ------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from eskin.model.address_events import make_events
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.events.recording import Recording
-from eskin.snn.data.coding import coded_bits, coded_events, coded_frames
+from eskin.snn.data.coding import coded_bits, events_bps, frames_bps
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.scans import ScanData, empty_bins, likeness
 from eskin.snn.experiments import sweep
@@ -43,9 +43,10 @@ def test_every_event_and_its_time_are_in_the_bits() -> None:
     count, clocks = 20_000, config.clocks_per_sample
     ticks = np.cumsum(generator.integers(0, 4, count))
 
-    def bits_of(x: np.ndarray, p: np.ndarray, t: np.ndarray) -> dict[str, int]:
+    def bits_of(x: np.ndarray, p: np.ndarray, t: np.ndarray) -> dict[str, float]:
         events = make_events(t * clocks, x, np.zeros(count, int), p)
-        return coded_events([Recording(events, config, int(t[-1] + 1) * clocks)])
+        made = Recording(events, config, int(t[-1] + 1) * clocks)
+        return {name: bps * made.duration_s for name, bps in events_bps([made]).items()}
 
     alike = bits_of(np.zeros(count, int), np.ones(count, int), np.arange(count))
     assert alike["events"] < 2000
@@ -54,7 +55,7 @@ def test_every_event_and_its_time_are_in_the_bits() -> None:
     polarities = bits_of(np.zeros(count, int), generator.integers(0, 2, count), np.arange(count))
     assert polarities["addresses"] > count
     timed = bits_of(np.zeros(count, int), np.ones(count, int), ticks)
-    assert timed["addresses"] == alike["addresses"]
+    assert timed["addresses"] == pytest.approx(alike["addresses"])
     assert timed["events"] - timed["addresses"] > 2 * count, "two bits each"
 
 
@@ -63,14 +64,14 @@ def test_differences_cost_what_they_say_whatever_the_width_of_a_word(bits: int) 
     steps = np.random.default_rng(2).integers(-1, 2, (10_000, 4))
     full_scale = 2 ** (bits - 1)
     walk = ((np.cumsum(steps, axis=0) + full_scale) % 2**bits - full_scale).astype(np.int32)  # over the edge too
-    found = coded_frames([walk[:, :2], walk[:, 2:]], bits)
-    assert np.log2(3) * walk.size < found["differences"] < 1.25 * np.log2(3) * walk.size
+    found = frames_bps([walk[:, :2], walk[:, 2:]], FrameSteps(rate_hz=1.0, bits=bits))
+    assert 2 * np.log2(3) < found["differences"] < 1.25 * 2 * np.log2(3), "of two taxels"
     assert found["samples"] > found["differences"]
 
 
 def test_twenty_four_scans_are_coded_as_one_stream(monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
-    monkeypatch.setattr(sweep, "coded_events", lambda recordings, _: {"events": seen.append(recordings) or 1})
+    monkeypatch.setattr(sweep, "events_bps", lambda recordings, _: {"events": seen.append(recordings) or 1.0})
     coded_bps(Experiment(dataset="embedded", readout=ReadoutConfig(rows=1, columns=1, resolution=2)))
     assert [len(recordings) for recordings in seen] == [24]
 
