@@ -102,8 +102,8 @@ def _flaw(point: Any) -> str:
 
 def _flaw_of(result: dict[str, Any], classes: int, labels: str | None) -> str:
     """Return a description of the first error in the values of a result, or an empty string."""
-    shares = [result["accuracy"], *result["wilson_95"], *result["bootstrap_95"]]
-    if len(shares) != 5 or not all(0 <= share <= 1 for share in shares):
+    ends = [result["wilson_95"], result["bootstrap_95"]]
+    if [len(pair) for pair in ends] != [2, 2] or not all(0 <= x <= 1 for x in (result["accuracy"], *ends[0], *ends[1])):
         return "accuracy and both ends of its intervals must be in 0..1"
     if {classes} != {len(row) for row in (result["confusion"], *result["confusion"])}:
         return f"confusion must have a row and a column for each of {classes} class_names"

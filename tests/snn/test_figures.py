@@ -283,6 +283,7 @@ NO_WORD = "labels and predictions must have a digit for each image (240)"
         (["last"], None, "last is no object"),
         (["selected", "accuracy"], 1.2, NO_SHARE),
         (["last", "wilson_95"], [0.1], NO_SHARE),
+        (["last", "bootstrap_95"], [0.1, 0.2, 0.3], NO_SHARE),
         (["last", "confusion"], [[1, 2]], "confusion must have a row and a column for each of 6 class_names"),
         (["labels"], 5, "labels is 5"),
         (["labels"], "001", NO_WORD),
