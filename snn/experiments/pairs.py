@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.snn.experiments.intervals import bootstrap
-from eskin.snn.experiments.points import Point, load_sweep
+from eskin.snn.experiments.points import READINGS, Point, load_sweep
 
 ONE_SEED = ("accuracy_first", "accuracy_second", "only_first", "only_second", "p")
 """Fields of Pair with a value for every seed."""
@@ -53,7 +53,8 @@ def find_point(text: str, kept: Path) -> Point:
     if wanted not in points:
         raise InputError(f"sweep {name} has no point {wanted!r}; it has {', '.join(points)}")
     point = points[wanted]
-    if not (point["last"] and point.get("labels") and point["last"].get("predictions")):
+    words = [(point[reading] or {}).get("predictions") for reading in READINGS]
+    if not point.get("labels") or not all(of_reading and all(of_reading) for of_reading in words):
         raise InputError(f"{text} has no predictions for images; run its sweep again")
     return point
 
@@ -67,7 +68,7 @@ def pair(first: Point, second: Point, reading: str) -> Pair:
         raise InputError(
             f"{first['name']} and {second['name']} have different images or classes and cannot be compared"
         )
-    return compare(first["labels"], *(point[reading].get("predictions") or () for point in (first, second)))
+    return compare(first["labels"], *(point[reading]["predictions"] for point in (first, second)))
 
 
 def compare(labels: str, first: Sequence[str], second: Sequence[str]) -> Pair:
