@@ -152,19 +152,19 @@ def test_the_protocol_is_that_of_finished_points_and_others_are_ringed(folder: P
     assert data["protocol"] == ["no point is finished, epoch selected by inner validation"]
 
 
-def test_the_kept_sweeps_are_the_default(
-    call: Any, refuses: Any, files: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch
+def test_the_kept_sweeps_and_the_latest_are_the_default(
+    refuses: Any, files: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    def names() -> list[str]:
+        return [sweep.name for sweep in figures.load_sweeps([])]
+
     monkeypatch.setattr(figures, "KEPT", folder)
-    assert call("fig9")[0] == 0
-    assert list(json.loads((folder / "out" / "fig9.json").read_text())["commands"]) == ["plain"]
-    (folder / "out" / "sweep").mkdir()
-    (folder / "hand" / "sweep.json").rename(folder / "out" / "sweep" / "sweep.json")
-    assert call("fig9")[0] == 0
-    assert list(json.loads((folder / "out" / "fig9.json").read_text())["commands"]) == ["plain", "sweep"]
+    assert names() == ["plain"]
+    (folder / "out").mkdir()
+    (folder / "hand").rename(folder / "out" / "sweep")
+    assert names() == ["plain", "sweep"]
     monkeypatch.setattr(figures, "KEPT", folder / "nowhere")
-    assert call("fig9")[0] == 0
-    assert list(json.loads((folder / "out" / "fig9.json").read_text())["commands"]) == ["sweep"]
+    assert names() == ["sweep"]
     (folder / "out" / "sweep" / "sweep.json").unlink()
     refuses("nor out/sweep/sweep.json; make one with eskin sweep", "fig9")
 
