@@ -12,7 +12,7 @@ from typing import Any, NoReturn, cast
 import typer
 import typer.core
 
-from eskin.app.catalogue import ABOUT, ABOUT_DEV, CHECKS, DEV, MODULES, overview, sections, summary
+from eskin.app.catalogue import ABOUT, ABOUT_DEV, CHECKS, DEV, MODULES, SUMMARIES, overview, sections
 from eskin.app.leave import leave_quietly
 from eskin.app.options import SHARED, checking_outputs
 from eskin.app.refusals import check_options
@@ -117,7 +117,7 @@ class Checks(Group):
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the list of all checks."""
-        formatter.write("\n".join(sections({"Commands": {name: summary(name) for name in CHECKS}})) + "\n")
+        formatter.write("\n".join(sections({"Commands": {name: SUMMARIES[name] for name in CHECKS}})) + "\n")
 
 
 class AllCommands(Group):

@@ -16,7 +16,7 @@ import subprocess
 import sys
 from typing import Any, NoReturn
 
-from eskin.app.catalogue import GROUPS, MODULES, sections, summary, words_of
+from eskin.app.catalogue import GROUPS, MODULES, SUMMARIES, sections, words_of
 from eskin.app.leave import leave_quietly
 from eskin.app.setup import BASE, SetupError, groups, install, install_apart, missing, python
 
@@ -257,7 +257,7 @@ def _call(line: list[str]) -> None:
 def print_help() -> None:
     """Print the targets, and how to set options of a command."""
     project = OWN | {name: text for name, (text, _) in STEPS.items()}
-    listed = {"Project": project} | {heading: {n: summary(n) for n in names} for heading, names in GROUPS.items()}
+    listed = {"Project": project} | {heading: {n: SUMMARIES[n] for n in names} for heading, names in GROUPS.items()}
     print("\n".join(["make TARGET [VARIABLE=value ...]", *sections(listed, ONE_LINE), "", ENDING]))
 
 
