@@ -6,7 +6,7 @@ import importlib
 import shlex
 import sys
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NoReturn, cast
 
 import typer
@@ -14,9 +14,10 @@ import typer.core
 
 from eskin.app.catalogue import ABOUT, ABOUT_DEV, CHECKS, DEV, MODULES, SUMMARIES, overview, sections
 from eskin.app.leave import leave_quietly
-from eskin.app.options import SHARED, checking_outputs
+from eskin.app.options import SHARED, check_outputs
 from eskin.app.refusals import check_options
 from eskin.base.errors import InputError
+from eskin.base.outputs import remove_empty
 from eskin.base.workers.garbage import collect_seldom
 
 GROUPS = {
@@ -60,9 +61,14 @@ class Command(typer.core.TyperCommand):
                     formatter.write_dl(found[heading])
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command after checking its options."""
+        """Run the command after checking its options and outputs; leave no empty folder after an error."""
         self.check(ctx)
-        return super().invoke(ctx)
+        made = check_outputs(cast(Callable[..., Any], self.callback), ctx.params)
+        try:
+            return super().invoke(ctx)
+        except InputError:
+            remove_empty(made)
+            raise
 
     def check(self, ctx: Any) -> None:
         """Check for numbers out of range and for options without effect."""
@@ -91,8 +97,7 @@ class Commands(Mapping[str, typer.core.TyperCommand]):
             return cast(typer.core.TyperCommand, typer.main.get_command(make_app(ABOUT_DEV, Checks)))
         module, function = importlib.import_module(MODULES[name]), name.replace("-", "_")
         alone = _new_app()
-        function_of = getattr(module, function, None) or getattr(module, f"{function}_")
-        alone.command(name, cls=Command)(checking_outputs(function_of))
+        alone.command(name, cls=Command)(getattr(module, function, None) or getattr(module, f"{function}_"))
         return cast(typer.core.TyperCommand, typer.main.get_command(alone))
 
 

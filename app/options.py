@@ -95,32 +95,23 @@ out_folder = functools.partial(out_file, when=True)
 """Function that returns an option for an output folder."""
 
 
-def checking_outputs(command: Command) -> Command:
-    """Return a command that checks its output paths before any work, and leaves no empty folder after an error."""
-    signature = inspect.signature(command, eval_str=True)
-    parameters = signature.parameters
-    marks = {n: mark for n, p in parameters.items() for mark in get_args(p.annotation) if isinstance(mark, Output)}
+def outputs_of(command: Command) -> dict[str, Output]:
+    """Return the output options of a command by parameter name."""
+    parameters = inspect.signature(command, eval_str=True).parameters.items()
+    return {name: mark for name, p in parameters for mark in get_args(p.annotation) if isinstance(mark, Output)}
 
-    @functools.wraps(command)
-    def wrapper(**arguments: Any) -> Any:
-        given = {name: value for name, value in arguments.items() if name not in marks}
-        values = [one for value in given.values() for one in (value if isinstance(value, list) else [value])]
-        inputs = [one for one in values if isinstance(one, Path)]
-        if isinstance(given.get("dataset"), str):
-            inputs.append(Path(given["dataset"]))
-        for name, mark in marks.items():
-            if arguments[name] is not None:
-                arguments[name] = mark.path(arguments[name], arguments, inputs)
-        made = [one for name in marks if arguments[name] for one in outputs.missing_folders(arguments[name])]
-        try:
-            return command(**arguments)
-        except InputError:
-            outputs.remove_empty(made)
-            raise
 
-    wrapper.__signature__ = signature  # type: ignore[attr-defined]
-    wrapper.__annotations__ = {name: parameter.annotation for name, parameter in parameters.items()}
-    return wrapper if marks else command
+def check_outputs(command: Command, arguments: dict[str, Any]) -> list[Path]:
+    """Check the output paths in a command's arguments, and resolve their links; return their missing folders."""
+    marks = outputs_of(command)
+    given = [value if isinstance(value, list) else [value] for name, value in arguments.items() if name not in marks]
+    inputs = [one for values in given for one in values if isinstance(one, Path)]
+    if isinstance(arguments.get("dataset"), str):
+        inputs.append(Path(arguments["dataset"]))
+    for name, mark in marks.items():
+        if arguments[name] is not None:
+            arguments[name] = mark.path(arguments[name], arguments, inputs)
+    return [folder for name in marks if arguments[name] for folder in outputs.missing_folders(arguments[name])]
 
 
 # -- fields of any dataclass -------------------------------------------------------------------------

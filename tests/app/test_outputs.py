@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import inspect
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import pytest
 
 from eskin.app.catalogue import MODULES, words_of
 from eskin.app.cli import Commands
-from eskin.app.options import Output
+from eskin.app.options import outputs_of
 
 OUTPUTS = {"-o", "--out", "--keep", "--plot", "--data-out"}
 """Options under which commands take a place to write to."""
@@ -29,19 +28,12 @@ def line_of(name: str, given: dict[str, str]) -> str:
     return " ".join(words)
 
 
-def marks(name: str) -> dict[str, Output]:
-    """Return the output markers of a command's options by parameter name."""
-    function = Commands(MODULES)[name].callback
-    assert function is not None
-    parameters = inspect.signature(function).parameters.items()
-    return {n: mark for n, p in parameters for mark in get_args(p.annotation) if isinstance(mark, Output)}
-
-
 @pytest.mark.parametrize("name", sorted(MODULES))
 def test_a_wrong_output_is_refused_before_the_work(name: str, call: Any, folder: Path) -> None:
     (folder / "file").touch()
     (folder / "folder").mkdir()
-    found, outputs = marks(name), [p for p in Commands(MODULES)[name].params if OUTPUTS & set(p.opts)]
+    command = Commands(MODULES)[name]
+    found, outputs = outputs_of(command.callback), [p for p in command.params if OUTPUTS & set(p.opts)]
     assert {str(p.name) for p in outputs} == set(found), "an output without a mark, or a mark on an input"
     for parameter in outputs:
         for place in ("file" if found[str(parameter.name)].folder is True else "folder", "file/x", "/proc/x"):
