@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from eskin.app.cli import asked_for, echo
+from eskin.app.commands import options as common
 from eskin.app.commands.learn.options import Seeds, check_device
-from eskin.app.commands.options import DataOutOption, OutOption, TexturesOption
 from eskin.app.commands.signals.recordings import named_place
 from eskin.app.options import TRAINED, arg, opt, out_file, out_folder
 from eskin.app.tables import filled
@@ -26,8 +26,8 @@ def fig9(
     confusion: Annotated[
         str | None, opt("NAME", "sweep points for confusion matrices [best spiking point of each preset]")
     ] = None,
-    out: OutOption = DEFAULT_OUT,
-    data_out: DataOutOption = None,
+    out: common.Out = DEFAULT_OUT,
+    data_out: common.DataOut = None,
 ) -> None:
     """Plot figure 9, accuracy against data rate with published points, and confusion matrices."""
     from eskin.snn.experiments.points import READINGS
@@ -57,8 +57,8 @@ def fig8(
     image: Annotated[
         str | None, opt("NAME", "texture or recording, such as brick/brick-00 [first correct test image]")
     ] = None,
-    out: OutOption = DEFAULT_OUT,
-    data_out: DataOutOption = None,
+    out: common.Out = DEFAULT_OUT,
+    data_out: common.DataOut = None,
 ) -> None:
     """Plot figure 8: one scan from texture through events and hidden spikes to the evidence of each class."""
     from eskin.skin.figures.scan_to_class import plot_scan
@@ -123,7 +123,7 @@ def frontier(
         int | None, opt("FOLDS", "compare the points only on inner validation images of this many folds", min=1, max=6)
     ] = None,
     draw: Annotated[Path | None, opt("FILE", "plot this frontier.json without training")] = None,
-    dataset: TexturesOption = None,
+    dataset: common.Textures = None,
     out: Annotated[Path, out_folder("DIR", "folder for results, frontier.json and .png")] = Path("out/frontier"),
 ) -> None:
     """Train networks on chosen taxels, and compare accuracy with events/s, bits/s and power.

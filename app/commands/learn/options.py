@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eskin.app.commands.options import TexturesOption
+from eskin.app.commands import options as common
 from eskin.app.commands.signals.recordings import PREPARATION, OwnData, check_alone, events_of
 from eskin.app.options import (
     CONFIG_FILE,
@@ -70,7 +70,7 @@ READOUT = [*field_options(ReadoutConfig, ENCODER, _IN_HELP), CONFIG_FILE]
 
 def _options(
     data: OwnData = None,
-    dataset: TexturesOption = None,
+    dataset: common.Textures = None,
     events: Annotated[Path | None, opt("DIR", "event files, for example of a replay, instead of textures")] = None,
     preset: Preset = None,
     recipe: Annotated[

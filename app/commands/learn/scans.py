@@ -9,9 +9,9 @@ from typing import Annotated, Any
 import typer
 
 from eskin.app.cli import echo
+from eskin.app.commands import options as common
 from eskin.app.commands.learn.options import BinSeconds, Preset, Tau
 from eskin.app.commands.learn.sweep import command_line
-from eskin.app.commands.options import TexturesOption
 from eskin.app.options import LEAKY, opt, out_file
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
@@ -41,7 +41,7 @@ def counts(
     points: Annotated[str, opt("ENCODER:N,...", "encoders with resolution")] = "nlcs:6,nlcs:8,nlcs:10",
     preset: Preset = "paper",
     tau: Tau = None,
-    dataset: TexturesOption = None,
+    dataset: common.Textures = None,
     bin_s: BinSeconds = None,
     out: Annotated[Path | None, out_file("FILE", "JSON file for the results")] = None,
 ) -> None:

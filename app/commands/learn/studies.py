@@ -9,10 +9,10 @@ from typing import Annotated, Any
 import typer
 
 from eskin.app.cli import echo
+from eskin.app.commands import options as common
 from eskin.app.commands.learn.options import check_device
 from eskin.app.commands.learn.robustness import Trainings, subjects_of
 from eskin.app.commands.learn.sweep import command_line
-from eskin.app.commands.options import TexturesOption
 from eskin.app.options import arg, opt, out_folder
 from eskin.app.tables import filled, print_table
 from eskin.base.errors import InputError
@@ -103,7 +103,7 @@ def merits(
     ] = None,
     pair: Pair = None,
     noise: Annotated[Path | None, opt("FILE", "noise_power.json to include in the figure")] = None,
-    dataset: TexturesOption = None,
+    dataset: common.Textures = None,
     limit: Annotated[int, opt("number of textures for rest and timing, evenly spread", min=1)] = 24,
     out: Annotated[Path, out_folder("DIR", "merits.json and .png")] = Path("out/merits"),
 ) -> None:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 import typer
 
 from eskin.app.cli import echo
+from eskin.app.commands import options as common
 from eskin.app.commands.learn.bars import cell_bar
 from eskin.app.commands.learn.options import NOT_OF_A_SWEEP, Folds, Seeds, Workers, build_experiment, with_experiment
-from eskin.app.commands.options import Scheduler, open_pool
 from eskin.app.leave import EXIT_INTERRUPTED
 from eskin.app.options import LEAKY, opt, out_folder
 from eskin.app.tables import print_table
@@ -50,7 +50,7 @@ def sweep(
     ] = None,
     seeds: Seeds = 3,
     workers: Workers = None,
-    scheduler: Scheduler = None,
+    scheduler: common.Scheduler = None,
     out: Annotated[Path, out_folder("DIR", "parent folder of a folder per point and of sweep.json")] = Path(
         "out/sweep"
     ),
@@ -79,7 +79,7 @@ def sweep(
 
     needs = Needs(("base", "model", "skin", "snn"), ("torch", "numpy"))
     try:
-        with open_pool(workers, scheduler, needs) as pool, cell_bar(len(made) * folds * seeds) as show:
+        with common.open_pool(workers, scheduler, needs) as pool, cell_bar(len(made) * folds * seeds) as show:
             found = run(
                 made, out, pool=pool, folds=folds, seeds=seeds, command=command_line(context), progress=show
             )  # fmt: skip

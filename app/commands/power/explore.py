@@ -6,15 +6,7 @@ import sys
 from typing import Annotated, Any
 
 from eskin.app.cli import asked_for, echo
-from eskin.app.commands.options import (
-    DatasetOption,
-    JsonOption,
-    OutOption,
-    PresetOption,
-    RatesOption,
-    SettingsOption,
-    SynthesisOption,
-)
+from eskin.app.commands import options as common
 from eskin.app.options import opt, with_fields
 from eskin.app.tables import new_table, print_report, show
 from eskin.base.errors import InputError
@@ -45,13 +37,13 @@ def explore(
     nlcs_event_rate: Annotated[float | None, opt("HZ", "events/s of N-LCS [value of --event-rate]")] = None,
     rate_resolution: Annotated[int, opt("N", "resolution of these rates")] = 6,
     min_resolution: Annotated[int | None, opt("N", "resolution needed [the finest that the noise allows]")] = None,
-    dataset: DatasetOption = None,
-    preset_name: PresetOption = "physical",
-    rates: RatesOption = None,
-    synthesis: SynthesisOption = None,
-    settings: SettingsOption = None,
-    out: OutOption = DEFAULT_OUT,
-    as_json: JsonOption = False,
+    dataset: common.Dataset = None,
+    preset_name: common.Preset = "physical",
+    rates: common.Rates = None,
+    synthesis: common.Synthesis = None,
+    settings: common.Settings = None,
+    out: common.Out = DEFAULT_OUT,
+    as_json: common.Json = False,
 ) -> None:
     """Find the readout and resolution with the least power for your sensor."""
     from eskin.power.figures.plots import plot_explore

@@ -6,30 +6,23 @@ import dataclasses
 import json
 from collections.abc import Iterable
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from eskin.app.cli import asked_for, echo
-from eskin.app.commands.options import (
-    DataOutOption,
-    DatasetOption,
-    JsonOption,
-    OutOption,
-    PresetOption,
-    RatesOption,
-    SettingsOption,
-    SynthesisOption,
-)
+from eskin.app.commands import options as common
 from eskin.app.options import opt
 from eskin.app.tables import new_table, print_report, print_table, show
 from eskin.base.errors import InputError
 from eskin.base.figures.files import DEFAULT_OUT, write_results
 from eskin.base.progress import bar
+from eskin.base.units import with_unit
+from eskin.power import study
 from eskin.power.build import MEASURED, both_modes, build_model, chosen_corrections, rate_table
+from eskin.power.equations import CORRECTIONS, PowerModel
 from eskin.power.parameters import PowerParameters
-from eskin.power.study import crossover_text
-
-if TYPE_CHECKING:
-    from eskin.power.equations import PowerModel
+from eskin.power.rates import load_tables, stored_table
+from eskin.power.readouts import READOUT_NAMES, READOUTS, SPIKING
+from eskin.power.study import RESOLUTIONS, TAUS_S
 
 
 def power(
@@ -43,22 +36,19 @@ def power(
         bool, opt("--crossover", "AFE noise at which spikes need less power than frames, N = 1..10")
     ] = False,
     parameters: Annotated[bool, opt("--parameters", "list all parameters and corrections")] = False,
-    settings: SettingsOption = None,
-    synthesis: SynthesisOption = None,
-    dataset: DatasetOption = None,
+    settings: common.Settings = None,
+    synthesis: common.Synthesis = None,
+    dataset: common.Dataset = None,
     preset_name: Annotated[
         str | None, opt("--preset", "paper|physical", "texture scan of the event rates [paper]")
     ] = None,
-    rates: RatesOption = None,
-    as_json: JsonOption = False,
+    rates: common.Rates = None,
+    as_json: common.Json = False,
 ) -> None:
     """Print the power of the three readouts: LCS, N-LCS and frames."""
     if parameters:
         _print_parameters(PowerParameters().with_settings(settings or []), as_json)
         return
-    from eskin.power.equations import PowerModel
-    from eskin.power.study import RESOLUTIONS, TAUS_S, breakdowns, crossovers, winning_sides
-
     corrections = chosen_corrections(mode, correct, without)
     given = {"--rates": rates, "--dataset": dataset, "--preset": preset_name}
     if idle := [name for name, value in given.items() if value is not None and not corrections & MEASURED]:
@@ -72,16 +62,16 @@ def power(
         corrections, settings, synthesis, lambda: rate_table(dataset, preset_name or "paper", rates, *wanted, watch=bar)
     )
     if crossover:
-        print_report(crossovers(model), as_json, lambda data: _print_crossovers(data, winning_sides(model), model))
+        print_report(
+            study.crossovers(model), as_json, lambda data: _print_crossovers(data, study.winning_sides(model), model)
+        )
         return
     title = f"N = {resolution}, noise {noise * 1e3:g} mV rms, tau {tau:g} s"
-    found = breakdowns(model, resolution, noise, tau)
+    found = study.breakdowns(model, resolution, noise, tau)
     print_report(found, as_json, lambda data: _print_breakdown(data, model, title))
 
 
 def _mode_text(model: PowerModel) -> str:
-    from eskin.power.equations import CORRECTIONS
-
     if not model.corrections:
         return "paper"
     if model.corrections == frozenset(CORRECTIONS):
@@ -91,9 +81,6 @@ def _mode_text(model: PowerModel) -> str:
 
 def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> None:
     """Print power breakdowns as a table, one column per readout."""
-    from eskin.base.units import with_unit
-    from eskin.power.readouts import READOUT_NAMES, READOUTS
-
     table = new_table(("power", *(READOUT_NAMES[readout] for readout in READOUTS)), f"{title}, {_mode_text(model)}")
 
     def add(name: str, values: Iterable[float | None], style: str = "") -> None:
@@ -113,8 +100,6 @@ def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> Non
 
 def _print_crossovers(data: dict[str, Any], sides: dict[str, Any], model: PowerModel) -> None:
     """Print crossovers as a table, one row per resolution."""
-    from eskin.power.study import RESOLUTIONS
-
     lines = [(f"N-LCS {float(tau):g} s", data["nlcs"][tau], sides["nlcs"][tau]) for tau in data["nlcs"]]
     lines.append(("LCS", data["lcs"], sides["lcs"]))
     title = f"AFE noise (mV rms) where spikes and frames need equal power, {_mode_text(model)}"
@@ -135,8 +120,6 @@ def _side_text(noise_v_rms: float | None, side: str) -> str:
 
 def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
     """Print every parameter with unit, meaning and source, and the corrections."""
-    from eskin.power.equations import CORRECTIONS
-
     shown = ("unit", "source", "meaning")
     fields = dataclasses.fields(parameters)
     if as_json:
@@ -152,58 +135,53 @@ def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
 
 
 def fig6(
-    out: OutOption = DEFAULT_OUT,
-    data_out: DataOutOption = None,
-    settings: SettingsOption = None,
-    synthesis: SynthesisOption = None,
-    dataset: DatasetOption = None,
-    preset_name: PresetOption = "paper",
-    rates: RatesOption = None,
+    out: common.Out = DEFAULT_OUT,
+    data_out: common.DataOut = None,
+    settings: common.Settings = None,
+    synthesis: common.Synthesis = None,
+    dataset: common.Dataset = None,
+    preset_name: common.Preset = "paper",
+    rates: common.Rates = None,
 ) -> None:
     """Plot figure 6 in both modes: power at three noise targets."""
     from eskin.power.figures.plots import plot_fig6
-    from eskin.power.study import FIG_RESOLUTION, FIG_TAU_S, fig6_data
 
-    source = partial(rate_table, dataset, preset_name, rates, [FIG_RESOLUTION], [FIG_TAU_S], watch=bar)
-    data = fig6_data(both_modes(settings, synthesis, source))
+    source = partial(rate_table, dataset, preset_name, rates, [study.FIG_RESOLUTION], [study.FIG_TAU_S], watch=bar)
+    data = study.fig6_data(both_modes(settings, synthesis, source))
     echo(write_results(out, "fig6", data, plot_fig6, data_out, command=asked_for()))
 
 
 def fig7(
-    out: OutOption = DEFAULT_OUT,
-    data_out: DataOutOption = None,
-    settings: SettingsOption = None,
-    synthesis: SynthesisOption = None,
-    dataset: DatasetOption = None,
-    preset_name: PresetOption = "paper",
-    rates: RatesOption = None,
+    out: common.Out = DEFAULT_OUT,
+    data_out: common.DataOut = None,
+    settings: common.Settings = None,
+    synthesis: common.Synthesis = None,
+    dataset: common.Dataset = None,
+    preset_name: common.Preset = "paper",
+    rates: common.Rates = None,
 ) -> None:
     """Plot figure 7 in both modes: crossover noise by resolution."""
     from eskin.power.figures.plots import plot_fig7
-    from eskin.power.study import RESOLUTIONS, TAUS_S, fig7_data
 
     source = partial(rate_table, dataset, preset_name, rates, list(RESOLUTIONS), list(TAUS_S), watch=bar)
-    data = fig7_data(both_modes(settings, synthesis, source))
+    data = study.fig7_data(both_modes(settings, synthesis, source))
     echo(write_results(out, "fig7", data, plot_fig7, data_out, command=asked_for()))
 
 
 def sensitivity(
-    out: OutOption = DEFAULT_OUT,
-    data_out: DataOutOption = None,
-    settings: SettingsOption = None,
-    synthesis: SynthesisOption = None,
-    as_json: JsonOption = False,
+    out: common.Out = DEFAULT_OUT,
+    data_out: common.DataOut = None,
+    settings: common.Settings = None,
+    synthesis: common.Synthesis = None,
+    as_json: common.Json = False,
 ) -> None:
     """Compute the effect of each correction on the ratio of spiking to frame power."""
-    from eskin.power.equations import CORRECTIONS
     from eskin.power.figures.plots import plot_sensitivity
-    from eskin.power.rates import load_tables, stored_table
-    from eskin.power.study import sensitivity_data, sensitivity_models
 
     model = build_model(frozenset(CORRECTIONS), settings, synthesis, stored_table)
     used = (model.measured.dataset, model.measured.preset)  # type: ignore[union-attr]
     others = {f"{t.dataset} {t.preset} scan": t for t in load_tables() if (t.dataset, t.preset) != used}
-    data = sensitivity_data(sensitivity_models(model, others))
+    data = study.sensitivity_data(study.sensitivity_models(model, others))
     written = write_results(out, "sensitivity", data, plot_sensitivity, data_out, command=asked_for())
     if not as_json:
         echo(written)
@@ -212,8 +190,6 @@ def sensitivity(
 
 def _print_sensitivity(data: dict[str, Any]) -> None:
     """Print the sensitivity study as a table."""
-    from eskin.power.readouts import READOUT_NAMES, SPIKING
-
     title = (
         f"spiking / frame power, N = {data['resolution']}, tau {data['tau_s']:g} s, at AFE noise in mV rms; "
         f"below 1 spikes need less power"
@@ -233,6 +209,6 @@ def _print_sensitivity(data: dict[str, Any]) -> None:
         cells = []
         for readout in SPIKING:
             cells += [f"{ratio:.3g}" for ratio in row["ratio"][readout]]
-            cells.append(crossover_text(row["crossover"][readout]))
+            cells.append(study.crossover_text(row["crossover"][readout]))
         table.add_row(row["case"], *cells)
     show(table, least_width=132)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.app.cli import echo
-from eskin.app.commands.options import Scheduler, Workers, open_pool
+from eskin.app.commands import options as common
 from eskin.app.commands.signals.recordings import (
     DEFAULTS,
     PREPARATION,
@@ -57,8 +57,8 @@ def encode(
     ] = "cycle",
     name: Annotated[str | None, opt("TEXT", "name stored in the file [name of the input]")] = None,
     label: Annotated[str | None, opt("--class", "--label", "TEXT", "class stored in the file")] = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
 ) -> None:
     """Encode an image, a file of samples, or a folder of sample files into address events."""
     if model not in get_args(Model):
@@ -68,7 +68,7 @@ def encode(
         own["--model functional"] = None if model == "cycle" else model
         if unused := [option for option, value in own.items() if value is not None]:
             raise InputError(f"{unused[0]} is for a single input; a folder gives each recording its name and class")
-        with open_pool(workers, scheduler, threads=True) as pool:
+        with common.open_pool(workers, scheduler, threads=True) as pool:
             _encode_folder(source, out, preparation_of(source, config, prepared), config, given, pool)
         return
     if workers is not None or scheduler is not None:

@@ -5,16 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from eskin.app.commands.options import (
-    JsonOption,
-    LimitOption,
-    ScanOption,
-    Scheduler,
-    TauOption,
-    TexturesOption,
-    Workers,
-    open_pool,
-)
+from eskin.app.commands import options as common
 from eskin.app.options import check_leaks, opt, out_file, with_config, with_fields
 from eskin.app.tables import CELLS, filled, print_report, print_table, show_facts
 from eskin.base.progress import bar
@@ -32,14 +23,14 @@ from eskin.skin.textures.traffic import compare_traffic
 def rates(
     config: ReadoutConfig,
     given: frozenset[str],
-    preset_name: ScanOption = "paper",
-    tau: TauOption = None,
-    dataset: TexturesOption = None,
-    limit: LimitOption = None,
+    preset_name: common.Scan = "paper",
+    tau: common.Tau = None,
+    dataset: common.Textures = None,
+    limit: common.Limit = None,
     start_row: Annotated[list[float] | None, opt("PIXELS", "physical: start row, repeatable [0]")] = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
-    as_json: JsonOption = False,
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
+    as_json: common.Json = False,
 ) -> None:
     """Measure the mean event rate of the whole array over a dataset."""
     scan = preset(preset_name)
@@ -49,7 +40,10 @@ def rates(
         tau = PAPER_TAU_S
     config = scan.configure(config, tau)
     textures = _textures(dataset, limit)
-    with open_pool(workers, scheduler, threads=True) as pool, bar("scanning textures", len(textures)) as progress:
+    with (
+        common.open_pool(workers, scheduler, threads=True) as pool,
+        bar("scanning textures", len(textures)) as progress,
+    ):
         result = measure_rates(textures, scan, config, start_row or [0.0], pool, progress)
     fields = ("encoding", "resolution", "rows", "columns", "sample_bits", "sample_rate_hz")
     report = {"preset": scan.name, **{name: getattr(config, name) for name in fields}, "dataset": textures.name}
@@ -90,13 +84,13 @@ def frames(
     own: dict[str, Any],
     stored: dict[str, Any],
     frame_rate: Annotated[float | None, opt("HZ", f"frames per second [{ReadoutConfig().sample_rate_hz:g}]")] = None,
-    tau: TauOption = None,
-    dataset: TexturesOption = None,
-    preset_name: ScanOption = "paper",
-    limit: LimitOption = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
-    as_json: JsonOption = False,
+    tau: common.Tau = None,
+    dataset: common.Textures = None,
+    preset_name: common.Scan = "paper",
+    limit: common.Limit = None,
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
+    as_json: common.Json = False,
 ) -> None:
     """Compare data rate and activity of events and frames on the same scans."""
     scan = preset(preset_name)
@@ -106,7 +100,7 @@ def frames(
         tau = PAPER_TAU_S
     textures = _textures(dataset, limit)
     scans = len(registry.NAMES) * len(textures)
-    with open_pool(workers, scheduler, threads=True) as pool, bar("scanning textures", scans) as progress:
+    with common.open_pool(workers, scheduler, threads=True) as pool, bar("scanning textures", scans) as progress:
         report = compare_traffic(textures, scan, config, frame, tau, pool, progress)
     print_report(report, as_json, _print_traffic)
 
@@ -140,9 +134,9 @@ def event_rates(
         list[str] | None, opt("DIR|embedded", "textures, repeatable [$ESKIN_DATA, data/kylberg, else embedded]")
     ] = None,
     preset_name: Annotated[str, opt("--preset", "paper|physical|both", "constants of the texture scan")] = "both",
-    limit: LimitOption = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
+    limit: common.Limit = None,
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
 ) -> None:
     """Measure the event rate of every taxel at N = 1..10, for the power model."""
     from eskin.base.files import atomic_write
@@ -150,7 +144,7 @@ def event_rates(
     scans = [preset(name) for name in (("paper", "physical") if preset_name == "both" else (preset_name,))]
     tables = []
     places: list[str | None] = list(dataset or []) or [None]
-    with open_pool(workers, scheduler, threads=True) as pool:
+    with common.open_pool(workers, scheduler, threads=True) as pool:
         for place in places:
             textures = _textures(place, limit)
             for scan in scans:

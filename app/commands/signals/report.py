@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 from eskin.app.cli import echo
-from eskin.app.commands.options import SynthesisOption
+from eskin.app.commands import options as common
 from eskin.app.options import opt, out_file
 from eskin.base.errors import InputError
 
@@ -28,7 +28,7 @@ def report(
     replay: Annotated[Path | None, opt("DIR", "results of make replay [out/replay]")] = None,
     benchmarks: Annotated[Path | None, opt("DIR", "benchmark results [benchmarks/results]")] = None,
     accuracy: Annotated[Path | None, opt("FILE", "accuracy and data rates of Fig. 9 [app/report/fig9.json]")] = None,
-    synthesis: SynthesisOption = None,
+    synthesis: common.Synthesis = None,
 ) -> None:
     """Write all figures of the project into one self-contained HTML file."""
     from eskin.app.report.data import report_data

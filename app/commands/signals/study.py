@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from eskin.app.cli import asked_for, echo
-from eskin.app.commands.options import JsonOption, OutOption, Scheduler, Workers, open_pool
+from eskin.app.commands import options as common
 from eskin.app.commands.signals.recordings import named_place
 from eskin.app.options import opt
 from eskin.app.tables import filled, print_report, print_table
@@ -21,10 +21,10 @@ def study(
         Path | None,
         opt("DIR|finger", "class folders of your own recordings [generated slow signals]", callback=named_place),
     ] = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
-    out: OutOption = DEFAULT_OUT,
-    as_json: JsonOption = False,
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
+    out: common.Out = DEFAULT_OUT,
+    as_json: common.Json = False,
 ) -> None:
     """Compare SNR and data rate of every encoder with uniform sampling at no higher rate, on slow signals."""
     from eskin.skin.figures.study import plot_study
@@ -33,7 +33,7 @@ def study(
     if data is not None and not data.exists():
         raise InputError(f"{data} does not exist; give a folder of class folders, or leave --data out")
     points = len(registry.NAMES) * len(RESOLUTIONS)
-    with open_pool(workers, scheduler, threads=True) as pool, bar("encoding", points) as progress:
+    with common.open_pool(workers, scheduler, threads=True) as pool, bar("encoding", points) as progress:
         found = study_data(data, pool, progress)
     written = write_results(out, "study", found, plot_study, command=asked_for())
     if not as_json:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eskin.app.commands.options import JsonOption
+from eskin.app.commands import options as common
 from eskin.app.options import LOGIC, check_frame, opt, option_name, out_folder, with_config, with_fields
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
@@ -122,7 +122,7 @@ def gates(
     classifier: Annotated[
         Path | None, opt("INTEGER.npz", "count the classifier of this file, without memories")
     ] = None,
-    as_json: JsonOption = False,
+    as_json: common.Json = False,
 ) -> None:
     """Count the gates and flops of both readouts for the same array, or of a classifier."""
     import json

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eskin.app.cli import asked_for, echo
-from eskin.app.commands.options import Scheduler, Workers, open_pool
+from eskin.app.commands import options as common
 from eskin.app.commands.outcome import failing_on
 from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, with_preparation
 from eskin.app.options import opt, out_file, out_folder, with_config
@@ -40,8 +40,8 @@ def replay(
     start_row: Annotated[float | None, opt("image row where the array starts (physical) [0]")] = None,
     limit: Annotated[int | None, opt("number of textures or recordings, evenly spread [all]")] = None,
     only: Annotated[str | None, opt("only one texture or recording, by name")] = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
     keep: Annotated[
         Path | None,
         out_file("--keep", "JSON file for the totals of this encoder; the file keeps the totals of other encoders"),
@@ -56,7 +56,7 @@ def replay(
     from eskin.cocotb_tests.runner.process import MismatchFound
 
     check_alone(data, prepared, {"--dataset": dataset, "--preset": preset, "--start-row": start_row})
-    with open_pool(workers, scheduler, session.NEEDS, threads=True) as pool, bars() as show:
+    with common.open_pool(workers, scheduler, session.NEEDS, threads=True) as pool, bars() as show:
         if data is not None:
             plan = _plan_own(data, prepared, config, given, limit, only, out)
         else:

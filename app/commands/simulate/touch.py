@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eskin.app.cli import echo
-from eskin.app.commands.options import Scheduler, Workers, open_pool
+from eskin.app.commands import options as common
 from eskin.app.commands.outcome import failing_on
 from eskin.app.commands.signals.recordings import OwnData, check_alone, warn
 from eskin.app.options import opt, out_folder
@@ -34,8 +34,8 @@ def touch(
     data: OwnData = None,
     limit: Annotated[int | None, opt("number of textures or recordings, evenly spread [all]", min=1)] = None,
     only: Annotated[str | None, opt("only one texture or recording, by name")] = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
     out: Annotated[Path, out_folder("folder for results and picture")] = Path("out/touch"),
 ) -> None:
     """Run textures or your recordings through the RTL of readout and classifier, and compare with the models.
@@ -58,7 +58,7 @@ def touch(
     folders = {name.split("/")[0] for name in plan.material.names if "/" in name}
     if data is not None and (others := sorted(folders - set(known))):
         warn([f"the network has the classes {', '.join(known)}; it was not trained on {', '.join(others)}"])
-    with open_pool(workers, scheduler, replay.NEEDS, threads=True) as pool, bars() as show:
+    with common.open_pool(workers, scheduler, replay.NEEDS, threads=True) as pool, bars() as show:
         print("building the chip for Verilator", file=sys.stderr)
         with reported("building the chip"):
             missing = [name for name in plan.names if plan.finished(name) is None]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eskin.app.commands.options import Scheduler, Workers, open_pool
+from eskin.app.commands import options as common
 from eskin.app.commands.outcome import conclude, failing_on, make_line
 from eskin.app.options import opt, out_file, out_folder, parse_fields, parse_number
 from eskin.base.errors import InputError
@@ -103,8 +103,8 @@ def mutants(
     again: Annotated[bool, opt("test survivors again, after new tests were added")] = False,
     limit: Annotated[int | None, opt("largest number of mutants [all]", min=1)] = None,
     judging: Annotated[bool, opt("--judge/--no-judge", "test mutants, or only report earlier results")] = True,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
     out: Annotated[Path, out_folder("folder for the results")] = Path("out/mutants"),
 ) -> None:
     """Mutate the source code, and report which mutants the tests and proofs kill.
@@ -123,7 +123,7 @@ def mutants(
     def tell(finding: Finding) -> None:
         print(f"{finding.verdict:<11}{finding.name}{f' by {finding.by}' if finding.by else ''}", flush=True)
 
-    with open_pool(workers, scheduler, NEEDS) as pool:
+    with common.open_pool(workers, scheduler, NEEDS) as pool:
         done = run(Plan(packages, share, seed, block, limit, apart_from), out, pool if judging else None, again, tell)
     drawn = {"SHARE": f"{share:g}", "SEED": str(seed), "APART_FROM": apart_from is not None and str(apart_from)}
     command = make_line("mutants", MODEL=model, BLOCK=block, **drawn, LIMIT=limit)
