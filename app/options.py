@@ -36,25 +36,24 @@ MAIN = ("rows", "columns", "encoding", "resolution", "sample_rate_hz")
 # -- options and arguments of a command, and paths that it writes ------------------------------------
 
 
-def opt(*words: str, **limits: Any) -> OptionInfo:
-    """Return a command-line option for its flags, its metavar and its help text.
+def opt(default: Any, *words: str, **limits: Any) -> Any:
+    """Return a command-line option for its default, its flags, its metavar and its help text.
 
-    Without flags, the parameter's name gives the flag. The metavar may be absent.
-
-    ``limits`` are other arguments of ``typer.Option``.
+    The default is ``...`` for a required option, or if the option belongs to an annotation. Without flags, the
+    parameter's name gives the flag. The metavar may be absent. ``limits`` are other arguments of ``typer.Option``.
     """
-    return _filled(OptionInfo, words, limits)
+    return _filled(OptionInfo, default, words, limits)
 
 
-def arg(*words: str, **limits: Any) -> ArgumentInfo:
-    """Return a command-line argument for its metavar and its help text."""
-    return _filled(ArgumentInfo, words, limits)
+def arg(default: Any, *words: str, **limits: Any) -> Any:
+    """Return a command-line argument for its default, its metavar and its help text."""
+    return _filled(ArgumentInfo, default, words, limits)
 
 
-def _filled(kind: type[Any], words: Sequence[str], limits: Mapping[str, Any]) -> Any:
+def _filled(kind: type[Any], default: Any, words: Sequence[str], limits: Mapping[str, Any]) -> Any:
     flags = [word for word in words[:-1] if word.startswith("-")]
     metavar = next((word for word in words[:-1] if not word.startswith("-")), None)
-    return kind(default=..., param_decls=flags, metavar=metavar, help=words[-1], **limits)
+    return kind(default=default, param_decls=flags, metavar=metavar, help=words[-1], **limits)
 
 
 class Output(OptionInfo):
@@ -81,12 +80,12 @@ class Output(OptionInfo):
         return path
 
 
-def out_file(*words: str, when: bool | Callable[[Mapping[str, Any]], bool] = False, **limits: Any) -> Output:
+def out_file(default: Any, *words: str, when: bool | Callable[[Mapping[str, Any]], bool] = False, **limits: Any) -> Any:
     """Return an option for an output file, or for an output folder if ``when`` is True.
 
     ``when`` may be a function of the command's arguments.
     """
-    made: Output = _filled(Output, words if words[0].startswith("-") else ("-o", "--out", *words), limits)
+    made = _filled(Output, default, words if words[0].startswith("-") else ("-o", "--out", *words), limits)
     made.folder = when
     return made
 
@@ -98,7 +97,7 @@ out_folder = functools.partial(out_file, when=True)
 def outputs_of(command: Command) -> dict[str, Output]:
     """Return the output options of a command by parameter name."""
     parameters = inspect.signature(command, eval_str=True).parameters.items()
-    return {name: mark for name, p in parameters for mark in get_args(p.annotation) if isinstance(mark, Output)}
+    return {n: mark for n, p in parameters for mark in (p.default, *get_args(p.annotation)) if isinstance(mark, Output)}
 
 
 def check_outputs(command: Command, arguments: dict[str, Any]) -> list[Path]:
@@ -121,7 +120,7 @@ def option(
     name: str, hint: Any, text: str, metavar: str | None, flag: str, heading: str | None = None
 ) -> inspect.Parameter:
     """Return an optional keyword parameter with a command-line option; its default None means "not given"."""
-    info = opt(flag, *filter(None, [metavar]), text, show_default=False, rich_help_panel=heading)
+    info = opt(..., flag, *filter(None, [metavar]), text, show_default=False, rich_help_panel=heading)
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[hint, info])
 
 

@@ -14,24 +14,26 @@ if TYPE_CHECKING:
     from eskin.base.workers.pool import WorkerPool
 
 
-Out = Annotated[Path, out_folder("DIR", "folder for data and picture")]
+Out = Annotated[Path, out_folder(..., "DIR", "folder for data and picture")]
 DataOut = Annotated[
-    Path | None, out_folder("--data-out", "DIR", "folder for the data [folder of the picture]", show_default=False)
+    Path | None, out_folder(..., "--data-out", "DIR", "folder for the data [folder of the picture]", show_default=False)
 ]
-Settings = Annotated[list[str] | None, opt("--set", "NAME=NUMBER", "change a parameter, repeatable")]
-Synthesis = Annotated[list[Path] | None, opt("FILE", "synthesis report (JSON) of a readout's digital part, repeatable")]
-Dataset = Annotated[str | None, opt("DIR|embedded", "measure event rates on these textures [stored rates]")]
-Textures = Annotated[str | None, opt("DIR|embedded", "textures [$ESKIN_DATA, data/kylberg, else embedded]")]
-Scan = Annotated[str, opt("--preset", "paper|physical", "constants of the texture scan")]
-Limit = Annotated[int | None, opt("K", "number of images, evenly spread [all]")]
-Tau = Annotated[float | None, opt("SECONDS", f"{', '.join(LEAKY)}: time constant [{PAPER_TAU_S}]")]
-Preset = Annotated[str, opt("--preset", "paper|physical", "texture scan of the event rates")]
-Rates = Annotated[Path | None, opt("--rates", "FILE", "event rates, from eskin event-rates")]
-Json = Annotated[bool, opt("--json", "print one JSON object")]
+Settings = Annotated[list[str] | None, opt(..., "--set", "NAME=NUMBER", "change a parameter, repeatable")]
+Synthesis = Annotated[
+    list[Path] | None, opt(..., "FILE", "synthesis report (JSON) of a readout's digital part, repeatable")
+]
+Dataset = Annotated[str | None, opt(..., "DIR|embedded", "measure event rates on these textures [stored rates]")]
+Textures = Annotated[str | None, opt(..., "DIR|embedded", "textures [$ESKIN_DATA, data/kylberg, else embedded]")]
+Scan = Annotated[str, opt(..., "--preset", "paper|physical", "constants of the texture scan")]
+Limit = Annotated[int | None, opt(..., "K", "number of images, evenly spread [all]")]
+Tau = Annotated[float | None, opt(..., "SECONDS", f"{', '.join(LEAKY)}: time constant [{PAPER_TAU_S}]")]
+Preset = Annotated[str, opt(..., "--preset", "paper|physical", "texture scan of the event rates")]
+Rates = Annotated[Path | None, opt(..., "--rates", "FILE", "event rates, from eskin event-rates")]
+Json = Annotated[bool, opt(..., "--json", "print one JSON object")]
 
 
-Workers = Annotated[int | None, opt("N", "parallel processes on this machine [one per usable core]")]
-Scheduler = Annotated[str | None, opt("ADDRESS", "Dask scheduler, tcp://HOST:8786, instead of this machine")]
+Workers = Annotated[int | None, opt(..., "N", "parallel processes on this machine [one per usable core]")]
+Scheduler = Annotated[str | None, opt(..., "ADDRESS", "Dask scheduler, tcp://HOST:8786, instead of this machine")]
 
 
 def open_pool(

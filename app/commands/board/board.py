@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     from eskin.board.udp import UdpSender
 
 BAUD = 2_000_000
-Port = Annotated[str, opt("serial port of the board, such as /dev/ttyUSB0")]
-Baud = Annotated[int, opt("bits per second of the board", min=1)]
-Page = Annotated[int | None, opt("PORT", "also serve a live page at this port of this machine")]
-Udp = Annotated[str | None, opt("HOST:PORT", "also send every event to this address, in jAER's UDP format")]
-Patience = Annotated[float, opt("SECONDS", "seconds of silence after which the board counts as lost", min=0.1)]
-Network = Annotated[Path, arg("INTEGER.npz", "integer network, from eskin quantise")]
+Port = Annotated[str, opt(..., "serial port of the board, such as /dev/ttyUSB0")]
+Baud = Annotated[int, opt(..., "bits per second of the board", min=1)]
+Page = Annotated[int | None, opt(..., "PORT", "also serve a live page at this port of this machine")]
+Udp = Annotated[str | None, opt(..., "HOST:PORT", "also send every event to this address, in jAER's UDP format")]
+Patience = Annotated[float, opt(..., "SECONDS", "seconds of silence after which the board counts as lost", min=0.1)]
+Network = Annotated[Path, arg(..., "INTEGER.npz", "integer network, from eskin quantise")]
 RASTER_LINES = 16
 WINDOW_S = 3.0  # seconds in the raster of a foreign chip
 
@@ -40,21 +40,19 @@ WINDOW_S = 3.0  # seconds in the raster of a foreign chip
 def play(
     weights: Network,
     port: Port,
-    samples: Annotated[Path | None, opt("FILE", "codes of all taxels (.npy, .npz, .csv)")] = None,
+    samples: Path | None = opt(None, "FILE", "codes of all taxels (.npy, .npz, .csv)"),
     data: OwnData = None,
-    dataset: Annotated[str | None, opt("texture folder, or 'embedded' [embedded]")] = None,
-    only: Annotated[str | None, opt("texture or recording, by name")] = None,
-    sensor: Annotated[bool, opt("--sensor", "read the skin at the board; see fpga --adc")] = False,
-    limit: Annotated[int | None, opt("number of sample ticks [all; a skin: until Ctrl-C]", min=1)] = None,
-    check: Annotated[bool, opt("compare events and classes with the model")] = True,
+    dataset: str | None = opt(None, "texture folder, or 'embedded' [embedded]"),
+    only: str | None = opt(None, "texture or recording, by name"),
+    sensor: bool = opt(False, "--sensor", "read the skin at the board; see fpga --adc"),
+    limit: int | None = opt(None, "number of sample ticks [all; a skin: until Ctrl-C]", min=1),
+    check: bool = opt(True, "compare events and classes with the model"),
     page: Page = None,
     udp: Udp = None,
-    raw: Annotated[
-        bool, opt("--raw", "send all samples in 16 bits and take events in 32, as an earlier board needs")
-    ] = False,
+    raw: bool = opt(False, "--raw", "send all samples in 16 bits and take events in 32, as an earlier board needs"),
     baud: Baud = BAUD,
     patience: Patience = 3.0,
-    out: Annotated[Path, out_file("file for the events")] = Path("out/played.npz"),
+    out: Path = out_file(Path("out/played.npz"), "file for the events"),
 ) -> None:
     """Play a texture, a recording or a file of codes through the readout and classifier of a board.
 
@@ -114,15 +112,13 @@ def listen(
     config: ReadoutConfig,
     given: frozenset[str],
     port: Port,
-    map_: Annotated[
-        Path | None, opt("--map", "FILE", "taxel of each of the chip's addresses, without polarity")
-    ] = None,
-    seconds: Annotated[float | None, opt("duration of the recording [until Ctrl-C]", min=0.0)] = None,
+    map_: Path | None = opt(None, "--map", "FILE", "taxel of each of the chip's addresses, without polarity"),
+    seconds: float | None = opt(None, "duration of the recording [until Ctrl-C]", min=0.0),
     page: Page = None,
     udp: Udp = None,
     baud: Baud = BAUD,
     patience: Patience = 3.0,
-    out: Annotated[Path, out_file("file for the events")] = Path("out/heard.npz"),
+    out: Path = out_file(Path("out/heard.npz"), "file for the events"),
 ) -> None:
     """Record events that another chip sends over four-phase AER to a board.
 
@@ -168,7 +164,7 @@ def load(weights: Network, port: Port, baud: Baud = BAUD, patience: Patience = 3
     print(f"loaded {network.network.config.memory_bits / 8192:.1f} kB of weights")
 
 
-def rescue(journal: Annotated[Path, arg("FILE.npz.part", "partial file of a killed recording")]) -> None:
+def rescue(journal: Path = arg(..., "FILE.npz.part", "partial file of a killed recording")) -> None:
     """Convert the partial file of a killed recording into an event file."""
     from eskin.board.journal import convert
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from eskin.app.cli import asked_for, echo
 from eskin.app.commands import options as common
@@ -19,13 +19,13 @@ from eskin.base.progress import bar
 
 
 def fig9(
-    sweep: Annotated[
-        list[Path] | None, opt("FILE|DIR", "sweep, repeatable [those of the project and out/sweep/sweep.json]")
-    ] = None,
-    reading: Annotated[str, opt("last|selected", "epoch to evaluate")] = "last",
-    confusion: Annotated[
-        str | None, opt("NAME", "sweep points for confusion matrices [best spiking point of each preset]")
-    ] = None,
+    sweep: list[Path] | None = opt(
+        None, "FILE|DIR", "sweep, repeatable [those of the project and out/sweep/sweep.json]"
+    ),
+    reading: str = opt("last", "last|selected", "epoch to evaluate"),
+    confusion: str | None = opt(
+        None, "NAME", "sweep points for confusion matrices [best spiking point of each preset]"
+    ),
     out: common.Out = DEFAULT_OUT,
     data_out: common.DataOut = None,
 ) -> None:
@@ -48,15 +48,13 @@ def fig9(
 
 
 def fig8(
-    weights: Annotated[Path, opt("FILE", "weights from eskin train")] = TRAINED,
-    result: Annotated[Path | None, opt("FILE", "result of the same training [result.json beside the weights]")] = None,
-    dataset: Annotated[str | None, opt("DIR|embedded", "textures [folder used in training]")] = None,
-    data: Annotated[
-        Path | None, opt("DIR|finger", "your own recordings, if the network was trained on them", callback=named_place)
-    ] = None,
-    image: Annotated[
-        str | None, opt("NAME", "texture or recording, such as brick/brick-00 [first correct test image]")
-    ] = None,
+    weights: Path = opt(TRAINED, "FILE", "weights from eskin train"),
+    result: Path | None = opt(None, "FILE", "result of the same training [result.json beside the weights]"),
+    dataset: str | None = opt(None, "DIR|embedded", "textures [folder used in training]"),
+    data: Path | None = opt(
+        None, "DIR|finger", "your own recordings, if the network was trained on them", callback=named_place
+    ),
+    image: str | None = opt(None, "NAME", "texture or recording, such as brick/brick-00 [first correct test image]"),
     out: common.Out = DEFAULT_OUT,
     data_out: common.DataOut = None,
 ) -> None:
@@ -82,10 +80,10 @@ POINT = "SWEEP:POINT, such as rates-cnn:lcs-4; SWEEP is a file or a sweep of the
 
 
 def pair(
-    first: Annotated[str, arg("A", POINT)],
-    second: Annotated[str, arg("B", "SWEEP:POINT to compare with")],
-    reading: Annotated[str, opt("last|selected", "epoch to evaluate")] = "last",
-    out: Annotated[Path | None, out_file("FILE", "JSON file for the results")] = None,
+    first: str = arg(..., "A", POINT),
+    second: str = arg(..., "B", "SWEEP:POINT to compare with"),
+    reading: str = opt("last", "last|selected", "epoch to evaluate"),
+    out: Path | None = out_file(None, "FILE", "JSON file for the results"),
 ) -> None:
     """Compare the predictions of two sweep points image by image with McNemar's exact test."""
     from eskin.snn.experiments.pairs import find_point
@@ -111,20 +109,17 @@ def pair(
 
 
 def frontier(
-    points: Annotated[
-        list[str] | None,
-        arg("POINT...", "PRESET/NETWORK/READOUT/TAXELS, such as physical/leaky/lcs:3/across:4 [all documented points]"),
-    ] = None,
+    points: list[str] | None = arg(
+        None, "POINT...", "PRESET/NETWORK/READOUT/TAXELS, such as physical/leaky/lcs:3/across:4 [all documented points]"
+    ),
     seeds: Seeds = 1,
-    device: Annotated[
-        str, opt("device name of torch; a GPU trains the convolutional networks of a point together")
-    ] = "cpu",
-    inner: Annotated[
-        int | None, opt("FOLDS", "compare the points only on inner validation images of this many folds", min=1, max=6)
-    ] = None,
-    draw: Annotated[Path | None, opt("FILE", "plot this frontier.json without training")] = None,
+    device: str = opt("cpu", "device name of torch; a GPU trains the convolutional networks of a point together"),
+    inner: int | None = opt(
+        None, "FOLDS", "compare the points only on inner validation images of this many folds", min=1, max=6
+    ),
+    draw: Path | None = opt(None, "FILE", "plot this frontier.json without training"),
     dataset: common.Textures = None,
-    out: Annotated[Path, out_folder("DIR", "folder for results, frontier.json and .png")] = Path("out/frontier"),
+    out: Path = out_folder(Path("out/frontier"), "DIR", "folder for results, frontier.json and .png"),
 ) -> None:
     """Train networks on chosen taxels, and compare accuracy with events/s, bits/s and power.
 

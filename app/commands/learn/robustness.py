@@ -27,15 +27,19 @@ OUT_TRAIN = Path("out/train")
 
 Trainings = Annotated[
     list[Path] | None,
-    arg("DIR...", "folders NETWORK/TRAINING/ of eskin train, one for each fold and seed [suitable ones in out/train]"),
+    arg(
+        ...,
+        "DIR...",
+        "folders NETWORK/TRAINING/ of eskin train, one for each fold and seed [suitable ones in out/train]",
+    ),
 ]
 
 
 def robustness(
     context: typer.Context,
     weights: Trainings = None,
-    only: Annotated[str | None, opt("NAME[=STRENGTH],...", "disturbances [all, at all strengths]")] = None,
-    out: Annotated[Path, out_folder("DIR", "folder for results, robustness.json and .png")] = Path("out/robustness"),
+    only: str | None = opt(None, "NAME[=STRENGTH],...", "disturbances [all, at all strengths]"),
+    out: Path = out_folder(Path("out/robustness"), "DIR", "folder for results, robustness.json and .png"),
 ) -> None:
     """Test trained networks with noise, mismatch, faults and other movements.
 

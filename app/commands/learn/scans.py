@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
@@ -20,7 +20,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 
 
-def cache(clear: Annotated[bool, opt("--clear", "remove all recorded scans")] = False) -> None:
+def cache(clear: bool = opt(False, "--clear", "remove all recorded scans")) -> None:
     """Print the number of cached scans and their folder, or remove them with --clear."""
     from eskin.base import cache as place
     from eskin.snn.data import cache as scans
@@ -38,12 +38,12 @@ def cache(clear: Annotated[bool, opt("--clear", "remove all recorded scans")] = 
 
 def counts(
     context: typer.Context,
-    points: Annotated[str, opt("ENCODER:N,...", "encoders with resolution")] = "nlcs:6,nlcs:8,nlcs:10",
+    points: str = opt("nlcs:6,nlcs:8,nlcs:10", "ENCODER:N,...", "encoders with resolution"),
     preset: Preset = "paper",
     tau: Tau = None,
     dataset: common.Textures = None,
     bin_s: BinSeconds = None,
-    out: Annotated[Path | None, out_file("FILE", "JSON file for the results")] = None,
+    out: Path | None = out_file(None, "FILE", "JSON file for the results"),
 ) -> None:
     """Compare the event counts of several resolutions of an encoder on the same scans.
 

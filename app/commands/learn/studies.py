@@ -34,15 +34,15 @@ MERITS = {
 }
 """Printed line for each result of merits, by part."""
 
-Pair = Annotated[str | None, opt("A,B", "two networks to compare image by image")]
+Pair = Annotated[str | None, opt(..., "A,B", "two networks to compare image by image")]
 
 
 def noise_power(
     context: typer.Context,
     weights: Trainings = None,
-    noises: Annotated[str, opt("MV,...", "AFE output noise v_n, mV rms of 1 V")] = NOISES_MV,
+    noises: str = opt(NOISES_MV, "MV,...", "AFE output noise v_n, mV rms of 1 V"),
     pair: Pair = None,
-    out: Annotated[Path, out_folder("DIR", "folder for results, noise_power.json and .png")] = Path("out/noise-power"),
+    out: Path = out_folder(Path("out/noise-power"), "DIR", "folder for results, noise_power.json and .png"),
 ) -> None:
     """Measure accuracy, event rate and power of trained networks at several AFE noises, in both power modes."""
     from eskin.snn.figures.noise_power import plot_noise_power
@@ -98,14 +98,14 @@ NOISE = {"points": [{"mode": str, "network": str, "noise_v": float, "accuracy": 
 
 def merits(
     context: typer.Context,
-    weights: Annotated[
-        list[Path] | None, arg("DIR...", "folders NETWORK/TRAINING/ of eskin train, for the latency [none]")
-    ] = None,
+    weights: list[Path] | None = arg(
+        None, "DIR...", "folders NETWORK/TRAINING/ of eskin train, for the latency [none]"
+    ),
     pair: Pair = None,
-    noise: Annotated[Path | None, opt("FILE", "noise_power.json to include in the figure")] = None,
+    noise: Path | None = opt(None, "FILE", "noise_power.json to include in the figure"),
     dataset: common.Textures = None,
-    limit: Annotated[int, opt("number of textures for rest and timing, evenly spread", min=1)] = 24,
-    out: Annotated[Path, out_folder("DIR", "merits.json and .png")] = Path("out/merits"),
+    limit: int = opt(24, "number of textures for rest and timing, evenly spread", min=1),
+    out: Path = out_folder(Path("out/merits"), "DIR", "merits.json and .png"),
 ) -> None:
     """Compare events and frames by latency, data rate at rest, noise and timing error."""
     from eskin.skin.textures.dataset import open_dataset
@@ -144,10 +144,8 @@ def _latency(weights: list[Path], pair: str | None) -> tuple[list[dict[str, Any]
 def precision(
     context: typer.Context,
     weights: Trainings = None,
-    variants: Annotated[
-        str, opt("BITS[:tN][:mN],...", "bits of weights, of the threshold, of a hidden potential")
-    ] = VARIANTS,
-    out: Annotated[Path, out_folder("DIR", "folder for results, precision.json and .png")] = Path("out/precision"),
+    variants: str = opt(VARIANTS, "BITS[:tN][:mN],...", "bits of weights, of the threshold, of a hidden potential"),
+    out: Path = out_folder(Path("out/precision"), "DIR", "folder for results, precision.json and .png"),
 ) -> None:
     """Measure the accuracy of trained networks after quantisation to few bits."""
     from eskin.snn.figures.precision import plot_precision

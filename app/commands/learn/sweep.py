@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import typer
 
@@ -36,24 +36,21 @@ OF_THIS_RUN = {"out", "workers", "scheduler"}
 def sweep(
     context: typer.Context,
     *,
-    points: Annotated[
-        str, opt("ENCODER:N,...", f"N bits; {FRAMES}; rnn|gru|cnn:K, K frames of 5 kHz x 10 b a step")
-    ] = DEFAULT_POINTS,
-    events: Annotated[
-        list[Path] | None, opt("--events", "DIR", "folder of event files as a point, instead of --points; repeatable")
-    ] = None,
+    points: str = opt(
+        DEFAULT_POINTS, "ENCODER:N,...", f"N bits; {FRAMES}; rnn|gru|cnn:K, K frames of 5 kHz x 10 b a step"
+    ),
+    events: list[Path] | None = opt(
+        None, "--events", "DIR", "folder of event files as a point, instead of --points; repeatable"
+    ),
     options: dict[str, Any],
     folds: Folds = 6,
-    tests: Annotated[
-        list[str] | None,
-        opt("--test", "PATTERN", "a fold that tests the recordings with such names, as '*_1'; repeatable"),
-    ] = None,
+    tests: list[str] | None = opt(
+        None, "--test", "PATTERN", "a fold that tests the recordings with such names, as '*_1'; repeatable"
+    ),
     seeds: Seeds = 3,
     workers: Workers = None,
     scheduler: common.Scheduler = None,
-    out: Annotated[Path, out_folder("DIR", "parent folder of a folder per point and of sweep.json")] = Path(
-        "out/sweep"
-    ),
+    out: Path = out_folder(Path("out/sweep"), "DIR", "parent folder of a folder per point and of sweep.json"),
 ) -> None:
     """Cross-validate networks for many readouts and resolutions.
 

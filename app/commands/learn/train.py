@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 from eskin.app.cli import echo, printable
 from eskin.app.commands.learn.bars import epoch_bar
@@ -34,20 +34,20 @@ FILES = ("checkpoint.pt", "result.json", "weights.npz")
 def train(
     make: Any,
     folds: Folds = 6,
-    fold: Annotated[int, opt("test fold, from 0", min=0)] = 0,
-    test: Annotated[
-        str | None, opt("PATTERN", "test the recordings whose names match a pattern such as '*_1', instead of a fold")
-    ] = None,
-    seed: Annotated[int, opt("seed of weights, order and augmentation", min=0, max=2**32 - 1)] = 0,
-    checkpoint_every: Annotated[int, opt("epochs between checkpoints", min=1)] = 5,
-    threads: Annotated[int, opt("threads of torch", min=1)] = 1,
-    device: Annotated[str, opt("device name of torch")] = "cpu",
-    watch_test: Annotated[
-        bool, opt("--watch-test", "also store the test accuracy of every epoch (not used to select an epoch)")
-    ] = False,
-    out: Annotated[
-        Path | None, out_folder("DIR", "checkpoint and result [out/train; another training: named for the run]")
-    ] = None,
+    fold: int = opt(0, "test fold, from 0", min=0),
+    test: str | None = opt(
+        None, "PATTERN", "test the recordings whose names match a pattern such as '*_1', instead of a fold"
+    ),
+    seed: int = opt(0, "seed of weights, order and augmentation", min=0, max=2**32 - 1),
+    checkpoint_every: int = opt(5, "epochs between checkpoints", min=1),
+    threads: int = opt(1, "threads of torch", min=1),
+    device: str = opt("cpu", "device name of torch"),
+    watch_test: bool = opt(
+        False, "--watch-test", "also store the test accuracy of every epoch (not used to select an epoch)"
+    ),
+    out: Path | None = out_folder(
+        None, "DIR", "checkpoint and result [out/train; another training: named for the run]"
+    ),
 ) -> None:
     """Train a network on all folds except the test fold, and test the network on the test fold.
 
@@ -160,9 +160,7 @@ def crossval(
     folds: Folds = 6,
     seeds: Seeds = 3,
     workers: Workers = None,
-    out: Annotated[Path, out_folder("DIR", "folder for a file per fold and seed, and the report")] = Path(
-        "out/crossval"
-    ),
+    out: Path = out_folder(Path("out/crossval"), "DIR", "folder for a file per fold and seed, and the report"),
 ) -> None:
     """Cross-validate a network over all folds and several seeds.
 

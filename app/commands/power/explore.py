@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from typing import Annotated, Any
+from typing import Any
 
 from eskin.app.cli import asked_for, echo
 from eskin.app.commands import options as common
@@ -31,12 +31,12 @@ STORED_RATES = (
 @with_fields(PowerParameters, SENSOR, "sensor", {"signal_bandwidth_hz": "that of the textures"})
 def explore(
     sensor: dict[str, Any],
-    noise: Annotated[float, opt("V", "AFE output noise, rms, for 1 V full scale")] = 1e-3,
-    tau: Annotated[float, opt("SECONDS", "time constant of N-LCS")] = 0.2,
-    event_rate: Annotated[float | None, opt("HZ", "events/s of the whole array, instead of textures")] = None,
-    nlcs_event_rate: Annotated[float | None, opt("HZ", "events/s of N-LCS [value of --event-rate]")] = None,
-    rate_resolution: Annotated[int, opt("N", "resolution of these rates")] = 6,
-    min_resolution: Annotated[int | None, opt("N", "resolution needed [the finest that the noise allows]")] = None,
+    noise: float = opt(1e-3, "V", "AFE output noise, rms, for 1 V full scale"),
+    tau: float = opt(0.2, "SECONDS", "time constant of N-LCS"),
+    event_rate: float | None = opt(None, "HZ", "events/s of the whole array, instead of textures"),
+    nlcs_event_rate: float | None = opt(None, "HZ", "events/s of N-LCS [value of --event-rate]"),
+    rate_resolution: int = opt(6, "N", "resolution of these rates"),
+    min_resolution: int | None = opt(None, "N", "resolution needed [the finest that the noise allows]"),
     dataset: common.Dataset = None,
     preset_name: common.Preset = "physical",
     rates: common.Rates = None,

@@ -6,7 +6,7 @@ import dataclasses
 import json
 from collections.abc import Iterable
 from functools import partial
-from typing import Annotated, Any
+from typing import Any
 
 from eskin.app.cli import asked_for, echo
 from eskin.app.commands import options as common
@@ -26,22 +26,18 @@ from eskin.power.study import RESOLUTIONS, TAUS_S
 
 
 def power(
-    mode: Annotated[str | None, opt("paper|consistent", "published model, or with all corrections [paper]")] = None,
-    resolution: Annotated[int, opt("N", "LSB = 2**-N of full scale, 1..10")] = 6,
-    noise: Annotated[float, opt("V", "AFE output noise, rms, for 1 V full scale")] = 1e-3,
-    tau: Annotated[float, opt("SECONDS", "time constant of N-LCS")] = 0.2,
-    correct: Annotated[str | None, opt("NAME,...", "apply only these corrections")] = None,
-    without: Annotated[str | None, opt("NAME,...", "apply all corrections except these")] = None,
-    crossover: Annotated[
-        bool, opt("--crossover", "AFE noise at which spikes need less power than frames, N = 1..10")
-    ] = False,
-    parameters: Annotated[bool, opt("--parameters", "list all parameters and corrections")] = False,
+    mode: str | None = opt(None, "paper|consistent", "published model, or with all corrections [paper]"),
+    resolution: int = opt(6, "N", "LSB = 2**-N of full scale, 1..10"),
+    noise: float = opt(1e-3, "V", "AFE output noise, rms, for 1 V full scale"),
+    tau: float = opt(0.2, "SECONDS", "time constant of N-LCS"),
+    correct: str | None = opt(None, "NAME,...", "apply only these corrections"),
+    without: str | None = opt(None, "NAME,...", "apply all corrections except these"),
+    crossover: bool = opt(False, "--crossover", "AFE noise at which spikes need less power than frames, N = 1..10"),
+    parameters: bool = opt(False, "--parameters", "list all parameters and corrections"),
     settings: common.Settings = None,
     synthesis: common.Synthesis = None,
     dataset: common.Dataset = None,
-    preset_name: Annotated[
-        str | None, opt("--preset", "paper|physical", "texture scan of the event rates [paper]")
-    ] = None,
+    preset_name: str | None = opt(None, "--preset", "paper|physical", "texture scan of the event rates [paper]"),
     rates: common.Rates = None,
     as_json: common.Json = False,
 ) -> None:

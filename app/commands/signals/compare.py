@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 import typer
@@ -17,9 +16,9 @@ _MOST_LINES = 32  # differing taxels listed
 
 
 def compare(
-    a: Annotated[Path, arg("A", "event file")],
-    b: Annotated[Path, arg("B", "event file")],
-    plot: Annotated[Path | None, out_file("--plot", "FILE", "file for a raster plot of both recordings")] = None,
+    a: Path = arg(..., "A", "event file"),
+    b: Path = arg(..., "B", "event file"),
+    plot: Path | None = out_file(None, "--plot", "FILE", "file for a raster plot of both recordings"),
 ) -> None:
     """Compare two event files; exit code 0 if all events are equal, 1 if not."""
     if plot is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,22 +41,18 @@ def encode(
     config: ReadoutConfig,
     given: frozenset[str],
     prepared: dict[str, Any],
-    source: Annotated[Path, arg("INPUT", "image, samples as .npy, .npz, .csv, or folder of class folders")],
-    out: Annotated[
-        Path,
-        out_file(
-            "OUT",
-            "event file to write (.npz); for an input folder, a folder",
-            when=lambda given: given["source"].is_dir(),
-        ),
-    ],
-    preset: Annotated[str | None, opt("physical|paper", "scan of an image [physical]")] = None,
-    start_row: Annotated[float | None, opt("PIXELS", "image row of the array's top edge [0]")] = None,
-    model: Annotated[
-        str, opt("|".join(get_args(Model)), "cycle: with arbiter and link; functional: without")
-    ] = "cycle",
-    name: Annotated[str | None, opt("TEXT", "name stored in the file [name of the input]")] = None,
-    label: Annotated[str | None, opt("--class", "--label", "TEXT", "class stored in the file")] = None,
+    source: Path = arg(..., "INPUT", "image, samples as .npy, .npz, .csv, or folder of class folders"),
+    out: Path = out_file(
+        ...,
+        "OUT",
+        "event file to write (.npz); for an input folder, a folder",
+        when=lambda given: given["source"].is_dir(),
+    ),
+    preset: str | None = opt(None, "physical|paper", "scan of an image [physical]"),
+    start_row: float | None = opt(None, "PIXELS", "image row of the array's top edge [0]"),
+    model: str = opt("cycle", "|".join(get_args(Model)), "cycle: with arbiter and link; functional: without"),
+    name: str | None = opt(None, "TEXT", "name stored in the file [name of the input]"),
+    label: str | None = opt(None, "--class", "--label", "TEXT", "class stored in the file"),
     workers: common.Workers = None,
     scheduler: common.Scheduler = None,
 ) -> None:
@@ -146,9 +142,9 @@ def _at(counts: NDArray[np.int64], index: int) -> str:
 
 
 def decode(
-    source: Annotated[Path, arg("EVENTS", "event file")],
-    out: Annotated[Path, out_file("FILE", "signals: .npz, .npy or .csv")],
-    plot: Annotated[Path | None, out_file("--plot", "FILE", "file for a plot of signals and events")] = None,
+    source: Path = arg(..., "EVENTS", "event file"),
+    out: Path = out_file(..., "FILE", "signals: .npz, .npy or .csv"),
+    plot: Path | None = out_file(None, "--plot", "FILE", "file for a plot of signals and events"),
 ) -> None:
     """Reconstruct the signals of all taxels from an event file."""
     from eskin.skin.recordings.quality import decode_recording, names_and_start

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from eskin.app.commands import options as common
 from eskin.app.options import check_leaks, opt, out_file, with_config, with_fields
@@ -27,7 +27,7 @@ def rates(
     tau: common.Tau = None,
     dataset: common.Textures = None,
     limit: common.Limit = None,
-    start_row: Annotated[list[float] | None, opt("PIXELS", "physical: start row, repeatable [0]")] = None,
+    start_row: list[float] | None = opt(None, "PIXELS", "physical: start row, repeatable [0]"),
     workers: common.Workers = None,
     scheduler: common.Scheduler = None,
     as_json: common.Json = False,
@@ -83,7 +83,7 @@ def frames(
     given: frozenset[str],
     own: dict[str, Any],
     stored: dict[str, Any],
-    frame_rate: Annotated[float | None, opt("HZ", f"frames per second [{ReadoutConfig().sample_rate_hz:g}]")] = None,
+    frame_rate: float | None = opt(None, "HZ", f"frames per second [{ReadoutConfig().sample_rate_hz:g}]"),
     tau: common.Tau = None,
     dataset: common.Textures = None,
     preset_name: common.Scan = "paper",
@@ -129,11 +129,11 @@ def _print_traffic(report: dict[str, Any]) -> None:
 @with_config(fields=("rows", "columns"), file=False)
 def event_rates(
     config: ReadoutConfig,
-    out: Annotated[Path, out_file("FILE", "JSON file to write")],
-    dataset: Annotated[
-        list[str] | None, opt("DIR|embedded", "textures, repeatable [$ESKIN_DATA, data/kylberg, else embedded]")
-    ] = None,
-    preset_name: Annotated[str, opt("--preset", "paper|physical|both", "constants of the texture scan")] = "both",
+    out: Path = out_file(..., "FILE", "JSON file to write"),
+    dataset: list[str] | None = opt(
+        None, "DIR|embedded", "textures, repeatable [$ESKIN_DATA, data/kylberg, else embedded]"
+    ),
+    preset_name: str = opt("both", "--preset", "paper|physical|both", "constants of the texture scan"),
     limit: common.Limit = None,
     workers: common.Workers = None,
     scheduler: common.Scheduler = None,

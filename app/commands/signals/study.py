@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from eskin.app.cli import asked_for, echo
 from eskin.app.commands import options as common
@@ -17,10 +17,9 @@ from eskin.model.encoders import registry
 
 
 def study(
-    data: Annotated[
-        Path | None,
-        opt("DIR|finger", "class folders of your own recordings [generated slow signals]", callback=named_place),
-    ] = None,
+    data: Path | None = opt(
+        None, "DIR|finger", "class folders of your own recordings [generated slow signals]", callback=named_place
+    ),
     workers: common.Workers = None,
     scheduler: common.Scheduler = None,
     out: common.Out = DEFAULT_OUT,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
@@ -21,15 +21,15 @@ SIZES = "4x4,8x8,12x16,16x16,32x32,64x64"
 @with_config
 def gatesim(
     config: ReadoutConfig,
-    lib: Annotated[Path, opt("cell library (.lib) of the netlist")],
-    simulator: Annotated[str, opt("--sim", "icarus or verilator")] = "icarus",
-    waves: Annotated[bool, opt("write a waveform")] = False,
-    seed: Annotated[int, opt("seed of the scenarios")] = 0,
-    textures: Annotated[int, opt("scans, from alternating classes")] = 1,
-    only: Annotated[str | None, opt("one texture, by name, without scenarios")] = None,
-    ticks: Annotated[int | None, opt("largest number of sample ticks per scan [all]")] = None,
-    dataset: Annotated[str | None, opt("texture folder, or 'embedded'")] = None,
-    out: Annotated[Path, out_folder("folder for netlist, pictures, events")] = Path("out/gates"),
+    lib: Path = opt(..., "cell library (.lib) of the netlist"),
+    simulator: str = opt("icarus", "--sim", "icarus or verilator"),
+    waves: bool = opt(False, "write a waveform"),
+    seed: int = opt(0, "seed of the scenarios"),
+    textures: int = opt(1, "scans, from alternating classes"),
+    only: str | None = opt(None, "one texture, by name, without scenarios"),
+    ticks: int | None = opt(None, "largest number of sample ticks per scan [all]"),
+    dataset: str | None = opt(None, "texture folder, or 'embedded'"),
+    out: Path = out_folder(Path("out/gates"), "folder for netlist, pictures, events"),
 ) -> None:
     """Compare a clock-gated netlist with the model; exit code 1 on a difference or an X after reset."""
     from eskin.cocotb_tests.runner import sim as session
@@ -57,16 +57,14 @@ def asic(
     given: frozenset[str],
     own: dict[str, Any],
     stored: dict[str, Any],
-    lib: Annotated[Path, opt("cell library (.lib) at the typical corner")],
-    slow: Annotated[Path | None, opt("the same cells at the slow corner")] = None,
-    fast: Annotated[Path | None, opt("the same cells at the fast corner")] = None,
-    readout: Annotated[str, opt("|".join(READOUTS), "which readout")] = "spiking",
-    name: Annotated[str, opt("name of the run and its folder [from the configuration]")] = "",
-    power: Annotated[bool, opt("also measure idle power and energies, by simulation")] = True,
-    from_verilog: Annotated[
-        bool, opt("--from-verilog", "map the Verilog of verilog --clock-gates instead of the RTL")
-    ] = False,
-    out: Annotated[Path, out_folder("parent folder of the run")] = Path("out/asic"),
+    lib: Path = opt(..., "cell library (.lib) at the typical corner"),
+    slow: Path | None = opt(None, "the same cells at the slow corner"),
+    fast: Path | None = opt(None, "the same cells at the fast corner"),
+    readout: str = opt("spiking", "|".join(READOUTS), "which readout"),
+    name: str = opt("", "name of the run and its folder [from the configuration]"),
+    power: bool = opt(True, "also measure idle power and energies, by simulation"),
+    from_verilog: bool = opt(False, "--from-verilog", "map the Verilog of verilog --clock-gates instead of the RTL"),
+    out: Path = out_folder(Path("out/asic"), "parent folder of the run"),
 ) -> None:
     """Synthesise a clock-gated netlist, verify it, and measure area, timing and power; exit code 1 if a check fails.
 
@@ -94,14 +92,14 @@ def asic(
 @with_config(fields=("encoding", "resolution", "frontend", "sample_bits"), file=False)
 def asic_scale(
     config: ReadoutConfig,
-    lib: Annotated[Path, opt("cell library (.lib)")],
-    sizes: Annotated[str, opt("RxC,...", "rows and columns of the arrays")] = SIZES,
-    tiles: Annotated[str, opt("RxC,...", "tiles of each array, joined by a merge")] = "",
-    relays: Annotated[str, opt("N,...", "relay stations between each tile and the merge")] = "",
-    pitch_um: Annotated[float, opt("--pitch", "UM", "distance of neighbouring taxels")] = PITCH_UM,
-    ohm: Annotated[float, opt("PER_UM", "resistance of a wire")] = OHM_PER_UM,
-    farad: Annotated[float, opt("PER_UM", "capacitance of a wire")] = FARAD_PER_UM,
-    out: Annotated[Path, out_file("file for the results, JSON")] = Path("out/asic/scale.json"),
+    lib: Path = opt(..., "cell library (.lib)"),
+    sizes: str = opt(SIZES, "RxC,...", "rows and columns of the arrays"),
+    tiles: str = opt("", "RxC,...", "tiles of each array, joined by a merge"),
+    relays: str = opt("", "N,...", "relay stations between each tile and the merge"),
+    pitch_um: float = opt(PITCH_UM, "--pitch", "UM", "distance of neighbouring taxels"),
+    ohm: float = opt(OHM_PER_UM, "PER_UM", "resistance of a wire"),
+    farad: float = opt(FARAD_PER_UM, "PER_UM", "capacitance of a wire"),
+    out: Path = out_file(Path("out/asic/scale.json"), "file for the results, JSON"),
 ) -> None:
     """Estimate area and highest clock frequency of growing arrays, including wires and repeaters."""
     from eskin.app.tables import print_table
@@ -131,15 +129,11 @@ def _tiles(row: dict[str, Any]) -> str:
 @with_config
 def gatepower(
     config: ReadoutConfig,
-    lib: Annotated[list[Path], opt("cell library (.lib), repeatable")],
-    three: Annotated[bool, opt("--three", "measure analog LCS, analog N-LCS and frames of this array")] = False,
-    glitching: Annotated[
-        bool, opt("--glitches", "measure the energy of an event with and without cell delays")
-    ] = False,
-    weights: Annotated[
-        Path | None, opt("measure the classifier of this network behind the readout, without wires")
-    ] = None,
-    out: Annotated[Path, out_folder("folder for the results, JSON")] = Path("out/gatepower"),
+    lib: list[Path] = opt(..., "cell library (.lib), repeatable"),
+    three: bool = opt(False, "--three", "measure analog LCS, analog N-LCS and frames of this array"),
+    glitching: bool = opt(False, "--glitches", "measure the energy of an event with and without cell delays"),
+    weights: Path | None = opt(None, "measure the classifier of this network behind the readout, without wires"),
+    out: Path = out_folder(Path("out/gatepower"), "folder for the results, JSON"),
 ) -> None:
     """Measure the power of clock-gated netlists by simulation, with and without wires."""
     from eskin.app.tables import print_table

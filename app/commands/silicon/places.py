@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, cast
 
 import typer
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 @with_config(fields=LOGIC)
 def layout(
     config: ReadoutConfig,
-    name: Annotated[str, opt("name of the run and its folder [from the configuration]")] = "",
-    compare: Annotated[bool, opt("also compare the netlist of the layout with the synthesised one")] = True,
-    out: Annotated[Path, out_folder("parent folder of the run")] = Path("out/layout"),
+    name: str = opt("", "name of the run and its folder [from the configuration]"),
+    compare: bool = opt(True, "also compare the netlist of the layout with the synthesised one"),
+    out: Path = out_folder(Path("out/layout"), "parent folder of the run"),
 ) -> None:
     """Place and route a readout for SkyWater 130 nm and check the layout; exit code 1 if a check fails.
 
@@ -39,18 +39,16 @@ def layout(
 
 
 def fpga(
-    board: Annotated[str, opt("ulx3s (85 k LUTs), ulx3s-45f, ulx3s-25f, ulx3s-12f")] = "ulx3s",
-    weights: Annotated[
-        Path | None, opt("integer network of the chip [network of the embedded textures, fold 0]")
-    ] = None,
-    receiver: Annotated[bool, opt("--receiver", "build the receiver of another chip's AER")] = False,
-    alone: Annotated[
-        int | None, opt("BITS", "build only the classifier 128-256-6 with weights of BITS, on an ECP5-25", min=2, max=8)
-    ] = None,
-    adc: Annotated[str | None, opt("PART", "read a skin at the board: mcp3008, mcp3208 or ads7953")] = None,
-    settle: Annotated[float, opt("SECONDS", "from a row's drive to its first column")] = 5e-6,
-    baud: Annotated[int, opt("bits per second of the serial line")] = 2_000_000,
-    out: Annotated[Path, out_folder("parent folder for the files of the board")] = Path("out/fpga"),
+    board: str = opt("ulx3s", "ulx3s (85 k LUTs), ulx3s-45f, ulx3s-25f, ulx3s-12f"),
+    weights: Path | None = opt(None, "integer network of the chip [network of the embedded textures, fold 0]"),
+    receiver: bool = opt(False, "--receiver", "build the receiver of another chip's AER"),
+    alone: int | None = opt(
+        None, "BITS", "build only the classifier 128-256-6 with weights of BITS, on an ECP5-25", min=2, max=8
+    ),
+    adc: str | None = opt(None, "PART", "read a skin at the board: mcp3008, mcp3208 or ads7953"),
+    settle: float = opt(5e-6, "SECONDS", "from a row's drive to its first column"),
+    baud: int = opt(2_000_000, "bits per second of the serial line"),
+    out: Path = out_folder(Path("out/fpga"), "parent folder for the files of the board"),
 ) -> None:
     """Build the bitstream for a board, and report resources and clock; exit code 1 below 50 MHz.
 
@@ -89,13 +87,13 @@ def fpga(
 def tapeout(
     config: ReadoutConfig,
     given: frozenset[str],
-    shuttle: Annotated[str, opt("tt-ihp, tt-sky (Tiny Tapeout) or wafer-gf180 (wafer.space)")],
-    author: Annotated[str, opt("NAME", "name for the shuttle's files")],
-    lib: Annotated[Path | None, opt("TYP.lib", "cell library of the shuttle's process, to find the size")] = None,
-    size: Annotated[str | None, opt("WxH", "tiles or slot [smallest that the cells of --lib fit into]")] = None,
-    top: Annotated[str, opt("tt_um_NAME", "name of the top module")] = "tt_um_eskin_readout",
-    title: Annotated[str, opt("TEXT", "title of the project")] = "Spiking e-skin readout",
-    out: Annotated[Path, out_folder("folder of the project")] = Path("out/tapeout"),
+    shuttle: str = opt(..., "tt-ihp, tt-sky (Tiny Tapeout) or wafer-gf180 (wafer.space)"),
+    author: str = opt(..., "NAME", "name for the shuttle's files"),
+    lib: Path | None = opt(None, "TYP.lib", "cell library of the shuttle's process, to find the size"),
+    size: str | None = opt(None, "WxH", "tiles or slot [smallest that the cells of --lib fit into]"),
+    top: str = opt("tt_um_eskin_readout", "tt_um_NAME", "name of the top module"),
+    title: str = opt("Spiking e-skin readout", "TEXT", "title of the project"),
+    out: Path = out_folder(Path("out/tapeout"), "folder of the project"),
 ) -> None:
     """Write the project folder of a readout for a shuttle: sources, pins, test, documentation, flow settings.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 from eskin.app.cli import asked_for, echo, printable
 from eskin.app.commands.learn.options import output_folder
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 
 
 def agree(
-    weights: Annotated[list[Path], arg("WEIGHTS.npz...", "trained or imported networks")],
-    bits: Annotated[str, opt("BITS,...", "bits of the weights, 2..8")] = "8,7,6,5,4,3,2",
-    scans: Annotated[int, opt("scans of random events", min=1, max=10_000)] = 512,
-    bins: Annotated[int, opt("time bins of a scan", min=1, max=10_000)] = 256,
-    rate: Annotated[float, opt("largest mean number of events per bin and channel, 0..1")] = 0.3,
-    rtl: Annotated[int, opt("number of scans also computed by the RTL, with the first value of --bits", min=0)] = 1,
-    simulator: Annotated[str, opt("--sim", "verilator or icarus")] = "verilator",
-    seed: Annotated[int, opt("seed of the events", min=0)] = 0,
-    out: Annotated[Path, out_folder("DIR", "agreement.json and simulations")] = Path("out/agree"),
+    weights: list[Path] = arg(..., "WEIGHTS.npz...", "trained or imported networks"),
+    bits: str = opt("8,7,6,5,4,3,2", "BITS,...", "bits of the weights, 2..8"),
+    scans: int = opt(512, "scans of random events", min=1, max=10_000),
+    bins: int = opt(256, "time bins of a scan", min=1, max=10_000),
+    rate: float = opt(0.3, "largest mean number of events per bin and channel, 0..1"),
+    rtl: int = opt(1, "number of scans also computed by the RTL, with the first value of --bits", min=0),
+    simulator: str = opt("verilator", "--sim", "verilator or icarus"),
+    seed: int = opt(0, "seed of the events", min=0),
+    out: Path = out_folder(Path("out/agree"), "DIR", "agreement.json and simulations"),
 ) -> None:
     """Compare networks in float, in integers and in RTL on random events; exit code 1 if RTL and model differ."""
     from eskin.snn.exchange.weights import load_weights

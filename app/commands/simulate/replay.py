@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -34,19 +34,18 @@ def replay(
     config: ReadoutConfig,
     given: frozenset[str],
     prepared: dict[str, Any],
-    dataset: Annotated[str | None, opt("texture folder, or 'embedded' [$ESKIN_DATA, data/kylberg, ...]")] = None,
+    dataset: str | None = opt(None, "texture folder, or 'embedded' [$ESKIN_DATA, data/kylberg, ...]"),
     data: OwnData = None,
-    preset: Annotated[str | None, opt("physical or paper [physical]")] = None,
-    start_row: Annotated[float | None, opt("image row where the array starts (physical) [0]")] = None,
-    limit: Annotated[int | None, opt("number of textures or recordings, evenly spread [all]")] = None,
-    only: Annotated[str | None, opt("only one texture or recording, by name")] = None,
+    preset: str | None = opt(None, "physical or paper [physical]"),
+    start_row: float | None = opt(None, "image row where the array starts (physical) [0]"),
+    limit: int | None = opt(None, "number of textures or recordings, evenly spread [all]"),
+    only: str | None = opt(None, "only one texture or recording, by name"),
     workers: common.Workers = None,
     scheduler: common.Scheduler = None,
-    keep: Annotated[
-        Path | None,
-        out_file("--keep", "JSON file for the totals of this encoder; the file keeps the totals of other encoders"),
-    ] = None,
-    out: Annotated[Path, out_folder("folder for the event files")] = Path("out/replay"),
+    keep: Path | None = out_file(
+        None, "--keep", "JSON file for the totals of this encoder; the file keeps the totals of other encoders"
+    ),
+    out: Path = out_folder(Path("out/replay"), "folder for the event files"),
 ) -> None:
     """Run a whole dataset or your recordings through RTL and model, compare every event, and store the events.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -27,19 +27,17 @@ def sim(
     given: frozenset[str],
     prepared: dict[str, Any],
     data: OwnData = None,
-    dataset: Annotated[str | None, opt("texture folder, or 'embedded'")] = None,
-    simulator: Annotated[str, opt("--sim", "verilator or icarus")] = "verilator",
-    waves: Annotated[bool, opt("write a waveform")] = False,
-    textures: Annotated[int, opt("scans or recordings per encoding, from alternating classes")] = 3,
-    only: Annotated[str | None, opt("one texture or recording, by name, without scenarios")] = None,
-    ticks: Annotated[int | None, opt("largest number of sample ticks per scan [all]")] = None,
-    seed: Annotated[int, opt("seed of the scenarios")] = 0,
-    dut: Annotated[
-        list[Path] | None, opt("Verilog to compare with the model instead of the RTL; may be repeated")
-    ] = None,
-    top: Annotated[str, opt("module of --dut that has the readout's ports")] = "eskin_readout",
-    keep: Annotated[Path | None, out_file("--keep", "JSON file for the totals")] = None,
-    out: Annotated[Path, out_folder("folder for pictures and event files")] = Path("out/sim"),
+    dataset: str | None = opt(None, "texture folder, or 'embedded'"),
+    simulator: str = opt("verilator", "--sim", "verilator or icarus"),
+    waves: bool = opt(False, "write a waveform"),
+    textures: int = opt(3, "scans or recordings per encoding, from alternating classes"),
+    only: str | None = opt(None, "one texture or recording, by name, without scenarios"),
+    ticks: int | None = opt(None, "largest number of sample ticks per scan [all]"),
+    seed: int = opt(0, "seed of the scenarios"),
+    dut: list[Path] | None = opt(None, "Verilog to compare with the model instead of the RTL; may be repeated"),
+    top: str = opt("eskin_readout", "module of --dut that has the readout's ports"),
+    keep: Path | None = out_file(None, "--keep", "JSON file for the totals"),
+    out: Path = out_folder(Path("out/sim"), "folder for pictures and event files"),
 ) -> None:
     """Compare RTL and model on test scenarios and texture scans, or on your recordings; exit code 1 if they differ.
 

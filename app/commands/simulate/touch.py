@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -26,17 +26,16 @@ MOST_LINES = 20  # largest number of printed answers
 
 
 def touch(
-    weights: Annotated[
-        Path | None,
-        opt("integer network, or a folder with one for each fold [the project's own; --data: from eskin quantise]"),
-    ] = None,
-    dataset: Annotated[str | None, opt("texture folder, or 'embedded' [embedded]")] = None,
+    weights: Path | None = opt(
+        None, "integer network, or a folder with one for each fold [the project's own; --data: from eskin quantise]"
+    ),
+    dataset: str | None = opt(None, "texture folder, or 'embedded' [embedded]"),
     data: OwnData = None,
-    limit: Annotated[int | None, opt("number of textures or recordings, evenly spread [all]", min=1)] = None,
-    only: Annotated[str | None, opt("only one texture or recording, by name")] = None,
+    limit: int | None = opt(None, "number of textures or recordings, evenly spread [all]", min=1),
+    only: str | None = opt(None, "only one texture or recording, by name"),
     workers: common.Workers = None,
     scheduler: common.Scheduler = None,
-    out: Annotated[Path, out_folder("folder for results and picture")] = Path("out/touch"),
+    out: Path = out_folder(Path("out/touch"), "folder for results and picture"),
 ) -> None:
     """Run textures or your recordings through the RTL of readout and classifier, and compare with the models.
 

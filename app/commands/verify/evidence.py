@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -18,17 +18,15 @@ if TYPE_CHECKING:
 
 
 def formal(
-    block: Annotated[
-        str,
-        opt(
-            "only this block: arbiter, link, merge, relay, fields, window, taxel, frame_readout, readout, spi, "
-            "registers, pattern, classifier"
-        ),
-    ] = "",
-    small: Annotated[bool, opt("only one small configuration of each block")] = False,
-    mutants: Annotated[bool, opt("also check that every property fails for generated mutants")] = False,
-    limit: Annotated[int, opt("SECONDS", "time limit of one proof", min=1)] = 300,
-    out: Annotated[Path | None, out_file("file for the results, JSON")] = None,
+    block: str = opt(
+        "",
+        "only this block: arbiter, link, merge, relay, fields, window, taxel, frame_readout, readout, spi, "
+        "registers, pattern, classifier",
+    ),
+    small: bool = opt(False, "only one small configuration of each block"),
+    mutants: bool = opt(False, "also check that every property fails for generated mutants"),
+    limit: int = opt(300, "SECONDS", "time limit of one proof", min=1),
+    out: Path | None = out_file(None, "file for the results, JSON"),
 ) -> None:
     """Prove the properties of every block by property-directed reachability.
 
@@ -69,8 +67,8 @@ def formal(
 
 
 def faults(
-    small: Annotated[bool, opt("only a few readouts, with few bit flips per flop")] = False,
-    out: Annotated[Path | None, out_file("file for the results, JSON")] = None,
+    small: bool = opt(False, "only a few readouts, with few bit flips per flop"),
+    out: Path | None = out_file(None, "file for the results, JSON"),
 ) -> None:
     """Inject bit flips into every flop, and test hostile inputs.
 
@@ -86,9 +84,9 @@ def faults(
 
 
 def coverage(
-    small: Annotated[bool, opt("run only a few simulations")] = False,
-    only: Annotated[str, opt("run only simulations whose names begin with this text")] = "",
-    out: Annotated[Path, out_folder("folder for the results")] = Path("out/coverage"),
+    small: bool = opt(False, "run only a few simulations"),
+    only: str = opt("", "run only simulations whose names begin with this text"),
+    out: Path = out_folder(Path("out/coverage"), "folder for the results"),
 ) -> None:
     """Measure the coverage of Verilog and specification by simulations that are compared with the model.
 
@@ -113,7 +111,7 @@ def coverage(
 
 
 @with_config(fields=LOGIC)
-def properties(config: ReadoutConfig, out: Annotated[Path, out_folder("output folder, created if missing")]) -> None:
+def properties(config: ReadoutConfig, out: Path = out_folder(..., "output folder, created if missing")) -> None:
     """Write eskin_readout_properties.sv, SystemVerilog assertions bound to the modules of eskin_readout.v."""
     from eskin.verify.proofs.bind import properties as text
 
@@ -127,9 +125,9 @@ def properties(config: ReadoutConfig, out: Annotated[Path, out_folder("output fo
 @with_config
 def crosscheck(
     config: ReadoutConfig,
-    texture: Annotated[int, opt("number of the embedded texture", min=0)] = 0,
-    ticks: Annotated[int | None, opt("largest number of sample ticks of the scan [all]", min=1)] = None,
-    out: Annotated[Path | None, out_file("file for the results, JSON")] = None,
+    texture: int = opt(0, "number of the embedded texture", min=0),
+    ticks: int | None = opt(None, "largest number of sample ticks of the scan [all]", min=1),
+    out: Path | None = out_file(None, "file for the results, JSON"),
 ) -> None:
     """Simulate the delivered Verilog in CXXRTL, a third simulator, and lint all files with slang."""
     from dataclasses import asdict
@@ -152,10 +150,10 @@ def crosscheck(
 
 
 def crossproof(
-    block: Annotated[str, opt("only this block, as in make formal")] = "",
-    small: Annotated[bool, opt("only one small configuration of each block")] = False,
-    mutants: Annotated[bool, opt("compare generated mutants too")] = False,
-    out: Annotated[Path | None, out_file("file for the results, JSON")] = None,
+    block: str = opt("", "only this block, as in make formal"),
+    small: bool = opt(False, "only one small configuration of each block"),
+    mutants: bool = opt(False, "compare generated mutants too"),
+    out: Path | None = out_file(None, "file for the results, JSON"),
 ) -> None:
     """Repeat the bounded search of make formal with z3, and compare the first clocks of both solvers.
 
