@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from eskin.app.options import LEAKY, opt, out_folder
 from eskin.base.errors import InputError
+from eskin.base.workers.cluster import Cluster, Needs
+from eskin.base.workers.pool import Local, WorkerPool
 from eskin.skin.textures.rates import PAPER_TAU_S
-
-if TYPE_CHECKING:
-    from eskin.base.workers.cluster import Needs
-    from eskin.base.workers.pool import WorkerPool
-
 
 Out = Annotated[Path, out_folder(..., "DIR", "folder for data and picture")]
 DataOut = Annotated[
@@ -30,8 +27,6 @@ Tau = Annotated[float | None, opt(..., "SECONDS", f"{', '.join(LEAKY)}: time con
 Preset = Annotated[str, opt(..., "--preset", "paper|physical", "texture scan of the event rates")]
 Rates = Annotated[Path | None, opt(..., "--rates", "FILE", "event rates, from eskin event-rates")]
 Json = Annotated[bool, opt(..., "--json", "print one JSON object")]
-
-
 Workers = Annotated[int | None, opt(..., "N", "parallel processes on this machine [one per usable core]")]
 Scheduler = Annotated[str | None, opt(..., "ADDRESS", "Dask scheduler, tcp://HOST:8786, instead of this machine")]
 
@@ -45,13 +40,9 @@ def open_pool(
     threads instead of processes are for work that releases the interpreter lock.
     """
     if scheduler is None:
-        from eskin.base.workers.pool import Local
-
         return Local(workers, threads)
     if workers is not None:
         raise InputError(
             "--workers starts processes on this machine, --scheduler uses a cluster; give only one of these options"
         )
-    from eskin.base.workers.cluster import Cluster, Needs
-
     return Cluster(scheduler, needs or Needs())

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import sys
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
+from eskin.app.cli import asked_for, echo
+from eskin.app.leave import EXIT_INTERRUPTED
 from eskin.base.errors import InputError
+from eskin.base.figures.files import write_results
 
 if TYPE_CHECKING:
     from eskin.cocotb_tests.runner.process import Tally
@@ -27,8 +31,37 @@ def failing_on(*errors: type[Exception], line: str = "") -> Iterator[None]:
     try:
         yield
     except errors as error:
-        print(f"{error}\n{line}".rstrip("\n"))
-        raise typer.Exit(1) from None
+        fail(f"{error}\n{line}".rstrip("\n"))
+
+
+def fail(line: str) -> NoReturn:
+    """Print the last line of a failed run, and exit with 1."""
+    print(line)
+    raise typer.Exit(1) from None
+
+
+@contextmanager
+def resumable(out: Path) -> Iterator[None]:
+    """Print after Ctrl-C how to continue, and exit with 130."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        print(f"stopped; finished results are in {out}; run the same command again to continue", file=sys.stderr)
+        raise typer.Exit(EXIT_INTERRUPTED) from None
+
+
+def store(
+    out: Path,
+    name: str,
+    data: dict[str, Any],
+    plot: Callable[[dict[str, Any], Path], None],
+    data_out: Path | None = None,
+    quiet: bool = False,
+) -> None:
+    """Write results and their picture with the user's command, and print where they are, unless ``quiet``."""
+    written = write_results(out, name, data, plot, data_out, command=asked_for())
+    if not quiet:
+        echo(written)
 
 
 def conclude(problems: Iterable[str], line: str, mark: str = "PROBLEM: ", failed: bool = False) -> None:
@@ -36,9 +69,9 @@ def conclude(problems: Iterable[str], line: str, mark: str = "PROBLEM: ", failed
     for problem in problems:
         failed = True
         print(f"{mark}{problem}")
-    print(line)
     if failed:
-        raise typer.Exit(1)
+        fail(line)
+    print(line)
 
 
 def make_line(target: str, **variables: object) -> str:
@@ -53,8 +86,7 @@ def bit_exact(total: Tally) -> str:
     Runs whose link is too slow for their signal end while requests wait, in the model as in the design.
     """
     if not total.events:
-        print("FAILED: no event was compared")
-        raise typer.Exit(1)
+        fail("FAILED: no event was compared")
     if not total.drained:
         print(
             "no run came to rest: only sent events were compared, and requests still waited for the link at "

@@ -6,16 +6,22 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-from eskin.app.cli import asked_for, echo
+from eskin.app.cli import echo
 from eskin.app.commands import options as common
 from eskin.app.commands.learn.options import Seeds, check_device
+from eskin.app.commands.outcome import store
 from eskin.app.commands.signals.recordings import named_place
 from eskin.app.options import TRAINED, arg, opt, out_file, out_folder
 from eskin.app.tables import filled
 from eskin.base.errors import InputError
-from eskin.base.figures.files import DEFAULT_OUT, write_results
+from eskin.base.figures.files import DEFAULT_OUT
 from eskin.base.files import write_json
 from eskin.base.progress import bar
+from eskin.base.shapes import read_shaped
+from eskin.snn.experiments.pairs import find_point
+from eskin.snn.experiments.pairs import pair as compare
+from eskin.snn.experiments.points import READINGS, load_sweep
+from eskin.snn.figures.fig9 import KEPT, fig9_data, load_sweeps
 
 
 def fig9(
@@ -30,9 +36,7 @@ def fig9(
     data_out: common.DataOut = None,
 ) -> None:
     """Plot figure 9, accuracy against data rate with published points, and confusion matrices."""
-    from eskin.snn.experiments.points import READINGS
     from eskin.snn.figures.confusion import confusion_data, plot_confusion
-    from eskin.snn.figures.fig9 import fig9_data, load_sweeps
     from eskin.snn.figures.fig9_plot import plot_fig9
 
     if reading not in READINGS:
@@ -40,9 +44,9 @@ def fig9(
     sweeps = load_sweeps(sweep or [])
     matrices = confusion_data(sweeps, reading, confusion)
     data = fig9_data(sweeps, reading)
-    echo(write_results(out, "fig9", data, plot_fig9, data_out, command=asked_for()))
+    store(out, "fig9", data, plot_fig9, data_out)
     if matrices["points"]:
-        echo(write_results(out, "confusion", matrices, plot_confusion, data_out, command=asked_for()))
+        store(out, "confusion", matrices, plot_confusion, data_out)
     for point in data["left_out"]:
         echo(f"left out, because no seed is finished: {point}")
 
@@ -65,11 +69,7 @@ def fig8(
     if dataset is not None and data is not None:
         raise InputError("--dataset is for textures, --data for your own recordings; give one of the two")
     played = play(weights, result or weights.parent / "result.json", Places(dataset, data), image)
-    echo(
-        write_results(
-            out, "fig8", played.to_dict(), lambda _, path: plot_scan(played, path), data_out, command=asked_for()
-        )
-    )
+    store(out, "fig8", played.to_dict(), lambda _, path: plot_scan(played, path), data_out)
     echo(f"{played.name}: true {played.true}, predicted {played.predicted}")
     if played.tests:
         noun = "recordings" if played.pixels is None else "images"
@@ -86,11 +86,6 @@ def pair(
     out: Path | None = out_file(None, "FILE", "JSON file for the results"),
 ) -> None:
     """Compare the predictions of two sweep points image by image with McNemar's exact test."""
-    from eskin.snn.experiments.pairs import find_point
-    from eskin.snn.experiments.pairs import pair as compare
-    from eskin.snn.experiments.points import READINGS
-    from eskin.snn.figures.fig9 import KEPT
-
     if reading not in READINGS:
         raise InputError(f"reading must be one of {', '.join(READINGS)}, not {reading!r}")
     found = compare(find_point(first, KEPT), find_point(second, KEPT), reading)
@@ -126,9 +121,6 @@ def frontier(
     Without POINT, inner validation chooses a readout of every encoder, and frames, at every event rate. A stopped run
     continues with the missing trainings.
     """
-    from eskin.base.shapes import read_shaped
-    from eskin.snn.experiments.points import load_sweep
-    from eskin.snn.figures.fig9 import KEPT
     from eskin.snn.figures.frontier import plot_frontier
     from eskin.snn.studies import frontier as study
 
@@ -164,4 +156,4 @@ def frontier(
     line += "{rate_hz:,.0f} events or values/s, {bits_per_s:,.0f} bits/s"
     for point in data["points"]:
         echo(filled(line, point))
-    echo(write_results(out, "frontier", data, plot_frontier, command=asked_for()))
+    store(out, "frontier", data, plot_frontier)

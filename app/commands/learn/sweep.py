@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -11,18 +13,18 @@ import typer
 
 from eskin.app.cli import echo
 from eskin.app.commands import options as common
-from eskin.app.commands.learn.bars import cell_bar
 from eskin.app.commands.learn.options import NOT_OF_A_SWEEP, Folds, Seeds, Workers, build_experiment, with_experiment
-from eskin.app.leave import EXIT_INTERRUPTED
+from eskin.app.commands.outcome import resumable
 from eskin.app.options import LEAKY, opt, out_folder
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
+from eskin.base.progress import progress_of, watched
 from eskin.snn.data.frame_steps import FRAMES, FrameKind, FrameSteps
 from eskin.snn.experiments.recipes import BASELINES
 
 if TYPE_CHECKING:
     from eskin.snn.experiments.points import PointSummary
-    from eskin.snn.experiments.sweep import SweepPoint
+    from eskin.snn.experiments.sweep import PointRun, SweepPoint
 
 DEFAULT_POINTS = "lcs:2,lcs:4,lcs:6,lcs:8,nlcs:4,nlcs:6,nlcs:8,nlcs:10"
 
@@ -75,14 +77,12 @@ def sweep(
     from eskin.snn.experiments.sweep import sweep as run
 
     needs = Needs(("base", "model", "skin", "snn"), ("torch", "numpy"))
-    try:
-        with common.open_pool(workers, scheduler, needs) as pool, cell_bar(len(made) * folds * seeds) as show:
-            found = run(
-                made, out, pool=pool, folds=folds, seeds=seeds, command=command_line(context), progress=show
-            )  # fmt: skip
-    except KeyboardInterrupt:
-        print(f"stopped; finished results are in {out}; run the same command again to continue", file=sys.stderr)
-        raise typer.Exit(EXIT_INTERRUPTED) from None
+    with (
+        resumable(out),
+        common.open_pool(workers, scheduler, needs) as pool,
+        _cell_bar(len(made) * folds * seeds) as show,
+    ):
+        found = run(made, out, pool=pool, folds=folds, seeds=seeds, command=command_line(context), progress=show)
     _print_table(found)
     echo(f"result: {out / 'sweep.json'}")
     print(f"draw it with {shlex.join(['eskin', 'fig9', '--sweep', str(out)])}")
@@ -158,3 +158,31 @@ def _print_table(points: list[PointSummary]) -> None:
         "accuracy in % by data rate in units of 640 kb/s\n"
         "95 % interval over images and seeds; sd over cells, each one fold and seed",
     )
+
+
+@contextmanager
+def _cell_bar(total: int) -> Iterator[Any]:
+    """Yield the function ``progress`` of a sweep; without a terminal, print a line per finished training."""
+    if not watched():
+
+        def line(run: PointRun, result: dict[str, Any] | None) -> None:
+            if result is not None:
+                cell = f"fold {result['fold']}, seed {result['seed']}"
+                print(f"{run.point.name}, {cell}: {_state(run)}", flush=True)
+
+        yield line
+        return
+    done: dict[str, int] = {}
+    with progress_of("cells", "{task.description}") as shown:
+        task = shown.add_task("", total=total)
+
+        def show(run: PointRun, result: dict[str, Any] | None) -> None:
+            done[run.point.name] = len(run.done)
+            words = f"{run.point.name}: {_state(run)}" if run.ready else f"recording the scans of {run.point.name}"
+            shown.update(task, completed=sum(done.values()), description=words)
+
+        yield show
+
+
+def _state(run: PointRun) -> str:
+    return f"{len(run.done)} of {len(run.paths)} trainings done, accuracy so far {run.accuracy:.1%}"

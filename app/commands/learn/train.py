@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eskin.app.cli import echo, printable
-from eskin.app.commands.learn.bars import epoch_bar
 from eskin.app.commands.learn.options import Folds, Seeds, Workers, check_device, output_folder, with_experiment
 from eskin.app.commands.signals.recordings import scale_text
 from eskin.app.options import opt, out_folder
 from eskin.base.errors import InputError
-from eskin.base.progress import bar
+from eskin.base.progress import bar, progress_of, watched
 
 if TYPE_CHECKING:
     from eskin.snn.data.scans import ScanData
@@ -137,11 +136,37 @@ def _name_of(made: Experiment, fold: Fold, seed: int) -> str:
 
 
 @contextmanager
+def _epoch_bar(epochs: int) -> Iterator[tuple[Any, Any]]:
+    """Yield two functions: the first reports an epoch, the second prints a sentence.
+
+    Without a terminal, only every tenth epoch is printed.
+
+    Sentences are warnings, and go to standard error always.
+    """
+    if not watched():
+
+        def line(epoch: Any) -> None:
+            if epoch.number % 10 == 0 or epoch.number == epochs:
+                print(f"epoch {epoch.number}/{epochs}: loss {epoch.loss:.3f}, training accuracy {epoch.accuracy:.1%}")
+                sys.stdout.flush()
+
+        yield line, lambda text: print(f"warning: {text}", file=sys.stderr)
+        return
+    words = "loss {task.fields[loss]:.3f}, training accuracy {task.fields[accuracy]:.1%}"
+    with progress_of("epochs", words, time_left=True) as shown:
+        task = shown.add_task("", total=epochs, loss=float("nan"), accuracy=0.0)
+        yield (
+            lambda epoch: shown.update(task, completed=epoch.number, loss=epoch.loss, accuracy=epoch.accuracy),
+            lambda text: shown.console.print(f"warning: {text}", markup=False),
+        )
+
+
+@contextmanager
 def _epochs(made: Experiment, data: ScanData) -> Iterator[Callable[[Epoch], None]]:
     """Yield a function that reports an epoch and prints each kind of warning once."""
     network = made.network_config(data)
     told: set[str] = set()
-    with epoch_bar(made.train.epochs) as (show, say):
+    with _epoch_bar(made.train.epochs) as (show, say):
 
         def progress(epoch: Epoch) -> None:
             show(epoch)

@@ -9,8 +9,10 @@ import typer
 
 from eskin.app.options import arg, out_file
 from eskin.app.tables import new_table, show
+from eskin.base.figures.style import check_picture_path
 from eskin.model.events.compare import count_per_taxel, covering_config, first_difference
 from eskin.model.events.recording import Recording
+from eskin.skin.figures.raster import plot_comparison
 
 _MOST_LINES = 32  # differing taxels listed
 
@@ -22,9 +24,6 @@ def compare(
 ) -> None:
     """Compare two event files; exit code 0 if all events are equal, 1 if not."""
     if plot is not None:
-        from eskin.base.figures.style import check_picture_path
-        from eskin.skin.figures.raster import plot_comparison
-
         check_picture_path(plot)
     first, second = Recording.load(a), Recording.load(b)
     labels = (a.name, b.name) if a.name != b.name else (str(a), str(b))

@@ -8,8 +8,10 @@ from pathlib import Path
 from eskin.app.cli import echo
 from eskin.app.options import arg, opt, option_name, out_file, with_config
 from eskin.base.errors import InputError
+from eskin.base.figures.style import check_picture_path
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
+from eskin.skin.figures.raster import plot_signals
 
 KINDS = (".npz", ".aedat4", ".nir", ".npy", ".csv")
 
@@ -51,8 +53,6 @@ def convert(
     elif plot or bin_s or unit:
         raise InputError("--plot, --bin and --unit are for a single file; leave them out for a folder")
     if plot is not None:
-        from eskin.base.figures.style import check_picture_path
-
         check_picture_path(plot)
     foreign = {"--map": address_map, "--fields": fields, "--time-unit": time_unit, "--start": start, "--wrap": wrap}
     foreign |= {"--sort": sort or None, "--drop-unmapped": drop_unmapped or None}
@@ -77,8 +77,6 @@ def convert(
     if note:
         print(note)
     if plot is not None:
-        from eskin.skin.figures.raster import plot_signals
-
         end = recording.duration_clocks
         plot_signals(recording.events, None, recording.config, plot, source.name, duration_clocks=end)
         echo(f"raster: {plot}")

@@ -23,12 +23,15 @@ from eskin.app.commands.signals.recordings import (
 )
 from eskin.app.options import RECORDINGS, arg, opt, out_file, with_config, with_fields
 from eskin.base.errors import InputError
+from eskin.base.figures.style import check_picture_path
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.compare import count_per_taxel
 from eskin.model.events.recording import Recording, check_event_path
 from eskin.skin.encode import IMAGE_SUFFIXES, Encoded, Model, encode_image, encode_samples, preparation_of
+from eskin.skin.figures.raster import plot_signals
 from eskin.skin.recordings.options import Preparation
+from eskin.skin.recordings.quality import decode_recording, names_and_start
 from eskin.skin.samples import ARRAY_SUFFIXES, check_samples_path, write_samples
 
 if TYPE_CHECKING:
@@ -147,13 +150,8 @@ def decode(
     plot: Path | None = out_file(None, "--plot", "FILE", "file for a plot of signals and events"),
 ) -> None:
     """Reconstruct the signals of all taxels from an event file."""
-    from eskin.skin.recordings.quality import decode_recording, names_and_start
-
     check_samples_path(out)
     if plot is not None:
-        from eskin.base.figures.style import check_picture_path
-        from eskin.skin.figures.raster import plot_signals
-
         check_picture_path(plot)
     recording = Recording.load(source)
     config = recording.config

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from eskin.app.cli import asked_for, echo
 from eskin.app.commands import options as common
+from eskin.app.commands.outcome import store
 from eskin.app.commands.signals.recordings import named_place
 from eskin.app.options import opt
 from eskin.app.tables import filled, print_report, print_table
 from eskin.base.errors import InputError
-from eskin.base.figures.files import DEFAULT_OUT, write_results
+from eskin.base.figures.files import DEFAULT_OUT
 from eskin.base.progress import bar
 from eskin.model.encoders import registry
 
@@ -34,9 +34,7 @@ def study(
     points = len(registry.NAMES) * len(RESOLUTIONS)
     with common.open_pool(workers, scheduler, threads=True) as pool, bar("encoding", points) as progress:
         found = study_data(data, pool, progress)
-    written = write_results(out, "study", found, plot_study, command=asked_for())
-    if not as_json:
-        echo(written)
+    store(out, "study", found, plot_study, quiet=as_json)
     print_report(found, as_json, _print)
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import typer
-
-from eskin.app.commands.outcome import bit_exact, check_name, conclude, failing_on, make_line
+from eskin.app.commands.outcome import bit_exact, check_name, conclude, fail, failing_on, make_line
 from eskin.app.commands.silicon.verilog import READOUTS, spiking_or_frame
 from eskin.app.options import opt, out_file, out_folder, with_config, with_fields
+from eskin.app.tables import print_table
 from eskin.base.errors import InputError
+from eskin.base.files import origin
 from eskin.flow.wire import FARAD_PER_UM, OHM_PER_UM, PITCH_UM, Wire, check_pitch
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import OWN_FIELDS, FrameConfig
@@ -42,8 +42,7 @@ def gatesim(
     unknown = gates.unknown
     if not unknown.clean:
         left = [*unknown.in_reset, *unknown.after, *unknown.outputs]
-        print(f"UNKNOWN after a reset with unknown inputs: {len(left)} of {unknown.flops} flops, {left[:3]}")
-        raise typer.Exit(1)
+        fail(f"UNKNOWN after a reset with unknown inputs: {len(left)} of {unknown.flops} flops, {left[:3]}")
     print(f"known after a reset with unknown inputs: all {unknown.flops} flops")
     with failing_on(MismatchFound, line=f"MISMATCH; log: {plan.running(config)}"):
         tally = play(plan, gates, config, f"--lib {lib}", lambda stage: print(f"{config.encoding}: {stage}"))
@@ -102,7 +101,6 @@ def asic_scale(
     out: Path = out_file(Path("out/asic/scale.json"), "file for the results, JSON"),
 ) -> None:
     """Estimate area and highest clock frequency of growing arrays, including wires and repeaters."""
-    from eskin.app.tables import print_table
     from eskin.flow.liberty.library import read
     from eskin.flow.scale.measure import designs_of, measure
 
@@ -112,18 +110,16 @@ def asic_scale(
     print_table(
         "taxels | tiles | relays | um2 a taxel | with lines | MHz without wires | MHz with wires | repeaters"
         " | synthesis, s",
-        [row | {"tiles": _tiles(row)} for row in measure(chosen, library, wire, pitch_um, out)],
+        [
+            row | {"tiles": f"{row['tile_rows']} x {row['tile_columns']}" if "tile_rows" in row else ""}
+            for row in measure(chosen, library, wire, pitch_um, out)
+        ],
         "{rows} x {columns} | {tiles} | {?relays} | {cells_um2_per_taxel:.0f}"
         " | {with_wires[area_um2_per_taxel]:.0f} | {without_wires[fmax_hz]:1e-6*.0f} | {with_wires[fmax_hz]:1e-6*.0f}"
         " | {with_wires[repeaters]} | {synthesis_s:.1f}",
         "Area and highest clock as the array grows",
     )
     print(out)
-
-
-def _tiles(row: dict[str, Any]) -> str:
-    """Return rows and columns of the tiles of a skin; empty for one array."""
-    return f"{row['tile_rows']} x {row['tile_columns']}" if "tile_rows" in row else ""
 
 
 @with_config
@@ -136,8 +132,6 @@ def gatepower(
     out: Path = out_folder(Path("out/gatepower"), "folder for the results, JSON"),
 ) -> None:
     """Measure the power of clock-gated netlists by simulation, with and without wires."""
-    from eskin.app.tables import print_table
-    from eskin.base.files import origin
     from eskin.cocotb_tests.runner.reproduce import variables
     from eskin.flow.power.event_bench import Mismatch
     from eskin.flow.power.measure import Disagreement

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
-
-import typer
+from typing import cast
 
 from eskin.app.commands.outcome import check_name, conclude, failing_on, make_line
 from eskin.app.options import LOGIC, opt, out_folder, with_config
 from eskin.base.errors import InputError
+from eskin.base.files import origin
+from eskin.board.sensor import PartName, SensorConfig
 from eskin.model.config import ReadoutConfig
-
-if TYPE_CHECKING:
-    from eskin.board.sensor import PartName
 
 
 @with_config(fields=LOGIC)
@@ -54,11 +51,9 @@ def fpga(
 
     OUT/BOARD gets eskin_board.bit and report.json. The same design gives the same bytes.
     """
-    from eskin.base.files import origin
     from eskin.board.bitstream import report
     from eskin.board.bitstream.build import build, build_classifier, design_of
     from eskin.board.config import SerialConfig
-    from eskin.board.sensor import SensorConfig
 
     if sum((receiver, weights is not None, alone is not None)) > 1:
         raise InputError("--weights, --receiver and --alone each choose a design; give one of them")
@@ -67,7 +62,7 @@ def fpga(
         said = {"design": "classifier"} | origin(make_line("fpga", ALONE=alone))
         aims = report.classifier_aims(built, alone)
     else:
-        sensor = SensorConfig(part=cast("PartName", adc), settle_s=settle) if adc else None
+        sensor = SensorConfig(part=cast(PartName, adc), settle_s=settle) if adc else None
         config = design_of(weights, receiver, baud, sensor)
         name, built = board, build(config, board)
         chosen = {"BOARD": board, "WEIGHTS": weights and weights.name, "RECEIVER": receiver}
@@ -78,9 +73,7 @@ def fpga(
     print(report.write(out, name, built, said, aims))
     for aim in aims:
         print(aim)
-    print(report.closing_line(name, built))
-    if not aims[0].met:
-        raise typer.Exit(1)
+    conclude((), report.closing_line(name, built), failed=not aims[0].met)
 
 
 @with_config

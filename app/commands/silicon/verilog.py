@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -116,8 +117,6 @@ def gates(
     as_json: common.Json = False,
 ) -> None:
     """Count the gates and flops of both readouts for the same array, or of a classifier."""
-    import json
-
     from eskin.flow.gate_count import count_gates
 
     if classifier is not None:
@@ -145,8 +144,6 @@ def gates(
 
 def _count_classifier(path: Path, liberty: Path | None, as_json: bool) -> None:
     """Print the gates and flops of a classifier."""
-    import json
-
     from eskin.flow.gate_count import count_gates
     from eskin.model.classifier.file import IntegerWeights
 

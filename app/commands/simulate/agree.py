@@ -32,7 +32,7 @@ def agree(
     out: Path = out_folder(Path("out/agree"), "DIR", "agreement.json and simulations"),
 ) -> None:
     """Compare networks in float, in integers and in RTL on random events; exit code 1 if RTL and model differ."""
-    from eskin.snn.exchange.weights import load_weights
+    from eskin.snn.exchange.weights import config_of, load_weights
     from eskin.snn.studies.agreement import agreement, random_events
 
     numbers = _bits(bits)
@@ -44,7 +44,7 @@ def agree(
     problems, runs = [], 0
     with bar("networks", len(loaded)) as step:
         for number, (path, one) in enumerate(loaded.items()):
-            events = random_events(scans, bins, _inputs(one), rate, seed)
+            events = random_events(scans, bins, config_of(one.network).inputs, rate, seed)
             found = {"network": path.stem, "bins": bins} | agreement(one, events, numbers)
             if rtl:
                 with reported(printable(f"building and simulating {path.stem} for {simulator}")):
@@ -72,13 +72,6 @@ def _bits(text: str) -> list[int]:
     if not all(part in {str(bits) for bits in range(2, 9)} for part in parts) or len(set(parts)) < len(parts):
         raise InputError(f"--bits must list different numbers from 2 to 8, separated by commas, not {text!r}")
     return [int(part) for part in parts]
-
-
-def _inputs(weights: Weights) -> int:
-    """Return the number of input channels of a spiking network."""
-    from eskin.snn.exchange.weights import config_of
-
-    return config_of(weights.network).inputs
 
 
 def _in_rtl(

@@ -7,11 +7,9 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from eskin.app.cli import asked_for, echo
 from eskin.app.commands import options as common
-from eskin.app.commands.outcome import failing_on
+from eskin.app.commands.outcome import fail, failing_on
 from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, with_preparation
 from eskin.app.options import opt, out_file, out_folder, with_config
 from eskin.base.files import origin, write_json
@@ -52,12 +50,16 @@ def replay(
     A stopped run continues with the missing recordings.
     """
     from eskin.cocotb_tests.runner import replay as session
+    from eskin.cocotb_tests.runner.inputs import Own, chosen
     from eskin.cocotb_tests.runner.process import MismatchFound
+    from eskin.cocotb_tests.runner.simulator import require_programs
 
     check_alone(data, prepared, {"--dataset": dataset, "--preset": preset, "--start-row": start_row})
     with common.open_pool(workers, scheduler, session.NEEDS, threads=True) as pool, bars() as show:
         if data is not None:
-            plan = _plan_own(data, prepared, config, given, limit, only, out)
+            require_programs("verilator")
+            material = Own(own_recordings(data, prepared, config, given), data)
+            plan = session.Plan(material.recordings.config, material, chosen(material, limit, only), out)
         else:
             plan = session.plan_textures(config, dataset, preset or "physical", start_row or 0.0, limit, only, out)
         print(f"building {plan.array} for Verilator", file=sys.stderr)
@@ -71,33 +73,13 @@ def replay(
     _conclude(plan, len(missing), now, keep)
 
 
-def _plan_own(
-    place: Path,
-    prepared: dict[str, Any],
-    config: ReadoutConfig,
-    given: frozenset[str],
-    limit: int | None,
-    only: str | None,
-    out: Path,
-) -> Plan:
-    """Return the replay plan for a user's recordings."""
-    from eskin.cocotb_tests.runner.inputs import Own, chosen
-    from eskin.cocotb_tests.runner.replay import Plan
-    from eskin.cocotb_tests.runner.simulator import require_programs
-
-    require_programs("verilator")
-    material = Own(own_recordings(place, prepared, config, given), place)
-    return Plan(material.recordings.config, material, chosen(material, limit, only), out)
-
-
 def _conclude(plan: Plan, played: int, now: dict[str, Any], keep: Path | None) -> None:
     """Write and print the totals of all recordings; exit with 1 if recordings are missing or no event occurred."""
     from eskin.cocotb_tests.runner.replay import summarise
 
     summary, count = summarise(plan), len(plan.names)
     if (absent := summary.pop("missing")) or not summary["events"]:
-        print(f"FAILED: {absent} of {count} recordings are missing, {summary['events']} events")
-        raise typer.Exit(1)
+        fail(f"FAILED: {absent} of {count} recordings are missing, {summary['events']} events")
     noun = "images" if plan.material.preset else "recordings"
     summary["played_now"] = {noun: played} | now
     summary["configuration"] = plan.config.to_dict()

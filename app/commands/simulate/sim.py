@@ -18,6 +18,8 @@ from eskin.model.encoders import registry
 
 if TYPE_CHECKING:
     from eskin.cocotb_tests.runner.process import MismatchFound, Tally
+    from eskin.cocotb_tests.runner.recordings import OwnPlan
+    from eskin.cocotb_tests.runner.sim import Plan
 
 
 @with_config(every=True)
@@ -43,89 +45,68 @@ def sim(
 
     Without an encoding in --encoding or --config, all encoders are compared; with --dut, only LCS.
     """
+    from eskin.cocotb_tests.runner import recordings as own
+    from eskin.cocotb_tests.runner import sim as session
+    from eskin.cocotb_tests.runner.inputs import Own, named
     from eskin.cocotb_tests.runner.process import Tally
 
     check_alone(data, prepared, {"--dataset": dataset, "--dut": dut or None})
-    alone = "encoding" in given or dut
-    encodings: list[str] = [config.encoding] if alone else [*registry.NAMES]
+    encodings: list[str] = [config.encoding] if "encoding" in given or dut else [*registry.NAMES]
     total = Tally()
-    if data is not None:
+    if data is None:
+        plan = session.plan(simulator, waves, seed, textures, only, ticks, dataset, out)
+        if dut:
+            plan = session.with_dut(plan, config, dut, top)
+        echo(
+            f"{', '.join(map(str, dut or [])) or 'RTL'}, {config.rows} x {config.columns} taxels, link {config.link}: "
+            f"{plan.runs(config) - len(plan.textures)} scenarios and {len(plan.textures)} scans for each of "
+            f"{', '.join(encodings)}"
+        )
+        with bars() as show:
+            for encoding in encodings:
+                _play_textures(plan, config.replace(encoding=encoding), show, bool(dut), total)
+    else:
+        own.check(simulator, textures, ticks)
         for encoding in encodings:
             wanted = config.replace(encoding=encoding)
-            _play_own(data, wanted, given, prepared, (simulator, waves, textures, only, ticks, out), total)
-    else:
-        asked = (simulator, waves, seed, textures, only, ticks, dataset, out)
-        _play_textures(config, encodings, asked, dut or [], top, total)
+            material = Own(own_recordings(data, prepared, wanted, given, again=total.runs > 0), data)
+            names = material.one_class_after_the_other(textures) if only is None else [named(material, only)]
+            _play_own(own.OwnPlan(material, names, simulator, waves, ticks, out), total)  # type: ignore[arg-type]
     result = bit_exact(total)
     if keep is not None:
         write_json(keep, origin(asked_for()) | {"result": result})
     print(result)
 
 
-def _play_textures(
-    config: ReadoutConfig,
-    encodings: list[str],
-    asked: tuple[Any, ...],
-    dut: list[Path],
-    top: str,
-    total: Tally,
-) -> None:
-    """Run scenarios and scans with each encoding on the RTL or on a user's readout."""
+def _play_textures(plan: Plan, config: ReadoutConfig, show: Any, foreign: bool, total: Tally) -> None:
+    """Run scenarios and scans of a configuration on the RTL or on a user's readout."""
     from eskin.cocotb_tests.runner import sim as session
     from eskin.cocotb_tests.runner.process import MismatchFound
 
-    plan = session.plan(*asked)
-    if dut:
-        plan = session.with_dut(plan, config, dut, top)
-    runs = f"{plan.runs(config) - len(plan.textures)} scenarios and {len(plan.textures)} scans"
-    what = f"{', '.join(map(str, dut)) or 'RTL'}, {config.rows} x {config.columns} taxels, link {config.link}"
-    echo(f"{what}: {runs} for each of {', '.join(encodings)}")
-    with bars() as show:
-        for encoding in encodings:
-            chosen = config.replace(encoding=encoding)
-            step, say = show(encoding, plan.runs(chosen))
-            if warning := plan.warning(chosen):
-                warn([f"{chosen.encoding} {chosen.resolution} b, {chosen.rows} x {chosen.columns} taxels: {warning}"])
-            try:
-                total += session.play(
-                    plan,
-                    chosen,
-                    lambda _, step=step: step(),  # type: ignore[misc]
-                    lambda stage, say=say, encoding=encoding: say(f"{encoding}: {stage}"),  # type: ignore[misc]
-                )
-            except MismatchFound as mismatch:
-                wave = plan.waveform(chosen) if plan.waves else None
-                hint = session.configuration_hint(chosen) if dut and not (total.runs + mismatch.before.runs) else ""
-                _differ(mismatch, total, plan.running(chosen), wave, hint)
-            if plan.waves:
-                wave = plan.waveform(chosen)
-                echo(f"waveform: {wave}; open it with: gtkwave {wave}")
-            if picture := plan.picture(chosen):
-                echo(f"picture: {picture}; event files: {picture.parent / 'events'}")
+    step, say = show(config.encoding, plan.runs(config))
+    if warning := plan.warning(config):
+        warn([f"{config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels: {warning}"])
+    wave = plan.waveform(config) if plan.waves else None
+    try:
+        total += session.play(plan, config, lambda _: step(), lambda stage: say(f"{config.encoding}: {stage}"))
+    except MismatchFound as mismatch:
+        hint = session.configuration_hint(config) if foreign and not (total.runs + mismatch.before.runs) else ""
+        _differ(mismatch, total, plan.running(config), wave, hint)
+    if wave is not None:
+        echo(f"waveform: {wave}; open it with: gtkwave {wave}")
+    if picture := plan.picture(config):
+        echo(f"picture: {picture}; event files: {picture.parent / 'events'}")
 
 
-def _play_own(
-    place: Path,
-    config: ReadoutConfig,
-    given: frozenset[str],
-    prepared: dict[str, Any],
-    asked: tuple[str, bool, int, str | None, int | None, Path],
-    total: Tally,
-) -> None:
+def _play_own(plan: OwnPlan, total: Tally) -> None:
     """Run a user's recordings through RTL and model."""
-    from eskin.cocotb_tests.runner import recordings as session
-    from eskin.cocotb_tests.runner.inputs import Own, named
+    from eskin.cocotb_tests.runner import recordings as own
     from eskin.cocotb_tests.runner.process import MismatchFound
 
-    simulator, waves, count, only, ticks, out = asked
-    session.check(simulator, count, ticks)
-    material = Own(own_recordings(place, prepared, config, given, again=total.runs > 0), place)
-    names = material.one_class_after_the_other(count) if only is None else [named(material, only)]
-    plan = session.OwnPlan(material, names, simulator, waves, ticks, out)  # type: ignore[arg-type]
     warn(filter(None, [plan.warning()]))
-    with bar(f"{config.encoding}: RTL against model", len(names)) as progress:
+    with bar(f"{plan.config.encoding}: RTL against model", len(plan.names)) as progress:
         try:
-            total += session.play(plan, lambda _: progress())
+            total += own.play(plan, lambda _: progress())
         except MismatchFound as mismatch:
             _differ(mismatch, total, plan.out / plan.folder / "run")
     echo(f"picture: {plan.picture}; event files: {plan.picture.parent / 'events'}")

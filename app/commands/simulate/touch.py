@@ -7,11 +7,9 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from eskin.app.cli import echo
 from eskin.app.commands import options as common
-from eskin.app.commands.outcome import failing_on
+from eskin.app.commands.outcome import fail, failing_on
 from eskin.app.commands.signals.recordings import OwnData, check_alone, warn
 from eskin.app.options import opt, out_folder
 from eskin.base.files import origin, write_json
@@ -76,8 +74,7 @@ def _conclude(plan: Plan, now: dict[str, Any], noun: str) -> None:
 
     summary = summarise(plan)
     if summary["missing"] or not summary["events"]:
-        print(f"FAILED: {summary['missing']} results are missing, {summary['events']} events")
-        raise typer.Exit(1)
+        fail(f"FAILED: {summary['missing']} results are missing, {summary['events']} events")
     summary = origin(plan.again) | summary | {"played_now": now}
     for name, answer in list(summary["answers"].items())[:MOST_LINES]:
         judged = "" if answer["true"] is None else ", right" if answer["class"] == answer["true"] else ", wrong"

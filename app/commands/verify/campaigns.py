@@ -9,6 +9,7 @@ from eskin.app.commands import options as common
 from eskin.app.commands.outcome import conclude, failing_on, make_line
 from eskin.app.options import opt, out_file, out_folder, parse_fields, parse_number
 from eskin.base.errors import InputError
+from eskin.base.files import origin, write_json
 
 if TYPE_CHECKING:
     from eskin.verify.mutants.campaign import Finding
@@ -43,8 +44,6 @@ def soak(
         campaign.soak(plan, _tell)
     found = campaign.summary(out)
     if keep is not None:
-        from eskin.base.files import origin, write_json
-
         spent = found["seconds"] / 3600  # total of all parts of a stopped campaign
         write_json(keep, origin(make_line("soak", HOURS=f"{spent:.2f}", SEED=seed, CLOCKS=clocks)) | found)
     print(found["result"])

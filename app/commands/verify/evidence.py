@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import typer
 
 from eskin.app.commands.outcome import conclude, failing_on, make_line
 from eskin.app.options import LOGIC, opt, out_file, out_folder, with_config
 from eskin.base.errors import InputError
-from eskin.base.files import Pieces, atomic_write, pieces_of
+from eskin.base.files import Pieces, atomic_write, origin, pieces_of, write_json
 from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:
@@ -61,9 +60,8 @@ def formal(
             print(f"{outcome.block}: {outcome.property.name}: {problem}")
     if mutants:
         print(mutants_line(results, found))
-    print(closing_line([outcome.problems for outcome in results]))
-    if any(outcome.problems for outcome in results):
-        raise typer.Exit(1)
+    problems = [outcome.problems for outcome in results]
+    conclude((), closing_line(problems), failed=any(problems))
 
 
 def faults(
@@ -130,9 +128,6 @@ def crosscheck(
     out: Path | None = out_file(None, "file for the results, JSON"),
 ) -> None:
     """Simulate the delivered Verilog in CXXRTL, a third simulator, and lint all files with slang."""
-    from dataclasses import asdict
-
-    from eskin.base.files import origin, write_json
     from eskin.verify.crosscheck.check import Mismatch, play, texts
 
     with failing_on(Mismatch):
@@ -171,9 +166,7 @@ def crossproof(
             print(f"PROBLEM: {problem}")
     if out:
         write(found, out, make_line("crossproof", BLOCK=block, SMALL=small, MUTANTS=mutants))
-    print(closing_line(found))
-    if any(one.problems for one in found):
-        raise typer.Exit(1)
+    conclude((), closing_line(found), failed=any(one.problems for one in found))
 
 
 def _chosen(block: str, small: bool) -> list[Proof]:
