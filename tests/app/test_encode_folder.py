@@ -87,14 +87,12 @@ def test_a_single_file_with_time_stamps_is_read_as_one(call: Any, folder: Path) 
 
 MISTAKES = {
     "encode none -o e.npz": "none is of unknown kind",
-    "encode empty -o e": "empty contains no recordings; put files ending in",
     "encode skin -o taken": "cannot write to taken: it is a file; give the name of a folder",
     "encode skin -o e --class a": "--class is for a single input",
     "encode skin -o e --model functional": "--model functional is for a single input",
     "encode skin -o e --scale p": "--scale needs a percentile such as p99.9",
     "encode skin -o e --time-column none": "contains no sampling rate; add --sample-rate HZ",
     "encode skin/tap/0.csv -o e.npz --workers 2": "--workers is for the recordings of a folder",
-    "encode skin -o e --workers 2 --scheduler tcp://a:1": "--workers starts processes on this machine",
     "encode skin/tap/0.csv -o e.npz": "times full scale; subtract the baseline with --baseline first, or add --scale "
     "max",
     "encode skin -o e --baseline highpass --highpass 40": "--highpass must be below half of 35 samples/s",
@@ -104,7 +102,6 @@ MISTAKES = {
 @pytest.mark.parametrize("line", MISTAKES)
 def test_mistakes_get_one_sentence_and_leave_nothing(line: str, refuses: Any, folder: Path) -> None:
     write_skin(folder / "skin", each=1)
-    (folder / "empty").mkdir()
     (folder / "taken").write_text("")
     refuses(MISTAKES[line], line)
 

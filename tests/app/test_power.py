@@ -97,32 +97,6 @@ def test_power_measures_a_dataset_that_is_given(call):
     assert data["lcs"]["io"] == pytest.approx(9 * 125e-12 * measured.population_rate_hz)
 
 
-BAD_OPTIONS = {
-    "power --mode fair": "mode must be one of paper, consistent, not 'fair'",
-    "power --correct magic": f"unknown correction 'magic'; known are {', '.join(CORRECTIONS)}",
-    "power --mode paper --correct pads": "mode paper has no corrections; leave out --mode or --correct and --without",
-    "power --correct pads --without pads": "--correct lists the corrections to make, --without the corrections "
-    "to leave out; give only one of the two",
-    "power --set supply_v": "--set takes NAME=NUMBER, such as io_voltage_v=3.3, not 'supply_v'",
-    "power --set supply_v=-1": "supply_v must be a positive number in V, not -1.0",
-    "power --synthesis gates.json": "--synthesis needs the correction digital; add --mode consistent or --correct "
-    "digital",
-    "power --correct digital --synthesis none.json": "cannot read the synthesis report none.json: No such file or "
-    "directory",
-    "power --mode consistent --dataset embedded --rates rates.json": "--dataset measures event rates, --rates reads "
-    "them from a file; give one of them",
-    "power --mode consistent --rates none.json": "cannot read the event rates none.json: No such file or directory; "
-    "write one with eskin event-rates",
-    "explore --nlcs-event-rate 5": "--nlcs-event-rate needs --event-rate, the rate of LCS; give both",
-    "explore --event-rate 5 --dataset embedded": "--event-rate replaces --dataset and --rates; give one of them",
-}
-
-
-@pytest.mark.parametrize("line", BAD_OPTIONS)
-def test_bad_options_are_one_sentence(refuses, line):
-    refuses(f"error: {BAD_OPTIONS[line]}\n", line)
-
-
 @pytest.mark.parametrize(
     ("values", "sentence"),
     [
