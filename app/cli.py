@@ -7,7 +7,7 @@ import shlex
 import sys
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, NoReturn, cast
+from typing import Any, ClassVar, NoReturn, cast
 
 import typer
 import typer.core
@@ -30,6 +30,8 @@ GROUPS = {
 
 EXIT_INPUT_ERROR = 2
 
+OF_THIS_RUN = {"out", "workers", "scheduler"}
+"""Options that do not change the result."""
 
 NETWORK = "weights"
 """Name of the argument that every command also takes as an option."""
@@ -37,6 +39,9 @@ NETWORK = "weights"
 
 class Command(typer.core.TyperCommand):
     """Command with its own options first in the help, then groups of common options."""
+
+    running: ClassVar[Any]
+    """Context of the command that runs."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse a command line; accept ``--weights FILE`` in place of the argument WEIGHTS."""
@@ -63,6 +68,7 @@ class Command(typer.core.TyperCommand):
     def invoke(self, ctx: Any) -> Any:
         """Run the command after checking its options and outputs; leave no empty folder after an error."""
         self.check(ctx)
+        Command.running = ctx
         made = check_outputs(cast(Callable[..., Any], self.callback), ctx.params)
         try:
             return super().invoke(ctx)
@@ -213,6 +219,20 @@ def missing_group(error: ModuleNotFoundError) -> str:
 def asked_for() -> str:
     """Return the command line as the user typed it, to store with results."""
     return shlex.join(["eskin", *sys.argv[1:]])
+
+
+def command_line() -> str:
+    """Return the command line that reproduces the result, without default options and options of this run alone."""
+    context = Command.running
+    words = ["eskin", str(context.info_name)]
+    for option in context.command.params:
+        value = context.params.get(str(option.name))
+        if option.name in OF_THIS_RUN or value is None or value == option.get_default(context):
+            continue
+        named = [] if option.param_type_name == "argument" else [max(option.opts, key=len)]
+        for one in value if isinstance(value, (list, tuple)) else [value]:
+            words += [*named, str(one)]
+    return shlex.join(words)
 
 
 _OBEYED = ("Cc", "Cf", "Cs", "Zl", "Zp")

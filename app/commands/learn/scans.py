@@ -6,12 +6,9 @@ import itertools
 from pathlib import Path
 from typing import Any
 
-import typer
-
-from eskin.app.cli import echo
+from eskin.app.cli import command_line, echo
 from eskin.app.commands import options as common
 from eskin.app.commands.learn.options import BinSeconds, Preset, Tau
-from eskin.app.commands.learn.sweep import command_line
 from eskin.app.options import LEAKY, opt, out_file
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
@@ -37,7 +34,6 @@ def cache(clear: bool = opt(False, "--clear", "remove all recorded scans")) -> N
 
 
 def counts(
-    context: typer.Context,
     points: str = opt("nlcs:6,nlcs:8,nlcs:10", "ENCODER:N,...", "encoders with resolution"),
     preset: Preset = "paper",
     tau: Tau = None,
@@ -69,7 +65,7 @@ def counts(
         made = Experiment(dataset=dataset, preset=preset, readout=config, tau_s=tau_s, bins=bins)
         with bar(f"recording {readout}:{bits}") as step:
             found[f"{readout}:{bits}"] = made.data(step)
-    result: dict[str, Any] = origin(command_line(context)) | {
+    result: dict[str, Any] = origin(command_line()) | {
         "empty": {name: empty_bins(data) for name, data in found.items()},
         "pairs": [],
     }

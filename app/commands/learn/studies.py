@@ -8,12 +8,9 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from eskin.app.cli import echo
+from eskin.app.cli import command_line, echo
 from eskin.app.commands import options as common
 from eskin.app.commands.learn.options import check_device
-from eskin.app.commands.learn.sweep import command_line
 from eskin.app.commands.outcome import resumable
 from eskin.app.options import arg, opt, out_folder
 from eskin.app.tables import filled, print_table
@@ -56,7 +53,6 @@ Pair = Annotated[str | None, opt(..., "A,B", "two networks to compare image by i
 
 
 def robustness(
-    context: typer.Context,
     weights: Trainings = None,
     only: str | None = opt(None, "NAME[=STRENGTH],...", "disturbances [all, at all strengths]"),
     out: Path = out_folder(Path("out/robustness"), "DIR", "folder for results, robustness.json and .png"),
@@ -80,7 +76,7 @@ def robustness(
     with resumable(out), bar("cells", len(subjects) * len(chosen)) as step:
         cells = run_cells(subjects, chosen, out, step)
     points = summarise(cells)
-    written = write_results(out, "robustness", {"points": points}, plot_robustness, command=command_line(context))
+    written = write_results(out, "robustness", {"points": points}, plot_robustness, command=command_line())
     _print_robustness(points)
     echo(written)
 
@@ -137,7 +133,6 @@ def _print_robustness(points: list[dict[str, Any]]) -> None:
 
 
 def noise_power(
-    context: typer.Context,
     weights: Trainings = None,
     noises: str = opt(NOISES_MV, "MV,...", "AFE output noise v_n, mV rms of 1 V"),
     pair: Pair = None,
@@ -158,7 +153,7 @@ def noise_power(
     points = points_of(subjects, cells)
     pairs = paired(points, names[0], names[1], ("mode", "noise_v")) if names else []
     data = {"points": points, "pairs": pairs}
-    written = write_results(out, "noise_power", data, plot_noise_power, command=command_line(context))
+    written = write_results(out, "noise_power", data, plot_noise_power, command=command_line())
     for mode in MODES:
         print_table(
             "network | v_n | accuracy | 95 % interval | events/s | power",
@@ -196,7 +191,6 @@ NOISE = {"points": [{"mode": str, "network": str, "noise_v": float, "accuracy": 
 
 
 def merits(
-    context: typer.Context,
     weights: list[Path] | None = arg(
         None, "DIR...", "folders NETWORK/TRAINING/ of eskin train, for the latency [none]"
     ),
@@ -217,7 +211,7 @@ def merits(
     result["latency"], result["latency_pairs"] = _latency(weights or [], pair)
     result |= rest_and_timing(open_dataset(dataset).limit(limit), bar)
     result["noise"] = of_noise
-    written = write_results(out, "merits", result, plot_merits, command=command_line(context))
+    written = write_results(out, "merits", result, plot_merits, command=command_line())
     for part, line in MERITS.items():
         for one in result[part]:
             echo(filled(line, one))
@@ -241,7 +235,6 @@ def _latency(weights: list[Path], pair: str | None) -> tuple[list[dict[str, Any]
 
 
 def precision(
-    context: typer.Context,
     weights: Trainings = None,
     variants: str = opt(VARIANTS, "BITS[:tN][:mN],...", "bits of weights, of the threshold, of a hidden potential"),
     out: Path = out_folder(Path("out/precision"), "DIR", "folder for results, precision.json and .png"),
@@ -258,7 +251,7 @@ def precision(
         cells = in_precisions(subjects, asked, out, step)
     points = points_of(cells)
     data = {"tests": tests_of(cells), "points": points}
-    written = write_results(out, "precision", data, plot_precision, command=command_line(context))
+    written = write_results(out, "precision", data, plot_precision, command=command_line())
     print_table(
         "network | bits | accuracy | 95 % interval | memory, kB | as in float",
         points,

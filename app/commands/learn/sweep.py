@@ -9,9 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-import typer
-
-from eskin.app.cli import echo
+from eskin.app.cli import command_line, echo
 from eskin.app.commands import options as common
 from eskin.app.commands.learn.options import NOT_OF_A_SWEEP, Folds, Seeds, Workers, build_experiment, with_experiment
 from eskin.app.commands.outcome import resumable
@@ -30,13 +28,9 @@ DEFAULT_POINTS = "lcs:2,lcs:4,lcs:6,lcs:8,nlcs:4,nlcs:6,nlcs:8,nlcs:10"
 
 UNSAID: dict[str, Any] = dict.fromkeys(NOT_OF_A_SWEEP)  # options that a point does not set
 
-OF_THIS_RUN = {"out", "workers", "scheduler"}
-"""Options that do not change the result; the printed command leaves these options out."""
-
 
 @with_experiment
 def sweep(
-    context: typer.Context,
     *,
     points: str = opt(
         DEFAULT_POINTS, "ENCODER:N,...", f"N bits; {FRAMES}; rnn|gru|cnn:K, K frames of 5 kHz x 10 b a step"
@@ -82,7 +76,7 @@ def sweep(
         common.open_pool(workers, scheduler, needs) as pool,
         _cell_bar(len(made) * folds * seeds) as show,
     ):
-        found = run(made, out, pool=pool, folds=folds, seeds=seeds, command=command_line(context), progress=show)
+        found = run(made, out, pool=pool, folds=folds, seeds=seeds, command=command_line(), progress=show)
     _print_table(found)
     echo(f"result: {out / 'sweep.json'}")
     print(f"draw it with {shlex.join(['eskin', 'fig9', '--sweep', str(out)])}")
@@ -132,19 +126,6 @@ def _recorded_point(folder: Path, options: dict[str, Any]) -> SweepPoint:
     made = build_experiment(options | UNSAID | {"events": folder})
     whole = folder.resolve()
     return SweepPoint(whole.parent.name if whole.name == "events" else whole.name, made.with_readout_of_events())
-
-
-def command_line(context: typer.Context) -> str:
-    """Return the command line that reproduces the result, without default options."""
-    words = ["eskin", str(context.info_name)]
-    for option in context.command.params:
-        value = context.params.get(str(option.name))
-        if option.name in OF_THIS_RUN or value is None or value == option.get_default(context):
-            continue
-        named = [] if option.param_type_name == "argument" else [max(option.opts, key=len)]
-        for one in value if isinstance(value, (list, tuple)) else [value]:
-            words += [*named, str(one)]
-    return shlex.join(words)
 
 
 def _print_table(points: list[PointSummary]) -> None:

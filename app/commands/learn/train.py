@@ -136,47 +136,40 @@ def _name_of(made: Experiment, fold: Fold, seed: int) -> str:
 
 
 @contextmanager
-def _epoch_bar(epochs: int) -> Iterator[tuple[Any, Any]]:
-    """Yield two functions: the first reports an epoch, the second prints a sentence.
+def _epochs(made: Experiment, data: ScanData) -> Iterator[Callable[[Epoch], None]]:
+    """Yield a function that reports an epoch, and prints each kind of warning once on standard error.
 
     Without a terminal, only every tenth epoch is printed.
-
-    Sentences are warnings, and go to standard error always.
     """
+    network, epochs, told = made.network_config(data), made.train.epochs, set[str]()
+
+    def warnings(epoch: Epoch) -> Iterator[str]:
+        for warning in epoch.warnings(network.kind == "spiking", network.classes):
+            kind = warning.split("(")[0][:20]
+            if kind not in told:
+                told.add(kind)
+                yield f"warning: epoch {epoch.number}: {warning}"
+
+    def line(epoch: Epoch) -> None:
+        if epoch.number % 10 == 0 or epoch.number == epochs:
+            words = f"loss {epoch.loss:.3f}, training accuracy {epoch.accuracy:.1%}"
+            print(f"epoch {epoch.number}/{epochs}: {words}", flush=True)
+        for warning in warnings(epoch):
+            print(warning, file=sys.stderr)
+
     if not watched():
-
-        def line(epoch: Any) -> None:
-            if epoch.number % 10 == 0 or epoch.number == epochs:
-                print(f"epoch {epoch.number}/{epochs}: loss {epoch.loss:.3f}, training accuracy {epoch.accuracy:.1%}")
-                sys.stdout.flush()
-
-        yield line, lambda text: print(f"warning: {text}", file=sys.stderr)
+        yield line
         return
     words = "loss {task.fields[loss]:.3f}, training accuracy {task.fields[accuracy]:.1%}"
     with progress_of("epochs", words, time_left=True) as shown:
         task = shown.add_task("", total=epochs, loss=float("nan"), accuracy=0.0)
-        yield (
-            lambda epoch: shown.update(task, completed=epoch.number, loss=epoch.loss, accuracy=epoch.accuracy),
-            lambda text: shown.console.print(f"warning: {text}", markup=False),
-        )
 
+        def show(epoch: Epoch) -> None:
+            shown.update(task, completed=epoch.number, loss=epoch.loss, accuracy=epoch.accuracy)
+            for warning in warnings(epoch):
+                shown.console.print(warning, markup=False)
 
-@contextmanager
-def _epochs(made: Experiment, data: ScanData) -> Iterator[Callable[[Epoch], None]]:
-    """Yield a function that reports an epoch and prints each kind of warning once."""
-    network = made.network_config(data)
-    told: set[str] = set()
-    with _epoch_bar(made.train.epochs) as (show, say):
-
-        def progress(epoch: Epoch) -> None:
-            show(epoch)
-            for warning in epoch.warnings(network.kind == "spiking", network.classes):
-                kind = warning.split("(")[0][:20]
-                if kind not in told:
-                    told.add(kind)
-                    say(f"epoch {epoch.number}: {warning}")
-
-        yield progress
+        yield show
 
 
 @with_experiment
