@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
@@ -89,11 +90,13 @@ def test_power_takes_a_synthesis_report_and_lists_parameters(call, folder):
     assert "supply_v" in call("power --parameters")[1]
 
 
-def test_power_measures_a_dataset_that_is_given(call):
-    data = json.loads(call("power --correct event_rates --dataset embedded --preset physical --json")[1])
-    measured = measure_rates(
-        open_dataset("embedded"), preset("physical"), preset("physical").configure(ReadoutConfig(resolution=6))
-    )
+def test_power_measures_a_dataset_that_is_given(call, folder):
+    for texture in open_dataset("embedded").limit(2):
+        (folder / "textures" / texture.class_name).mkdir(parents=True)
+        Image.fromarray(texture.load()).save(folder / "textures" / f"{texture.name}.png")
+    data = json.loads(call("power --correct event_rates --dataset textures --preset physical --json")[1])
+    scan = preset("physical")
+    measured = measure_rates(open_dataset("textures"), scan, scan.configure(ReadoutConfig(resolution=6)))
     assert data["lcs"]["io"] == pytest.approx(9 * 125e-12 * measured.population_rate_hz)
 
 
