@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eskin.app.cli import echo
-from eskin.app.commands.outcome import fail
+from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import OwnData
 from eskin.app.options import arg, opt, out_file, with_config
 from eskin.base.errors import InputError
@@ -97,10 +97,10 @@ def play(
     echo(f"{name}: {found}; {len(received.events)} events, {len(received.classes)} bins; {out}")
     if codes is None:
         if late := received.counts.get("lost", 0):
-            fail(f"LATE {late} scans: the serial line was too slow for the events")
+            common.fail(f"LATE {late} scans: the serial line was too slow for the events")
         return
     if check and (difference := session.difference(chip, network, codes, received)) is not None:
-        fail(f"{difference}\nMISMATCH")
+        common.fail(f"{difference}\nMISMATCH")
     print("events and classes equal the model's" if check else "not compared with the model")
 
 
@@ -145,7 +145,7 @@ def listen(
             received.observed = session.observed_clocks(received)
     echo(f"{received.count} events in {received.observed / clock_hz:.3f} s; {out}")
     if lost := received.counts.get("lost", 0):
-        fail(f"LOST {lost} events: the chip sent them faster than the serial line can carry")
+        common.fail(f"LOST {lost} events: the chip sent them faster than the serial line can carry")
 
 
 def load(weights: Network, port: Port, baud: Baud = BAUD, patience: Patience = 3.0) -> None:

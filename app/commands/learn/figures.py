@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from eskin.app.cli import echo
-from eskin.app.commands import options as common
+from eskin.app.commands import common
 from eskin.app.commands.learn.options import Seeds, check_device
-from eskin.app.commands.outcome import store
 from eskin.app.commands.signals.recordings import named_place
 from eskin.app.options import TRAINED, arg, opt, out_file, out_folder
 from eskin.app.tables import filled
@@ -44,9 +43,9 @@ def fig9(
     sweeps = load_sweeps(sweep or [])
     matrices = confusion_data(sweeps, reading, confusion)
     data = fig9_data(sweeps, reading)
-    store(out, "fig9", data, plot_fig9, data_out)
+    common.store(out, "fig9", data, plot_fig9, data_out)
     if matrices["points"]:
-        store(out, "confusion", matrices, plot_confusion, data_out)
+        common.store(out, "confusion", matrices, plot_confusion, data_out)
     for point in data["left_out"]:
         echo(f"left out, because no seed is finished: {point}")
 
@@ -69,7 +68,7 @@ def fig8(
     if dataset is not None and data is not None:
         raise InputError("--dataset is for textures, --data for your own recordings; give one of the two")
     played = play(weights, result or weights.parent / "result.json", Places(dataset, data), image)
-    store(out, "fig8", played.to_dict(), lambda _, path: plot_scan(played, path), data_out)
+    common.store(out, "fig8", played.to_dict(), lambda _, path: plot_scan(played, path), data_out)
     echo(f"{played.name}: true {played.true}, predicted {played.predicted}")
     if played.tests:
         noun = "recordings" if played.pixels is None else "images"
@@ -156,4 +155,4 @@ def frontier(
     line += "{rate_hz:,.0f} events or values/s, {bits_per_s:,.0f} bits/s"
     for point in data["points"]:
         echo(filled(line, point))
-    store(out, "frontier", data, plot_frontier)
+    common.store(out, "frontier", data, plot_frontier)

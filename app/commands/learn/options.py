@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eskin.app.commands import options as common
+from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import PREPARATION, OwnData, check_alone, events_of
 from eskin.app.options import (
     CONFIG_FILE,

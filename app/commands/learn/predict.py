@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eskin.app.cli import echo, printable
-from eskin.app.commands.outcome import fail
+from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import events_of, named_place
 from eskin.app.options import TRAINED, arg, opt, out_file
 from eskin.base.errors import InputError
@@ -121,11 +121,11 @@ def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> N
     noun = "images" if len(set(names)) == len(names) else "recordings"
     count = len(check.compared)
     if not count:
-        fail(f'FAILED: nothing was compared, none of {len(recordings)} recordings has the source "rtl"')
+        common.fail(f'FAILED: nothing was compared, none of {len(recordings)} recordings has the source "rtl"')
     if not check.passed:
         print("\n".join(map(printable, [*check.first.splitlines(), f"reproduce: {again}"])))
         differ = ", ".join(f"{len(numbers)} in {level}" for level, numbers in check.different.items())
-        fail(f"FAILED: {count} {noun} compared, different: {differ}")
+        common.fail(f"FAILED: {count} {noun} compared, different: {differ}")
     if count < len(recordings):
         print(f"{len(recordings) - count} recordings do not come from the RTL and were not compared")
     same = ", ".join(f"same {level}" for level in LEVELS)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from eskin.app.cli import command_line, echo
-from eskin.app.commands import options as common
+from eskin.app.commands import common
 from eskin.app.commands.learn.options import BinSeconds, Preset, Tau
 from eskin.app.options import LEAKY, opt, out_file
 from eskin.base.errors import InputError

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eskin.app.cli import command_line, echo
-from eskin.app.commands import options as common
+from eskin.app.commands import common
 from eskin.app.commands.learn.options import check_device
-from eskin.app.commands.outcome import resumable
 from eskin.app.options import arg, opt, out_folder
 from eskin.app.tables import filled, print_table
 from eskin.base.errors import InputError
@@ -73,7 +72,7 @@ def robustness(
         network, fold, seed = twice[0]
         raise InputError(f"network {network!r} has two trainings with fold {fold} and seed {seed}; rename a folder")
     out.mkdir(parents=True, exist_ok=True)
-    with resumable(out), bar("cells", len(subjects) * len(chosen)) as step:
+    with common.resumable(out), bar("cells", len(subjects) * len(chosen)) as step:
         cells = run_cells(subjects, chosen, out, step)
     points = summarise(cells)
     written = write_results(out, "robustness", {"points": points}, plot_robustness, command=command_line())

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 from eskin.app.cli import command_line, echo
-from eskin.app.commands import options as common
+from eskin.app.commands import common
 from eskin.app.commands.learn.options import NOT_OF_A_SWEEP, Folds, Seeds, Workers, build_experiment, with_experiment
-from eskin.app.commands.outcome import resumable
 from eskin.app.options import LEAKY, opt, out_folder
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
@@ -72,7 +71,7 @@ def sweep(
 
     needs = Needs(("base", "model", "skin", "snn"), ("torch", "numpy"))
     with (
-        resumable(out),
+        common.resumable(out),
         common.open_pool(workers, scheduler, needs) as pool,
         _cell_bar(len(made) * folds * seeds) as show,
     ):

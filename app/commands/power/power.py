@@ -9,8 +9,7 @@ from collections.abc import Iterable
 from functools import partial
 from typing import Any
 
-from eskin.app.commands import options as common
-from eskin.app.commands.outcome import store
+from eskin.app.commands import common
 from eskin.app.options import opt, with_fields
 from eskin.app.tables import new_table, print_report, print_table, show
 from eskin.base.errors import InputError
@@ -152,7 +151,7 @@ def fig6(
     """Plot figure 6 in both modes: power at three noise targets."""
     source = partial(rate_table, dataset, preset_name, rates, [study.FIG_RESOLUTION], [study.FIG_TAU_S], watch=bar)
     data = study.fig6_data(both_modes(settings, synthesis, source))
-    store(out, "fig6", data, plot_fig6, data_out)
+    common.store(out, "fig6", data, plot_fig6, data_out)
 
 
 def fig7(
@@ -167,7 +166,7 @@ def fig7(
     """Plot figure 7 in both modes: crossover noise by resolution."""
     source = partial(rate_table, dataset, preset_name, rates, list(RESOLUTIONS), list(TAUS_S), watch=bar)
     data = study.fig7_data(both_modes(settings, synthesis, source))
-    store(out, "fig7", data, plot_fig7, data_out)
+    common.store(out, "fig7", data, plot_fig7, data_out)
 
 
 def sensitivity(
@@ -182,7 +181,7 @@ def sensitivity(
     used = (model.measured.dataset, model.measured.preset)  # type: ignore[union-attr]
     others = {f"{t.dataset} {t.preset} scan": t for t in load_tables() if (t.dataset, t.preset) != used}
     data = study.sensitivity_data(study.sensitivity_models(model, others))
-    store(out, "sensitivity", data, plot_sensitivity, data_out, quiet=as_json)
+    common.store(out, "sensitivity", data, plot_sensitivity, data_out, quiet=as_json)
     print_report(data, as_json, _print_sensitivity)
 
 
@@ -251,7 +250,7 @@ def explore(
     data = explore_data(model, noise, tau, min_resolution)
     if event_rate is dataset is rates is None:
         print(STORED_RATES.format(preset_name), file=sys.stderr if as_json else sys.stdout)
-    store(out, "explore", data, plot_explore, quiet=as_json)
+    common.store(out, "explore", data, plot_explore, quiet=as_json)
     print_report(data, as_json, _print_explored)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from eskin.app.commands import options as common
+from eskin.app.commands import common
 from eskin.app.options import check_leaks, opt, out_file, with_config, with_fields
 from eskin.app.tables import CELLS, filled, print_report, print_table, show_facts
 from eskin.base.progress import bar

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from eskin.app.cli import echo
-from eskin.app.commands import options as common
+from eskin.app.commands import common
 from eskin.app.options import opt, out_file
 from eskin.base.errors import InputError
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from eskin.app.commands import options as common
-from eskin.app.commands.outcome import store
+from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import named_place
 from eskin.app.options import opt
 from eskin.app.tables import filled, print_report, print_table
@@ -34,7 +33,7 @@ def study(
     points = len(registry.NAMES) * len(RESOLUTIONS)
     with common.open_pool(workers, scheduler, threads=True) as pool, bar("encoding", points) as progress:
         found = study_data(data, pool, progress)
-    store(out, "study", found, plot_study, quiet=as_json)
+    common.store(out, "study", found, plot_study, quiet=as_json)
     print_report(found, as_json, _print)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from eskin.app.commands.outcome import bit_exact, check_name, conclude, fail, failing_on, make_line
+from eskin.app.commands import common
 from eskin.app.commands.silicon.verilog import READOUTS, spiking_or_frame
 from eskin.app.options import opt, out_file, out_folder, with_config, with_fields
 from eskin.app.tables import print_table
@@ -42,11 +42,11 @@ def gatesim(
     unknown = gates.unknown
     if not unknown.clean:
         left = [*unknown.in_reset, *unknown.after, *unknown.outputs]
-        fail(f"UNKNOWN after a reset with unknown inputs: {len(left)} of {unknown.flops} flops, {left[:3]}")
+        common.fail(f"UNKNOWN after a reset with unknown inputs: {len(left)} of {unknown.flops} flops, {left[:3]}")
     print(f"known after a reset with unknown inputs: all {unknown.flops} flops")
-    with failing_on(MismatchFound, line=f"MISMATCH; log: {plan.running(config)}"):
+    with common.failing_on(MismatchFound, line=f"MISMATCH; log: {plan.running(config)}"):
         tally = play(plan, gates, config, f"--lib {lib}", lambda stage: print(f"{config.encoding}: {stage}"))
-    print(bit_exact(tally))
+    print(common.bit_exact(tally))
 
 
 @with_config
@@ -75,7 +75,7 @@ def asic(
     chosen = spiking_or_frame(readout, config, given, stored | own)
     if from_verilog and readout == "frame":
         raise InputError("--from-verilog is for the spiking readout: frames have no clock gates in their Verilog")
-    check_name(name)
+    common.check_name(name)
     corners = {"typical": lib} | {corner: at for corner, at in (("slow", slow), ("fast", fast)) if at}
     found = report.run(chosen, corners, name, lambda stage: print(stage, flush=True), power, from_verilog)
     print(found.write(out, report.command_of(chosen, corners, power, from_verilog)))
@@ -85,7 +85,7 @@ def asic(
         print(f"note: {found.structure.warning}")
     if apart := found.more.get("with_wires", {}).get(APART):
         print(f"power with wires was not measured: {apart}")
-    conclude(found.problems, found.closing_line())
+    common.conclude(found.problems, found.closing_line())
 
 
 @with_config(fields=("encoding", "resolution", "frontend", "sample_bits"), file=False)
@@ -145,8 +145,8 @@ def gatepower(
     chosen: dict[str, ReadoutConfig | FrameConfig] = {str(config.encoding): config}
     chosen = designs(config) if three else chosen
     words = ["gatepower", *(f"LIB={path.name}" for path in lib), *variables(config)]
-    said = origin(make_line(" ".join(words), THREE=three, GLITCHES=glitching, WEIGHTS=weights))
-    with failing_on(Disagreement, Mismatch):
+    said = origin(common.make_line(" ".join(words), THREE=three, GLITCHES=glitching, WEIGHTS=weights))
+    with common.failing_on(Disagreement, Mismatch):
         if weights is not None:
             for path in lib:
                 result = write_classifier(config, weights, path, out, said)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import cast
 
-from eskin.app.commands.outcome import check_name, conclude, failing_on, make_line
+from eskin.app.commands import common
 from eskin.app.options import LOGIC, opt, out_folder, with_config
 from eskin.base.errors import InputError
 from eskin.base.files import origin
@@ -28,11 +28,11 @@ def layout(
     from eskin.flow.layout.cells import WrongCell
     from eskin.flow.layout.environment import Crashed
 
-    check_name(name)
-    with failing_on(WrongCell, Crashed):
+    common.check_name(name)
+    with common.failing_on(WrongCell, Crashed):
         found = run.run(config, name, out, compare, lambda stage: print(stage, flush=True))
     print(report.write(found, out, report.command_of(config, compare)))
-    conclude(found.problems, found.closing_line())
+    common.conclude(found.problems, found.closing_line())
 
 
 def fpga(
@@ -59,7 +59,7 @@ def fpga(
         raise InputError("--weights, --receiver and --alone each choose a design; give one of them")
     if alone is not None:
         name, built = f"classifier-{alone}b", build_classifier(report.plain_classifier(alone))
-        said = {"design": "classifier"} | origin(make_line("fpga", ALONE=alone))
+        said = {"design": "classifier"} | origin(common.make_line("fpga", ALONE=alone))
         aims = report.classifier_aims(built, alone)
     else:
         sensor = SensorConfig(part=cast(PartName, adc), settle_s=settle) if adc else None
@@ -68,12 +68,12 @@ def fpga(
         chosen = {"BOARD": board, "WEIGHTS": weights and weights.name, "RECEIVER": receiver}
         line = {"BAUD": baud != SerialConfig.baud and baud, "ADC": adc, "SETTLE": adc and f"{settle:g}"}
         said = {"design": config.design, "identity": f"{config.identity:08x}"}
-        said |= origin(make_line("fpga", **chosen, **line))
+        said |= origin(common.make_line("fpga", **chosen, **line))
         aims = [report.clock_aim(built)]
     print(report.write(out, name, built, said, aims))
     for aim in aims:
         print(aim)
-    conclude((), report.closing_line(name, built), failed=not aims[0].met)
+    common.conclude((), report.closing_line(name, built), failed=not aims[0].met)
 
 
 @with_config

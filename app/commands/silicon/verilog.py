@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eskin.app.commands import options as common
+from eskin.app.commands import common
 from eskin.app.options import LOGIC, check_frame, opt, option_name, out_folder, with_config, with_fields
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError

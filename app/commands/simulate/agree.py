@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eskin.app.cli import asked_for, echo, printable
+from eskin.app.commands import common
 from eskin.app.commands.learn.options import output_folder
-from eskin.app.commands.outcome import conclude
 from eskin.app.options import arg, opt, out_folder
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
@@ -64,7 +64,9 @@ def agree(
     if rtl:
         sums = {name: sum(one["rtl"].get(name, 0) for one in networks) for name in ("clocks", "events", "bins")}
         exact = ", ".join(f"{count} {name}" for name, count in sums.items())
-        conclude(problems, f"{'FAILED' if problems else 'bit-exact'}: {runs} runs, {exact}, {len(problems)} mismatches")
+        common.conclude(
+            problems, f"{'FAILED' if problems else 'bit-exact'}: {runs} runs, {exact}, {len(problems)} mismatches"
+        )
 
 
 def _bits(text: str) -> list[int]:

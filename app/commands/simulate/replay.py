@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eskin.app.cli import asked_for, echo
-from eskin.app.commands import options as common
-from eskin.app.commands.outcome import fail, failing_on
+from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, with_preparation
 from eskin.app.options import opt, out_file, out_folder, with_config
 from eskin.base.files import origin, write_json
@@ -67,7 +66,7 @@ def replay(
             missing = plan.missing()
         started = time.monotonic()
         step, _ = show(f"{plan.material.name}, {plan.config.encoding} {plan.config.resolution} b", len(missing))
-        with failing_on(MismatchFound, line="MISMATCH"):
+        with common.failing_on(MismatchFound, line="MISMATCH"):
             total = session.play(plan, missing, pool, step)
     now = {"clocks": total.clocks, "seconds": round(time.monotonic() - started, 1), "workers": pool.workers}
     _conclude(plan, len(missing), now, keep)
@@ -79,7 +78,7 @@ def _conclude(plan: Plan, played: int, now: dict[str, Any], keep: Path | None) -
 
     summary, count = summarise(plan), len(plan.names)
     if (absent := summary.pop("missing")) or not summary["events"]:
-        fail(f"FAILED: {absent} of {count} recordings are missing, {summary['events']} events")
+        common.fail(f"FAILED: {absent} of {count} recordings are missing, {summary['events']} events")
     noun = "images" if plan.material.preset else "recordings"
     summary["played_now"] = {noun: played} | now
     summary["configuration"] = plan.config.to_dict()

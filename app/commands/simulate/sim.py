@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from eskin.app.cli import asked_for, echo
-from eskin.app.commands.outcome import bit_exact
+from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, warn, with_preparation
 from eskin.app.options import opt, out_file, out_folder, with_config
 from eskin.base.files import origin, write_json
@@ -72,7 +72,7 @@ def sim(
             material = Own(own_recordings(data, prepared, wanted, given, again=total.runs > 0), data)
             names = material.one_class_after_the_other(textures) if only is None else [named(material, only)]
             _play_own(own.OwnPlan(material, names, simulator, waves, ticks, out), total)  # type: ignore[arg-type]
-    result = bit_exact(total)
+    result = common.bit_exact(total)
     if keep is not None:
         write_json(keep, origin(asked_for()) | {"result": result})
     print(result)

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eskin.app.cli import echo
-from eskin.app.commands import options as common
-from eskin.app.commands.outcome import fail, failing_on
+from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import OwnData, check_alone, warn
 from eskin.app.options import opt, out_folder
 from eskin.base.files import origin, write_json
@@ -61,7 +60,7 @@ def touch(
             missing = [name for name in plan.names if plan.finished(name) is None]
         started = time.monotonic()
         step, _ = show(f"{plan.material.name}: samples to class", len(missing))
-        with failing_on(MismatchFound, line="MISMATCH"):
+        with common.failing_on(MismatchFound, line="MISMATCH"):
             session.play(plan, pool, step)
     now = {"images": len(missing), "seconds": round(time.monotonic() - started, 1), "workers": pool.workers}
     _conclude(plan, now, "images" if data is None else "recordings")
@@ -74,7 +73,7 @@ def _conclude(plan: Plan, now: dict[str, Any], noun: str) -> None:
 
     summary = summarise(plan)
     if summary["missing"] or not summary["events"]:
-        fail(f"FAILED: {summary['missing']} results are missing, {summary['events']} events")
+        common.fail(f"FAILED: {summary['missing']} results are missing, {summary['events']} events")
     summary = origin(plan.again) | summary | {"played_now": now}
     for name, answer in list(summary["answers"].items())[:MOST_LINES]:
         judged = "" if answer["true"] is None else ", right" if answer["class"] == answer["true"] else ", wrong"

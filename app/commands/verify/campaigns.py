@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eskin.app.commands import options as common
-from eskin.app.commands.outcome import conclude, failing_on, make_line
+from eskin.app.commands import common
 from eskin.app.options import opt, out_file, out_folder, parse_fields, parse_number
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
@@ -40,12 +39,12 @@ def soak(
         _one(only, run, clocks, _parts(set_ or []), simulator)
         return
     plan = campaign.Plan(3600 * hours, seed, clocks, simulator, out)  # type: ignore[arg-type]
-    with failing_on(campaign.SoakFailed, line="MISMATCH"):
+    with common.failing_on(campaign.SoakFailed, line="MISMATCH"):
         campaign.soak(plan, _tell)
     found = campaign.summary(out)
     if keep is not None:
         spent = found["seconds"] / 3600  # total of all parts of a stopped campaign
-        write_json(keep, origin(make_line("soak", HOURS=f"{spent:.2f}", SEED=seed, CLOCKS=clocks)) | found)
+        write_json(keep, origin(common.make_line("soak", HOURS=f"{spent:.2f}", SEED=seed, CLOCKS=clocks)) | found)
     print(found["result"])
 
 
@@ -85,7 +84,7 @@ def _one(seed: int, run: int, clocks: int, parts: dict[str, Any], simulator: Any
     from eskin.cocotb_tests.runner.process import MismatchFound
     from eskin.verify.soak.play import play
 
-    with failing_on(MismatchFound, line="MISMATCH"):
+    with common.failing_on(MismatchFound, line="MISMATCH"):
         tally = play([Draw(seed, clocks, run, parts)], simulator)
     print(f"bit-exact: {tally.runs} runs, {tally.clocks} clocks, {tally.events} events, 0 mismatches")
 
@@ -124,7 +123,7 @@ def mutants(
     with common.open_pool(workers, scheduler, NEEDS) as pool:
         done = run(Plan(packages, share, seed, block, limit, apart_from), out, pool if judging else None, again, tell)
     drawn = {"SHARE": f"{share:g}", "SEED": str(seed), "APART_FROM": apart_from is not None and str(apart_from)}
-    command = make_line("mutants", MODEL=model, BLOCK=block, **drawn, LIMIT=limit)
+    command = common.make_line("mutants", MODEL=model, BLOCK=block, **drawn, LIMIT=limit)
     write(out / "mutants.json", command, done, "model" if model else "rtl")
     survived = len(done.findings) < done.planned or any(one.verdict == "alive" for one in done.findings)
-    conclude(sorted(done.skipped), closing_line(done), mark="fails without a mutant: ", failed=survived)
+    common.conclude(sorted(done.skipped), closing_line(done), mark="fails without a mutant: ", failed=survived)

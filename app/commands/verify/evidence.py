@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eskin.app.commands.outcome import conclude, failing_on, make_line
+from eskin.app.commands import common
 from eskin.app.options import LOGIC, opt, out_file, out_folder, with_config
 from eskin.base.errors import InputError
 from eskin.base.files import Pieces, atomic_write, origin, pieces_of, write_json
@@ -53,7 +53,7 @@ def formal(
         judge([outcome for outcome in results if outcome.block == name], of_block)
         found += of_block
     if out:
-        write(results, found, out, make_line("formal", BLOCK=block, SMALL=small, MUTANTS=mutants), block)
+        write(results, found, out, common.make_line("formal", BLOCK=block, SMALL=small, MUTANTS=mutants), block)
         pieces_of(out).unlink(missing_ok=True)
     for outcome in results:
         for problem in outcome.problems:
@@ -61,7 +61,7 @@ def formal(
     if mutants:
         print(mutants_line(results, found))
     problems = [outcome.problems for outcome in results]
-    conclude((), closing_line(problems), failed=any(problems))
+    common.conclude((), closing_line(problems), failed=any(problems))
 
 
 def faults(
@@ -76,9 +76,9 @@ def faults(
 
     done = campaign(small, out, lambda line: print(line, flush=True))
     if out:
-        write(out, make_line("faults", SMALL=small), done)
+        write(out, common.make_line("faults", SMALL=small), done)
     unlike = any(line["as stated"] < line["runs"] for line in done.cases)
-    conclude(done.problems, closing_line(done), mark="", failed=unlike)
+    common.conclude(done.problems, closing_line(done), mark="", failed=unlike)
 
 
 def coverage(
@@ -103,9 +103,9 @@ def coverage(
 
     reached = play(chosen, out, tell)
     verdict = judge(reached, waivers(), whole=not (small or only))
-    command = make_line("coverage", SMALL=small, ONLY=only and repr(only))
+    command = common.make_line("coverage", SMALL=small, ONLY=only and repr(only))
     write(out / "coverage.json", command, reached, verdict)
-    conclude(verdict.problems, closing_line(reached, verdict), mark="")
+    common.conclude(verdict.problems, closing_line(reached, verdict), mark="")
 
 
 @with_config(fields=LOGIC)
@@ -130,13 +130,13 @@ def crosscheck(
     """Simulate the delivered Verilog in CXXRTL, a third simulator, and lint all files with slang."""
     from eskin.verify.crosscheck.check import Mismatch, play, texts
 
-    with failing_on(Mismatch):
+    with common.failing_on(Mismatch):
         played = play(config, texture, ticks)
     said = [problem for problems in texts(config).values() for problem in problems]
     if out:
-        command = make_line("crosscheck", ROWS=config.rows, COLUMNS=config.columns, ENCODING=config.encoding)
+        command = common.make_line("crosscheck", ROWS=config.rows, COLUMNS=config.columns, ENCODING=config.encoding)
         write_json(out, {**origin(command), "config": config.to_dict(), **asdict(played), "slang": said})
-    conclude(
+    common.conclude(
         said,
         f"crosscheck: {played.runs} runs, {played.clocks} clocks, {played.events} events in CXXRTL as in the model, "
         f"{played.of_texture} of a texture; slang: {len(said)} problems",
@@ -165,8 +165,8 @@ def crossproof(
         for problem in one.problems:
             print(f"PROBLEM: {problem}")
     if out:
-        write(found, out, make_line("crossproof", BLOCK=block, SMALL=small, MUTANTS=mutants))
-    conclude((), closing_line(found), failed=any(one.problems for one in found))
+        write(found, out, common.make_line("crossproof", BLOCK=block, SMALL=small, MUTANTS=mutants))
+    common.conclude((), closing_line(found), failed=any(one.problems for one in found))
 
 
 def _chosen(block: str, small: bool) -> list[Proof]:
