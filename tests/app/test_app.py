@@ -300,6 +300,17 @@ def test_a_missing_group_is_one_sentence(program: str, package: str, group: str,
     assert list(tmp_path.iterdir()) == []
 
 
+def test_the_options_of_every_command_are_known_without_any_group() -> None:
+    """Check what make needs before it installs the group of a command, and what --help needs without the group."""
+    program = (
+        "import sys; from eskin.app.cli import GROUPS, MODULES, Commands\n"
+        "sys.modules |= dict.fromkeys(package for packages in GROUPS.values() for package in packages)\n"
+        "print(sum(len(Commands(MODULES)[name].params) > 0 for name in MODULES))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == (f"{len(MODULES)}\n", "")
+
+
 def test_groups_are_those_of_the_project() -> None:
     """Check that pyproject.toml has the packages of each extra named in messages."""
     for group, packages in GROUPS.items():
