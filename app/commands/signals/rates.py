@@ -1,4 +1,4 @@
-"""The commands rates, frames and event-rates: events and data rates of texture scans (docs/guide/power.md)."""
+"""The commands rates, frames, event-rates and study: events and data rates of textures and recordings."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from eskin.app.commands import common
+from eskin.app.commands.signals.recordings import named_place
 from eskin.app.options import check_leaks, opt, out_file, with_config, with_fields
 from eskin.app.tables import CELLS, filled, print_report, print_table, show_facts
+from eskin.base.errors import InputError
+from eskin.base.figures.files import DEFAULT_OUT
+from eskin.base.files import atomic_write
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
@@ -139,8 +143,6 @@ def event_rates(
     scheduler: common.Scheduler = None,
 ) -> None:
     """Measure the event rate of every taxel at N = 1..10, for the power model."""
-    from eskin.base.files import atomic_write
-
     scans = [preset(name) for name in (("paper", "physical") if preset_name == "both" else (preset_name,))]
     tables = []
     places: list[str | None] = list(dataset or []) or [None]
@@ -160,3 +162,37 @@ def event_rates(
         command += f" --dataset {name if name == EMBEDDED else f'data/{name}'}"
     with atomic_write(out) as file:
         file.write(tables_text(tables, command).encode())
+
+
+def study(
+    data: Path | None = opt(
+        None, "DIR|finger", "class folders of your own recordings [generated slow signals]", callback=named_place
+    ),
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
+    out: common.Out = DEFAULT_OUT,
+    as_json: common.Json = False,
+) -> None:
+    """Compare SNR and data rate of every encoder with uniform sampling at no higher rate, on slow signals."""
+    from eskin.skin.figures.study import plot_study
+    from eskin.skin.recordings.study import RESOLUTIONS, study_data
+
+    if data is not None and not data.exists():
+        raise InputError(f"{data} does not exist; give a folder of class folders, or leave --data out")
+    points = len(registry.NAMES) * len(RESOLUTIONS)
+    with common.open_pool(workers, scheduler, threads=True) as pool, bar("encoding", points) as progress:
+        found = study_data(data, pool, progress)
+    common.store(out, "study", found, plot_study, quiet=as_json)
+    print_report(found, as_json, _print_study)
+
+
+def _print_study(found: dict[str, Any]) -> None:
+    """Print the study of slow signals as a table."""
+    print_table(
+        "encoder | N | events/s | kbit/s | SNR dB | uniform dB | its bits | its rate/s | clock kHz",
+        [point | {"title": registry.named(point["encoding"]).title} for point in found["points"]],
+        "{title} | {resolution} | {events_per_s:,.0f} | {data_rate_bps:1e-3*.3g} | {snr_db:.1f}"
+        " | {?uniform[snr_db]:.1f} | {?uniform[bits]} | {?uniform[frame_rate_hz]:.3g} | {clock_hz:1e-3*.3g}",
+        filled("{source}: {recordings} recordings, {rows} x {columns} taxels, {rate_hz:g} samples/s", found),
+        least_width=92,
+    )

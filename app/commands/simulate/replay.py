@@ -1,4 +1,4 @@
-"""The command replay: run a whole dataset, or all recordings of a user, through RTL and model."""
+"""The commands replay and touch: a whole dataset, or all recordings of a user, through RTL and model."""
 
 from __future__ import annotations
 
@@ -9,18 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 from eskin.app.cli import asked_for, echo
 from eskin.app.commands import common
-from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, with_preparation
+from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, warn, with_preparation
 from eskin.app.options import opt, out_file, out_folder, with_config
 from eskin.base.files import origin, write_json
 from eskin.base.outputs import has_earlier
 from eskin.base.progress import bars, reported
 from eskin.base.shapes import read_shaped
 from eskin.model.config import ReadoutConfig
+from eskin.skin.textures.dataset import EMBEDDED
 
 if TYPE_CHECKING:
     from eskin.cocotb_tests.runner.replay import Plan
+    from eskin.cocotb_tests.touch.plan import Plan as TouchPlan
 
-
+MOST_LINES = 20  # largest number of printed answers
 KEPT = {"runs": [{"configuration": {"encoding": str}}]}
 """Shape of the file of --keep."""
 
@@ -89,3 +91,78 @@ def _conclude(plan: Plan, played: int, now: dict[str, Any], keep: Path | None) -
         write_json(keep, {"runs": list(runs.values())})
     echo(f"events per {noun[:-1]}: {plan.events}; played now: {played} {noun} in {now['seconds']:.0f} s")
     print(f"bit-exact: {count} runs, {summary['clocks']} clocks, {summary['events']} events, 0 mismatches")
+
+
+def touch(
+    weights: Path | None = opt(
+        None, "integer network, or a folder with one for each fold [the project's own; --data: from eskin quantise]"
+    ),
+    dataset: str | None = opt(None, "texture folder, or 'embedded' [embedded]"),
+    data: OwnData = None,
+    limit: int | None = opt(None, "number of textures or recordings, evenly spread [all]", min=1),
+    only: str | None = opt(None, "only one texture or recording, by name"),
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
+    out: Path = out_folder(Path("out/touch"), "folder for results and picture"),
+) -> None:
+    """Run textures or your recordings through the RTL of readout and classifier, and compare with the models.
+
+    Every image is classified by a network that was not trained on this image. A stopped run continues with the
+    missing images.
+    """
+    from eskin.cocotb_tests.runner import replay
+    from eskin.cocotb_tests.runner.process import MismatchFound
+    from eskin.cocotb_tests.touch import plan as session
+
+    check_alone(data, {}, {"--dataset": dataset})
+    plan = session.plan(weights, data, dataset or EMBEDDED, limit, only, out)
+    if only is None and limit is None and (learned := len(plan.material.names) - len(plan.names)):
+        print(f"{learned} left out, because every network was trained on them")
+    used = plan.networks[plan.names[0]]
+    if data is not None and weights is None:
+        echo(f"network: {used.path}, trained on {used.dataset}")
+    known = used.weights.class_names
+    folders = {name.split("/")[0] for name in plan.material.names if "/" in name}
+    if data is not None and (others := sorted(folders - set(known))):
+        warn([f"the network has the classes {', '.join(known)}; it was not trained on {', '.join(others)}"])
+    with common.open_pool(workers, scheduler, replay.NEEDS, threads=True) as pool, bars() as show:
+        print("building the chip for Verilator", file=sys.stderr)
+        with reported("building the chip"):
+            missing = [name for name in plan.names if plan.finished(name) is None]
+        started = time.monotonic()
+        step, _ = show(f"{plan.material.name}: samples to class", len(missing))
+        with common.failing_on(MismatchFound, line="MISMATCH"):
+            session.play(plan, pool, step)
+    now = {"images": len(missing), "seconds": round(time.monotonic() - started, 1), "workers": pool.workers}
+    _conclude_touch(plan, now, "images" if data is None else "recordings")
+
+
+def _conclude_touch(plan: TouchPlan, now: dict[str, Any], noun: str) -> None:
+    """Write and print the totals of all results; exit with 1 if results are missing or no event occurred."""
+    from eskin.cocotb_tests.touch.picture import draw
+    from eskin.cocotb_tests.touch.plan import summarise
+
+    summary = summarise(plan)
+    if summary["missing"] or not summary["events"]:
+        common.fail(f"FAILED: {summary['missing']} results are missing, {summary['events']} events")
+    summary = origin(plan.again) | summary | {"played_now": now}
+    for name, answer in list(summary["answers"].items())[:MOST_LINES]:
+        judged = "" if answer["true"] is None else ", right" if answer["class"] == answer["true"] else ", wrong"
+        echo(f"{name}: {answer['class']}{judged}")
+    if (more := len(summary["answers"]) - MOST_LINES) > 0:
+        print(f"... and {more} more, in summary.json")
+    write_json(plan.folder / "summary.json", summary)
+    picture = draw(plan, summary, plan.folder / "touch.png")
+    if summary["float_known"]:
+        print(f"float network: {summary['right_float']} of {summary['float_known']} right")
+    print(
+        f"the classifier stalled the readout in {summary['stalls'] / summary['clocks']:.1%} of the clocks, which "
+        f"changed {summary['images'] - summary['as_ideal_bins']} classes; {summary['overruns']} scans with an overrun; "
+        f"at most {summary['latency_clocks']} clocks from bin end to class"
+    )
+    echo(f"answers: {plan.folder / 'summary.json'}" + (f"; picture: {picture}" if picture else ""))
+    judged = f"{summary['right']} right" if summary["labelled"] else "true classes not known"
+    print(
+        f"touch to class: {summary['images']} {noun}, {summary['events']} events, {summary['mismatches']} mismatches, "
+        f"{judged}"
+    )
