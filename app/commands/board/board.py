@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from eskin.app.cli import echo
 from eskin.app.commands import common
@@ -17,11 +17,8 @@ from eskin.base.progress import watched
 from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from eskin.board.link import Link
     from eskin.board.live import View
-    from eskin.board.records import Record
     from eskin.board.session import Received
     from eskin.board.udp import UdpSender
 
@@ -60,6 +57,7 @@ def play(
     from eskin.board import session
     from eskin.board.config import BoardConfig
     from eskin.board.demo import piece_of
+    from eskin.board.link import Link
     from eskin.board.live import View
     from eskin.board.stimulus import codes_to_play
     from eskin.model.classifier.file import IntegerWeights
@@ -68,17 +66,19 @@ def play(
         raise InputError("--samples, --data, --dataset and --sensor each choose an input; give one of them")
     network = IntegerWeights.load(weights)
     chip = session.chip_of(network, weights)
+    piece = None
     if sensor:
         name, codes = "the skin", None
-        view = View(chip.readout, chip.clock_hz, WINDOW_S, network.class_names, chip.classifier.clocks_per_bin)
     else:
         name, codes = codes_to_play(network, chip.readout, samples=samples, recordings=data, dataset=dataset, only=only)
         codes = codes[:limit]
         piece = piece_of(name, codes, chip.readout)
-        view = View(chip.readout, chip.clock_hz, piece.seconds, network.class_names, chip.classifier.clocks_per_bin)
+    window_s = WINDOW_S if piece is None else piece.seconds
+    view = View(chip.readout, chip.clock_hz, window_s, network.class_names, chip.classifier.clocks_per_bin)
+    if piece is not None:
         view.begin(piece, piece.seconds)
     received = session.Received(session.player_events(chip))
-    with _link(port, received, baud, patience) as link:
+    with Link(port, received, baud, patience) as link:
         link.hello("player", BoardConfig(chip=chip))
         with (
             session.recording(out, chip.readout, {"name": name, "board": port}, received),
@@ -124,6 +124,7 @@ def listen(
     board. Ctrl-C ends and saves the recording.
     """
     from eskin.board import session
+    from eskin.board.link import Link
     from eskin.board.live import View
     from eskin.skin.foreign.address_map import AddressMap
 
@@ -136,7 +137,7 @@ def listen(
                 f"{map_} needs {sides['rows']} rows and {sides['columns']} columns; leave --rows and --columns out"
             )
     received = session.Received(session.foreign_events(config, mapping), keep=False)
-    with _link(port, received, baud, patience) as link:
+    with Link(port, received, baud, patience) as link:
         clock_hz = link.hello("receiver")["clock_hz"]
         fits = session.foreign_config(config, clock_hz)
         view = View(config, clock_hz, WINDOW_S)
@@ -151,10 +152,11 @@ def listen(
 def load(weights: Network, port: Port, baud: Baud = BAUD, patience: Patience = 3.0) -> None:
     """Load the weights of a network into a board, and verify them."""
     from eskin.board import session
+    from eskin.board.link import Link
     from eskin.model.classifier.file import IntegerWeights
 
     network = IntegerWeights.load(weights)
-    with _link(port, lambda records: None, baud, patience) as link:
+    with Link(port, lambda records: None, baud, patience) as link:
         link.hello("player", session.board_of(network))
         session.load(link, network)
     print(f"loaded {network.network.config.memory_bits / 8192:.1f} kB of weights")
@@ -166,12 +168,6 @@ def rescue(journal: Path = arg(..., "FILE.npz.part", "partial file of a killed r
 
     recording = convert(journal)
     echo(f"{len(recording.events)} events; {journal.with_suffix('')}")
-
-
-def _link(port: str, sink: Callable[[list[Record]], object], baud: int, patience: float) -> Any:
-    from eskin.board.link import Link
-
-    return Link(port, sink, baud, patience)
 
 
 def sending(udp: str | None, clock_hz: float) -> AbstractContextManager[UdpSender | None]:
