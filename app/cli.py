@@ -6,17 +6,18 @@ import importlib
 import shlex
 import sys
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, NoReturn, cast
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, ClassVar, NoReturn, cast
 
 import typer
 import typer.core
 
-from eskin.app.catalogue import ABOUT, ABOUT_DEV, CHECKS, DEV, MODULES, overview, sections, summary
+from eskin.app.catalogue import ABOUT, ABOUT_DEV, CHECKS, DEV, MODULES, SUMMARIES, overview, sections
 from eskin.app.leave import leave_quietly
-from eskin.app.options import SHARED, checking_outputs
+from eskin.app.options import SHARED, check_outputs
 from eskin.app.refusals import check_options
 from eskin.base.errors import InputError
+from eskin.base.outputs import remove_empty
 from eskin.base.workers.garbage import collect_seldom
 
 GROUPS = {
@@ -29,6 +30,8 @@ GROUPS = {
 
 EXIT_INPUT_ERROR = 2
 
+OF_THIS_RUN = {"out", "workers", "scheduler"}
+"""Options that do not change the result."""
 
 NETWORK = "weights"
 """Name of the argument that every command also takes as an option."""
@@ -36,6 +39,9 @@ NETWORK = "weights"
 
 class Command(typer.core.TyperCommand):
     """Command with its own options first in the help, then groups of common options."""
+
+    running: ClassVar[Any]
+    """Context of the command that runs."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse a command line; accept ``--weights FILE`` in place of the argument WEIGHTS."""
@@ -60,9 +66,15 @@ class Command(typer.core.TyperCommand):
                     formatter.write_dl(found[heading])
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command after checking its options."""
+        """Run the command after checking its options and outputs; leave no empty folder after an error."""
         self.check(ctx)
-        return super().invoke(ctx)
+        Command.running = ctx
+        made = check_outputs(cast(Callable[..., Any], self.callback), ctx.params)
+        try:
+            return super().invoke(ctx)
+        except InputError:
+            remove_empty(made)
+            raise
 
     def check(self, ctx: Any) -> None:
         """Check for numbers out of range and for options without effect."""
@@ -91,8 +103,7 @@ class Commands(Mapping[str, typer.core.TyperCommand]):
             return cast(typer.core.TyperCommand, typer.main.get_command(make_app(ABOUT_DEV, Checks)))
         module, function = importlib.import_module(MODULES[name]), name.replace("-", "_")
         alone = _new_app()
-        function_of = getattr(module, function, None) or getattr(module, f"{function}_")
-        alone.command(name, cls=Command)(checking_outputs(function_of))
+        alone.command(name, cls=Command)(getattr(module, function, None) or getattr(module, f"{function}_"))
         return cast(typer.core.TyperCommand, typer.main.get_command(alone))
 
 
@@ -117,7 +128,7 @@ class Checks(Group):
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the list of all checks."""
-        formatter.write("\n".join(sections({"Commands": {name: summary(name) for name in CHECKS}})) + "\n")
+        formatter.write("\n".join(sections({"Commands": {name: SUMMARIES[name] for name in CHECKS}})) + "\n")
 
 
 class AllCommands(Group):
@@ -208,6 +219,20 @@ def missing_group(error: ModuleNotFoundError) -> str:
 def asked_for() -> str:
     """Return the command line as the user typed it, to store with results."""
     return shlex.join(["eskin", *sys.argv[1:]])
+
+
+def command_line() -> str:
+    """Return the command line that reproduces the result, without default options and options of this run alone."""
+    context = Command.running
+    words = ["eskin", str(context.info_name)]
+    for option in context.command.params:
+        value = context.params.get(str(option.name))
+        if option.name in OF_THIS_RUN or value is None or value == option.get_default(context):
+            continue
+        named = [] if option.param_type_name == "argument" else [max(option.opts, key=len)]
+        for one in value if isinstance(value, (list, tuple)) else [value]:
+            words += [*named, str(one)]
+    return shlex.join(words)
 
 
 _OBEYED = ("Cc", "Cf", "Cs", "Zl", "Zp")

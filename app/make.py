@@ -7,6 +7,7 @@ before the packages are installed.
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import os
 import re
@@ -14,9 +15,9 @@ import shlex
 import shutil
 import subprocess
 import sys
-from typing import Any, NoReturn
+from typing import Any
 
-from eskin.app.catalogue import GROUPS, MODULES, sections, summary, words_of
+from eskin.app.catalogue import GROUPS, MODULES, SUMMARIES, sections, words_of
 from eskin.app.leave import leave_quietly
 from eskin.app.setup import BASE, SetupError, groups, install, install_apart, missing, python
 
@@ -163,15 +164,12 @@ def _arguments(parameters: dict[str, Any], variables: dict[str, str]) -> list[st
     """Return the command arguments for make variables."""
     options: list[str] = []
     positional: list[str] = []
-    for name, parameter in parameters.items():
-        if name not in variables:
-            continue
-        value = variables[name]
+    for name in (name for name in parameters if name in variables):
+        parameter, value = parameters[name], variables[name]
+        option = next((word for word in parameter.opts if word.startswith("--")), "")
         if parameter.param_type_name == "argument":
             positional.append(value)
-            continue
-        option = next(word for word in parameter.opts if word.startswith("--"))
-        if parameter.is_flag:
+        elif parameter.is_flag:
             off = parameter.secondary_opts if parameter.default is True else []
             options += [option] if _is_yes(name, value) else off
         else:
@@ -181,7 +179,7 @@ def _arguments(parameters: dict[str, Any], variables: dict[str, str]) -> list[st
 
 def _is_yes(name: str, value: str) -> bool:
     if value not in YES + NO:
-        _fail(f"{name} is 1 or 0, not {value!r}")
+        raise SetupError(f"{name} is 1 or 0, not {value!r}")
     return value in YES
 
 
@@ -189,17 +187,18 @@ def main() -> None:
     """Run a make target."""
     flags, name = os.environ.get("MAKEFLAGS", ""), sys.argv[1]
     first = flags.split(" ")[0]  # the one-letter flags of make
-    if name not in TARGETS:
-        _fail(f"there is no target {name}{_nearest(name, TARGETS)}")
     dry = "n" in first and not first.startswith("-") and "=" not in first
     try:
         leave_quietly(lambda: _make(name, typed_variables(flags), dry))
     except SetupError as error:
-        _fail(str(error))
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(EXIT_INPUT_ERROR)
 
 
 def _make(name: str, variables: dict[str, str], dry: bool) -> None:
     """Check the variables, install missing packages, and run the target."""
+    if name not in TARGETS:
+        raise SetupError(f"there is no target {name}{_nearest(name, TARGETS)}")
     target, switches = name, [switch for owner, switch in SWITCHES if owner == name]
     for switch in switches:
         target = SWITCHES[name, switch] if _is_yes(switch, variables.pop(switch, "")) else target
@@ -232,7 +231,7 @@ def _check(name: str, variables: dict[str, str], known: list[str]) -> None:
     """Raise an error for the first unknown variable, with the most similar name."""
     for variable in variables:
         if variable not in known and variable != "PYTHON":  # the Makefile itself uses this variable
-            _fail(f"make {name} does not take {variable}{_nearest(variable, known)}")
+            raise SetupError(f"make {name} does not take {variable}{_nearest(variable, known)}")
 
 
 LEFT_OUT = ("MAKEFLAGS", "MFLAGS", "MAKEOVERRIDES", "MAKELEVEL", "PYTHONDONTWRITEBYTECODE")
@@ -244,12 +243,10 @@ def _call(line: list[str]) -> None:
     """Run a command line without make's environment variables; exit with its code if it fails."""
     outer = {k: v for k, v in os.environ.items() if k not in LEFT_OUT}
     process = subprocess.Popen(line, env=outer | {"NO_MKDOCS_2_WARNING": "1"})
-    while True:
-        try:
+    code = None
+    while code is None:
+        with contextlib.suppress(KeyboardInterrupt):  # the command receives Ctrl-C too, and ends by itself
             code = process.wait()
-            break
-        except KeyboardInterrupt:  # the command receives Ctrl-C too, and ends by itself
-            continue
     if code:
         sys.exit(code if code > 0 else 128 - code)
 
@@ -257,7 +254,7 @@ def _call(line: list[str]) -> None:
 def print_help() -> None:
     """Print the targets, and how to set options of a command."""
     project = OWN | {name: text for name, (text, _) in STEPS.items()}
-    listed = {"Project": project} | {heading: {n: summary(n) for n in names} for heading, names in GROUPS.items()}
+    listed = {"Project": project} | {heading: {n: SUMMARIES[n] for n in names} for heading, names in GROUPS.items()}
     print("\n".join(["make TARGET [VARIABLE=value ...]", *sections(listed, ONE_LINE), "", ENDING]))
 
 
@@ -276,11 +273,6 @@ def _clean(dry: bool) -> None:
 def _nearest(word: str, known: list[str]) -> str:
     """Return the end of an error message, with the known word most similar to a given word."""
     return f"; did you mean {difflib.get_close_matches(word, known, 1, 0)[0]}?" if known else "; it takes no variable"
-
-
-def _fail(sentence: str) -> NoReturn:
-    print(f"error: {sentence}", file=sys.stderr)
-    sys.exit(EXIT_INPUT_ERROR)
 
 
 if __name__ == "__main__":

@@ -36,25 +36,24 @@ MAIN = ("rows", "columns", "encoding", "resolution", "sample_rate_hz")
 # -- options and arguments of a command, and paths that it writes ------------------------------------
 
 
-def opt(*words: str, **limits: Any) -> OptionInfo:
-    """Return a command-line option for its flags, its metavar and its help text.
+def opt(default: Any, *words: str, **limits: Any) -> Any:
+    """Return a command-line option for its default, its flags, its metavar and its help text.
 
-    Without flags, the parameter's name gives the flag. The metavar may be absent.
-
-    ``limits`` are other arguments of ``typer.Option``.
+    The default is ``...`` for a required option, or if the option belongs to an annotation. Without flags, the
+    parameter's name gives the flag. The metavar may be absent. ``limits`` are other arguments of ``typer.Option``.
     """
-    return _filled(OptionInfo, words, limits)
+    return _filled(OptionInfo, default, words, limits)
 
 
-def arg(*words: str, **limits: Any) -> ArgumentInfo:
-    """Return a command-line argument for its metavar and its help text."""
-    return _filled(ArgumentInfo, words, limits)
+def arg(default: Any, *words: str, **limits: Any) -> Any:
+    """Return a command-line argument for its default, its metavar and its help text."""
+    return _filled(ArgumentInfo, default, words, limits)
 
 
-def _filled(kind: type[Any], words: Sequence[str], limits: Mapping[str, Any]) -> Any:
+def _filled(kind: type[Any], default: Any, words: Sequence[str], limits: Mapping[str, Any]) -> Any:
     flags = [word for word in words[:-1] if word.startswith("-")]
     metavar = next((word for word in words[:-1] if not word.startswith("-")), None)
-    return kind(default=..., param_decls=flags, metavar=metavar, help=words[-1], **limits)
+    return kind(default=default, param_decls=flags, metavar=metavar, help=words[-1], **limits)
 
 
 class Output(OptionInfo):
@@ -81,12 +80,12 @@ class Output(OptionInfo):
         return path
 
 
-def out_file(*words: str, when: bool | Callable[[Mapping[str, Any]], bool] = False, **limits: Any) -> Output:
+def out_file(default: Any, *words: str, when: bool | Callable[[Mapping[str, Any]], bool] = False, **limits: Any) -> Any:
     """Return an option for an output file, or for an output folder if ``when`` is True.
 
     ``when`` may be a function of the command's arguments.
     """
-    made: Output = _filled(Output, words if words[0].startswith("-") else ("-o", "--out", *words), limits)
+    made = _filled(Output, default, words if words[0].startswith("-") else ("-o", "--out", *words), limits)
     made.folder = when
     return made
 
@@ -95,32 +94,23 @@ out_folder = functools.partial(out_file, when=True)
 """Function that returns an option for an output folder."""
 
 
-def checking_outputs(command: Command) -> Command:
-    """Return a command that checks its output paths before any work, and leaves no empty folder after an error."""
-    signature = inspect.signature(command, eval_str=True)
-    parameters = signature.parameters
-    marks = {n: mark for n, p in parameters.items() for mark in get_args(p.annotation) if isinstance(mark, Output)}
+def outputs_of(command: Command) -> dict[str, Output]:
+    """Return the output options of a command by parameter name."""
+    parameters = inspect.signature(command, eval_str=True).parameters.items()
+    return {n: mark for n, p in parameters for mark in (p.default, *get_args(p.annotation)) if isinstance(mark, Output)}
 
-    @functools.wraps(command)
-    def wrapper(**arguments: Any) -> Any:
-        given = {name: value for name, value in arguments.items() if name not in marks}
-        values = [one for value in given.values() for one in (value if isinstance(value, list) else [value])]
-        inputs = [one for one in values if isinstance(one, Path)]
-        if isinstance(given.get("dataset"), str):
-            inputs.append(Path(given["dataset"]))
-        for name, mark in marks.items():
-            if arguments[name] is not None:
-                arguments[name] = mark.path(arguments[name], arguments, inputs)
-        made = [one for name in marks if arguments[name] for one in outputs.missing_folders(arguments[name])]
-        try:
-            return command(**arguments)
-        except InputError:
-            outputs.remove_empty(made)
-            raise
 
-    wrapper.__signature__ = signature  # type: ignore[attr-defined]
-    wrapper.__annotations__ = {name: parameter.annotation for name, parameter in parameters.items()}
-    return wrapper if marks else command
+def check_outputs(command: Command, arguments: dict[str, Any]) -> list[Path]:
+    """Check the output paths in a command's arguments, and resolve their links; return their missing folders."""
+    marks = outputs_of(command)
+    given = [value if isinstance(value, list) else [value] for name, value in arguments.items() if name not in marks]
+    inputs = [one for values in given for one in values if isinstance(one, Path)]
+    if isinstance(arguments.get("dataset"), str):
+        inputs.append(Path(arguments["dataset"]))
+    for name, mark in marks.items():
+        if arguments[name] is not None:
+            arguments[name] = mark.path(arguments[name], arguments, inputs)
+    return [folder for name in marks if arguments[name] for folder in outputs.missing_folders(arguments[name])]
 
 
 # -- fields of any dataclass -------------------------------------------------------------------------
@@ -130,7 +120,7 @@ def option(
     name: str, hint: Any, text: str, metavar: str | None, flag: str, heading: str | None = None
 ) -> inspect.Parameter:
     """Return an optional keyword parameter with a command-line option; its default None means "not given"."""
-    info = opt(flag, *filter(None, [metavar]), text, show_default=False, rich_help_panel=heading)
+    info = opt(..., flag, *filter(None, [metavar]), text, show_default=False, rich_help_panel=heading)
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[hint, info])
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from eskin.base.errors import InputError
@@ -84,7 +84,8 @@ def check_options(command: str, options: Mapping[str, str], values: Mapping[str,
         for value in (found if isinstance(found, list | tuple) else [found]) if parameter in typed else ():
             if isinstance(value, int | float) and parameter in RANGES:
                 _check_range(option, value, *RANGES[parameter])
-    for condition, idle in _rules(command):
+    rules = [rule for commands, rules in IDLE.items() if command in commands.split() for rule in rules.items()]
+    for condition, idle in rules:
         if (words := _holding(condition, options, values, typed)) is None:
             continue
         for option in idle.split():
@@ -97,13 +98,6 @@ def _check_range(option: str, value: float, low: float, high: float) -> None:
         raise InputError(f"{option} takes a finite number, not {value}")
     if not low <= value <= high:
         raise InputError(f"{option} must be in {low:g}..{high:g}, not {value}")
-
-
-def _rules(command: str) -> Iterator[tuple[str, str]]:
-    """Yield each condition on the options of a command, and the options without effect while the condition holds."""
-    for commands, rules in IDLE.items():
-        if command in commands.split():
-            yield from rules.items()
 
 
 def _holding(

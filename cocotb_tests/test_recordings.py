@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from eskin.model.events.recording import Recording
-from tests.app.test_simulate import BIT_EXACT, COMMAND, OURS, call
+from tests.app.test_simulate import BIT_EXACT, COMMAND, OURS
+from tests.conftest import run_eskin as call
 from tests.skins import write_skin
 
 

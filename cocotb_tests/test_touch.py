@@ -18,7 +18,7 @@ from eskin.cocotb_tests.touch.noise import play
 from eskin.cocotb_tests.touch.plan import SHIPPED, Network
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import IntegerWeights
-from tests.app.test_simulate import call
+from tests.conftest import run_eskin as call
 
 LAST = re.compile(r"touch to class: (\d+) images, (\d+) events, 0 mismatches, (\d+) right")
 

@@ -29,15 +29,7 @@ def missing() -> str | None:
 
 
 class Browser:
-    """A browser window.
-
-    Parameters
-    ----------
-    driver : str
-        Address of chromedriver.
-    profile : Path
-        Folder for the browser's files.
-    """
+    """A browser window: ``driver`` is the address of chromedriver, ``profile`` the folder for the browser's files."""
 
     def __init__(self, driver: str, profile: Path) -> None:
         self.driver = driver

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
+import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -37,19 +40,26 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+def run_eskin(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run ``eskin`` in this process, and return exit code, output and error output."""
+    words = [str(argument) for argument in arguments]
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as left:
+        run(app, "eskin", words)
+    assert isinstance(left.value.code, int)
+    return subprocess.CompletedProcess(words, left.value.code, out.getvalue(), err.getvalue())
+
+
 @pytest.fixture
-def call(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
+def call(folder: Path) -> Call:
     """Return a function that runs ``eskin`` in the folder and returns exit code, standard output and standard error.
 
     The function takes a command line, or its words; it splits each word at blanks.
     """
 
     def call(*words: object) -> tuple[int, str, str]:
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as left:
-            run(app, "eskin", [part for word in words for part in str(word).split()])
-        assert isinstance(left.value.code, int)
-        return left.value.code, *capsys.readouterr()
+        done = run_eskin(*(part for word in words for part in str(word).split()))
+        return done.returncode, done.stdout, done.stderr
 
     return call
 

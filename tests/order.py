@@ -31,20 +31,13 @@ do not need it: else both would compile it.
 
 
 def long_first(nodes: Sequence[str], workers: int) -> list[int]:
-    """Return the indices of tests in order of execution.
+    """Return the indices of the tests with these names in order of execution.
 
     ``--dist worksteal`` gives every worker a block of equal size to begin with; who is done first takes from the end
     of another's.
-
-    Parameters
-    ----------
-    nodes : sequence of str
-        The names that pytest gives the tests.
-    workers : int
     """
-    entry = [next((place for place, entry in enumerate(LONG) if fits(node, entry)), len(LONG)) for node in nodes]
-    long = sorted((place for place in range(len(nodes)) if entry[place] < len(LONG)), key=lambda place: entry[place])
-    short = [place for place in range(len(nodes)) if entry[place] == len(LONG)]
+    long = list(dict.fromkeys(place for entry in LONG for place, node in enumerate(nodes) if fits(node, entry)))
+    short = sorted({*range(len(nodes))} - {*long})
     order: list[int] = []
     for worker in range(workers):
         block = long[worker::workers]

@@ -13,14 +13,9 @@ from typing import Any
 
 @contextmanager
 def planted(file: str, *edits: tuple[str, str]) -> Iterator[None]:
-    """Replace functions and classes in all RTL modules by those of a file, within a context.
+    """Replace functions and classes in all RTL modules by those of an edited file such as "tiles.merge".
 
-    Parameters
-    ----------
-    file : str
-        Module within ``rtl``, as in "tiles.merge".
-    edits : tuple of (str, str)
-        Text that stands in the file once, and the text that takes its place.
+    Each edit is a text that stands in the file once, and the text that takes its place.
     """
     module = importlib.import_module(f"eskin.rtl.{file}")
     text = Path(str(module.__file__)).read_text()

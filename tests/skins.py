@@ -57,15 +57,7 @@ def write_skin(folder: Path, rate_hz: float = 35, taxels: int = 16, each: int = 
 def write_uneven(folder: Path, each: int, amplitude: float = 1.0, first: int = 0) -> None:
     """Write recordings whose class appears only in a taxel with a thousandth of the other taxel's range.
 
-    Parameters
-    ----------
-    folder : Path
-    each : int
-        Recordings of each class.
-    amplitude : float
-        Factor of all signals.
-    first : int
-        Number of the first recording of each class.
+    Each class gets ``each`` recordings, numbered from ``first``; ``amplitude`` multiplies all signals.
     """
     for kind, slope in (("slow", 1.0), ("fast", 4.0)):
         for number in range(first, first + each):

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from eskin.app.catalogue import MODULES, words_of
+from eskin.app.catalogue import MODULES
 from tests.test_layers import ROOMS
 
 ROOT = Path(__file__).parents[1]
@@ -62,37 +62,28 @@ def test_every_file_of_the_packages_is_in_the_wheel(installed: Path) -> None:
     assert "eskin = eskin.app.__main__:main" in (metadata / "entry_points.txt").read_text()
 
 
-def test_every_command_shows_its_help_elsewhere(installed: Path, tmp_path: Path) -> None:
+def test_every_command_is_there_elsewhere(installed: Path, tmp_path: Path) -> None:
     program = (
-        "import io, json, sys; from contextlib import redirect_stdout\n"
-        "from eskin.app import cli as program; from eskin.app.cli import run\n"
-        "found = {}\n"
-        "for words in json.loads(sys.argv[1]):\n"
-        "    text = io.StringIO()\n"
-        "    try:\n"
-        "        with redirect_stdout(text): run(program.app, 'eskin', [*words.split(), '--help'])\n"
-        "    except SystemExit as left: found[words] = [left.code, program.__file__, text.getvalue()]\n"
-        "print(json.dumps(found))"
+        "import eskin; from eskin.app.cli import MODULES, Commands\n"
+        "print(eskin.__file__, *(name for name in MODULES if Commands(MODULES)[name].params))"
     )
-    commands = {" ".join(words_of(name)) for name in MODULES}
-    found = json.loads(run(installed, tmp_path, "-c", program, json.dumps(sorted(commands))))
-    assert set(found) == commands
-    for words, (code, file, text) in found.items():
-        assert code == 0
-        assert file.startswith(str(installed))
-        assert text.startswith(f"Usage: eskin {words} ")
+    place, *names = run(installed, tmp_path, "-c", program).split()
+    assert place.startswith(str(installed))
+    assert names == [*MODULES]
 
 
 def test_commands_work_elsewhere_and_write_nothing_beside_the_sources(installed: Path, tmp_path: Path) -> None:
     before = files(installed)
-    assert json.loads(run(installed, tmp_path, "-m", "eskin", "power", "--mode", "consistent", "--json"))
-    run(installed, tmp_path, "-m", "eskin", "verilog", "--rows", "1", "--columns", "2", "-o", "chip")
-    run(installed, tmp_path, "-m", "eskin", "report")
     (tmp_path / "skin.csv").write_text("".join(f"0.{n % 9},0.1\n" for n in range(50)))
-    encode = ["encode", "skin.csv", "--rows", "1", "--columns", "2", "--sample-rate", "1000", "-o", "out/skin.npz"]
-    run(installed, tmp_path, "-m", "eskin", *encode)
-    run(installed, tmp_path, "-m", "eskin", "fig9")
-    run(installed, tmp_path, "-m", "eskin", "convert", "out/skin.npz", "-o", "skin.nir")
+    for line in (
+        "verilog --rows 1 --columns 2 -o chip",
+        "report",
+        "encode skin.csv --rows 1 --columns 2 --sample-rate 1000 -o out/skin.npz",
+        "fig9",
+        "convert out/skin.npz -o skin.nir",
+    ):
+        run(installed, tmp_path, "-m", "eskin", *line.split())
+    assert json.loads(run(installed, tmp_path, "-m", "eskin", "power", "--mode", "consistent", "--json"))
     made = files(tmp_path)
     assert {"chip/eskin_readout.v", "out/report.html", "out/skin.npz", "skin.nir", "out/fig9.png"} <= made
     assert files(installed) == before
@@ -101,8 +92,8 @@ def test_commands_work_elsewhere_and_write_nothing_beside_the_sources(installed:
 @pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
 def test_co_simulation_builds_in_the_users_own_cache(installed: Path, tmp_path: Path) -> None:
     before = files(installed)
-    words = ["sim", "--rows", "1", "--columns", "2", "--encoding", "lcs", "--sim", "icarus", "--textures", "0"]
-    last = run(installed, tmp_path, "-m", "eskin", *words).splitlines()[-1]
+    line = "-m eskin sim --rows 1 --columns 2 --encoding lcs --sim icarus --textures 0"
+    last = run(installed, tmp_path, *line.split()).splitlines()[-1]
     assert last.startswith("bit-exact: 9 runs, ")
     assert not (tmp_path / "build").exists()
     assert (tmp_path / "out" / "sim").is_dir()

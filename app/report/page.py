@@ -31,37 +31,6 @@ REPLAY = Path("out/replay")
 
 PAGES = templates(Path(__file__).parent)
 
-TABLES = {
-    "raster": (
-        "Recordings and the result of their comparison",
-        "run | readout | texture | length | events, RTL | events, model | outcome",
-        "{name} | {readout} | {texture} | {duration} | {events_rtl:,} | {events_model:,} | {verdict}",
-    ),
-    "replay": (
-        "Whole datasets through the RTL (make replay)",
-        "dataset | readout | images | clocks | events | mismatches",
-        "{dataset}, {preset} scan | {encoding} {resolution} b, {rows} x {columns} | {images:,} | {clocks:,}"
-        " | {events:,} | {mismatches:,}",
-    ),
-    "fig9": (
-        "Fig. 9",
-        "readout | data rate | accuracy | interval (%)",
-        "{label} | {data_rate_bps:@bit/s} | {accuracy:100*.1f} % | {ends}",
-    ),
-    "benchmarks": (
-        "Ratios within one run on one machine",
-        "benchmark | ratio | median | least | most",
-        "{name} | {ratio} | {?median:~} | {?least:~} | {?most:~}",
-    ),
-    "synthesis": (
-        "Digital part by synthesis",
-        "readout | array | process | supply | clock | area | leakage | clock power | event or sample",
-        "{title} | {rows} x {columns} | {process} | {supply_v:@V} | {clock_hz:@Hz} | {area_um2:~} um^2 | {leakage_w:@W}"
-        " | {clock_power_w_per_hz:@W/Hz} | {energy_per_event_j:@J}",
-    ),
-}
-"""Caption, titles and cells of each table, by section."""
-
 
 def runs_in(folder: Path) -> tuple[Path, Path]:
     """Return the folders with runs of ``make sim`` and ``make replay`` below a folder.
@@ -93,10 +62,8 @@ def page(data: Data, runs: Sequence[Run]) -> str:
     return PAGES.get_template("page.html").render(
         version=data["version"],
         runs=[run_section(run) for run in runs],
-        tables={
-            name: (caption, heads.split(" | "), [Template().cells(cells, row) for row in rows[name]])
-            for name, (caption, heads, cells) in TABLES.items()
-        },
+        rows=rows,
+        cells_of=Template().cells,
         missing=data["missing"],
         fig6=data["fig6"],
         noise=with_unit(data["explore"]["sensor"]["noise_v_rms"], "V"),

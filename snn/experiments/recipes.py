@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.snn.training import TrainConfig
-
 BASELINES = ("rnn", "gru", "cnn")
 """Recipes that are made for frames."""
 
@@ -95,6 +93,8 @@ def for_recordings(recipe: str, seconds: NDArray[np.float64], bin_s: float) -> d
     - ``seconds``: shape (recordings,).
     - ``bin_s``: seconds of a time step.
     """
+    from eskin.snn.training import TrainConfig  # imports torch, which the help of a command needs not
+
     steps = np.maximum(seconds / bin_s + 1e-9, 1).astype(int)
     found: dict[str, Any] = {"balanced": True}
     window, windows = int(steps.max()), 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -82,95 +83,89 @@ def test_the_same_samples_in_any_form_give_the_same_events(call: Any, folder: Pa
         assert np.array_equal(recording.events, simulate(config, Stimulus.from_samples(config, codes))), line
 
 
+@pytest.fixture
+def encode(call: Any, folder: Path) -> Callable[..., str]:
+    """Return a function that encodes a file or an array, and returns what the command prints."""
+
+    def encode(source: Any, options: str, out: str = "e.npz") -> str:
+        if not isinstance(source, str):
+            np.save("x.npy", source)
+        name = source if isinstance(source, str) else "x.npy"
+        code, printed, err = call(f"encode {name} -o {out} {options}")
+        assert code == 0, err
+        return str(printed)
+
+    return encode
+
+
 @pytest.mark.parametrize(("text", "code"), [("1,2\n", 1), ("1e0,0\n", 2047), ("5E-1,0\n", 1024), (".5,0", 1024)])
-def test_numbers_without_point_or_exponent_are_codes(text: str, code: int, call: Any, folder: Path) -> None:
+def test_numbers_without_point_or_exponent_are_codes(text: str, code: int, encode: Any, folder: Path) -> None:
     (folder / "x.csv").write_text(text)
-    status, out, _ = call("encode x.csv -o e.npz --rows 1 --columns 2 --sample-rate 1000")
-    assert status == 0
+    out = encode("x.csv", "--rows 1 --columns 2 --sample-rate 1000")
     assert f"..{max(code, 2) / 2048:+.4f} of full scale" in out
 
 
-def test_short_floats_are_not_rounded_twice(call: Any, folder: Path) -> None:
+def test_short_floats_are_not_rounded_twice(encode: Any, call: Any) -> None:
     halves = waves().astype(np.float16)
-    for name, values in (("short", halves), ("long", halves.astype(np.float64))):
-        np.save(f"{name}.npy", values)
-        line = f"encode {name}.npy -o {name}.npz {SIZE} --sample-rate 1000 --sample-bits 24"
-        assert call(line)[0] == 0
+    for out, values in (("short.npz", halves), ("long.npz", halves.astype(np.float64))):
+        encode(values, f"{SIZE} --sample-rate 1000 --sample-bits 24", out)
     assert call("compare short.npz long.npz")[0] == 0
 
 
-def test_values_beyond_any_scale_saturate(call: Any, folder: Path) -> None:
-    np.save("x.npy", np.array([[1e308, -1e308]]))
-    code, out, _ = call("encode x.npy -o e.npz --rows 1 --columns 2 --sample-rate 1000 --scale 1e9")
-    assert code == 0
+def test_values_beyond_any_scale_saturate(encode: Any) -> None:
+    out = encode(np.array([[1e308, -1e308]]), "--rows 1 --columns 2 --sample-rate 1000 --scale 1e9")
     assert "samples -1.0000..+0.9995 of full scale, 2 of 2 clipped" in out
 
 
-def test_scale_max_uses_the_range_and_clips_nothing(call: Any, folder: Path) -> None:
+def test_scale_max_uses_the_range_and_clips_nothing(encode: Any) -> None:
     for values in (waves() * 37, -waves() * 37, np.rint(waves() * 500).astype(int), np.zeros((9, 12))):
-        np.save("x.npy", values)
-        code, out, _ = call(f"encode x.npy -o e.npz {SIZE} --sample-rate 1000 --scale max")
-        assert code == 0
+        out = encode(values, f"{SIZE} --sample-rate 1000 --scale max")
         assert "none clipped" in out
         assert "0.9995" in out or not values.any()
 
 
-def test_a_single_taxel_equals_the_functional_model(call: Any, folder: Path) -> None:
-    np.save("x.npy", waves(taxels=1))
+def test_a_single_taxel_equals_the_functional_model(encode: Any, call: Any) -> None:
     for encoding in registry.NAMES:
+        options = f"--rows 1 --columns 1 --encoding {encoding} --sample-rate 1000 --model"
         for model in ("cycle", "functional"):
-            line = f"encode x.npy -o {model}.npz --rows 1 --columns 1 --encoding {encoding}"
-            assert call(f"{line} --sample-rate 1000 --model {model}")[0] == 0
+            encode(waves(taxels=1), f"{options} {model}", f"{model}.npz")
         assert call("compare cycle.npz functional.npz")[0] == 0
 
 
-def test_metadata_say_where_events_come_from(call: Any, folder: Path) -> None:
-    np.save("x.npy", waves())
-    call(f"encode x.npy -o e.npz {SIZE} --sample-rate 1000 --label denim --model functional")
-    assert Recording.load(folder / "e.npz").metadata == {
-        "name": "x",
-        "source": "x.npy",
-        "model": "functional",
-        "input": "full scale",
-        "scale": 1.0,
-        "class": "denim",
-    }
-    call(f"encode x.npy -o e.npz {SIZE} --sample-rate 1000 --name grass")
-    assert Recording.load(folder / "e.npz").metadata["name"] == "grass"
+def test_metadata_say_where_events_come_from(encode: Any) -> None:
+    encode(waves(), f"{SIZE} --sample-rate 1000 --label denim --model functional")
+    metadata = {"name": "x", "source": "x.npy", "model": "functional", "input": "full scale", "scale": 1.0}
+    assert Recording.load(Path("e.npz")).metadata == metadata | {"class": "denim"}
+    encode(waves(), f"{SIZE} --sample-rate 1000 --name grass")
+    assert Recording.load(Path("e.npz")).metadata["name"] == "grass"
 
 
 def picture(high: int = 60, wide: int = 200) -> np.ndarray[Any, Any]:
     return np.random.default_rng(0).integers(0, 256, (high, wide)).astype(np.uint8)
 
 
-def test_encodes_an_image(call: Any, folder: Path) -> None:
+def test_encodes_an_image(encode: Any) -> None:
     Image.fromarray(picture()).save("t.png")
-    code, out, err = call("encode t.png -o e.npz --rows 2 --columns 3 --start-row 4.5 --resolution 3")
-    assert (code, err) == (0, "")
-    recording = Recording.load(folder / "e.npz")
-    assert recording.metadata["preset"] == "physical"
-    assert recording.metadata["start_row"] == 4.5
+    assert "2 x 3 taxels" in encode("t.png", "--rows 2 --columns 3 --start-row 4.5 --resolution 3")
+    recording = Recording.load(Path("e.npz"))
+    assert (recording.metadata["preset"], recording.metadata["start_row"]) == ("physical", 4.5)
     assert recording.config == ReadoutConfig(rows=2, columns=3, resolution=3)
     assert len(recording.events) > 100
-    assert "2 x 3 taxels" in out
+    Image.fromarray(picture(300, 300)).save("t.png")
+    encode("t.png", "--preset paper --resolution 2")
+    assert Recording.load(Path("e.npz")).config.decide_every == "sample"
 
 
-def test_an_image_is_the_same_in_any_kind_of_file(call: Any, folder: Path) -> None:
+def test_an_image_is_the_same_in_any_kind_of_file(encode: Any, call: Any) -> None:
     image = picture()
     Image.fromarray(image).save("gray.png")
     Image.fromarray(image).save("gray.TIF")
     Image.fromarray(np.dstack([image] * 3)).save("colour.bmp")
     Image.fromarray(image.astype(np.uint16) * 257).save("deep.png")
-    call("encode gray.png -o a.npz")
+    encode("gray.png", "", "a.npz")
     for name in ("gray.TIF", "colour.bmp", "deep.png"):
-        assert call(f"encode {name} -o b.npz")[0] == 0
+        encode(name, "", "b.npz")
         assert call("compare a.npz b.npz")[0] == 0
-
-
-def test_a_preset_may_change_the_configuration(call: Any, folder: Path) -> None:
-    Image.fromarray(picture(300, 300)).save("t.png")
-    assert call("encode t.png -o e.npz --preset paper --resolution 2")[0] == 0
-    assert Recording.load(folder / "e.npz").config.decide_every == "sample"
 
 
 GOOD = np.zeros((5, 64))

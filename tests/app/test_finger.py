@@ -7,8 +7,6 @@ import re
 import shutil
 from pathlib import Path
 
-import pytest
-
 from eskin.app.catalogue import MODULES
 from eskin.app.cli import Commands
 from eskin.app.commands.signals.recordings import FINGER
@@ -16,24 +14,20 @@ from eskin.model.classifier.file import IntegerWeights
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.scans import load_recordings
 from eskin.snn.experiments.evaluate import integer_classes
-from tests.app.test_simulate import call
+from tests.conftest import Call
 
 LAST = re.compile(r"touch to class: (\d+) recordings, (\d+) events, 0 mismatches, (\d+) right")
 
 
-def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(call: Call, folder: Path) -> None:
     """Run folder, training, prediction, quantisation and chip with default options and a small network."""
-    monkeypatch.chdir(tmp_path)
 
-    def done(*words: object) -> str:
-        found = call(*words)
-        assert found.returncode == 0, found.stderr
-        return found.stdout
+    def done(line: str) -> str:
+        code, out, err = call(line)
+        assert code == 0, err
+        return out
 
-    small = ("--epochs", 40, "--set", "hidden=24")
-    out = done("train", "--data", "finger", "--test", "*_1", *small)
+    out = done("train --data finger --test *_1 --epochs 40 --set hidden=24")
     assert [line.split("'")[1] for line in out.splitlines() if "is left out" in line] == ["proximity1", "proximity2"]
     assert "12 recordings for training (12 scans), 12 for testing, 4 classes" in out
     assert "logistic regression on statistics of the network's inputs: " in out
@@ -45,14 +39,14 @@ def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(
     }
     assert result["right"] >= 9
     shutil.copytree(FINGER / "Denim", "new")
-    untrained = call("touch", "--data", "new")
-    assert untrained.returncode == 2
-    assert "no integer network in out was trained on recordings; run eskin train --data new" in untrained.stderr
-    out = done("predict", "out/train/weights.npz", "--data", "new")
+    code, _, err = call("touch --data new")
+    assert code == 2
+    assert "no integer network in out was trained on recordings; run eskin train --data new" in err
+    out = done("predict out/train/weights.npz --data new")
     assert out.count("(class: not known)") == 6
-    out = done("quantise", "--accuracy")
+    out = done("quantise --accuracy")
     assert f"float {result['right']} of 12 right, integer " in out
-    out = done("touch", "--data", "finger", "--limit", 2)
+    out = done("touch --data finger --limit 2")
     assert "network: out/train/whole.npz, trained on finger" in out
     line = LAST.fullmatch(out.splitlines()[-1])
     assert line is not None
@@ -67,7 +61,7 @@ def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(
     whole = integer_classes(IntegerWeights.load(Path("out/train/whole.npz")).network, data, images)
     assert [answer["class"] for answer in answers.values()] == [data.class_names[found] for found in whole]
     assert [f"{name}: {answer['class']}, " in out for name, answer in answers.items()] == [True, True]
-    out = done("touch", "--data", "new", "--limit", 1)
+    out = done("touch --data new --limit 1")
     name, found = next(iter(json.loads(Path("out/touch/new/summary.json").read_text())["answers"].items()))
     assert found["true"] is None
     assert found["class"] in data.class_names

@@ -23,7 +23,6 @@ from eskin.app.make import (
     STEPS,
     SWITCHES,
     TARGETS,
-    command_lines,
     main,
     needs_of,
     options_of,
@@ -112,9 +111,9 @@ def test_variables_arrive_as_typed(make: Make, checkout: Path) -> None:
 def test_a_real_run_writes_where_it_was_told(make: Make, checkout: Path) -> None:
     """Check that make, launcher and command pass a folder name unchanged."""
     text = "it's `touch bad` $(touch bad) $(shell touch bad) '; touch bad; '"
-    done = make("-s", "verilog", f"OUT=out/{text}", "ROWS=1", "COLUMNS=2")
+    done = make("-s", "fig6", f"OUT=out/{text}")
     assert done.returncode == 0, done.stderr
-    assert (checkout / "out" / text / "eskin_readout.v").is_file()
+    assert (checkout / "out" / text / "fig6.png").is_file()
     assert not list(checkout.rglob("bad"))
 
 
@@ -138,15 +137,16 @@ def test_make_refuses_a_wrong_variable(make: Make) -> None:
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        ("verilog ROW=3", "make verilog does not take ROW; did you mean ROWS?"),
         ("train DATUM=x", "make train does not take DATUM; did you mean DATA?"),
         ("sim ROWS=3 COLUMS=4", "make sim does not take COLUMS; did you mean COLUMNS?"),
+        ("sim GATE=1", "make sim does not take GATE; did you mean GATES?"),
         ("sweep ENCODING=lcs", "make sweep does not take ENCODING; did you mean "),
         ("test ROWS=3", "make test does not take ROWS; did you mean PYTEST?"),
         ("lint ROWS=3", "make lint does not take ROWS; it takes no variable"),
         ("clean ROWS=3", "make clean does not take ROWS; it takes no variable"),
         ("help ROWS=3", "make help does not take ROWS; it takes no variable"),
         ("sim WAVES=perhaps", "WAVES is 1 or 0, not 'perhaps'"),
+        ("sim GATES=on", "GATES is 1 or 0, not 'on'"),
     ],
 )
 def test_a_wrong_variable_is_one_sentence(launch: Callable[..., Any], words: str, sentence: str) -> None:
@@ -156,12 +156,26 @@ def test_a_wrong_variable_is_one_sentence(launch: Callable[..., Any], words: str
     assert err.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("sim COLUMNS=3", "sim --columns=3"),
+        ("sim WAVES=0 GATES=0", "sim"),
+        ("sim GATES=1 LIB=cells.lib ROWS=2", "gatesim --lib=cells.lib --rows=2"),
+        ("asic LIB=cells.lib POWER=0", "asic --lib=cells.lib --no-power"),
+        ("train 'SET=a=1 b=2'", "train --set=a=1 --set=b=2"),
+        ("layout", "layout --rows=2 --columns=2"),
+        ("layout ROWS=8 COMPARE=0", "layout --no-compare --rows=8 --columns=2"),
+    ],
+)
+def test_variables_become_options(launch: Callable[..., Any], words: str, line: str) -> None:
+    ((_, program, *options),) = launch(*shlex.split(words))[1]
+    assert (program, options) == ("eskin", line.split())
+
+
 def test_only_what_is_typed_counts(launch: Callable[..., Any], make: Make) -> None:
     done = make("-s", "-n", "-j2", "sim", "WAVES=1", "ROWS:=3", "PYTHON=python3")  # where COLUMNS is exported
     assert done.stdout.splitlines()[-1].endswith("-m eskin sim --waves --rows=3")
-    assert launch("sim", "COLUMNS=3")[1] == [["-m", "eskin", "sim", "--columns=3"]]
-    assert launch("sim", "WAVES=0")[1] == [["-m", "eskin", "sim"]]
-    assert launch("train", "SET=a=1 b=2")[1] == [["-m", "eskin", "train", "--set=a=1", "--set=b=2"]]
     assert launch("test", "PYTEST=-x -k 'a or b'")[1][0][-3:] == ["-x", "-k", "a or b"]
 
 
@@ -218,11 +232,6 @@ def test_tables_name_commands_and_their_variables() -> None:
 )
 def test_variables_are_read_from_the_flags(flags: str, variables: dict[str, str]) -> None:
     assert typed_variables(flags) == variables
-
-
-def test_steps_take_the_words_of_a_variable(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(STEPS, "test", ("", ("-m x $WORDS 'a b'",)))
-    assert command_lines("test", {}, {"WORDS": "c 'd e'"}) == [[".venv/bin/python", "-m", "x", "c", "d e", "a b"]]
 
 
 # -- groups of packages ------------------------------------------------------------------------------
@@ -301,30 +310,6 @@ def test_an_environment_apart_is_made_once_and_again_when_its_pins_change(
     setup.install_apart("layout")
     assert len(installed) == 2
     assert not (tmp_path / ".venv").exists()
-
-
-def test_a_layout_has_two_rows_and_columns_unless_told(launch: Callable[..., Any]) -> None:
-    assert set(launch("layout")[1][0]) == {"-m", "eskin", "layout", "--rows=2", "--columns=2"}
-    said = launch("layout", "ROWS=8", "COMPARE=0")[1][0]
-    assert set(said) == {"-m", "eskin", "layout", "--rows=8", "--columns=2", "--no-compare"}
-
-
-def test_every_target_of_a_dataset_takes_own_recordings(launch: Callable[..., Any]) -> None:
-    for name in ("train", "crossval", "sweep", "predict", "fig8", "sim", "replay", "study"):
-        code, lines, error = launch(name, "DATA=my_skin/")
-        assert code == 0, error
-        assert "--data=my_skin/" in lines[0]
-    assert launch("predict")[1] == [["-m", "eskin", "predict"]]
-
-
-def test_a_switch_chooses_what_runs(launch: Callable[..., Any]) -> None:
-    _, lines, _ = launch("sim", "GATES=1", "LIB=cells.lib", "ROWS=2")
-    assert lines == [["-m", "eskin", "gatesim", "--lib=cells.lib", "--rows=2"]]
-    assert launch("sim", "GATES=0", "ROWS=2") == launch("sim", "ROWS=2")
-    code, _, err = launch("sim", "GATES=on")
-    assert (code, err) == (2, "error: GATES is 1 or 0, not 'on'\n")
-    assert launch("asic", "LIB=cells.lib", "POWER=0")[1] == [["-m", "eskin", "asic", "--lib=cells.lib", "--no-power"]]
-    assert launch("sim", "GATE=1")[2] == "error: make sim does not take GATE; did you mean GATES?\n"
 
 
 def test_processes_keep_bytecode_whatever_the_image_says(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,7 @@ import html.parser
 import json
 import re
 from collections import Counter
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,8 @@ import numpy as np
 import pytest
 
 from eskin.app.cli import app, run
-from eskin.app.report.data import load_accuracy, load_benchmarks, load_replays, load_runs, report_data
-from eskin.app.report.page import ACCURACY, BENCHMARKS, page, run_section, runs_in
+from eskin.app.report.data import load_accuracy, load_benchmarks, load_runs, report_data
+from eskin.app.report.page import BENCHMARKS, page, run_section, runs_in
 from eskin.base.errors import InputError
 from eskin.base.units import with_unit
 from eskin.model.address_events import Events, make_events
@@ -33,6 +34,7 @@ POINTS = {
         {"readout": "frame", "label": "frame, 10 b", "data_rate_bps": 1.28e7, "accuracy": 0.97},
     ],
 }
+EVERYTHING = "--sim sim --replay replay --synthesis gates.json --accuracy points.json"
 CLOCKS = 6400
 RATE = {"data_rate_bps": 2e4, "accuracy": 0.9}
 UNROUNDED = re.compile(r"\d\.\d{6,}|\d[eE][+-]?\d")
@@ -52,19 +54,6 @@ def write_run(folder: Path, rtl: Events, model: Events, model_config: ReadoutCon
     Recording(model, model_config, CLOCKS).save(folder / "model.npz")
 
 
-def write_everything(folder: Path) -> str:
-    """Write one example of everything that the report can show, and return the options for it."""
-    events = some_events()
-    write_run(folder / "sim" / "equal", events, events)
-    write_run(folder / "sim" / "other-whose-name-is-much-longer-than-a-phone-is-wide", events, np.delete(events, 7))
-    summary = {"dataset": "d", "preset": "physical", "images": 3, "clocks": 99, "events": 1234, "mismatches": 0}
-    (folder / "replay" / "a").mkdir(parents=True)
-    (folder / "replay" / "a" / "summary.json").write_text(json.dumps(summary | {"configuration": CONFIG.to_dict()}))
-    (folder / "gates.json").write_text(json.dumps(REPORT))
-    (folder / "points.json").write_text(json.dumps(POINTS))
-    return "--sim sim --replay replay --synthesis gates.json --accuracy points.json"
-
-
 def data_of(text: str) -> Any:
     """Return the data in a page."""
     found = re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.DOTALL)
@@ -72,24 +61,32 @@ def data_of(text: str) -> Any:
     return json.loads(found[1])
 
 
-def report(folder: Path, options: str) -> str:
+def report(folder: Path, options: str, out: str = "report.html") -> str:
     """Return the page that the command writes in a folder."""
     with contextlib.chdir(folder), pytest.raises(SystemExit) as left:
-        run(app, "eskin", f"report -o report.html {options}".split())
+        run(app, "eskin", f"report -o {out} {options}".split())
     assert left.value.code == 0
     return (folder / "report.html").read_text()
 
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder of fixture ``full``."""
-    return tmp_path_factory.mktemp("full")
+    """Return a folder with one example of everything that the report can show."""
+    folder, events = tmp_path_factory.mktemp("full"), some_events()
+    write_run(folder / "sim" / "equal", events, events)
+    write_run(folder / "sim" / "other-whose-name-is-much-longer-than-a-phone-is-wide", events, np.delete(events, 7))
+    summary = {"dataset": "d", "preset": "physical", "images": 3, "clocks": 99, "events": 1234, "mismatches": 0}
+    (folder / "replay" / "a").mkdir(parents=True)
+    (folder / "replay" / "a" / "summary.json").write_text(json.dumps(summary | {"configuration": CONFIG.to_dict()}))
+    (folder / "gates.json").write_text(json.dumps(REPORT))
+    (folder / "points.json").write_text(json.dumps(POINTS))
+    return folder
 
 
 @pytest.fixture(scope="module")
 def full(place: Path) -> str:
     """Return a page with one example of everything."""
-    return report(place, write_everything(place))
+    return report(place, EVERYTHING)
 
 
 @pytest.fixture(scope="module")
@@ -119,63 +116,33 @@ def test_runs_say_whether_rtl_and_model_are_equal(full):
     assert full.count("RTL DIFFERS") == 3  # above the raster, in the table, in the data
 
 
-def test_runs_without_events_have_a_raster(tmp_path):
-    write_run(tmp_path / "a", some_events(0), some_events(0))
-    (found,), _ = load_runs(tmp_path)
-    assert found.equal is True
+def test_runs_without_events_have_a_raster_and_interrupted_runs_are_named(tmp_path):
+    for name in ("a", "b"):
+        write_run(tmp_path / name, some_events(0), some_events(0))
+    (tmp_path / "b" / "model.npz").unlink()
+    (found,), missing = load_runs(tmp_path)
+    assert (found.name, found.equal) == ("a", True)
     assert 'alt="Raster of a"' in run_section(found)
+    assert missing == ["b has no model.npz, so it is not shown; run make sim to the end."]
 
 
-def test_without_a_simulation_the_model_stands_alone_and_says_so(bare):
-    runs = data_of(bare)["raster"]
+def test_without_inputs_the_model_is_shown_and_every_missing_piece_is_named(bare, full):
+    runs, missing = data_of(bare)["raster"], data_of(bare)["missing"]
     assert [run["name"] for run in runs] == ["8x8-lcs-6b", "8x8-nlcs-6b"]
     for found in runs:
         assert (found["equal"], found["events_rtl"]) == (None, None)
         assert found["events_model"] > 1000
         assert found["verdict"].startswith("model alone")
-    assert "the model is shown alone and nothing is compared" in bare
-
-
-def test_every_missing_piece_is_named_with_the_way_to_make_it(bare):
-    missing = data_of(bare)["missing"]
-    wanted = {"raster": "make sim", "replay": "make replay", "synthesis": "--synthesis"}
-    if not ACCURACY.is_file():
-        wanted["fig9"] = "eskin sweep"
-    for section, remedy in wanted.items():
+    for section, remedy in {"raster": "make sim", "replay": "make replay", "synthesis": "--synthesis"}.items():
         assert any(remedy in sentence for sentence in missing[section])
         assert all(sentence in bare for sentence in missing[section])
-
-
-def test_nothing_is_missing_where_everything_is_there(full):
     assert set(data_of(full)["missing"]) <= {"benchmarks"}  # a result without ratios is named
-
-
-def test_a_run_that_was_interrupted_is_named(tmp_path):
-    write_run(tmp_path / "a", some_events(), some_events())
-    write_run(tmp_path / "b", some_events(), some_events())
-    (tmp_path / "b" / "model.npz").unlink()
-    runs, missing = load_runs(tmp_path)
-    assert [run.name for run in runs] == ["a"]
-    assert missing == ["b has no model.npz, so it is not shown; run make sim to the end."]
 
 
 @pytest.mark.parametrize("inner", ["", "sim"])
 def test_the_runs_of_another_out_are_found(tmp_path, inner):
     (tmp_path / inner).mkdir(exist_ok=True)
     assert runs_in(tmp_path) == (tmp_path / inner, tmp_path)
-
-
-def test_a_folder_gets_the_page_of_its_runs(call, folder):
-    write_run(folder / "mine" / "a", some_events(), some_events())
-    code, out, _ = call("report -o mine")
-    assert code == 0
-    assert out.startswith("wrote mine/report.html (")
-    assert [run["name"] for run in data_of((folder / "mine" / "report.html").read_text())["raster"]] == ["a"]
-    code, _, err = call("report -o nowhere")
-    assert code == 2
-    assert err.startswith(
-        "error: the report is an HTML page and ends in .html, but nowhere does not; rename the output"
-    )
 
 
 def test_benchmark_ratios_are_those_of_the_files():
@@ -199,31 +166,20 @@ def test_every_candidate_of_a_benchmark_has_its_ratio(tmp_path):
 # -- the page ----------------------------------------------------------------------------------------
 
 
-class Structure(html.parser.HTMLParser):
-    """HTML parser that checks nesting, and collects ids, headings, links and resources."""
+class Tags(html.parser.HTMLParser):
+    """HTML parser that checks nesting, and collects tags with their attributes."""
 
-    VOID = frozenset({"meta", "link", "img"})
-
-    def __init__(self) -> None:
+    def __init__(self, text: str) -> None:
         super().__init__()
         self.open: list[str] = []
-        self.ids: list[str] = []
-        self.headings: list[int] = []
-        self.loads: list[str] = []
-        self.anchors: list[str] = []
+        self.found: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(text)
+        self.close()
+        assert self.open == []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        values = dict(attrs)
-        if values.get("id"):
-            self.ids.append(str(values["id"]))
-        if re.fullmatch("h[1-6]", tag):
-            self.headings.append(int(tag[1]))
-        if tag == "a":
-            self.anchors.append(str(values["href"]))
-        self.loads += [
-            str(v) for k, v in attrs if k in ("src", "srcset", "data", "poster") or (k, tag) == ("href", "link")
-        ]
-        if tag not in self.VOID:
+        self.found.append((tag, dict(attrs)))
+        if tag not in ("meta", "link", "img"):
             self.open.append(tag)
 
     def handle_endtag(self, tag: str) -> None:
@@ -231,23 +187,25 @@ class Structure(html.parser.HTMLParser):
 
 
 def test_the_page_is_well_formed_and_accessible(full):
-    structure = Structure()
-    structure.feed(full)
-    structure.close()
-    assert structure.open == []
-    assert len(structure.ids) == len(set(structure.ids))
-    assert structure.headings[0] == 1
-    assert structure.headings.count(1) == 1
-    assert all(b - a <= 1 for a, b in zip(structure.headings, structure.headings[1:], strict=False))
-    assert {anchor[1:] for anchor in structure.anchors} <= set(structure.ids)
+    tags = Tags(full).found
+    ids = [values["id"] for _, values in tags if values.get("id")]
+    assert len(ids) == len(set(ids))
+    assert {str(values["href"])[1:] for tag, values in tags if tag == "a"} <= set(ids)
+    headings = [int(tag[1]) for tag, _ in tags if re.fullmatch("h[1-6]", tag)]
+    assert (headings[0], headings.count(1)) == (1, 1)
+    assert all(b - a <= 1 for a, b in pairwise(headings))
     assert full.count("<table>") == full.count("<caption>") == 5
     assert full.count("<img ") == full.count("<img alt=") == 7
 
 
 def test_pictures_are_embedded_and_the_page_loads_and_runs_nothing(full):
-    structure = Structure()
-    structure.feed(full)
-    pictures = [text.partition(",")[::2] for text in structure.loads if text != "data:,"]
+    loads = [
+        str(value)
+        for tag, values in Tags(full).found
+        for name, value in values.items()
+        if name in ("src", "srcset", "data", "poster") or (name, tag) == ("href", "link")
+    ]
+    pictures = [text.partition(",")[::2] for text in loads if text != "data:,"]
     assert Counter(kind for kind, _ in pictures) == {"data:image/png;base64": 2, "data:image/svg+xml;base64": 5}
     for kind, text in pictures:
         content = base64.b64decode(text, validate=True)
@@ -258,10 +216,11 @@ def test_pictures_are_embedded_and_the_page_loads_and_runs_nothing(full):
     assert re.findall("<script[^>]*>", full) == ['<script type="application/json" id="data">']
 
 
-def test_the_page_has_no_machine_paths_and_is_the_same_every_time(full, place):
+def test_the_page_has_no_machine_paths_and_is_the_same_every_time_also_for_a_folder_of_runs(full, place):
     assert str(place) not in full
     assert str(Path(__file__).parents[2]) not in full
-    assert report(place, "--sim sim --replay replay --synthesis gates.json --accuracy points.json") == full
+    (place / "report.html").unlink()
+    assert report(place, "--synthesis gates.json --accuracy points.json", ".") == full
 
 
 def test_numbers_are_rounded_for_people_and_kept_whole_in_the_data(full):
@@ -272,22 +231,10 @@ def test_numbers_are_rounded_for_people_and_kept_whole_in_the_data(full):
     assert UNROUNDED.search(json.dumps(data_of(full)["fig6"]))
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (0, "0 V"),
-        (0.0009236708571873865, "924 uV"),
-        (0.9996, "1 V"),
-        (0.9994, "999 mV"),
-        (-1234.5, "-1.23 kV"),
-        (1e-20, "0.01 aV"),
-        (2.5e16, "25,000 TV"),
-        (float("inf"), "inf V"),
-        (float("nan"), "nan V"),
-    ],
-)
-def test_units(value, text):
-    assert with_unit(value, "V") == text
+def test_units():
+    values = (0, 0.0009236708571873865, 0.9996, 0.9994, -1234.5, 1e-20, 2.5e16, float("inf"), float("nan"))
+    texts = ("0 V", "924 uV", "1 V", "999 mV", "-1.23 kV", "0.01 aV", "25,000 TV", "inf V", "nan V")
+    assert tuple(with_unit(value, "V") for value in values) == texts
 
 
 def test_text_from_files_cannot_leave_its_place(folder):
@@ -323,10 +270,12 @@ def test_text_from_files_cannot_leave_its_place(folder):
         ("--accuracy none.json", "cannot read the accuracy results none.json: there is no such file"),
         ("--benchmarks broken", "the benchmark result broken/a.json is not JSON"),
         ("--benchmarks none", "none is not a folder; give a folder, or leave the option out"),
+        ("-o nowhere", "the report is an HTML page and ends in .html, but nowhere does not; rename the output"),
         ("--sim other-array", "a: rtl.npz is of a 2 x 3 array, model.npz of 3 x 3; run make sim again for this array"),
         ("--sim other-bits", "a: rtl.npz has resolution 4, model.npz 5; run make sim again for one of them"),
         ("--sim damaged", "damaged/a/rtl.npz is damaged or not an event file"),
         ("--replay damaged", "the summary of make replay damaged/a/summary.json is damaged: dataset is missing"),
+        ("--replay other-bits", "summary of make replay other-bits/a/summary.json is damaged: it is no object; delete"),
     ],
 )
 def test_bad_input_gets_one_sentence_and_leaves_nothing(refuses, folder, options, sentence):
@@ -335,42 +284,36 @@ def test_bad_input_gets_one_sentence_and_leaves_nothing(refuses, folder, options
     write_run(folder / "damaged" / "a", some_events(), some_events())
     (folder / "damaged" / "a" / "rtl.npz").write_bytes(b"PK\x03\x04 cut off")
     (folder / "damaged" / "a" / "summary.json").write_text("{}")
+    (folder / "other-bits" / "a" / "summary.json").write_text("[]")
     (folder / "broken.json").write_text('{"points": [')
     (folder / "broken").mkdir()
     (folder / "broken" / "a.json").write_text("{")
     (folder / "report.html").write_text("the old one")
-    refuses(f"error: {sentence}", "report -o report.html", options)
+    refuses(sentence, "report -o report.html", options)
     assert (folder / "report.html").read_text() == "the old one"
 
 
+GOOD = {"data_rate_bps": 1.0, "accuracy": 0.5}
+
+
 @pytest.mark.parametrize(
-    ("change", "sentence"),
+    ("values", "sentence"),
     [
-        ({"accuracy": 91}, r"point 0 needs accuracy, a number in 0\.\.1, not 91"),
-        ({"accuracy": True}, r"point 0 needs accuracy, a number in 0\.\.1, not True"),
-        ({"data_rate_bps": 0}, "point 0 needs data_rate_bps, a positive number of bit/s, not 0"),
-        ({"data_rate_bps": "fast"}, "point 0 needs data_rate_bps, a positive number of bit/s, not 'fast'"),
-        ({"interval": [0.1]}, r"point 0 has an interval that is not \[low, high\]"),
+        ({"points": [GOOD | {"accuracy": 91}]}, r"point 0 needs accuracy, a number in 0\.\.1, not 91"),
+        ({"points": [GOOD | {"accuracy": True}]}, r"point 0 needs accuracy, a number in 0\.\.1, not True"),
+        ({"points": [GOOD | {"data_rate_bps": 0}]}, "point 0 needs data_rate_bps, a positive number of bit/s, not 0"),
+        ({"points": [GOOD | {"data_rate_bps": "x"}]}, "needs data_rate_bps, a positive number of bit/s, not 'x'"),
+        ({"points": [GOOD | {"interval": [0.1]}]}, r"point 0 has an interval that is not \[low, high\]"),
+        ({"points": [1]}, "point 0 is not an object"),
+        ({"points": []}, "need a list of points"),
+        ({}, "need a list of points"),
+        ([], "must be a JSON object"),
     ],
 )
-def test_bad_points_are_refused(tmp_path, change, sentence):
-    (tmp_path / "a.json").write_text(json.dumps({"points": [{"data_rate_bps": 1.0, "accuracy": 0.5} | change]}))
+def test_bad_points_are_refused(tmp_path, values, sentence):
+    (tmp_path / "a.json").write_text(json.dumps(values))
     with pytest.raises(InputError, match=sentence):
         load_accuracy(tmp_path / "a.json")
-
-
-@pytest.mark.parametrize("values", [{}, [], {"points": []}, 3, {"points": [1]}])
-def test_accuracy_without_points_is_refused(tmp_path, values):
-    (tmp_path / "a.json").write_text(json.dumps(values))
-    with pytest.raises(InputError, match=r"list of points|is not an object|must be a JSON object"):
-        load_accuracy(tmp_path / "a.json")
-
-
-def test_other_jsons_are_refused(tmp_path):
-    (tmp_path / "a").mkdir()
-    (tmp_path / "a" / "summary.json").write_text("[]")
-    with pytest.raises(InputError, match=r"summary\.json is damaged: it is no object; delete it"):
-        load_replays(tmp_path)
 
 
 @pytest.mark.parametrize("text", ["[]", "3", "{}", '{"results": [1, {"times_the_copy": {"median": 0}}]}'])

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import io
 import json
 import os
 import re
 import resource
-import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +19,6 @@ from PIL import Image
 
 import eskin.base.progress as progress
 import eskin.cocotb_tests.runner.simulator as simulator
-from eskin.app.cli import app, run
 from eskin.cocotb_tests.bench.stimuli import settled
 from eskin.cocotb_tests.runner.build_cache import ROOT
 from eskin.cocotb_tests.runner.player import Job
@@ -33,53 +30,46 @@ from eskin.model.readout import simulate
 from eskin.rtl.verilog import verilog
 from eskin.skin.textures.dataset import embedded_dataset
 from eskin.skin.textures.physical import PhysicalScan
+from tests.conftest import Call
 
 BIT_EXACT = re.compile(r"bit-exact: (\d+) runs, (\d+) clocks, (\d+) events, 0 mismatches")
 OURS = {"PYTHONPATH": str(ROOT)}  # from another folder, the code that is installed would run, not this checkout's
 COMMAND = [sys.executable, "-m", "eskin"]
 
 
-def call(*arguments: object) -> subprocess.CompletedProcess[str]:
-    """Run ``eskin`` in this process, and return exit code, output and error output."""
-    words = [str(argument) for argument in arguments]
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as left:
-        run(app, "eskin", words)
-    assert isinstance(left.value.code, int)
-    return subprocess.CompletedProcess(words, left.value.code, out.getvalue(), err.getvalue())
+def counts(out: str) -> tuple[int, int]:
+    """Return the numbers of runs and events in the last line of a run without mismatch."""
+    line = BIT_EXACT.fullmatch(out.strip().splitlines()[-1])
+    assert line is not None, out
+    return int(line[1]), int(line[3])
 
 
-def test_sim_ends_with_its_one_line_and_leaves_picture_and_event_files(tmp_path: Path) -> None:
-    done = call(
-        "sim", "--rows", 2, "--columns", 3, "--encoding", "cw-lcs", "--sim", "icarus", "--textures", 2, "--ticks", 60,
-        "--waves", "-o", tmp_path,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    line = BIT_EXACT.fullmatch(done.stdout.strip().splitlines()[-1])
-    assert line is not None
-    assert int(line[1]) == 9 + 2
-    assert int(line[3]) > 0
-    folder = tmp_path / "2x3-cw-lcs-6b"
-    assert (folder / "raster.png").stat().st_size > 10_000
-    rtl, model = Recording.load(folder / "rtl.npz"), Recording.load(folder / "model.npz")
+def test_sim_ends_with_its_one_line_and_leaves_picture_and_event_files(call: Call, folder: Path) -> None:
+    options = "--rows 2 --columns 3 --encoding cw-lcs --sim icarus --textures 2 --ticks 60 --waves -o out"
+    code, out, err = call("sim", options)
+    assert code == 0, err
+    runs, events = counts(out)
+    assert runs == 9 + 2
+    assert events > 0
+    place = folder / "out" / "2x3-cw-lcs-6b"
+    assert (place / "raster.png").stat().st_size > 10_000
+    rtl, model = Recording.load(place / "rtl.npz"), Recording.load(place / "model.npz")
     assert len(rtl.events) > 0
     assert np.array_equal(rtl.events, model.events)
-    wave = re.search(r"waveform: (\S+); open it with: gtkwave", done.stdout)
+    wave = re.search(r"waveform: (\S+); open it with: gtkwave", out)
     assert wave is not None
     assert Path(wave[1]).stat().st_size > 1000
 
 
 @pytest.mark.parametrize(
-    ("arguments", "sentence"),
+    ("line", "sentence"),
     [
-        (["sim", "--sim", "modelsim"], "error: SIM must be one of verilator, icarus, not 'modelsim'\n"),
-        (["sim", "--only", "sky"], "error: dataset embedded has no texture 'sky'; one of them is brick/brick-00\n"),
+        ("--sim modelsim", "error: SIM must be one of verilator, icarus, not 'modelsim'\n"),
+        ("--only sky", "error: dataset embedded has no texture 'sky'; one of them is brick/brick-00\n"),
     ],
 )
-def test_bad_input_is_one_sentence(arguments: list[str], sentence: str, tmp_path: Path) -> None:
-    done = call(*arguments, "-o", tmp_path / "out")
-    assert (done.returncode, done.stderr) == (2, sentence)
-    assert not (tmp_path / "out").exists()
+def test_bad_input_is_one_sentence(line: str, sentence: str, refuses: Callable[..., None]) -> None:
+    refuses(sentence, "sim -o out", line)
 
 
 WRAPPER = """
@@ -103,52 +93,51 @@ endmodule
 """
 
 
-def test_a_readout_of_the_user_is_held_to_the_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_readout_of_the_user_is_held_to_the_model(call: Call, refuses: Callable[..., None], folder: Path) -> None:
     text = verilog(ReadoutConfig(rows=2, columns=2, link="four_phase"))
     Path("core.v").write_text(text)
     Path("size.vh").write_text("`ifndef ROWS\n`define ROWS 2\n`endif\n")  # a macro of the harness, too
     Path("wrapper.v").write_text(WRAPPER)
-    options = ["sim", "--rows", 2, "--columns", 2, "--sim", "icarus", "--textures", 0, "-o", "out", "--dut"]
-    theirs = [*options, "wrapper.v", "--top", "wrapper", "--link", "four_phase", "--dut"]
-    good = call(*theirs, "core.v")
-    first, last = good.stdout.splitlines()
-    assert first == "wrapper.v, core.v, 2 x 2 taxels, link four_phase: 9 scenarios and 0 scans for each of lcs"
-    line = BIT_EXACT.fullmatch(last)
-    assert line is not None, good.stdout + good.stderr
-    assert (line[1], int(line[3]) > 100) == ("9", True)
+    options = "sim --rows 2 --columns 2 --sim icarus --textures 0 -o out --dut"
+    theirs = f"{options} wrapper.v --top wrapper --link four_phase --dut"
+    _, out, err = call(theirs, "core.v")
+    assert out.startswith("wrapper.v, core.v, 2 x 2 taxels, link four_phase: 9 scenarios and 0 scans for each of lcs\n")
+    runs, events = counts(out)
+    assert (runs, events > 100) == (9, True), err
 
     right = "{event_polarity, event_row, event_col}"
     Path("bug.v").write_text(text.replace(right, "{event_polarity ^ (event_row & event_col), event_row, event_col}"))
-    bad = call(*theirs, "bug.v")
-    assert bad.returncode == 1
-    assert re.search(r"differs in polarity: model clock (\d+), row 1, column 1, (ON|OFF); RTL clock \1", bad.stdout)
-    assert "\n  clock " in bad.stdout  # the model's state
-    assert re.search(
-        r"reproduce: eskin sim .*--link four_phase .*--dut /\S+/wrapper.v --dut /\S+/bug.v --top wrapper\n", bad.stdout
-    )
-    assert re.search(r"MISMATCH; equal runs before it: \d; report: out/\S+/run/mismatch.txt\n", bad.stdout)
-
-    other = call(*theirs, "core.v", "--resolution", 5)
-    assert "the model has --rows 2 --columns 2 --encoding lcs --sample-bits 12 --resolution 5 " in other.stdout
+    code, out, _ = call(theirs, "bug.v")
+    assert code == 1
+    assert re.search(r"differs in polarity: model clock (\d+), row 1, column 1, (ON|OFF); RTL clock \1", out)
+    assert "\n  clock " in out  # the model's state
+    again = r"reproduce: eskin sim .*--link four_phase .*--dut /\S+/wrapper.v --dut /\S+/bug.v --top wrapper\n"
+    assert re.search(again, out)
+    assert re.search(r"MISMATCH; equal runs before it: \d; report: out/\S+/run/mismatch.txt\n", out)
+    wrong = "the model has --rows 2 --columns 2 --encoding lcs --sample-bits 12 --resolution 5 "
+    assert wrong in call(theirs, "core.v --resolution 5")[1]
 
     early = WRAPPER.replace(".addr(aer_addr)", ".addr(a)").replace(
         "theirs it", "wire [2:0] a; assign aer_addr = a ^ {3{aer_ack & ~aer_req}}; theirs it"
     )
+    high = WRAPPER.replace(".req(aer_req)", ".req(r)").replace(
+        "theirs it", "wire r; assign aer_req = r | rst; theirs it"
+    )
     Path("early.v").write_text(early)
-    broken = call(*options, "early.v", "--dut", "core.v", "--top", "wrapper", "--link", "four_phase")
-    said = (
+    Path("high.v").write_text(high)
+    Path("x.v").write_text(text.replace(right, "{event_polarity, event_row, event_col & (event_row ? 1'bx : 1'b1)}"))
+    changes = (
         r"breaches of the protocol, first in clock \d+: the address changes while REQ or ACK is high\nreproduce: eskin"
     )
-    assert (broken.returncode, bool(re.search(said, broken.stdout))) == (1, True), broken.stdout
-
-    Path("x.v").write_text(text.replace(right, "{event_polarity, event_row, event_col & (event_row ? 1'bx : 1'b1)}"))
-    assert re.search(r"the event in clock \d+ has an unknown address or polarity", call(*theirs, "x.v").stdout)
-    Path("high.v").write_text(
-        WRAPPER.replace(".req(aer_req)", ".req(r)").replace("theirs it", "wire r; assign aer_req = r | rst; theirs it")
-    )
-    stuck = call(*options, "high.v", "--dut", "core.v", "--top", "wrapper", "--link", "four_phase")
-    assert "the request stays high or unknown in reset, so no run can begin; reproduce: eskin sim" in stuck.stdout
+    stuck = "the request stays high or unknown in reset, so no run can begin; reproduce: eskin sim"
+    for files, sentence in {
+        f"{options} early.v --top wrapper --link four_phase --dut core.v": changes,
+        f"{options} high.v --top wrapper --link four_phase --dut core.v": stuck,
+        f"{theirs} x.v": r"the event in clock \d+ has an unknown address or polarity",
+    }.items():
+        code, out, _ = call(files)
+        assert code == 1
+        assert re.search(sentence, out), out
 
     Path("open.v").write_text(text.replace("endmodule", "endmodul", 1))
     lacking = "".join(f"absent a{number} ();\n" for number in range(120))  # more than 4000 characters of errors
@@ -173,99 +162,82 @@ def test_a_readout_of_the_user_is_held_to_the_model(tmp_path: Path, monkeypatch:
         f"{needs}",
     }
     for line, sentence in refused.items():
-        done = call(*options, *line.split())
-        assert (done.returncode, done.stderr) == (2, f"error: {sentence}\n")
+        code, _, err = call(options, line)
+        assert (code, err) == (2, f"error: {sentence}\n")
 
 
-SMALL = ["sim", "--rows", "1", "--columns", "1", "--encoding", "lcs", "--sim", "icarus", "--ticks", "40"]
-REPLAY = ["replay", "--dataset", "embedded", "--rows", "2", "--columns", "2", "--encoding", "nlcs"]
+SMALL = "sim --rows 1 --columns 1 --encoding lcs --sim icarus --ticks 40"
+REPLAY = "replay --dataset embedded --rows 2 --columns 2 --encoding nlcs"
 
 
 @pytest.mark.parametrize("command", [SMALL, REPLAY], ids=["sim", "replay"])
-def test_a_damaged_image_is_one_sentence(command: list[str], tmp_path: Path) -> None:
-    (tmp_path / "textures" / "brick").mkdir(parents=True)
-    (tmp_path / "textures" / "brick" / "half.png").write_bytes(b"\x89PNG\r\n\x1a\n half")
-    done = call(*command, "--dataset", tmp_path / "textures", "-o", tmp_path / "out")
-    assert done.returncode == 2
-    assert "Traceback" not in done.stderr
-    assert done.stderr.splitlines()[-1].startswith("error: image ")
+def test_a_damaged_image_is_one_sentence(command: str, call: Call, folder: Path) -> None:
+    (folder / "textures" / "brick").mkdir(parents=True)
+    (folder / "textures" / "brick" / "half.png").write_bytes(b"\x89PNG\r\n\x1a\n half")
+    code, _, err = call(command, "--dataset textures -o out")
+    assert code == 2
+    assert err.splitlines()[-1].startswith("error: image ")
 
 
-def test_replay_is_bit_exact_and_does_only_what_is_missing(tmp_path: Path) -> None:
-    first = call(*REPLAY, "--limit", 3, "--workers", 2, "-o", tmp_path)
-    assert first.returncode == 0, first.stderr
-    next(tmp_path.glob("*/events/grass/*.npz")).write_bytes(b"damaged")
-    other = next(tmp_path.glob("*/events/brick/*.npz"))
+def test_replay_is_bit_exact_and_does_only_what_is_missing(call: Call, folder: Path) -> None:
+    for texture in embedded_dataset().limit(3):
+        picture = folder / "textures" / f"{texture.name}.png"
+        picture.parent.mkdir(parents=True)
+        Image.fromarray(texture.load()).save(picture)
+    code, _, err = call(REPLAY, "--dataset textures --workers 2 -o out")
+    assert code == 0, err
+    next(folder.glob("out/*/events/grass/*.npz")).write_bytes(b"damaged")
+    other = next(folder.glob("out/*/events/brick/*.npz"))
     recording = Recording.load(other)  # of another RTL, model or image
     dataclasses.replace(recording, metadata=recording.metadata | {"proof": "another"}).save(other)
-    second = call(*REPLAY, "--limit", 3, "-o", tmp_path)
-    assert "played now: 2 images" in second.stdout
-    line = BIT_EXACT.fullmatch(second.stdout.strip().splitlines()[-1])
-    assert line is not None
-    assert line[1] == "3"
-    summary = json.loads(next(tmp_path.glob("*/summary.json")).read_text())
-    assert summary["events"] == int(line[3]) > 0
+    out = call(REPLAY, "--dataset textures -o out")[1]
+    assert "played now: 2 images" in out
+    summary = json.loads(next(folder.glob("out/*/summary.json")).read_text())
+    assert counts(out) == (3, summary["events"])
+    assert summary["events"] > 0
     config = ReadoutConfig.from_dict(summary["configuration"])
     for texture in embedded_dataset().limit(3):
-        recording = Recording.load(next(tmp_path.glob("*/events")) / f"{texture.name}.npz")
+        recording = Recording.load(next(folder.glob("out/*/events")) / f"{texture.name}.npz")
         samples, _ = PhysicalScan().samples(config, texture.load())
         assert np.array_equal(recording.events, simulate(config, settled(config, samples)))
         assert recording.metadata["class"] == texture.class_name
 
 
-def test_replay_finds_a_dataset_by_a_relative_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for texture in embedded_dataset().limit(2):
-        picture = tmp_path / "textures" / f"{texture.name}.png"
-        picture.parent.mkdir(parents=True)
-        Image.fromarray(texture.load()).save(picture)
-    monkeypatch.chdir(tmp_path)
-    done = call(*REPLAY, "--dataset", "textures", "-o", "out")
-    assert done.returncode == 0, done.stderr
-    line = BIT_EXACT.fullmatch(done.stdout.strip().splitlines()[-1])
-    assert line is not None
-    assert line[1] == "2"
-
-
 def test_replay_goes_on_after_a_kill(tmp_path: Path) -> None:
-    command = [*COMMAND, *REPLAY, "--limit", "12", "--workers", "1", "-o", str(tmp_path)]
+    command = [*COMMAND, *REPLAY.split(), "--limit", "12", "--workers", "1", "-o", str(tmp_path)]
     killed = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=os.environ | OURS)
     deadline = time.monotonic() + 120
     while not list(tmp_path.glob("*/events/*/*.npz")):
         assert killed.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.02)
-    killed.send_signal(signal.SIGKILL)
+    killed.kill()
     killed.wait()
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | OURS)
     assert done.returncode == 0, done.stderr
-    line = BIT_EXACT.fullmatch(done.stdout.strip().splitlines()[-1])
-    assert line is not None
-    assert line[1] == "12"
+    assert counts(done.stdout)[0] == 12
     assert "played now: 12 images" not in done.stdout
 
 
 def test_a_link_too_slow_for_the_signal_is_said_before_and_is_no_failure(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    call: Call, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(progress, "SILENCE_S", 0.01)
-    monkeypatch.setattr(simulator, "BUILD", tmp_path / "build")  # a kept program would not be built
-    array = ["--rows", 4, "--columns", 4, "--resolution", 8, "--link", "four_phase", "--clocks-per-sample", 4]
-    leak = ["--encoding", "nlcs", "--leak-period", 1, "--leak-shift", 1]
-    done = call(
-        "sim", *array, *leak, "--only", "brick/brick-00", "--ticks", 40, "--sim", "icarus", "-o", tmp_path
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
-    warning, *waiting = done.stderr.splitlines()
+    monkeypatch.setattr(simulator, "BUILD", folder / "build")  # a kept program would not be built
+    array = "--rows 4 --columns 4 --resolution 8 --link four_phase --clocks-per-sample 4"
+    leak = "--encoding nlcs --leak-period 1 --leak-shift 1"
+    code, out, err = call("sim", array, leak, "--only brick/brick-00 --ticks 40 --sim icarus -o out")
+    assert code == 0, out + err
+    warning, *waiting = err.splitlines()
     assert warning == (
         "warning: nlcs 8 b, 4 x 4 taxels: the link is too slow for the busiest samples: of 2559 events 0 leave after "
         "the next sample and 2536 merge with others, at a mean load of 100%; a faster clock helps, with "
         "--clocks-per-sample 16384 (an estimate)"
     )
     assert re.fullmatch(r"building 4 x 4 taxels for icarus: \d+ s so far", waiting[0])
-    *_, picture, rest, line = done.stdout.splitlines()
-    folder = tmp_path / "4x4-nlcs-8b"
-    assert picture == f"picture: {folder / 'raster.png'}; event files: {folder / 'events'}"
-    assert (folder / "raster.png").exists()
+    *_, picture, rest, line = out.splitlines()
+    assert picture == "picture: out/4x4-nlcs-8b/raster.png; event files: out/4x4-nlcs-8b/events"
+    assert (folder / "out/4x4-nlcs-8b/raster.png").exists()
     assert rest.startswith("no run came to rest: only sent events were compared")
     assert BIT_EXACT.fullmatch(line)
 
@@ -297,27 +269,28 @@ def test_a_broken_readout_is_found_and_described(fault: str, tmp_path: Path, mon
 
 
 @pytest.mark.parametrize("planted", ["", "run", "events", "events/brick"])
-def test_sim_follows_no_link_in_its_folder(planted: str, tmp_path: Path) -> None:
-    victim, out = tmp_path / "victim", tmp_path / "out"
+def test_sim_follows_no_link_in_its_folder(planted: str, call: Call, folder: Path) -> None:
+    victim = folder / "victim"
     victim.mkdir()
-    link = out / "1x1-lcs-6b" / planted
+    link = folder / "out" / "1x1-lcs-6b" / planted
     link.parent.mkdir(parents=True)
     link.symlink_to(victim)
-    done = call(*SMALL, "--textures", 1, "-o", out)
-    assert done.returncode == 2
-    assert done.stderr.splitlines()[-1] == f"error: cannot write to {link}: it is a link to another place; remove it"
+    code, _, err = call(SMALL, f"--textures 1 -o {folder / 'out'}")
+    assert code == 2
+    assert err.splitlines()[-1] == f"error: cannot write to {link}: it is a link to another place; remove it"
     assert not list(victim.iterdir())
 
 
-def test_sim_replaces_links_to_files_in_its_folder(tmp_path: Path) -> None:
-    victim, folder = tmp_path / "victim", tmp_path / "out" / "1x1-lcs-6b"
+def test_sim_replaces_links_to_files_in_its_folder(call: Call, folder: Path) -> None:
+    victim = folder / "victim"
     victim.write_text("mine")
-    links = [folder / name for name in ("rtl.npz", "model.npz", "raster.png", "run/job.json", "run/simulation.log")]
+    names = ("rtl.npz", "model.npz", "raster.png", "run/job.json", "run/simulation.log")
+    links = [folder / "out" / "1x1-lcs-6b" / name for name in names]
     for link in links:
         link.parent.mkdir(parents=True, exist_ok=True)
         link.symlink_to(victim)
-    done = call(*SMALL, "--textures", 1, "-o", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
+    code, _, err = call(SMALL, "--textures 1 -o out")
+    assert code == 0, err
     assert not any(link.is_symlink() for link in links)
     assert victim.read_text() == "mine"
 
@@ -326,7 +299,7 @@ def test_a_full_disk_is_one_sentence(tmp_path: Path) -> None:
     def no_file_above_8_kb() -> None:  # a program meets the same error, too late, as on a full disk
         resource.setrlimit(resource.RLIMIT_FSIZE, (8_000, 8_000))
 
-    command = [*COMMAND, *SMALL, "--textures", "0", "-o", str(tmp_path / "out")]
+    command = [*COMMAND, *SMALL.split(), "--textures", "0", "-o", str(tmp_path / "out")]
     done = subprocess.run(
         command, capture_output=True, text=True, env=os.environ | OURS, preexec_fn=no_file_above_8_kb, check=False
     )

@@ -18,7 +18,7 @@ from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE, TEST
 from eskin.rtl.verilog import verilog
 from eskin.verify.proofs.delivered import Different
 from eskin.verify.proofs.gated import prove_gated
-from tests.app.test_simulate import call
+from tests.conftest import run_eskin as call
 
 FEW = ReadoutConfig(rows=1, columns=2, sample_bits=6, resolution=2, encoding="cw-lcs", link="four_phase")
 

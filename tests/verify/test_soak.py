@@ -17,7 +17,7 @@ from eskin.model.readout import simulate
 from eskin.verify.soak import campaign, play
 from eskin.verify.soak.campaign import MOST_SAMPLES, Plan, draws_of
 from eskin.verify.soak.play import Failure, shrink
-from tests.app.test_simulate import call
+from tests.conftest import run_eskin as call
 
 SMALL = ("--sim", "icarus", "--clocks", 600)
 BREAKABLE = 27

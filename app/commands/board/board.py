@@ -6,11 +6,10 @@ import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Annotated
 
 from eskin.app.cli import echo
+from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import OwnData
 from eskin.app.options import arg, opt, out_file, with_config
 from eskin.base.errors import InputError
@@ -18,21 +17,18 @@ from eskin.base.progress import watched
 from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from eskin.board.link import Link
     from eskin.board.live import View
-    from eskin.board.records import Record
     from eskin.board.session import Received
     from eskin.board.udp import UdpSender
 
 BAUD = 2_000_000
-Port = Annotated[str, opt("serial port of the board, such as /dev/ttyUSB0")]
-Baud = Annotated[int, opt("bits per second of the board", min=1)]
-Page = Annotated[int | None, opt("PORT", "also serve a live page at this port of this machine")]
-Udp = Annotated[str | None, opt("HOST:PORT", "also send every event to this address, in jAER's UDP format")]
-Patience = Annotated[float, opt("SECONDS", "seconds of silence after which the board counts as lost", min=0.1)]
-Network = Annotated[Path, arg("INTEGER.npz", "integer network, from eskin quantise")]
+Port = Annotated[str, opt(..., "serial port of the board, such as /dev/ttyUSB0")]
+Baud = Annotated[int, opt(..., "bits per second of the board", min=1)]
+Page = Annotated[int | None, opt(..., "PORT", "also serve a live page at this port of this machine")]
+Udp = Annotated[str | None, opt(..., "HOST:PORT", "also send every event to this address, in jAER's UDP format")]
+Patience = Annotated[float, opt(..., "SECONDS", "seconds of silence after which the board counts as lost", min=0.1)]
+Network = Annotated[Path, arg(..., "INTEGER.npz", "integer network, from eskin quantise")]
 RASTER_LINES = 16
 WINDOW_S = 3.0  # seconds in the raster of a foreign chip
 
@@ -40,21 +36,19 @@ WINDOW_S = 3.0  # seconds in the raster of a foreign chip
 def play(
     weights: Network,
     port: Port,
-    samples: Annotated[Path | None, opt("FILE", "codes of all taxels (.npy, .npz, .csv)")] = None,
+    samples: Path | None = opt(None, "FILE", "codes of all taxels (.npy, .npz, .csv)"),
     data: OwnData = None,
-    dataset: Annotated[str | None, opt("texture folder, or 'embedded' [embedded]")] = None,
-    only: Annotated[str | None, opt("texture or recording, by name")] = None,
-    sensor: Annotated[bool, opt("--sensor", "read the skin at the board; see fpga --adc")] = False,
-    limit: Annotated[int | None, opt("number of sample ticks [all; a skin: until Ctrl-C]", min=1)] = None,
-    check: Annotated[bool, opt("compare events and classes with the model")] = True,
+    dataset: str | None = opt(None, "texture folder, or 'embedded' [embedded]"),
+    only: str | None = opt(None, "texture or recording, by name"),
+    sensor: bool = opt(False, "--sensor", "read the skin at the board; see fpga --adc"),
+    limit: int | None = opt(None, "number of sample ticks [all; a skin: until Ctrl-C]", min=1),
+    check: bool = opt(True, "compare events and classes with the model"),
     page: Page = None,
     udp: Udp = None,
-    raw: Annotated[
-        bool, opt("--raw", "send all samples in 16 bits and take events in 32, as an earlier board needs")
-    ] = False,
+    raw: bool = opt(False, "--raw", "send all samples in 16 bits and take events in 32, as an earlier board needs"),
     baud: Baud = BAUD,
     patience: Patience = 3.0,
-    out: Annotated[Path, out_file("file for the events")] = Path("out/played.npz"),
+    out: Path = out_file(Path("out/played.npz"), "file for the events"),
 ) -> None:
     """Play a texture, a recording or a file of codes through the readout and classifier of a board.
 
@@ -63,6 +57,7 @@ def play(
     from eskin.board import session
     from eskin.board.config import BoardConfig
     from eskin.board.demo import piece_of
+    from eskin.board.link import Link
     from eskin.board.live import View
     from eskin.board.stimulus import codes_to_play
     from eskin.model.classifier.file import IntegerWeights
@@ -71,17 +66,19 @@ def play(
         raise InputError("--samples, --data, --dataset and --sensor each choose an input; give one of them")
     network = IntegerWeights.load(weights)
     chip = session.chip_of(network, weights)
+    piece = None
     if sensor:
         name, codes = "the skin", None
-        view = View(chip.readout, chip.clock_hz, WINDOW_S, network.class_names, chip.classifier.clocks_per_bin)
     else:
         name, codes = codes_to_play(network, chip.readout, samples=samples, recordings=data, dataset=dataset, only=only)
         codes = codes[:limit]
         piece = piece_of(name, codes, chip.readout)
-        view = View(chip.readout, chip.clock_hz, piece.seconds, network.class_names, chip.classifier.clocks_per_bin)
+    window_s = WINDOW_S if piece is None else piece.seconds
+    view = View(chip.readout, chip.clock_hz, window_s, network.class_names, chip.classifier.clocks_per_bin)
+    if piece is not None:
         view.begin(piece, piece.seconds)
     received = session.Received(session.player_events(chip))
-    with _link(port, received, baud, patience) as link:
+    with Link(port, received, baud, patience) as link:
         link.hello("player", BoardConfig(chip=chip))
         with (
             session.recording(out, chip.readout, {"name": name, "board": port}, received),
@@ -100,12 +97,10 @@ def play(
     echo(f"{name}: {found}; {len(received.events)} events, {len(received.classes)} bins; {out}")
     if codes is None:
         if late := received.counts.get("lost", 0):
-            print(f"LATE {late} scans: the serial line was too slow for the events")
-            raise typer.Exit(1)
+            common.fail(f"LATE {late} scans: the serial line was too slow for the events")
         return
     if check and (difference := session.difference(chip, network, codes, received)) is not None:
-        print(f"{difference}\nMISMATCH")
-        raise typer.Exit(1)
+        common.fail(f"{difference}\nMISMATCH")
     print("events and classes equal the model's" if check else "not compared with the model")
 
 
@@ -114,15 +109,13 @@ def listen(
     config: ReadoutConfig,
     given: frozenset[str],
     port: Port,
-    map_: Annotated[
-        Path | None, opt("--map", "FILE", "taxel of each of the chip's addresses, without polarity")
-    ] = None,
-    seconds: Annotated[float | None, opt("duration of the recording [until Ctrl-C]", min=0.0)] = None,
+    map_: Path | None = opt(None, "--map", "FILE", "taxel of each of the chip's addresses, without polarity"),
+    seconds: float | None = opt(None, "duration of the recording [until Ctrl-C]", min=0.0),
     page: Page = None,
     udp: Udp = None,
     baud: Baud = BAUD,
     patience: Patience = 3.0,
-    out: Annotated[Path, out_file("file for the events")] = Path("out/heard.npz"),
+    out: Path = out_file(Path("out/heard.npz"), "file for the events"),
 ) -> None:
     """Record events that another chip sends over four-phase AER to a board.
 
@@ -131,6 +124,7 @@ def listen(
     board. Ctrl-C ends and saves the recording.
     """
     from eskin.board import session
+    from eskin.board.link import Link
     from eskin.board.live import View
     from eskin.skin.foreign.address_map import AddressMap
 
@@ -143,7 +137,7 @@ def listen(
                 f"{map_} needs {sides['rows']} rows and {sides['columns']} columns; leave --rows and --columns out"
             )
     received = session.Received(session.foreign_events(config, mapping), keep=False)
-    with _link(port, received, baud, patience) as link:
+    with Link(port, received, baud, patience) as link:
         clock_hz = link.hello("receiver")["clock_hz"]
         fits = session.foreign_config(config, clock_hz)
         view = View(config, clock_hz, WINDOW_S)
@@ -152,34 +146,28 @@ def listen(
             received.observed = session.observed_clocks(received)
     echo(f"{received.count} events in {received.observed / clock_hz:.3f} s; {out}")
     if lost := received.counts.get("lost", 0):
-        print(f"LOST {lost} events: the chip sent them faster than the serial line can carry")
-        raise typer.Exit(1)
+        common.fail(f"LOST {lost} events: the chip sent them faster than the serial line can carry")
 
 
 def load(weights: Network, port: Port, baud: Baud = BAUD, patience: Patience = 3.0) -> None:
     """Load the weights of a network into a board, and verify them."""
     from eskin.board import session
+    from eskin.board.link import Link
     from eskin.model.classifier.file import IntegerWeights
 
     network = IntegerWeights.load(weights)
-    with _link(port, lambda records: None, baud, patience) as link:
+    with Link(port, lambda records: None, baud, patience) as link:
         link.hello("player", session.board_of(network))
         session.load(link, network)
     print(f"loaded {network.network.config.memory_bits / 8192:.1f} kB of weights")
 
 
-def rescue(journal: Annotated[Path, arg("FILE.npz.part", "partial file of a killed recording")]) -> None:
+def rescue(journal: Path = arg(..., "FILE.npz.part", "partial file of a killed recording")) -> None:
     """Convert the partial file of a killed recording into an event file."""
     from eskin.board.journal import convert
 
     recording = convert(journal)
     echo(f"{len(recording.events)} events; {journal.with_suffix('')}")
-
-
-def _link(port: str, sink: Callable[[list[Record]], object], baud: int, patience: float) -> Any:
-    from eskin.board.link import Link
-
-    return Link(port, sink, baud, patience)
 
 
 def sending(udp: str | None, clock_hz: float) -> AbstractContextManager[UdpSender | None]:

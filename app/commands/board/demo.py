@@ -6,7 +6,7 @@ import os
 import sys
 import webbrowser
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 from eskin.app.cli import echo
 from eskin.app.commands.board.board import Udp, sending
@@ -25,25 +25,23 @@ HOLD_S = 1.5  # pause between a result and the next recording
 @with_fields(ReadoutConfig, ("encoding", "resolution", "sample_rate_hz"), "readout")
 @with_fields(Preparation, PREPARATION, "prepared", DEFAULTS, RECORDINGS)
 def demo(
-    source: Annotated[
-        Path | None,
-        arg(
-            "[INPUT|finger]",
-            "image, recording, folder of class folders, or finger, the project's own recordings [textures]",
-            callback=named_place,
-        ),
-    ] = None,
-    weights: Annotated[
-        Path | None, opt("INTEGER.npz", "integer network [from eskin quantise for these recordings; embedded]")
-    ] = None,
-    port: Annotated[int, opt("port of the live page; 0 for any free port", min=0, max=65535)] = 8000,
-    browser: Annotated[bool, opt("open the page in a browser")] = True,
+    source: Path | None = arg(
+        None,
+        "[INPUT|finger]",
+        "image, recording, folder of class folders, or finger, the project's own recordings [textures]",
+        callback=named_place,
+    ),
+    weights: Path | None = opt(
+        None, "INTEGER.npz", "integer network [from eskin quantise for these recordings; embedded]"
+    ),
+    port: int = opt(8000, "port of the live page; 0 for any free port", min=0, max=65535),
+    browser: bool = opt(True, "open the page in a browser"),
     udp: Udp = None,
-    speed: Annotated[
-        float | None, opt("playback speed, recorded seconds per second [1, slower for short inputs]", min=1e-4)
-    ] = None,
-    only: Annotated[str | None, opt("image or recording, by name")] = None,
-    limit: Annotated[int | None, opt("number of images or recordings [until Ctrl-C]", min=1)] = None,
+    speed: float | None = opt(
+        None, "playback speed, recorded seconds per second [1, slower for short inputs]", min=1e-4
+    ),
+    only: str | None = opt(None, "image or recording, by name"),
+    limit: int | None = opt(None, "number of images or recordings [until Ctrl-C]", min=1),
     readout: dict[str, Any] | None = None,
     prepared: dict[str, Any] | None = None,
 ) -> None:

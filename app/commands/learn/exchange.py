@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from eskin.app.cli import echo, printable
 from eskin.app.options import TRAINED, arg, opt, out_file
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 def export(
-    out: Annotated[Path, out_file("FILE", "graph .nir, or archive .npz")],
-    weights: Annotated[Path, arg("WEIGHTS.npz", "trained network")] = TRAINED,
-    eight_bits: Annotated[bool, opt("--eight-bits", ".npz: matrices in 8 bits")] = False,
+    out: Path = out_file(..., "FILE", "graph .nir, or archive .npz"),
+    weights: Path = arg(TRAINED, "WEIGHTS.npz", "trained network"),
+    eight_bits: bool = opt(False, "--eight-bits", ".npz: matrices in 8 bits"),
 ) -> None:
     """Export a trained network as a NIR graph or a NumPy archive."""
     if out.suffix not in (".nir", ".npz"):
@@ -70,11 +70,11 @@ def _tell_lacks(path: Path, weights: Weights) -> None:
 
 
 def import_(
-    graph: Annotated[Path, arg("GRAPH.nir", "NIR graph of a network")],
-    out: Annotated[Path, out_file("WEIGHTS.npz", "archive to write")],
-    step: Annotated[float | None, opt("SECONDS", "time step, if the file has none")] = None,
-    classes: Annotated[str | None, opt("A,B,...", "names of the outputs [those in the file, or numbers]")] = None,
-    reset: Annotated[str | None, opt("zero|subtract", "effect of a spike, if the file has none [zero]")] = None,
+    graph: Path = arg(..., "GRAPH.nir", "NIR graph of a network"),
+    out: Path = out_file(..., "WEIGHTS.npz", "archive to write"),
+    step: float | None = opt(None, "SECONDS", "time step, if the file has none"),
+    classes: str | None = opt(None, "A,B,...", "names of the outputs [those in the file, or numbers]"),
+    reset: str | None = opt(None, "zero|subtract", "effect of a spike, if the file has none [zero]"),
 ) -> None:
     """Import a network from a NIR graph."""
     if out.suffix != ".npz":
@@ -90,28 +90,25 @@ def import_(
 
 
 def quantise(
-    weights: Annotated[Path, arg("WEIGHTS.npz", "trained network")] = TRAINED,
-    bits: Annotated[int, opt("bits of all weights", min=2, max=8)] = 8,
-    in_bits: Annotated[int | None, opt("2..8", "bits of the input weights")] = None,
-    rec_bits: Annotated[int | None, opt("2..8", "bits of the recurrent weights")] = None,
-    out_bits: Annotated[int | None, opt("2..8", "bits of the output weights")] = None,
-    bias_bits: Annotated[int, opt("bits of a bias, 2..16")] = 9,
-    decay_bits: Annotated[int | None, opt("bits of a decay, 2..16 [a shift; 8 with synaptic currents]")] = None,
-    threshold_bits: Annotated[int, opt("smallest number of bits of the threshold, 2..16")] = 8,
-    membrane_bits: Annotated[
-        int | None, opt("bits of a hidden potential [32 thresholds; no floor, or synaptic currents: all values]")
-    ] = None,
-    lanes: Annotated[int, opt("weights added per clock")] = 16,
-    clock: Annotated[
-        float | None, opt("HZ", "clock frequency of the hardware [50e6; own recordings: the lowest that suffices]")
-    ] = None,
-    accuracy: Annotated[
-        bool, opt("--accuracy", "print the accuracy of float and integer network on the test images")
-    ] = False,
-    out: Annotated[
-        Path | None,
-        out_file("INTEGER.npz", "file to write; memory images are written beside it [whole.npz beside the weights]"),
-    ] = None,
+    weights: Path = arg(TRAINED, "WEIGHTS.npz", "trained network"),
+    bits: int = opt(8, "bits of all weights", min=2, max=8),
+    in_bits: int | None = opt(None, "2..8", "bits of the input weights"),
+    rec_bits: int | None = opt(None, "2..8", "bits of the recurrent weights"),
+    out_bits: int | None = opt(None, "2..8", "bits of the output weights"),
+    bias_bits: int = opt(9, "bits of a bias, 2..16"),
+    decay_bits: int | None = opt(None, "bits of a decay, 2..16 [a shift; 8 with synaptic currents]"),
+    threshold_bits: int = opt(8, "smallest number of bits of the threshold, 2..16"),
+    membrane_bits: int | None = opt(
+        None, "bits of a hidden potential [32 thresholds; no floor, or synaptic currents: all values]"
+    ),
+    lanes: int = opt(16, "weights added per clock"),
+    clock: float | None = opt(
+        None, "HZ", "clock frequency of the hardware [50e6; own recordings: the lowest that suffices]"
+    ),
+    accuracy: bool = opt(False, "--accuracy", "print the accuracy of float and integer network on the test images"),
+    out: Path | None = out_file(
+        None, "INTEGER.npz", "file to write; memory images are written beside it [whole.npz beside the weights]"
+    ),
 ) -> None:
     """Quantise a trained network to integers for the hardware classifier, and write its memory images."""
     out = out or weights.with_name("whole.npz")

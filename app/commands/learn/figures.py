@@ -4,35 +4,38 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from eskin.app.cli import asked_for, echo
+from eskin.app.cli import echo
+from eskin.app.commands import common
 from eskin.app.commands.learn.options import Seeds, check_device
-from eskin.app.commands.options import DataOutOption, OutOption, TexturesOption
 from eskin.app.commands.signals.recordings import named_place
 from eskin.app.options import TRAINED, arg, opt, out_file, out_folder
 from eskin.app.tables import filled
 from eskin.base.errors import InputError
-from eskin.base.figures.files import DEFAULT_OUT, write_results
+from eskin.base.figures.files import DEFAULT_OUT
 from eskin.base.files import write_json
 from eskin.base.progress import bar
+from eskin.base.shapes import read_shaped
+from eskin.snn.experiments.pairs import find_point
+from eskin.snn.experiments.pairs import pair as compare
+from eskin.snn.experiments.points import READINGS, load_sweep
+from eskin.snn.figures.fig9 import KEPT, fig9_data, load_sweeps
 
 
 def fig9(
-    sweep: Annotated[
-        list[Path] | None, opt("FILE|DIR", "sweep, repeatable [those of the project and out/sweep/sweep.json]")
-    ] = None,
-    reading: Annotated[str, opt("last|selected", "epoch to evaluate")] = "last",
-    confusion: Annotated[
-        str | None, opt("NAME", "sweep points for confusion matrices [best spiking point of each preset]")
-    ] = None,
-    out: OutOption = DEFAULT_OUT,
-    data_out: DataOutOption = None,
+    sweep: list[Path] | None = opt(
+        None, "FILE|DIR", "sweep, repeatable [those of the project and out/sweep/sweep.json]"
+    ),
+    reading: str = opt("last", "last|selected", "epoch to evaluate"),
+    confusion: str | None = opt(
+        None, "NAME", "sweep points for confusion matrices [best spiking point of each preset]"
+    ),
+    out: common.Out = DEFAULT_OUT,
+    data_out: common.DataOut = None,
 ) -> None:
     """Plot figure 9, accuracy against data rate with published points, and confusion matrices."""
-    from eskin.snn.experiments.points import READINGS
     from eskin.snn.figures.confusion import confusion_data, plot_confusion
-    from eskin.snn.figures.fig9 import fig9_data, load_sweeps
     from eskin.snn.figures.fig9_plot import plot_fig9
 
     if reading not in READINGS:
@@ -40,25 +43,23 @@ def fig9(
     sweeps = load_sweeps(sweep or [])
     matrices = confusion_data(sweeps, reading, confusion)
     data = fig9_data(sweeps, reading)
-    echo(write_results(out, "fig9", data, plot_fig9, data_out, command=asked_for()))
+    common.store(out, "fig9", data, plot_fig9, data_out)
     if matrices["points"]:
-        echo(write_results(out, "confusion", matrices, plot_confusion, data_out, command=asked_for()))
+        common.store(out, "confusion", matrices, plot_confusion, data_out)
     for point in data["left_out"]:
         echo(f"left out, because no seed is finished: {point}")
 
 
 def fig8(
-    weights: Annotated[Path, opt("FILE", "weights from eskin train")] = TRAINED,
-    result: Annotated[Path | None, opt("FILE", "result of the same training [result.json beside the weights]")] = None,
-    dataset: Annotated[str | None, opt("DIR|embedded", "textures [folder used in training]")] = None,
-    data: Annotated[
-        Path | None, opt("DIR|finger", "your own recordings, if the network was trained on them", callback=named_place)
-    ] = None,
-    image: Annotated[
-        str | None, opt("NAME", "texture or recording, such as brick/brick-00 [first correct test image]")
-    ] = None,
-    out: OutOption = DEFAULT_OUT,
-    data_out: DataOutOption = None,
+    weights: Path = opt(TRAINED, "FILE", "weights from eskin train"),
+    result: Path | None = opt(None, "FILE", "result of the same training [result.json beside the weights]"),
+    dataset: str | None = opt(None, "DIR|embedded", "textures [folder used in training]"),
+    data: Path | None = opt(
+        None, "DIR|finger", "your own recordings, if the network was trained on them", callback=named_place
+    ),
+    image: str | None = opt(None, "NAME", "texture or recording, such as brick/brick-00 [first correct test image]"),
+    out: common.Out = DEFAULT_OUT,
+    data_out: common.DataOut = None,
 ) -> None:
     """Plot figure 8: one scan from texture through events and hidden spikes to the evidence of each class."""
     from eskin.skin.figures.scan_to_class import plot_scan
@@ -67,11 +68,7 @@ def fig8(
     if dataset is not None and data is not None:
         raise InputError("--dataset is for textures, --data for your own recordings; give one of the two")
     played = play(weights, result or weights.parent / "result.json", dataset, data, image)
-    echo(
-        write_results(
-            out, "fig8", played.to_dict(), lambda _, path: plot_scan(played, path), data_out, command=asked_for()
-        )
-    )
+    common.store(out, "fig8", played.to_dict(), lambda _, path: plot_scan(played, path), data_out)
     echo(f"{played.name}: true {played.true}, predicted {played.predicted}")
     if played.tests:
         noun = "recordings" if played.pixels is None else "images"
@@ -82,17 +79,12 @@ POINT = "SWEEP:POINT, such as rates-cnn:lcs-4; SWEEP is a file or a sweep of the
 
 
 def pair(
-    first: Annotated[str, arg("A", POINT)],
-    second: Annotated[str, arg("B", "SWEEP:POINT to compare with")],
-    reading: Annotated[str, opt("last|selected", "epoch to evaluate")] = "last",
-    out: Annotated[Path | None, out_file("FILE", "JSON file for the results")] = None,
+    first: str = arg(..., "A", POINT),
+    second: str = arg(..., "B", "SWEEP:POINT to compare with"),
+    reading: str = opt("last", "last|selected", "epoch to evaluate"),
+    out: Path | None = out_file(None, "FILE", "JSON file for the results"),
 ) -> None:
     """Compare the predictions of two sweep points image by image with McNemar's exact test."""
-    from eskin.snn.experiments.pairs import find_point
-    from eskin.snn.experiments.pairs import pair as compare
-    from eskin.snn.experiments.points import READINGS
-    from eskin.snn.figures.fig9 import KEPT
-
     if reading not in READINGS:
         raise InputError(f"reading must be one of {', '.join(READINGS)}, not {reading!r}")
     found = compare(find_point(first, KEPT), find_point(second, KEPT), reading)
@@ -111,29 +103,23 @@ def pair(
 
 
 def frontier(
-    points: Annotated[
-        list[str] | None,
-        arg("POINT...", "PRESET/NETWORK/READOUT/TAXELS, such as physical/leaky/lcs:3/across:4 [all documented points]"),
-    ] = None,
+    points: list[str] | None = arg(
+        None, "POINT...", "PRESET/NETWORK/READOUT/TAXELS, such as physical/leaky/lcs:3/across:4 [all documented points]"
+    ),
     seeds: Seeds = 1,
-    device: Annotated[
-        str, opt("device name of torch; a GPU trains the convolutional networks of a point together")
-    ] = "cpu",
-    inner: Annotated[
-        int | None, opt("FOLDS", "compare the points only on inner validation images of this many folds", min=1, max=6)
-    ] = None,
-    draw: Annotated[Path | None, opt("FILE", "plot this frontier.json without training")] = None,
-    dataset: TexturesOption = None,
-    out: Annotated[Path, out_folder("DIR", "folder for results, frontier.json and .png")] = Path("out/frontier"),
+    device: str = opt("cpu", "device name of torch; a GPU trains the convolutional networks of a point together"),
+    inner: int | None = opt(
+        None, "FOLDS", "compare the points only on inner validation images of this many folds", min=1, max=6
+    ),
+    draw: Path | None = opt(None, "FILE", "plot this frontier.json without training"),
+    dataset: common.Textures = None,
+    out: Path = out_folder(Path("out/frontier"), "DIR", "folder for results, frontier.json and .png"),
 ) -> None:
     """Train networks on chosen taxels, and compare accuracy with events/s, bits/s and power.
 
     Without POINT, inner validation chooses a readout of every encoder, and frames, at every event rate. A stopped run
     continues with the missing trainings.
     """
-    from eskin.base.shapes import read_shaped
-    from eskin.snn.experiments.points import load_sweep
-    from eskin.snn.figures.fig9 import KEPT
     from eskin.snn.figures.frontier import plot_frontier
     from eskin.snn.studies import frontier as study
 
@@ -169,4 +155,4 @@ def frontier(
     line += "{rate_hz:,.0f} events or values/s, {bits_per_s:,.0f} bits/s"
     for point in data["points"]:
         echo(filled(line, point))
-    echo(write_results(out, "frontier", data, plot_frontier, command=asked_for()))
+    common.store(out, "frontier", data, plot_frontier)

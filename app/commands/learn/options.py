@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eskin.app.commands.options import TexturesOption
+from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import PREPARATION, OwnData, check_alone, events_of
 from eskin.app.options import (
     CONFIG_FILE,
@@ -35,12 +35,12 @@ if TYPE_CHECKING:
     from eskin.skin.recordings.fitting import Fit
     from eskin.snn.experiments.experiment import Experiment
 
-Preset = Annotated[str | None, opt("paper|physical", "constants of the texture scan [physical]")]
-Tau = Annotated[float | None, opt("SECONDS", f"{', '.join(LEAKY)}: time constant [0.2]", show_default=False)]
-BinSeconds = Annotated[float | None, opt("--bin", "SECONDS", "time bin, or step of frames [0.004]")]
-Folds = Annotated[int, opt("stratified folds", min=2)]
-Seeds = Annotated[int, opt("seeds per fold", min=1)]
-Workers = Annotated[int | None, opt("number of worker processes [one per usable core]", min=1)]
+Preset = Annotated[str | None, opt(..., "paper|physical", "constants of the texture scan [physical]")]
+Tau = Annotated[float | None, opt(..., "SECONDS", f"{', '.join(LEAKY)}: time constant [0.2]", show_default=False)]
+BinSeconds = Annotated[float | None, opt(..., "--bin", "SECONDS", "time bin, or step of frames [0.004]")]
+Folds = Annotated[int, opt(..., "stratified folds", min=2)]
+Seeds = Annotated[int, opt(..., "seeds per fold", min=1)]
+Workers = Annotated[int | None, opt(..., "number of worker processes [one per usable core]", min=1)]
 
 DEFAULT_RESOLUTION = 4
 
@@ -70,32 +70,24 @@ READOUT = [*field_options(ReadoutConfig, ENCODER, _IN_HELP), CONFIG_FILE]
 
 def _options(
     data: OwnData = None,
-    dataset: TexturesOption = None,
-    events: Annotated[Path | None, opt("DIR", "event files, for example of a replay, instead of textures")] = None,
+    dataset: common.Textures = None,
+    events: Path | None = opt(None, "DIR", "event files, for example of a replay, instead of textures"),
     preset: Preset = None,
-    recipe: Annotated[
-        str | None, opt("|".join(RECIPES), "named settings: docs/guide/classifier.md [tuned; --data: skin]")
-    ] = None,
-    epochs: Annotated[int, opt("passes over the training scans", min=1)] = 60,
+    recipe: str | None = opt(None, "|".join(RECIPES), "named settings: docs/guide/classifier.md [tuned; --data: skin]"),
+    epochs: int = opt(60, "passes over the training scans", min=1),
     bin_s: BinSeconds = None,
-    frames: Annotated[
-        str | None, opt(FRAMES, "frames instead of events, such as frame-diff:250:8 (250 Hz, 8 bits)")
-    ] = None,
-    taxels: Annotated[str | None, opt(CHOICES, "taxels of the array to use [all]")] = None,
+    frames: str | None = opt(None, FRAMES, "frames instead of events, such as frame-diff:250:8 (250 Hz, 8 bits)"),
+    taxels: str | None = opt(None, CHOICES, "taxels of the array to use [all]"),
     tau: Tau = None,
-    start: Annotated[
-        float | None, opt("SECONDS", "time from which events are counted [0; paper 0.01, nlcs 0.1]", show_default=False)
-    ] = None,
-    start_rows: Annotated[int | None, opt("scans per image (physical) [1]", min=1)] = None,
-    disturbed: Annotated[
-        int | None, opt("additional training scans per image, randomly disturbed (physical)", min=1)
-    ] = None,
-    settings: Annotated[
-        list[str] | None, opt("--set", "NAME=VALUE", "field of NetworkConfig or TrainConfig, repeatable")
-    ] = None,
-    grid: Annotated[
-        list[str] | None, opt("--grid", "NAME=VALUE,...", "values to try, chosen by inner validation; repeatable")
-    ] = None,
+    start: float | None = opt(
+        None, "SECONDS", "time from which events are counted [0; paper 0.01, nlcs 0.1]", show_default=False
+    ),
+    start_rows: int | None = opt(None, "scans per image (physical) [1]", min=1),
+    disturbed: int | None = opt(None, "additional training scans per image, randomly disturbed (physical)", min=1),
+    settings: list[str] | None = opt(None, "--set", "NAME=VALUE", "field of NetworkConfig or TrainConfig, repeatable"),
+    grid: list[str] | None = opt(
+        None, "--grid", "NAME=VALUE,...", "values to try, chosen by inner validation; repeatable"
+    ),
 ) -> None:
     """Declare the options that define an experiment; this function is never called."""
 

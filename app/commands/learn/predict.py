@@ -6,11 +6,10 @@ import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from eskin.app.cli import echo, printable
+from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import events_of, named_place
 from eskin.app.options import TRAINED, arg, opt, out_file
 from eskin.base.errors import InputError
@@ -31,24 +30,21 @@ MOST_CLASSES = 12  # classes of a printed confusion matrix
 
 
 def predict(
-    weights: Annotated[Path, arg("WEIGHTS.npz", "trained network")] = TRAINED,
-    events: Annotated[
-        list[Path] | None,
-        opt("--events", "DIR|FILE", "event files, also of other programs; repeatable [out/replay, or those of --data]"),
-    ] = None,
-    address_map: Annotated[
-        Path | None, opt("--map", "FILE", "events of other programs: .csv with the taxel of each address")
-    ] = None,
-    data: Annotated[
-        Path | None, opt("DIR|FILE", "your own recordings, prepared as in the training", callback=named_place)
-    ] = None,
-    check_model: Annotated[
-        bool, opt("--check-model", "compare RTL recordings with the model; exit code 1 if they differ")
-    ] = False,
-    dataset: Annotated[
-        str | None, opt("DIR|embedded", "textures of the recordings [$ESKIN_DATA, data/kylberg; else embedded]")
-    ] = None,
-    out: Annotated[Path, out_file("FILE", "file for the predictions")] = Path("out/predictions.json"),
+    weights: Path = arg(TRAINED, "WEIGHTS.npz", "trained network"),
+    events: list[Path] | None = opt(
+        None, "--events", "DIR|FILE", "event files, also of other programs; repeatable [out/replay, or those of --data]"
+    ),
+    address_map: Path | None = opt(
+        None, "--map", "FILE", "events of other programs: .csv with the taxel of each address"
+    ),
+    data: Path | None = opt(None, "DIR|FILE", "your own recordings, prepared as in the training", callback=named_place),
+    check_model: bool = opt(
+        False, "--check-model", "compare RTL recordings with the model; exit code 1 if they differ"
+    ),
+    dataset: str | None = opt(
+        None, "DIR|embedded", "textures of the recordings [$ESKIN_DATA, data/kylberg; else embedded]"
+    ),
+    out: Path = out_file(Path("out/predictions.json"), "FILE", "file for the predictions"),
 ) -> None:
     """Classify recordings with a trained network."""
     import torch
@@ -125,13 +121,11 @@ def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> N
     noun = "images" if len(set(names)) == len(names) else "recordings"
     count = len(check.compared)
     if not count:
-        print(f'FAILED: nothing was compared, none of {len(recordings)} recordings has the source "rtl"')
-        raise typer.Exit(1)
+        common.fail(f'FAILED: nothing was compared, none of {len(recordings)} recordings has the source "rtl"')
     if not check.passed:
         print("\n".join(map(printable, [*check.first.splitlines(), f"reproduce: {again}"])))
         differ = ", ".join(f"{len(numbers)} in {level}" for level, numbers in check.different.items())
-        print(f"FAILED: {count} {noun} compared, different: {differ}")
-        raise typer.Exit(1)
+        common.fail(f"FAILED: {count} {noun} compared, different: {differ}")
     if count < len(recordings):
         print(f"{len(recordings) - count} recordings do not come from the RTL and were not compared")
     same = ", ".join(f"same {level}" for level in LEVELS)

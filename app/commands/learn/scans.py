@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from eskin.app.cli import echo
+from eskin.app.cli import command_line, echo
+from eskin.app.commands import common
 from eskin.app.commands.learn.options import BinSeconds, Preset, Tau
-from eskin.app.commands.learn.sweep import command_line
-from eskin.app.commands.options import TexturesOption
 from eskin.app.options import LEAKY, opt, out_file
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
@@ -20,7 +17,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 
 
-def cache(clear: Annotated[bool, opt("--clear", "remove all recorded scans")] = False) -> None:
+def cache(clear: bool = opt(False, "--clear", "remove all recorded scans")) -> None:
     """Print the number of cached scans and their folder, or remove them with --clear."""
     from eskin.base import cache as place
     from eskin.snn.data import cache as scans
@@ -37,13 +34,12 @@ def cache(clear: Annotated[bool, opt("--clear", "remove all recorded scans")] = 
 
 
 def counts(
-    context: typer.Context,
-    points: Annotated[str, opt("ENCODER:N,...", "encoders with resolution")] = "nlcs:6,nlcs:8,nlcs:10",
+    points: str = opt("nlcs:6,nlcs:8,nlcs:10", "ENCODER:N,...", "encoders with resolution"),
     preset: Preset = "paper",
     tau: Tau = None,
-    dataset: TexturesOption = None,
+    dataset: common.Textures = None,
     bin_s: BinSeconds = None,
-    out: Annotated[Path | None, out_file("FILE", "JSON file for the results")] = None,
+    out: Path | None = out_file(None, "FILE", "JSON file for the results"),
 ) -> None:
     """Compare the event counts of several resolutions of an encoder on the same scans.
 
@@ -69,7 +65,7 @@ def counts(
         made = Experiment(dataset=dataset, preset=preset, readout=config, tau_s=tau_s, bins=bins)
         with bar(f"recording {readout}:{bits}") as step:
             found[f"{readout}:{bits}"] = made.data(step)
-    result: dict[str, Any] = origin(command_line(context)) | {
+    result: dict[str, Any] = origin(command_line()) | {
         "empty": {name: empty_bins(data) for name, data in found.items()},
         "pairs": [],
     }

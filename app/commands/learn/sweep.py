@@ -4,56 +4,48 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
-import typer
-
-from eskin.app.cli import echo
-from eskin.app.commands.learn.bars import cell_bar
+from eskin.app.cli import command_line, echo
+from eskin.app.commands import common
 from eskin.app.commands.learn.options import NOT_OF_A_SWEEP, Folds, Seeds, Workers, build_experiment, with_experiment
-from eskin.app.commands.options import Scheduler, open_pool
-from eskin.app.leave import EXIT_INTERRUPTED
 from eskin.app.options import LEAKY, opt, out_folder
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
+from eskin.base.progress import progress_of, watched
 from eskin.snn.data.frame_steps import FRAMES, FrameKind, FrameSteps
 from eskin.snn.experiments.recipes import BASELINES
 
 if TYPE_CHECKING:
     from eskin.snn.experiments.points import Point
-    from eskin.snn.experiments.sweep import SweepPoint
+    from eskin.snn.experiments.sweep import PointRun, SweepPoint
 
 DEFAULT_POINTS = "lcs:2,lcs:4,lcs:6,lcs:8,nlcs:4,nlcs:6,nlcs:8,nlcs:10"
 
 UNSAID: dict[str, Any] = dict.fromkeys(NOT_OF_A_SWEEP)  # options that a point does not set
 
-OF_THIS_RUN = {"out", "workers", "scheduler"}
-"""Options that do not change the result; the printed command leaves these options out."""
-
 
 @with_experiment
 def sweep(
-    context: typer.Context,
     *,
-    points: Annotated[
-        str, opt("ENCODER:N,...", f"N bits; {FRAMES}; rnn|gru|cnn:K, K frames of 5 kHz x 10 b a step")
-    ] = DEFAULT_POINTS,
-    events: Annotated[
-        list[Path] | None, opt("--events", "DIR", "folder of event files as a point, instead of --points; repeatable")
-    ] = None,
+    points: str = opt(
+        DEFAULT_POINTS, "ENCODER:N,...", f"N bits; {FRAMES}; rnn|gru|cnn:K, K frames of 5 kHz x 10 b a step"
+    ),
+    events: list[Path] | None = opt(
+        None, "--events", "DIR", "folder of event files as a point, instead of --points; repeatable"
+    ),
     options: dict[str, Any],
     folds: Folds = 6,
-    tests: Annotated[
-        list[str] | None,
-        opt("--test", "PATTERN", "a fold that tests the recordings with such names, as '*_1'; repeatable"),
-    ] = None,
+    tests: list[str] | None = opt(
+        None, "--test", "PATTERN", "a fold that tests the recordings with such names, as '*_1'; repeatable"
+    ),
     seeds: Seeds = 3,
     workers: Workers = None,
-    scheduler: Scheduler = None,
-    out: Annotated[Path, out_folder("DIR", "parent folder of a folder per point and of sweep.json")] = Path(
-        "out/sweep"
-    ),
+    scheduler: common.Scheduler = None,
+    out: Path = out_folder(Path("out/sweep"), "DIR", "parent folder of a folder per point and of sweep.json"),
 ) -> None:
     """Cross-validate networks for many readouts and resolutions.
 
@@ -78,14 +70,12 @@ def sweep(
     from eskin.snn.experiments.sweep import sweep as run
 
     needs = Needs(("base", "model", "skin", "snn"), ("torch", "numpy"))
-    try:
-        with open_pool(workers, scheduler, needs) as pool, cell_bar(len(made) * folds * seeds) as show:
-            found = run(
-                made, out, pool=pool, folds=folds, seeds=seeds, command=command_line(context), progress=show
-            )  # fmt: skip
-    except KeyboardInterrupt:
-        print(f"stopped; finished results are in {out}; run the same command again to continue", file=sys.stderr)
-        raise typer.Exit(EXIT_INTERRUPTED) from None
+    with (
+        common.resumable(out),
+        common.open_pool(workers, scheduler, needs) as pool,
+        _cell_bar(len(made) * folds * seeds) as show,
+    ):
+        found = run(made, out, pool=pool, folds=folds, seeds=seeds, command=command_line(), progress=show)
     _print_table(found)
     echo(f"result: {out / 'sweep.json'}")
     print(f"draw it with {shlex.join(['eskin', 'fig9', '--sweep', str(out)])}")
@@ -137,19 +127,6 @@ def _recorded_point(folder: Path, options: dict[str, Any]) -> SweepPoint:
     return SweepPoint(whole.parent.name if whole.name == "events" else whole.name, made.with_readout_of_events())
 
 
-def command_line(context: typer.Context) -> str:
-    """Return the command line that reproduces the result, without default options."""
-    words = ["eskin", str(context.info_name)]
-    for option in context.command.params:
-        value = context.params.get(str(option.name))
-        if option.name in OF_THIS_RUN or value is None or value == option.get_default(context):
-            continue
-        named = [] if option.param_type_name == "argument" else [max(option.opts, key=len)]
-        for one in value if isinstance(value, (list, tuple)) else [value]:
-            words += [*named, str(one)]
-    return shlex.join(words)
-
-
 def _print_table(points: list[Point]) -> None:
     """Print accuracy and data rate of every sweep point."""
     print_table(
@@ -161,3 +138,31 @@ def _print_table(points: list[Point]) -> None:
         "accuracy in % by data rate in units of 640 kb/s\n"
         "95 % interval over images and seeds; sd over cells, each one fold and seed",
     )
+
+
+@contextmanager
+def _cell_bar(total: int) -> Iterator[Any]:
+    """Yield the function ``progress`` of a sweep; without a terminal, print a line per finished training."""
+    if not watched():
+
+        def line(run: PointRun, result: dict[str, Any] | None) -> None:
+            if result is not None:
+                cell = f"fold {result['fold']}, seed {result['seed']}"
+                print(f"{run.point.name}, {cell}: {_state(run)}", flush=True)
+
+        yield line
+        return
+    done: dict[str, int] = {}
+    with progress_of("cells", "{task.description}") as shown:
+        task = shown.add_task("", total=total)
+
+        def show(run: PointRun, result: dict[str, Any] | None) -> None:
+            done[run.point.name] = len(run.done)
+            words = f"{run.point.name}: {_state(run)}" if run.ready else f"recording the scans of {run.point.name}"
+            shown.update(task, completed=sum(done.values()), description=words)
+
+        yield show
+
+
+def _state(run: PointRun) -> str:
+    return f"{len(run.done)} of {len(run.paths)} trainings done, accuracy so far {run.accuracy:.1%}"

@@ -9,15 +9,14 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 from eskin.app.cli import echo, printable
-from eskin.app.commands.learn.bars import epoch_bar
 from eskin.app.commands.learn.options import Folds, Seeds, Workers, check_device, output_folder, with_experiment
 from eskin.app.commands.signals.recordings import scale_text
 from eskin.app.options import opt, out_folder
 from eskin.base.errors import InputError
-from eskin.base.progress import bar
+from eskin.base.progress import bar, progress_of, watched
 
 if TYPE_CHECKING:
     from eskin.snn.data.scans import ScanData
@@ -34,20 +33,20 @@ FILES = ("checkpoint.pt", "result.json", "weights.npz")
 def train(
     make: Any,
     folds: Folds = 6,
-    fold: Annotated[int, opt("test fold, from 0", min=0)] = 0,
-    test: Annotated[
-        str | None, opt("PATTERN", "test the recordings whose names match a pattern such as '*_1', instead of a fold")
-    ] = None,
-    seed: Annotated[int, opt("seed of weights, order and augmentation", min=0, max=2**32 - 1)] = 0,
-    checkpoint_every: Annotated[int, opt("epochs between checkpoints", min=1)] = 5,
-    threads: Annotated[int, opt("threads of torch", min=1)] = 1,
-    device: Annotated[str, opt("device name of torch")] = "cpu",
-    watch_test: Annotated[
-        bool, opt("--watch-test", "also store the test accuracy of every epoch (not used to select an epoch)")
-    ] = False,
-    out: Annotated[
-        Path | None, out_folder("DIR", "checkpoint and result [out/train; another training: named for the run]")
-    ] = None,
+    fold: int = opt(0, "test fold, from 0", min=0),
+    test: str | None = opt(
+        None, "PATTERN", "test the recordings whose names match a pattern such as '*_1', instead of a fold"
+    ),
+    seed: int = opt(0, "seed of weights, order and augmentation", min=0, max=2**32 - 1),
+    checkpoint_every: int = opt(5, "epochs between checkpoints", min=1),
+    threads: int = opt(1, "threads of torch", min=1),
+    device: str = opt("cpu", "device name of torch"),
+    watch_test: bool = opt(
+        False, "--watch-test", "also store the test accuracy of every epoch (not used to select an epoch)"
+    ),
+    out: Path | None = out_folder(
+        None, "DIR", "checkpoint and result [out/train; another training: named for the run]"
+    ),
 ) -> None:
     """Train a network on all folds except the test fold, and test the network on the test fold.
 
@@ -138,20 +137,39 @@ def _name_of(made: Experiment, fold: Fold, seed: int) -> str:
 
 @contextmanager
 def _epochs(made: Experiment, data: ScanData) -> Iterator[Callable[[Epoch], None]]:
-    """Yield a function that reports an epoch and prints each kind of warning once."""
-    network = made.network_config(data)
-    told: set[str] = set()
-    with epoch_bar(made.train.epochs) as (show, say):
+    """Yield a function that reports an epoch, and prints each kind of warning once on standard error.
 
-        def progress(epoch: Epoch) -> None:
-            show(epoch)
-            for warning in epoch.warnings(network.kind == "spiking", network.classes):
-                kind = warning.split("(")[0][:20]
-                if kind not in told:
-                    told.add(kind)
-                    say(f"epoch {epoch.number}: {warning}")
+    Without a terminal, only every tenth epoch is printed.
+    """
+    network, epochs, told = made.network_config(data), made.train.epochs, set[str]()
 
-        yield progress
+    def warnings(epoch: Epoch) -> Iterator[str]:
+        for warning in epoch.warnings(network.kind == "spiking", network.classes):
+            kind = warning.split("(")[0][:20]
+            if kind not in told:
+                told.add(kind)
+                yield f"warning: epoch {epoch.number}: {warning}"
+
+    def line(epoch: Epoch) -> None:
+        if epoch.number % 10 == 0 or epoch.number == epochs:
+            words = f"loss {epoch.loss:.3f}, training accuracy {epoch.accuracy:.1%}"
+            print(f"epoch {epoch.number}/{epochs}: {words}", flush=True)
+        for warning in warnings(epoch):
+            print(warning, file=sys.stderr)
+
+    if not watched():
+        yield line
+        return
+    words = "loss {task.fields[loss]:.3f}, training accuracy {task.fields[accuracy]:.1%}"
+    with progress_of("epochs", words, time_left=True) as shown:
+        task = shown.add_task("", total=epochs, loss=float("nan"), accuracy=0.0)
+
+        def show(epoch: Epoch) -> None:
+            shown.update(task, completed=epoch.number, loss=epoch.loss, accuracy=epoch.accuracy)
+            for warning in warnings(epoch):
+                shown.console.print(warning, markup=False)
+
+        yield show
 
 
 @with_experiment
@@ -160,9 +178,7 @@ def crossval(
     folds: Folds = 6,
     seeds: Seeds = 3,
     workers: Workers = None,
-    out: Annotated[Path, out_folder("DIR", "folder for a file per fold and seed, and the report")] = Path(
-        "out/crossval"
-    ),
+    out: Path = out_folder(Path("out/crossval"), "DIR", "folder for a file per fold and seed, and the report"),
 ) -> None:
     """Cross-validate a network over all folds and several seeds.
 

@@ -1,64 +1,59 @@
-"""The commands power, fig6, fig7 and sensitivity (docs/guide/power.md)."""
+"""The commands power, explore, fig6, fig7 and sensitivity (docs/guide/power.md)."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
+import sys
 from collections.abc import Iterable
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
-from eskin.app.cli import asked_for, echo
-from eskin.app.commands.options import (
-    DataOutOption,
-    DatasetOption,
-    JsonOption,
-    OutOption,
-    PresetOption,
-    RatesOption,
-    SettingsOption,
-    SynthesisOption,
-)
-from eskin.app.options import opt
+from eskin.app.commands import common
+from eskin.app.options import opt, with_fields
 from eskin.app.tables import new_table, print_report, print_table, show
 from eskin.base.errors import InputError
-from eskin.base.figures.files import DEFAULT_OUT, write_results
+from eskin.base.figures.files import DEFAULT_OUT
 from eskin.base.progress import bar
+from eskin.base.units import with_unit
+from eskin.power import study
 from eskin.power.build import MEASURED, both_modes, build_model, chosen_corrections, rate_table
+from eskin.power.equations import CORRECTIONS, PowerModel, RateSource
+from eskin.power.explore import GivenRates, explore_data
+from eskin.power.figures.plots import plot_explore, plot_fig6, plot_fig7, plot_sensitivity
 from eskin.power.parameters import PowerParameters
-from eskin.power.study import crossover_text
+from eskin.power.rates import load_tables, stored_table
+from eskin.power.readouts import READOUT_NAMES, READOUTS, SPIKING
+from eskin.power.study import RESOLUTIONS, TAUS_S
 
-if TYPE_CHECKING:
-    from eskin.power.equations import PowerModel
+SENSOR = ("rows", "columns", "signal_bandwidth_hz", "supply_v", "pads_voltage_v", "pads_toggle")
+"""Parameters of the power model with an option; ``--set`` changes the other parameters."""
+
+STORED_RATES = (
+    "event rates: those of textures in the {} scan, which come with the project; --event-rate gives your sensor's own"
+)
 
 
 def power(
-    mode: Annotated[str | None, opt("paper|consistent", "published model, or with all corrections [paper]")] = None,
-    resolution: Annotated[int, opt("N", "LSB = 2**-N of full scale, 1..10")] = 6,
-    noise: Annotated[float, opt("V", "AFE output noise, rms, for 1 V full scale")] = 1e-3,
-    tau: Annotated[float, opt("SECONDS", "time constant of N-LCS")] = 0.2,
-    correct: Annotated[str | None, opt("NAME,...", "apply only these corrections")] = None,
-    without: Annotated[str | None, opt("NAME,...", "apply all corrections except these")] = None,
-    crossover: Annotated[
-        bool, opt("--crossover", "AFE noise at which spikes need less power than frames, N = 1..10")
-    ] = False,
-    parameters: Annotated[bool, opt("--parameters", "list all parameters and corrections")] = False,
-    settings: SettingsOption = None,
-    synthesis: SynthesisOption = None,
-    dataset: DatasetOption = None,
-    preset_name: Annotated[
-        str | None, opt("--preset", "paper|physical", "texture scan of the event rates [paper]")
-    ] = None,
-    rates: RatesOption = None,
-    as_json: JsonOption = False,
+    mode: str | None = opt(None, "paper|consistent", "published model, or with all corrections [paper]"),
+    resolution: int = opt(6, "N", "LSB = 2**-N of full scale, 1..10"),
+    noise: float = opt(1e-3, "V", "AFE output noise, rms, for 1 V full scale"),
+    tau: float = opt(0.2, "SECONDS", "time constant of N-LCS"),
+    correct: str | None = opt(None, "NAME,...", "apply only these corrections"),
+    without: str | None = opt(None, "NAME,...", "apply all corrections except these"),
+    crossover: bool = opt(False, "--crossover", "AFE noise at which spikes need less power than frames, N = 1..10"),
+    parameters: bool = opt(False, "--parameters", "list all parameters and corrections"),
+    settings: common.Settings = None,
+    synthesis: common.Synthesis = None,
+    dataset: common.Dataset = None,
+    preset_name: str | None = opt(None, "--preset", "paper|physical", "texture scan of the event rates [paper]"),
+    rates: common.Rates = None,
+    as_json: common.Json = False,
 ) -> None:
     """Print the power of the three readouts: LCS, N-LCS and frames."""
     if parameters:
         _print_parameters(PowerParameters().with_settings(settings or []), as_json)
         return
-    from eskin.power.equations import PowerModel
-    from eskin.power.study import RESOLUTIONS, TAUS_S, breakdowns, crossovers, winning_sides
-
     corrections = chosen_corrections(mode, correct, without)
     given = {"--rates": rates, "--dataset": dataset, "--preset": preset_name}
     if idle := [name for name, value in given.items() if value is not None and not corrections & MEASURED]:
@@ -72,16 +67,16 @@ def power(
         corrections, settings, synthesis, lambda: rate_table(dataset, preset_name or "paper", rates, *wanted, watch=bar)
     )
     if crossover:
-        print_report(crossovers(model), as_json, lambda data: _print_crossovers(data, winning_sides(model), model))
+        print_report(
+            study.crossovers(model), as_json, lambda data: _print_crossovers(data, study.winning_sides(model), model)
+        )
         return
     title = f"N = {resolution}, noise {noise * 1e3:g} mV rms, tau {tau:g} s"
-    found = breakdowns(model, resolution, noise, tau)
+    found = study.breakdowns(model, resolution, noise, tau)
     print_report(found, as_json, lambda data: _print_breakdown(data, model, title))
 
 
 def _mode_text(model: PowerModel) -> str:
-    from eskin.power.equations import CORRECTIONS
-
     if not model.corrections:
         return "paper"
     if model.corrections == frozenset(CORRECTIONS):
@@ -91,9 +86,6 @@ def _mode_text(model: PowerModel) -> str:
 
 def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> None:
     """Print power breakdowns as a table, one column per readout."""
-    from eskin.base.units import with_unit
-    from eskin.power.readouts import READOUT_NAMES, READOUTS
-
     table = new_table(("power", *(READOUT_NAMES[readout] for readout in READOUTS)), f"{title}, {_mode_text(model)}")
 
     def add(name: str, values: Iterable[float | None], style: str = "") -> None:
@@ -113,8 +105,6 @@ def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> Non
 
 def _print_crossovers(data: dict[str, Any], sides: dict[str, Any], model: PowerModel) -> None:
     """Print crossovers as a table, one row per resolution."""
-    from eskin.power.study import RESOLUTIONS
-
     lines = [(f"N-LCS {float(tau):g} s", data["nlcs"][tau], sides["nlcs"][tau]) for tau in data["nlcs"]]
     lines.append(("LCS", data["lcs"], sides["lcs"]))
     title = f"AFE noise (mV rms) where spikes and frames need equal power, {_mode_text(model)}"
@@ -135,8 +125,6 @@ def _side_text(noise_v_rms: float | None, side: str) -> str:
 
 def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
     """Print every parameter with unit, meaning and source, and the corrections."""
-    from eskin.power.equations import CORRECTIONS
-
     shown = ("unit", "source", "meaning")
     fields = dataclasses.fields(parameters)
     if as_json:
@@ -152,68 +140,53 @@ def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
 
 
 def fig6(
-    out: OutOption = DEFAULT_OUT,
-    data_out: DataOutOption = None,
-    settings: SettingsOption = None,
-    synthesis: SynthesisOption = None,
-    dataset: DatasetOption = None,
-    preset_name: PresetOption = "paper",
-    rates: RatesOption = None,
+    out: common.Out = DEFAULT_OUT,
+    data_out: common.DataOut = None,
+    settings: common.Settings = None,
+    synthesis: common.Synthesis = None,
+    dataset: common.Dataset = None,
+    preset_name: common.Preset = "paper",
+    rates: common.Rates = None,
 ) -> None:
     """Plot figure 6 in both modes: power at three noise targets."""
-    from eskin.power.figures.plots import plot_fig6
-    from eskin.power.study import FIG_RESOLUTION, FIG_TAU_S, fig6_data
-
-    source = partial(rate_table, dataset, preset_name, rates, [FIG_RESOLUTION], [FIG_TAU_S], watch=bar)
-    data = fig6_data(both_modes(settings, synthesis, source))
-    echo(write_results(out, "fig6", data, plot_fig6, data_out, command=asked_for()))
+    source = partial(rate_table, dataset, preset_name, rates, [study.FIG_RESOLUTION], [study.FIG_TAU_S], watch=bar)
+    data = study.fig6_data(both_modes(settings, synthesis, source))
+    common.store(out, "fig6", data, plot_fig6, data_out)
 
 
 def fig7(
-    out: OutOption = DEFAULT_OUT,
-    data_out: DataOutOption = None,
-    settings: SettingsOption = None,
-    synthesis: SynthesisOption = None,
-    dataset: DatasetOption = None,
-    preset_name: PresetOption = "paper",
-    rates: RatesOption = None,
+    out: common.Out = DEFAULT_OUT,
+    data_out: common.DataOut = None,
+    settings: common.Settings = None,
+    synthesis: common.Synthesis = None,
+    dataset: common.Dataset = None,
+    preset_name: common.Preset = "paper",
+    rates: common.Rates = None,
 ) -> None:
     """Plot figure 7 in both modes: crossover noise by resolution."""
-    from eskin.power.figures.plots import plot_fig7
-    from eskin.power.study import RESOLUTIONS, TAUS_S, fig7_data
-
     source = partial(rate_table, dataset, preset_name, rates, list(RESOLUTIONS), list(TAUS_S), watch=bar)
-    data = fig7_data(both_modes(settings, synthesis, source))
-    echo(write_results(out, "fig7", data, plot_fig7, data_out, command=asked_for()))
+    data = study.fig7_data(both_modes(settings, synthesis, source))
+    common.store(out, "fig7", data, plot_fig7, data_out)
 
 
 def sensitivity(
-    out: OutOption = DEFAULT_OUT,
-    data_out: DataOutOption = None,
-    settings: SettingsOption = None,
-    synthesis: SynthesisOption = None,
-    as_json: JsonOption = False,
+    out: common.Out = DEFAULT_OUT,
+    data_out: common.DataOut = None,
+    settings: common.Settings = None,
+    synthesis: common.Synthesis = None,
+    as_json: common.Json = False,
 ) -> None:
     """Compute the effect of each correction on the ratio of spiking to frame power."""
-    from eskin.power.equations import CORRECTIONS
-    from eskin.power.figures.plots import plot_sensitivity
-    from eskin.power.rates import load_tables, stored_table
-    from eskin.power.study import sensitivity_data, sensitivity_models
-
     model = build_model(frozenset(CORRECTIONS), settings, synthesis, stored_table)
     used = (model.measured.dataset, model.measured.preset)  # type: ignore[union-attr]
     others = {f"{t.dataset} {t.preset} scan": t for t in load_tables() if (t.dataset, t.preset) != used}
-    data = sensitivity_data(sensitivity_models(model, others))
-    written = write_results(out, "sensitivity", data, plot_sensitivity, data_out, command=asked_for())
-    if not as_json:
-        echo(written)
+    data = study.sensitivity_data(study.sensitivity_models(model, others))
+    common.store(out, "sensitivity", data, plot_sensitivity, data_out, quiet=as_json)
     print_report(data, as_json, _print_sensitivity)
 
 
 def _print_sensitivity(data: dict[str, Any]) -> None:
     """Print the sensitivity study as a table."""
-    from eskin.power.readouts import READOUT_NAMES, SPIKING
-
     title = (
         f"spiking / frame power, N = {data['resolution']}, tau {data['tau_s']:g} s, at AFE noise in mV rms; "
         f"below 1 spikes need less power"
@@ -233,6 +206,75 @@ def _print_sensitivity(data: dict[str, Any]) -> None:
         cells = []
         for readout in SPIKING:
             cells += [f"{ratio:.3g}" for ratio in row["ratio"][readout]]
-            cells.append(crossover_text(row["crossover"][readout]))
+            cells.append(study.crossover_text(row["crossover"][readout]))
         table.add_row(row["case"], *cells)
     show(table, least_width=132)
+
+
+@with_fields(PowerParameters, SENSOR, "sensor", {"signal_bandwidth_hz": "that of the textures"})
+def explore(
+    sensor: dict[str, Any],
+    noise: float = opt(1e-3, "V", "AFE output noise, rms, for 1 V full scale"),
+    tau: float = opt(0.2, "SECONDS", "time constant of N-LCS"),
+    event_rate: float | None = opt(None, "HZ", "events/s of the whole array, instead of textures"),
+    nlcs_event_rate: float | None = opt(None, "HZ", "events/s of N-LCS [value of --event-rate]"),
+    rate_resolution: int = opt(6, "N", "resolution of these rates"),
+    min_resolution: int | None = opt(None, "N", "resolution needed [the finest that the noise allows]"),
+    dataset: common.Dataset = None,
+    preset_name: common.Preset = "physical",
+    rates: common.Rates = None,
+    synthesis: common.Synthesis = None,
+    settings: common.Settings = None,
+    out: common.Out = DEFAULT_OUT,
+    as_json: common.Json = False,
+) -> None:
+    """Find the readout and resolution with the least power for your sensor."""
+    own = list(settings or [])
+    if (bandwidth := sensor.get("signal_bandwidth_hz")) is not None:  # given by the user, not measured on textures
+        own.insert(0, f"signal_bandwidth_hz={bandwidth!r}")
+    parameters = PowerParameters().replace(**sensor)
+    PowerModel().breakdown("frame", rate_resolution, noise, tau)  # refuses bad numbers before anything is measured
+
+    array = (parameters.rows, parameters.columns)
+
+    def source() -> RateSource:
+        if event_rate is None and nlcs_event_rate is None:
+            return rate_table(dataset, preset_name, rates, list(RESOLUTIONS), [tau], array, watch=bar)
+        if dataset is not None or rates is not None:
+            raise InputError("--event-rate replaces --dataset and --rates; give one of them")
+        if event_rate is None:
+            raise InputError("--nlcs-event-rate needs --event-rate, the rate of LCS; give both")
+        return GivenRates(event_rate, event_rate if nlcs_event_rate is None else nlcs_event_rate, rate_resolution)
+
+    model = build_model(frozenset(CORRECTIONS), own, synthesis, source, parameters)
+    data = explore_data(model, noise, tau, min_resolution)
+    if event_rate is dataset is rates is None:
+        print(STORED_RATES.format(preset_name), file=sys.stderr if as_json else sys.stdout)
+    common.store(out, "explore", data, plot_explore, quiet=as_json)
+    print_report(data, as_json, _print_explored)
+
+
+def _print_explored(data: dict[str, Any]) -> None:
+    """Print the power of all readouts as a table, with the cheapest readout marked at every resolution."""
+    from rich.text import Text
+
+    sensor = data["sensor"]
+    title = (
+        f"{sensor['rows']} x {sensor['columns']} taxels, {sensor['bandwidth_hz']:g} Hz, "
+        f"noise {sensor['noise_v_rms'] * 1e3:g} mV rms, pads {sensor['pads_voltage_v']:g} V"
+    )
+    names = [READOUT_NAMES[readout] for readout in READOUTS]
+    table = new_table(("N", *names, "cheapest", ""), title, left=(len(names) + 1, len(names) + 2))
+    for row in data["table"]:
+        cells = []
+        for readout in READOUTS:
+            best = readout == row["cheapest"]
+            cells.append(Text(with_unit(row[readout]["total"], "W"), style="bold" if best else ""))
+        remark = "below the noise" if row["resolution"] > data["noise_resolution"] else ""
+        table.add_row(str(row["resolution"]), *cells, READOUT_NAMES[row["cheapest"]], remark)
+    show(table)
+    best = data["cheapest"]
+    print(
+        f"cheapest with at least {data['least_resolution']} bit: {READOUT_NAMES[best['readout']]} at "
+        f"{best['resolution']} bit, {with_unit(best['total'], 'W')}"
+    )

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
 
 from eskin.app.cli import echo
 from eskin.app.options import arg, opt, option_name, out_file, with_config
 from eskin.base.errors import InputError
+from eskin.base.figures.style import check_picture_path
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
+from eskin.skin.figures.raster import plot_signals
 
 KINDS = (".npz", ".aedat4", ".nir", ".npy", ".csv")
 
@@ -19,33 +20,27 @@ KINDS = (".npz", ".aedat4", ".nir", ".npy", ".csv")
 def convert(
     config: ReadoutConfig,
     given: frozenset[str],
-    source: Annotated[
-        Path, arg("EVENTS", "event file .npz, AEDAT 4, NIRData, table or array of events, or a folder of such")
-    ],
-    out: Annotated[
-        Path,
-        out_file(
-            "FILE",
-            "event file .npz, .aedat4, .nir, .npy, .csv; folder: a folder",
-            when=lambda given: given["source"].is_dir(),
-        ),
-    ],
-    address_map: Annotated[Path | None, opt("--map", "FILE", "foreign events: taxel of each address, a .csv")] = None,
-    fields: Annotated[
-        str | None, opt("A,B,...", "table: names of its columns: t, x, y, p, address, or - to skip")
-    ] = None,
-    time_unit: Annotated[str | None, opt("--time-unit", "s|ms|us|ns|clocks", "table: unit of its times")] = None,
-    start: Annotated[
-        float | None, opt("TIME", "foreign events: time that becomes clock 0 [0; folder: the first event]")
-    ] = None,
-    wrap: Annotated[int | None, opt("BITS", "foreign events: bits of a time counter that wraps")] = None,
-    sort: Annotated[bool, opt("--sort", "foreign events: sort them by time")] = False,
-    drop_unmapped: Annotated[bool, opt("--drop-unmapped", "foreign events: drop addresses that --map lacks")] = False,
-    plot: Annotated[Path | None, out_file("--plot", "FILE", "file for a raster plot of the events")] = None,
-    bin_s: Annotated[
-        float | None, opt("--bin", "SECONDS", "for .nir output: write event counts per time bin, not single events")
-    ] = None,
-    unit: Annotated[str | None, opt("us|clocks", "to .npy or .csv: unit of the times [us]")] = None,
+    source: Path = arg(
+        ..., "EVENTS", "event file .npz, AEDAT 4, NIRData, table or array of events, or a folder of such"
+    ),
+    out: Path = out_file(
+        ...,
+        "FILE",
+        "event file .npz, .aedat4, .nir, .npy, .csv; folder: a folder",
+        when=lambda given: given["source"].is_dir(),
+    ),
+    address_map: Path | None = opt(None, "--map", "FILE", "foreign events: taxel of each address, a .csv"),
+    fields: str | None = opt(None, "A,B,...", "table: names of its columns: t, x, y, p, address, or - to skip"),
+    time_unit: str | None = opt(None, "--time-unit", "s|ms|us|ns|clocks", "table: unit of its times"),
+    start: float | None = opt(None, "TIME", "foreign events: time that becomes clock 0 [0; folder: the first event]"),
+    wrap: int | None = opt(None, "BITS", "foreign events: bits of a time counter that wraps"),
+    sort: bool = opt(False, "--sort", "foreign events: sort them by time"),
+    drop_unmapped: bool = opt(False, "--drop-unmapped", "foreign events: drop addresses that --map lacks"),
+    plot: Path | None = out_file(None, "--plot", "FILE", "file for a raster plot of the events"),
+    bin_s: float | None = opt(
+        None, "--bin", "SECONDS", "for .nir output: write event counts per time bin, not single events"
+    ),
+    unit: str | None = opt(None, "us|clocks", "to .npy or .csv: unit of the times [us]"),
 ) -> None:
     """Convert events from and to formats of other programs: AEDAT 4, NIRData, tables and arrays.
 
@@ -58,8 +53,6 @@ def convert(
     elif plot or bin_s or unit:
         raise InputError("--plot, --bin and --unit are for a single file; leave them out for a folder")
     if plot is not None:
-        from eskin.base.figures.style import check_picture_path
-
         check_picture_path(plot)
     foreign = {"--map": address_map, "--fields": fields, "--time-unit": time_unit, "--start": start, "--wrap": wrap}
     foreign |= {"--sort": sort or None, "--drop-unmapped": drop_unmapped or None}
@@ -84,8 +77,6 @@ def convert(
     if note:
         print(note)
     if plot is not None:
-        from eskin.skin.figures.raster import plot_signals
-
         end = recording.duration_clocks
         plot_signals(recording.events, None, recording.config, plot, source.name, duration_clocks=end)
         echo(f"raster: {plot}")

@@ -1,16 +1,17 @@
-"""The commands encode and decode (docs/guide/files.md)."""
+"""The commands encode, decode and compare (docs/guide/files.md)."""
 
 from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
+import typer
 from numpy.typing import NDArray
 
 from eskin.app.cli import echo
-from eskin.app.commands.options import Scheduler, Workers, open_pool
+from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import (
     DEFAULTS,
     PREPARATION,
@@ -22,17 +23,23 @@ from eskin.app.commands.signals.recordings import (
     warn,
 )
 from eskin.app.options import RECORDINGS, arg, opt, out_file, with_config, with_fields
+from eskin.app.tables import new_table, show
 from eskin.base.errors import InputError
+from eskin.base.figures.style import check_picture_path
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig
-from eskin.model.events.compare import count_per_taxel
+from eskin.model.events.compare import count_per_taxel, covering_config, first_difference
 from eskin.model.events.recording import Recording, check_event_path
 from eskin.skin.encode import IMAGE_SUFFIXES, Encoded, Model, encode_image, encode_samples, preparation_of
+from eskin.skin.figures.raster import plot_comparison, plot_signals
 from eskin.skin.recordings.options import Preparation
+from eskin.skin.recordings.quality import decode_recording, names_and_start
 from eskin.skin.samples import ARRAY_SUFFIXES, check_samples_path, write_samples
 
 if TYPE_CHECKING:
     from eskin.base.workers.pool import WorkerPool
+
+_MOST_LINES = 32  # differing taxels that compare lists
 
 
 @with_config
@@ -41,24 +48,20 @@ def encode(
     config: ReadoutConfig,
     given: frozenset[str],
     prepared: dict[str, Any],
-    source: Annotated[Path, arg("INPUT", "image, samples as .npy, .npz, .csv, or folder of class folders")],
-    out: Annotated[
-        Path,
-        out_file(
-            "OUT",
-            "event file to write (.npz); for an input folder, a folder",
-            when=lambda given: given["source"].is_dir(),
-        ),
-    ],
-    preset: Annotated[str | None, opt("physical|paper", "scan of an image [physical]")] = None,
-    start_row: Annotated[float | None, opt("PIXELS", "image row of the array's top edge [0]")] = None,
-    model: Annotated[
-        str, opt("|".join(get_args(Model)), "cycle: with arbiter and link; functional: without")
-    ] = "cycle",
-    name: Annotated[str | None, opt("TEXT", "name stored in the file [name of the input]")] = None,
-    label: Annotated[str | None, opt("--class", "--label", "TEXT", "class stored in the file")] = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
+    source: Path = arg(..., "INPUT", "image, samples as .npy, .npz, .csv, or folder of class folders"),
+    out: Path = out_file(
+        ...,
+        "OUT",
+        "event file to write (.npz); for an input folder, a folder",
+        when=lambda given: given["source"].is_dir(),
+    ),
+    preset: str | None = opt(None, "physical|paper", "scan of an image [physical]"),
+    start_row: float | None = opt(None, "PIXELS", "image row of the array's top edge [0]"),
+    model: str = opt("cycle", "|".join(get_args(Model)), "cycle: with arbiter and link; functional: without"),
+    name: str | None = opt(None, "TEXT", "name stored in the file [name of the input]"),
+    label: str | None = opt(None, "--class", "--label", "TEXT", "class stored in the file"),
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
 ) -> None:
     """Encode an image, a file of samples, or a folder of sample files into address events."""
     if model not in get_args(Model):
@@ -68,7 +71,7 @@ def encode(
         own["--model functional"] = None if model == "cycle" else model
         if unused := [option for option, value in own.items() if value is not None]:
             raise InputError(f"{unused[0]} is for a single input; a folder gives each recording its name and class")
-        with open_pool(workers, scheduler, threads=True) as pool:
+        with common.open_pool(workers, scheduler, threads=True) as pool:
             _encode_folder(source, out, preparation_of(source, config, prepared), config, given, pool)
         return
     if workers is not None or scheduler is not None:
@@ -146,18 +149,13 @@ def _at(counts: NDArray[np.int64], index: int) -> str:
 
 
 def decode(
-    source: Annotated[Path, arg("EVENTS", "event file")],
-    out: Annotated[Path, out_file("FILE", "signals: .npz, .npy or .csv")],
-    plot: Annotated[Path | None, out_file("--plot", "FILE", "file for a plot of signals and events")] = None,
+    source: Path = arg(..., "EVENTS", "event file"),
+    out: Path = out_file(..., "FILE", "signals: .npz, .npy or .csv"),
+    plot: Path | None = out_file(None, "--plot", "FILE", "file for a plot of signals and events"),
 ) -> None:
     """Reconstruct the signals of all taxels from an event file."""
-    from eskin.skin.recordings.quality import decode_recording, names_and_start
-
     check_samples_path(out)
     if plot is not None:
-        from eskin.base.figures.style import check_picture_path
-        from eskin.skin.figures.raster import plot_signals
-
         check_picture_path(plot)
     recording = Recording.load(source)
     config = recording.config
@@ -170,3 +168,58 @@ def decode(
     low, high = (float(signals.min()), float(signals.max())) if signals.size else (0.0, 0.0)
     echo(f"{out}: {signals.shape[0]} ticks of {signals.shape[1]} taxels at {config.sample_rate_hz:g} Hz")
     print(f"from {len(recording.events)} events, {low:+.4f}..{high:+.4f} of full scale")
+
+
+def compare(
+    a: Path = arg(..., "A", "event file"),
+    b: Path = arg(..., "B", "event file"),
+    plot: Path | None = out_file(None, "--plot", "FILE", "file for a raster plot of both recordings"),
+) -> None:
+    """Compare two event files; exit code 0 if all events are equal, 1 if not."""
+    if plot is not None:
+        check_picture_path(plot)
+    first, second = Recording.load(a), Recording.load(b)
+    labels = (a.name, b.name) if a.name != b.name else (str(a), str(b))
+    for line in _settings_that_differ(first, second, labels):
+        print(line)
+    difference = first_difference(first.events, second.events)
+    if plot is not None:
+        duration = max(first.duration_clocks, second.duration_clocks)
+        config = covering_config(first.config, second.config)
+        plot_comparison((first.events, second.events), config, plot, labels, duration_clocks=duration)
+    if difference is None:
+        print(f"equal: {len(first.events)} events")
+        return
+    print(difference.describe(labels))
+    _print_counts(first, second, labels)
+    raise typer.Exit(1)
+
+
+def _settings_that_differ(first: Recording, second: Recording, labels: tuple[str, str]) -> list[str]:
+    fields = [
+        recording.config.to_dict() | {"duration_clocks": recording.duration_clocks} for recording in (first, second)
+    ]
+    return [
+        f"{name} differs: {labels[0]} {value}; {labels[1]} {fields[1][name]}"
+        for name, value in fields[0].items()
+        if value != fields[1][name]
+    ]
+
+
+def _print_counts(first: Recording, second: Recording, labels: tuple[str, str]) -> None:
+    """Print the event counts of taxels with different counts in both files."""
+    config = covering_config(first.config, second.config)
+    counts = [count_per_taxel(recording.events, config) for recording in (first, second)]
+    print(f"\n{labels[0]} has {len(first.events)} events, {labels[1]} {len(second.events)}")
+    differing = np.argwhere(counts[0] != counts[1])
+    if not len(differing):
+        print("every taxel has equally many events in both files")
+        return
+    print(f"the number of events differs in {len(differing)} of {config.taxels} taxels")
+    table = new_table(("row", "column", *labels, "difference"), left=(), overflow="fold")
+    for row, column in differing[:_MOST_LINES]:
+        n, m = (int(c[row, column]) for c in counts)
+        table.add_row(str(row), str(column), str(n), str(m), f"{m - n:+d}")
+    if len(differing) > _MOST_LINES:
+        table.caption = f"and {len(differing) - _MOST_LINES} more"
+    show(table)

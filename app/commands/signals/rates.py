@@ -1,22 +1,17 @@
-"""The commands rates, frames and event-rates: events and data rates of texture scans (docs/guide/power.md)."""
+"""The commands rates, frames, event-rates and study: events and data rates of textures and recordings."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from eskin.app.commands.options import (
-    JsonOption,
-    LimitOption,
-    ScanOption,
-    Scheduler,
-    TauOption,
-    TexturesOption,
-    Workers,
-    open_pool,
-)
+from eskin.app.commands import common
+from eskin.app.commands.signals.recordings import named_place
 from eskin.app.options import check_leaks, opt, out_file, with_config, with_fields
 from eskin.app.tables import CELLS, filled, print_report, print_table, show_facts
+from eskin.base.errors import InputError
+from eskin.base.figures.files import DEFAULT_OUT
+from eskin.base.files import atomic_write
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
@@ -32,14 +27,14 @@ from eskin.skin.textures.traffic import compare_traffic
 def rates(
     config: ReadoutConfig,
     given: frozenset[str],
-    preset_name: ScanOption = "paper",
-    tau: TauOption = None,
-    dataset: TexturesOption = None,
-    limit: LimitOption = None,
-    start_row: Annotated[list[float] | None, opt("PIXELS", "physical: start row, repeatable [0]")] = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
-    as_json: JsonOption = False,
+    preset_name: common.Scan = "paper",
+    tau: common.Tau = None,
+    dataset: common.Textures = None,
+    limit: common.Limit = None,
+    start_row: list[float] | None = opt(None, "PIXELS", "physical: start row, repeatable [0]"),
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
+    as_json: common.Json = False,
 ) -> None:
     """Measure the mean event rate of the whole array over a dataset."""
     scan = preset(preset_name)
@@ -49,7 +44,10 @@ def rates(
         tau = PAPER_TAU_S
     config = scan.configure(config, tau)
     textures = _textures(dataset, limit)
-    with open_pool(workers, scheduler, threads=True) as pool, bar("scanning textures", len(textures)) as progress:
+    with (
+        common.open_pool(workers, scheduler, threads=True) as pool,
+        bar("scanning textures", len(textures)) as progress,
+    ):
         result = measure_rates(textures, scan, config, start_row or [0.0], pool, progress)
     fields = ("encoding", "resolution", "rows", "columns", "sample_bits", "sample_rate_hz")
     report = {"preset": scan.name, **{name: getattr(config, name) for name in fields}, "dataset": textures.name}
@@ -89,14 +87,14 @@ def frames(
     given: frozenset[str],
     own: dict[str, Any],
     stored: dict[str, Any],
-    frame_rate: Annotated[float | None, opt("HZ", f"frames per second [{ReadoutConfig().sample_rate_hz:g}]")] = None,
-    tau: TauOption = None,
-    dataset: TexturesOption = None,
-    preset_name: ScanOption = "paper",
-    limit: LimitOption = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
-    as_json: JsonOption = False,
+    frame_rate: float | None = opt(None, "HZ", f"frames per second [{ReadoutConfig().sample_rate_hz:g}]"),
+    tau: common.Tau = None,
+    dataset: common.Textures = None,
+    preset_name: common.Scan = "paper",
+    limit: common.Limit = None,
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
+    as_json: common.Json = False,
 ) -> None:
     """Compare data rate and activity of events and frames on the same scans."""
     scan = preset(preset_name)
@@ -106,7 +104,7 @@ def frames(
         tau = PAPER_TAU_S
     textures = _textures(dataset, limit)
     scans = len(registry.NAMES) * len(textures)
-    with open_pool(workers, scheduler, threads=True) as pool, bar("scanning textures", scans) as progress:
+    with common.open_pool(workers, scheduler, threads=True) as pool, bar("scanning textures", scans) as progress:
         report = compare_traffic(textures, scan, config, frame, tau, pool, progress)
     print_report(report, as_json, _print_traffic)
 
@@ -135,22 +133,20 @@ def _print_traffic(report: dict[str, Any]) -> None:
 @with_config(fields=("rows", "columns"), file=False)
 def event_rates(
     config: ReadoutConfig,
-    out: Annotated[Path, out_file("FILE", "JSON file to write")],
-    dataset: Annotated[
-        list[str] | None, opt("DIR|embedded", "textures, repeatable [$ESKIN_DATA, data/kylberg, else embedded]")
-    ] = None,
-    preset_name: Annotated[str, opt("--preset", "paper|physical|both", "constants of the texture scan")] = "both",
-    limit: LimitOption = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
+    out: Path = out_file(..., "FILE", "JSON file to write"),
+    dataset: list[str] | None = opt(
+        None, "DIR|embedded", "textures, repeatable [$ESKIN_DATA, data/kylberg, else embedded]"
+    ),
+    preset_name: str = opt("both", "--preset", "paper|physical|both", "constants of the texture scan"),
+    limit: common.Limit = None,
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
 ) -> None:
     """Measure the event rate of every taxel at N = 1..10, for the power model."""
-    from eskin.base.files import atomic_write
-
     scans = [preset(name) for name in (("paper", "physical") if preset_name == "both" else (preset_name,))]
     tables = []
     places: list[str | None] = list(dataset or []) or [None]
-    with open_pool(workers, scheduler, threads=True) as pool:
+    with common.open_pool(workers, scheduler, threads=True) as pool:
         for place in places:
             textures = _textures(place, limit)
             for scan in scans:
@@ -166,3 +162,37 @@ def event_rates(
         command += f" --dataset {name if name == EMBEDDED else f'data/{name}'}"
     with atomic_write(out) as file:
         file.write(tables_text(tables, command).encode())
+
+
+def study(
+    data: Path | None = opt(
+        None, "DIR|finger", "class folders of your own recordings [generated slow signals]", callback=named_place
+    ),
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
+    out: common.Out = DEFAULT_OUT,
+    as_json: common.Json = False,
+) -> None:
+    """Compare SNR and data rate of every encoder with uniform sampling at no higher rate, on slow signals."""
+    from eskin.skin.figures.study import plot_study
+    from eskin.skin.recordings.study import RESOLUTIONS, study_data
+
+    if data is not None and not data.exists():
+        raise InputError(f"{data} does not exist; give a folder of class folders, or leave --data out")
+    points = len(registry.NAMES) * len(RESOLUTIONS)
+    with common.open_pool(workers, scheduler, threads=True) as pool, bar("encoding", points) as progress:
+        found = study_data(data, pool, progress)
+    common.store(out, "study", found, plot_study, quiet=as_json)
+    print_report(found, as_json, _print_study)
+
+
+def _print_study(found: dict[str, Any]) -> None:
+    """Print the study of slow signals as a table."""
+    print_table(
+        "encoder | N | events/s | kbit/s | SNR dB | uniform dB | its bits | its rate/s | clock kHz",
+        [point | {"title": registry.named(point["encoding"]).title} for point in found["points"]],
+        "{title} | {resolution} | {events_per_s:,.0f} | {data_rate_bps:1e-3*.3g} | {snr_db:.1f}"
+        " | {?uniform[snr_db]:.1f} | {?uniform[bits]} | {?uniform[frame_rate_hz]:.3g} | {clock_hz:1e-3*.3g}",
+        filled("{source}: {recordings} recordings, {rows} x {columns} taxels, {rate_hz:g} samples/s", found),
+        least_width=92,
+    )

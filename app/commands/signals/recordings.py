@@ -36,6 +36,7 @@ def named_place(given: Path | None) -> Path | None:
 OwnData = Annotated[
     Path | None,
     opt(
+        ...,
         "--data",
         "DIR|finger",
         "class folders of your own recordings, instead of textures; or finger, the project's own",

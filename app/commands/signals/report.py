@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 from eskin.app.cli import echo
-from eskin.app.commands.options import SynthesisOption
+from eskin.app.commands import common
 from eskin.app.options import opt, out_file
 from eskin.base.errors import InputError
 
@@ -16,19 +15,17 @@ def _is_page(path: Path) -> bool:
 
 
 def report(
-    out: Annotated[
-        Path,
-        out_file(
-            "FILE",
-            "page to write, .html, or the folder of runs and page",
-            when=lambda given: given["out"].is_dir() and not _is_page(given["out"]),
-        ),
-    ] = Path("out/report.html"),
-    sim: Annotated[Path | None, opt("DIR", "runs of make sim: event files of RTL and model [out/sim]")] = None,
-    replay: Annotated[Path | None, opt("DIR", "results of make replay [out/replay]")] = None,
-    benchmarks: Annotated[Path | None, opt("DIR", "benchmark results [benchmarks/results]")] = None,
-    accuracy: Annotated[Path | None, opt("FILE", "accuracy and data rates of Fig. 9 [app/report/fig9.json]")] = None,
-    synthesis: SynthesisOption = None,
+    out: Path = out_file(
+        Path("out/report.html"),
+        "FILE",
+        "page to write, .html, or the folder of runs and page",
+        when=lambda given: given["out"].is_dir() and not _is_page(given["out"]),
+    ),
+    sim: Path | None = opt(None, "DIR", "runs of make sim: event files of RTL and model [out/sim]"),
+    replay: Path | None = opt(None, "DIR", "results of make replay [out/replay]"),
+    benchmarks: Path | None = opt(None, "DIR", "benchmark results [benchmarks/results]"),
+    accuracy: Path | None = opt(None, "FILE", "accuracy and data rates of Fig. 9 [app/report/fig9.json]"),
+    synthesis: common.Synthesis = None,
 ) -> None:
     """Write all figures of the project into one self-contained HTML file."""
     from eskin.app.report.data import report_data

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from eskin.app.commands.outcome import bit_exact, check_name, conclude, failing_on, make_line
+from eskin.app.commands import common
 from eskin.app.commands.silicon.verilog import READOUTS, spiking_or_frame
 from eskin.app.options import opt, out_file, out_folder, with_config, with_fields
+from eskin.app.tables import print_table
 from eskin.base.errors import InputError
+from eskin.base.files import origin
 from eskin.flow.wire import FARAD_PER_UM, OHM_PER_UM, PITCH_UM, Wire, check_pitch
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import OWN_FIELDS, FrameConfig
@@ -21,15 +21,15 @@ SIZES = "4x4,8x8,12x16,16x16,32x32,64x64"
 @with_config
 def gatesim(
     config: ReadoutConfig,
-    lib: Annotated[Path, opt("cell library (.lib) of the netlist")],
-    simulator: Annotated[str, opt("--sim", "icarus or verilator")] = "icarus",
-    waves: Annotated[bool, opt("write a waveform")] = False,
-    seed: Annotated[int, opt("seed of the scenarios")] = 0,
-    textures: Annotated[int, opt("scans, from alternating classes")] = 1,
-    only: Annotated[str | None, opt("one texture, by name, without scenarios")] = None,
-    ticks: Annotated[int | None, opt("largest number of sample ticks per scan [all]")] = None,
-    dataset: Annotated[str | None, opt("texture folder, or 'embedded'")] = None,
-    out: Annotated[Path, out_folder("folder for netlist, pictures, events")] = Path("out/gates"),
+    lib: Path = opt(..., "cell library (.lib) of the netlist"),
+    simulator: str = opt("icarus", "--sim", "icarus or verilator"),
+    waves: bool = opt(False, "write a waveform"),
+    seed: int = opt(0, "seed of the scenarios"),
+    textures: int = opt(1, "scans, from alternating classes"),
+    only: str | None = opt(None, "one texture, by name, without scenarios"),
+    ticks: int | None = opt(None, "largest number of sample ticks per scan [all]"),
+    dataset: str | None = opt(None, "texture folder, or 'embedded'"),
+    out: Path = out_folder(Path("out/gates"), "folder for netlist, pictures, events"),
 ) -> None:
     """Compare a clock-gated netlist with the model; exit code 1 on a difference or an X after reset."""
     from eskin.cocotb_tests.runner import sim as session
@@ -42,12 +42,11 @@ def gatesim(
     unknown = gates.unknown
     if not unknown.clean:
         left = [*unknown.in_reset, *unknown.after, *unknown.outputs]
-        print(f"UNKNOWN after a reset with unknown inputs: {len(left)} of {unknown.flops} flops, {left[:3]}")
-        raise typer.Exit(1)
+        common.fail(f"UNKNOWN after a reset with unknown inputs: {len(left)} of {unknown.flops} flops, {left[:3]}")
     print(f"known after a reset with unknown inputs: all {unknown.flops} flops")
-    with failing_on(MismatchFound, line=f"MISMATCH; log: {plan.running(config)}"):
+    with common.failing_on(MismatchFound, line=f"MISMATCH; log: {plan.running(config)}"):
         tally = play(plan, gates, config, f"--lib {lib}", lambda stage: print(f"{config.encoding}: {stage}"))
-    print(bit_exact(tally))
+    print(common.bit_exact(tally))
 
 
 @with_config
@@ -57,16 +56,14 @@ def asic(
     given: frozenset[str],
     own: dict[str, Any],
     stored: dict[str, Any],
-    lib: Annotated[Path, opt("cell library (.lib) at the typical corner")],
-    slow: Annotated[Path | None, opt("the same cells at the slow corner")] = None,
-    fast: Annotated[Path | None, opt("the same cells at the fast corner")] = None,
-    readout: Annotated[str, opt("|".join(READOUTS), "which readout")] = "spiking",
-    name: Annotated[str, opt("name of the run and its folder [from the configuration]")] = "",
-    power: Annotated[bool, opt("also measure idle power and energies, by simulation")] = True,
-    from_verilog: Annotated[
-        bool, opt("--from-verilog", "map the Verilog of verilog --clock-gates instead of the RTL")
-    ] = False,
-    out: Annotated[Path, out_folder("parent folder of the run")] = Path("out/asic"),
+    lib: Path = opt(..., "cell library (.lib) at the typical corner"),
+    slow: Path | None = opt(None, "the same cells at the slow corner"),
+    fast: Path | None = opt(None, "the same cells at the fast corner"),
+    readout: str = opt("spiking", "|".join(READOUTS), "which readout"),
+    name: str = opt("", "name of the run and its folder [from the configuration]"),
+    power: bool = opt(True, "also measure idle power and energies, by simulation"),
+    from_verilog: bool = opt(False, "--from-verilog", "map the Verilog of verilog --clock-gates instead of the RTL"),
+    out: Path = out_folder(Path("out/asic"), "parent folder of the run"),
 ) -> None:
     """Synthesise a clock-gated netlist, verify it, and measure area, timing and power; exit code 1 if a check fails.
 
@@ -78,7 +75,7 @@ def asic(
     chosen = spiking_or_frame(readout, config, given, stored | own)
     if from_verilog and readout == "frame":
         raise InputError("--from-verilog is for the spiking readout: frames have no clock gates in their Verilog")
-    check_name(name)
+    common.check_name(name)
     corners = {"typical": lib} | {corner: at for corner, at in (("slow", slow), ("fast", fast)) if at}
     found = report.run(chosen, corners, name, lambda stage: print(stage, flush=True), power, from_verilog)
     print(found.write(out, report.command_of(chosen, corners, power, from_verilog)))
@@ -88,23 +85,22 @@ def asic(
         print(f"note: {found.structure.warning}")
     if apart := found.more.get("with_wires", {}).get(APART):
         print(f"power with wires was not measured: {apart}")
-    conclude(found.problems, found.closing_line())
+    common.conclude(found.problems, found.closing_line())
 
 
 @with_config(fields=("encoding", "resolution", "frontend", "sample_bits"), file=False)
 def asic_scale(
     config: ReadoutConfig,
-    lib: Annotated[Path, opt("cell library (.lib)")],
-    sizes: Annotated[str, opt("RxC,...", "rows and columns of the arrays")] = SIZES,
-    tiles: Annotated[str, opt("RxC,...", "tiles of each array, joined by a merge")] = "",
-    relays: Annotated[str, opt("N,...", "relay stations between each tile and the merge")] = "",
-    pitch_um: Annotated[float, opt("--pitch", "UM", "distance of neighbouring taxels")] = PITCH_UM,
-    ohm: Annotated[float, opt("PER_UM", "resistance of a wire")] = OHM_PER_UM,
-    farad: Annotated[float, opt("PER_UM", "capacitance of a wire")] = FARAD_PER_UM,
-    out: Annotated[Path, out_file("file for the results, JSON")] = Path("out/asic/scale.json"),
+    lib: Path = opt(..., "cell library (.lib)"),
+    sizes: str = opt(SIZES, "RxC,...", "rows and columns of the arrays"),
+    tiles: str = opt("", "RxC,...", "tiles of each array, joined by a merge"),
+    relays: str = opt("", "N,...", "relay stations between each tile and the merge"),
+    pitch_um: float = opt(PITCH_UM, "--pitch", "UM", "distance of neighbouring taxels"),
+    ohm: float = opt(OHM_PER_UM, "PER_UM", "resistance of a wire"),
+    farad: float = opt(FARAD_PER_UM, "PER_UM", "capacitance of a wire"),
+    out: Path = out_file(Path("out/asic/scale.json"), "file for the results, JSON"),
 ) -> None:
     """Estimate area and highest clock frequency of growing arrays, including wires and repeaters."""
-    from eskin.app.tables import print_table
     from eskin.flow.liberty.library import read
     from eskin.flow.scale.measure import designs_of, measure
 
@@ -114,7 +110,10 @@ def asic_scale(
     print_table(
         "taxels | tiles | relays | um2 a taxel | with lines | MHz without wires | MHz with wires | repeaters"
         " | synthesis, s",
-        [row | {"tiles": _tiles(row)} for row in measure(chosen, library, wire, pitch_um, out)],
+        [
+            row | {"tiles": f"{row['tile_rows']} x {row['tile_columns']}" if "tile_rows" in row else ""}
+            for row in measure(chosen, library, wire, pitch_um, out)
+        ],
         "{rows} x {columns} | {tiles} | {?relays} | {cells_um2_per_taxel:.0f}"
         " | {with_wires[area_um2_per_taxel]:.0f} | {without_wires[fmax_hz]:1e-6*.0f} | {with_wires[fmax_hz]:1e-6*.0f}"
         " | {with_wires[repeaters]} | {synthesis_s:.1f}",
@@ -123,27 +122,16 @@ def asic_scale(
     print(out)
 
 
-def _tiles(row: dict[str, Any]) -> str:
-    """Return rows and columns of the tiles of a skin; empty for one array."""
-    return f"{row['tile_rows']} x {row['tile_columns']}" if "tile_rows" in row else ""
-
-
 @with_config
 def gatepower(
     config: ReadoutConfig,
-    lib: Annotated[list[Path], opt("cell library (.lib), repeatable")],
-    three: Annotated[bool, opt("--three", "measure analog LCS, analog N-LCS and frames of this array")] = False,
-    glitching: Annotated[
-        bool, opt("--glitches", "measure the energy of an event with and without cell delays")
-    ] = False,
-    weights: Annotated[
-        Path | None, opt("measure the classifier of this network behind the readout, without wires")
-    ] = None,
-    out: Annotated[Path, out_folder("folder for the results, JSON")] = Path("out/gatepower"),
+    lib: list[Path] = opt(..., "cell library (.lib), repeatable"),
+    three: bool = opt(False, "--three", "measure analog LCS, analog N-LCS and frames of this array"),
+    glitching: bool = opt(False, "--glitches", "measure the energy of an event with and without cell delays"),
+    weights: Path | None = opt(None, "measure the classifier of this network behind the readout, without wires"),
+    out: Path = out_folder(Path("out/gatepower"), "folder for the results, JSON"),
 ) -> None:
     """Measure the power of clock-gated netlists by simulation, with and without wires."""
-    from eskin.app.tables import print_table
-    from eskin.base.files import origin
     from eskin.cocotb_tests.runner.reproduce import variables
     from eskin.flow.power.event_bench import Mismatch
     from eskin.flow.power.measure import Disagreement
@@ -157,8 +145,8 @@ def gatepower(
     chosen: dict[str, ReadoutConfig | FrameConfig] = {str(config.encoding): config}
     chosen = designs(config) if three else chosen
     words = ["gatepower", *(f"LIB={path.name}" for path in lib), *variables(config)]
-    said = origin(make_line(" ".join(words), THREE=three, GLITCHES=glitching, WEIGHTS=weights))
-    with failing_on(Disagreement, Mismatch):
+    said = origin(common.make_line(" ".join(words), THREE=three, GLITCHES=glitching, WEIGHTS=weights))
+    with common.failing_on(Disagreement, Mismatch):
         if weights is not None:
             for path in lib:
                 result = write_classifier(config, weights, path, out, said)

@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import cast
 
-import typer
-
-from eskin.app.commands.outcome import check_name, conclude, failing_on, make_line
+from eskin.app.commands import common
 from eskin.app.options import LOGIC, opt, out_folder, with_config
 from eskin.base.errors import InputError
+from eskin.base.files import origin
+from eskin.board.sensor import PartName, SensorConfig
 from eskin.model.config import ReadoutConfig
-
-if TYPE_CHECKING:
-    from eskin.board.sensor import PartName
 
 
 @with_config(fields=LOGIC)
 def layout(
     config: ReadoutConfig,
-    name: Annotated[str, opt("name of the run and its folder [from the configuration]")] = "",
-    compare: Annotated[bool, opt("also compare the netlist of the layout with the synthesised one")] = True,
-    out: Annotated[Path, out_folder("parent folder of the run")] = Path("out/layout"),
+    name: str = opt("", "name of the run and its folder [from the configuration]"),
+    compare: bool = opt(True, "also compare the netlist of the layout with the synthesised one"),
+    out: Path = out_folder(Path("out/layout"), "parent folder of the run"),
 ) -> None:
     """Place and route a readout for SkyWater 130 nm and check the layout; exit code 1 if a check fails.
 
@@ -31,71 +28,65 @@ def layout(
     from eskin.flow.layout.cells import WrongCell
     from eskin.flow.layout.environment import Crashed
 
-    check_name(name)
-    with failing_on(WrongCell, Crashed):
+    common.check_name(name)
+    with common.failing_on(WrongCell, Crashed):
         found = run.run(config, name, out, compare, lambda stage: print(stage, flush=True))
     print(report.write(found, out, report.command_of(config, compare)))
-    conclude(found.problems, found.closing_line())
+    common.conclude(found.problems, found.closing_line())
 
 
 def fpga(
-    board: Annotated[str, opt("ulx3s (85 k LUTs), ulx3s-45f, ulx3s-25f, ulx3s-12f")] = "ulx3s",
-    weights: Annotated[
-        Path | None, opt("integer network of the chip [network of the embedded textures, fold 0]")
-    ] = None,
-    receiver: Annotated[bool, opt("--receiver", "build the receiver of another chip's AER")] = False,
-    alone: Annotated[
-        int | None, opt("BITS", "build only the classifier 128-256-6 with weights of BITS, on an ECP5-25", min=2, max=8)
-    ] = None,
-    adc: Annotated[str | None, opt("PART", "read a skin at the board: mcp3008, mcp3208 or ads7953")] = None,
-    settle: Annotated[float, opt("SECONDS", "from a row's drive to its first column")] = 5e-6,
-    baud: Annotated[int, opt("bits per second of the serial line")] = 2_000_000,
-    out: Annotated[Path, out_folder("parent folder for the files of the board")] = Path("out/fpga"),
+    board: str = opt("ulx3s", "ulx3s (85 k LUTs), ulx3s-45f, ulx3s-25f, ulx3s-12f"),
+    weights: Path | None = opt(None, "integer network of the chip [network of the embedded textures, fold 0]"),
+    receiver: bool = opt(False, "--receiver", "build the receiver of another chip's AER"),
+    alone: int | None = opt(
+        None, "BITS", "build only the classifier 128-256-6 with weights of BITS, on an ECP5-25", min=2, max=8
+    ),
+    adc: str | None = opt(None, "PART", "read a skin at the board: mcp3008, mcp3208 or ads7953"),
+    settle: float = opt(5e-6, "SECONDS", "from a row's drive to its first column"),
+    baud: int = opt(2_000_000, "bits per second of the serial line"),
+    out: Path = out_folder(Path("out/fpga"), "parent folder for the files of the board"),
 ) -> None:
     """Build the bitstream for a board, and report resources and clock; exit code 1 below 50 MHz.
 
     OUT/BOARD gets eskin_board.bit and report.json. The same design gives the same bytes.
     """
-    from eskin.base.files import origin
     from eskin.board.bitstream import report
     from eskin.board.bitstream.build import build, build_classifier, design_of
     from eskin.board.config import SerialConfig
-    from eskin.board.sensor import SensorConfig
 
     if sum((receiver, weights is not None, alone is not None)) > 1:
         raise InputError("--weights, --receiver and --alone each choose a design; give one of them")
     if alone is not None:
         name, built = f"classifier-{alone}b", build_classifier(report.plain_classifier(alone))
-        said = {"design": "classifier"} | origin(make_line("fpga", ALONE=alone))
+        said = {"design": "classifier"} | origin(common.make_line("fpga", ALONE=alone))
         aims = report.classifier_aims(built, alone)
     else:
-        sensor = SensorConfig(part=cast("PartName", adc), settle_s=settle) if adc else None
+        sensor = SensorConfig(part=cast(PartName, adc), settle_s=settle) if adc else None
         config = design_of(weights, receiver, baud, sensor)
         name, built = board, build(config, board)
         chosen = {"BOARD": board, "WEIGHTS": weights and weights.name, "RECEIVER": receiver}
         line = {"BAUD": baud != SerialConfig.baud and baud, "ADC": adc, "SETTLE": adc and f"{settle:g}"}
         said = {"design": config.design, "identity": f"{config.identity:08x}"}
-        said |= origin(make_line("fpga", **chosen, **line))
+        said |= origin(common.make_line("fpga", **chosen, **line))
         aims = [report.clock_aim(built)]
     print(report.write(out, name, built, said, aims))
     for aim in aims:
         print(aim)
-    print(report.closing_line(name, built))
-    if not aims[0].met:
-        raise typer.Exit(1)
+    common.conclude((), report.closing_line(name, built), failed=not aims[0].met)
 
 
 @with_config
 def tapeout(
     config: ReadoutConfig,
     given: frozenset[str],
-    shuttle: Annotated[str, opt("tt-ihp, tt-sky (Tiny Tapeout) or wafer-gf180 (wafer.space)")],
-    author: Annotated[str, opt("NAME", "name for the shuttle's files")],
-    lib: Annotated[Path | None, opt("TYP.lib", "cell library of the shuttle's process, to find the size")] = None,
-    size: Annotated[str | None, opt("WxH", "tiles or slot [smallest that the cells of --lib fit into]")] = None,
-    top: Annotated[str, opt("tt_um_NAME", "name of the top module")] = "tt_um_eskin_readout",
-    title: Annotated[str, opt("TEXT", "title of the project")] = "Spiking e-skin readout",
-    out: Annotated[Path, out_folder("folder of the project")] = Path("out/tapeout"),
+    shuttle: str = opt(..., "tt-ihp, tt-sky (Tiny Tapeout) or wafer-gf180 (wafer.space)"),
+    author: str = opt(..., "NAME", "name for the shuttle's files"),
+    lib: Path | None = opt(None, "TYP.lib", "cell library of the shuttle's process, to find the size"),
+    size: str | None = opt(None, "WxH", "tiles or slot [smallest that the cells of --lib fit into]"),
+    top: str = opt("tt_um_eskin_readout", "tt_um_NAME", "name of the top module"),
+    title: str = opt("Spiking e-skin readout", "TEXT", "title of the project"),
+    out: Path = out_folder(Path("out/tapeout"), "folder of the project"),
 ) -> None:
     """Write the project folder of a readout for a shuttle: sources, pins, test, documentation, flow settings.
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from eskin.app.commands.options import JsonOption
+from eskin.app.commands import common
 from eskin.app.options import LOGIC, check_frame, opt, option_name, out_folder, with_config, with_fields
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
@@ -28,25 +29,18 @@ def verilog(
     given: frozenset[str],
     own: dict[str, Any],
     stored: dict[str, Any],
-    out: Annotated[Path, out_folder("output folder, created if missing")],
-    readout: Annotated[str, opt("|".join(READOUTS), "which readout")] = "spiking",
-    classifier: Annotated[
-        Path | None, opt("INTEGER.npz", "write the classifier of this file, eskin_classifier")
-    ] = None,
-    chip: Annotated[bool, opt("--chip", "write the readout with this classifier, eskin_chip")] = False,
-    tiles: Annotated[str | None, opt("RxC", "write a skin of RxC tiles and their merge, eskin_tiles")] = None,
-    merge: Annotated[
-        bool, opt("--merge", "write only the merge, eskin_merge, for tiles that are separate chips")
-    ] = False,
-    relays: Annotated[int, opt("N", "relay stations on the line from each tile to the merge, for a large skin")] = 0,
-    report: Annotated[Path | None, opt("report.json", "report of make asic, for the datasheet")] = None,
-    prove: Annotated[
-        bool, opt("--prove", "before writing, prove the Verilog equal to the RTLIL of make formal")
-    ] = False,
-    clock_gates: Annotated[
-        bool,
-        opt("--clock-gates", "put instances of eskin_clock_gate into the Verilog of a readout, a classifier or both"),
-    ] = False,
+    out: Path = out_folder(..., "output folder, created if missing"),
+    readout: str = opt("spiking", "|".join(READOUTS), "which readout"),
+    classifier: Path | None = opt(None, "INTEGER.npz", "write the classifier of this file, eskin_classifier"),
+    chip: bool = opt(False, "--chip", "write the readout with this classifier, eskin_chip"),
+    tiles: str | None = opt(None, "RxC", "write a skin of RxC tiles and their merge, eskin_tiles"),
+    merge: bool = opt(False, "--merge", "write only the merge, eskin_merge, for tiles that are separate chips"),
+    relays: int = opt(0, "N", "relay stations on the line from each tile to the merge, for a large skin"),
+    report: Path | None = opt(None, "report.json", "report of make asic, for the datasheet"),
+    prove: bool = opt(False, "--prove", "before writing, prove the Verilog equal to the RTLIL of make formal"),
+    clock_gates: bool = opt(
+        False, "--clock-gates", "put instances of eskin_clock_gate into the Verilog of a readout, a classifier or both"
+    ),
 ) -> None:
     """Write the Verilog of a readout with timing constraints, port list (JSON) and FuseSoC core file.
 
@@ -118,15 +112,11 @@ def gates(
     config: ReadoutConfig,
     given: frozenset[str],
     stored: dict[str, Any],
-    liberty: Annotated[Path | None, opt("cell library (.lib) for mapping and area")] = None,
-    classifier: Annotated[
-        Path | None, opt("INTEGER.npz", "count the classifier of this file, without memories")
-    ] = None,
-    as_json: JsonOption = False,
+    liberty: Path | None = opt(None, "cell library (.lib) for mapping and area"),
+    classifier: Path | None = opt(None, "INTEGER.npz", "count the classifier of this file, without memories"),
+    as_json: common.Json = False,
 ) -> None:
     """Count the gates and flops of both readouts for the same array, or of a classifier."""
-    import json
-
     from eskin.flow.gate_count import count_gates
 
     if classifier is not None:
@@ -154,8 +144,6 @@ def gates(
 
 def _count_classifier(path: Path, liberty: Path | None, as_json: bool) -> None:
     """Print the gates and flops of a classifier."""
-    import json
-
     from eskin.flow.gate_count import count_gates
     from eskin.model.classifier.file import IntegerWeights
 

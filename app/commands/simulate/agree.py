@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 from eskin.app.cli import asked_for, echo, printable
+from eskin.app.commands import common
 from eskin.app.commands.learn.options import output_folder
-from eskin.app.commands.outcome import conclude
 from eskin.app.options import arg, opt, out_folder
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 
 
 def agree(
-    weights: Annotated[list[Path], arg("WEIGHTS.npz...", "trained or imported networks")],
-    bits: Annotated[str, opt("BITS,...", "bits of the weights, 2..8")] = "8,7,6,5,4,3,2",
-    scans: Annotated[int, opt("scans of random events", min=1, max=10_000)] = 512,
-    bins: Annotated[int, opt("time bins of a scan", min=1, max=10_000)] = 256,
-    rate: Annotated[float, opt("largest mean number of events per bin and channel, 0..1")] = 0.3,
-    rtl: Annotated[int, opt("number of scans also computed by the RTL, with the first value of --bits", min=0)] = 1,
-    simulator: Annotated[str, opt("--sim", "verilator or icarus")] = "verilator",
-    seed: Annotated[int, opt("seed of the events", min=0)] = 0,
-    out: Annotated[Path, out_folder("DIR", "agreement.json and simulations")] = Path("out/agree"),
+    weights: list[Path] = arg(..., "WEIGHTS.npz...", "trained or imported networks"),
+    bits: str = opt("8,7,6,5,4,3,2", "BITS,...", "bits of the weights, 2..8"),
+    scans: int = opt(512, "scans of random events", min=1, max=10_000),
+    bins: int = opt(256, "time bins of a scan", min=1, max=10_000),
+    rate: float = opt(0.3, "largest mean number of events per bin and channel, 0..1"),
+    rtl: int = opt(1, "number of scans also computed by the RTL, with the first value of --bits", min=0),
+    simulator: str = opt("verilator", "--sim", "verilator or icarus"),
+    seed: int = opt(0, "seed of the events", min=0),
+    out: Path = out_folder(Path("out/agree"), "DIR", "agreement.json and simulations"),
 ) -> None:
     """Compare networks in float, in integers and in RTL on random events; exit code 1 if RTL and model differ."""
-    from eskin.snn.exchange.weights import load_weights
+    from eskin.snn.exchange.weights import config_of, load_weights
     from eskin.snn.studies.precision import agreement, random_events
 
     numbers = _bits(bits)
@@ -44,7 +44,7 @@ def agree(
     problems, runs = [], 0
     with bar("networks", len(loaded)) as step:
         for number, (path, one) in enumerate(loaded.items()):
-            events = random_events(scans, bins, _inputs(one), rate, seed)
+            events = random_events(scans, bins, config_of(one.network).inputs, rate, seed)
             found = {"network": path.stem, "bins": bins} | agreement(one, events, numbers)
             if rtl:
                 with reported(printable(f"building and simulating {path.stem} for {simulator}")):
@@ -64,7 +64,9 @@ def agree(
     if rtl:
         sums = {name: sum(one["rtl"].get(name, 0) for one in networks) for name in ("clocks", "events", "bins")}
         exact = ", ".join(f"{count} {name}" for name, count in sums.items())
-        conclude(problems, f"{'FAILED' if problems else 'bit-exact'}: {runs} runs, {exact}, {len(problems)} mismatches")
+        common.conclude(
+            problems, f"{'FAILED' if problems else 'bit-exact'}: {runs} runs, {exact}, {len(problems)} mismatches"
+        )
 
 
 def _bits(text: str) -> list[int]:
@@ -72,13 +74,6 @@ def _bits(text: str) -> list[int]:
     if not all(part in {str(bits) for bits in range(2, 9)} for part in parts) or len(set(parts)) < len(parts):
         raise InputError(f"--bits must list different numbers from 2 to 8, separated by commas, not {text!r}")
     return [int(part) for part in parts]
-
-
-def _inputs(weights: Weights) -> int:
-    """Return the number of input channels of a spiking network."""
-    from eskin.snn.exchange.weights import config_of
-
-    return config_of(weights.network).inputs
 
 
 def _in_rtl(

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from eskin.app.cli import asked_for, echo
-from eskin.app.commands.outcome import bit_exact
+from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, warn, with_preparation
 from eskin.app.options import opt, out_file, out_folder, with_config
 from eskin.base.files import origin, write_json
@@ -18,6 +18,8 @@ from eskin.model.encoders import registry
 
 if TYPE_CHECKING:
     from eskin.cocotb_tests.runner.process import MismatchFound, Tally
+    from eskin.cocotb_tests.runner.recordings import OwnPlan
+    from eskin.cocotb_tests.runner.sim import Plan
 
 
 @with_config(every=True)
@@ -27,107 +29,84 @@ def sim(
     given: frozenset[str],
     prepared: dict[str, Any],
     data: OwnData = None,
-    dataset: Annotated[str | None, opt("texture folder, or 'embedded'")] = None,
-    simulator: Annotated[str, opt("--sim", "verilator or icarus")] = "verilator",
-    waves: Annotated[bool, opt("write a waveform")] = False,
-    textures: Annotated[int, opt("scans or recordings per encoding, from alternating classes")] = 3,
-    only: Annotated[str | None, opt("one texture or recording, by name, without scenarios")] = None,
-    ticks: Annotated[int | None, opt("largest number of sample ticks per scan [all]")] = None,
-    seed: Annotated[int, opt("seed of the scenarios")] = 0,
-    dut: Annotated[
-        list[Path] | None, opt("Verilog to compare with the model instead of the RTL; may be repeated")
-    ] = None,
-    top: Annotated[str, opt("module of --dut that has the readout's ports")] = "eskin_readout",
-    keep: Annotated[Path | None, out_file("--keep", "JSON file for the totals")] = None,
-    out: Annotated[Path, out_folder("folder for pictures and event files")] = Path("out/sim"),
+    dataset: str | None = opt(None, "texture folder, or 'embedded'"),
+    simulator: str = opt("verilator", "--sim", "verilator or icarus"),
+    waves: bool = opt(False, "write a waveform"),
+    textures: int = opt(3, "scans or recordings per encoding, from alternating classes"),
+    only: str | None = opt(None, "one texture or recording, by name, without scenarios"),
+    ticks: int | None = opt(None, "largest number of sample ticks per scan [all]"),
+    seed: int = opt(0, "seed of the scenarios"),
+    dut: list[Path] | None = opt(None, "Verilog to compare with the model instead of the RTL; may be repeated"),
+    top: str = opt("eskin_readout", "module of --dut that has the readout's ports"),
+    keep: Path | None = out_file(None, "--keep", "JSON file for the totals"),
+    out: Path = out_folder(Path("out/sim"), "folder for pictures and event files"),
 ) -> None:
     """Compare RTL and model on test scenarios and texture scans, or on your recordings; exit code 1 if they differ.
 
     Without an encoding in --encoding or --config, all encoders are compared; with --dut, only LCS.
     """
+    from eskin.cocotb_tests.runner import recordings as own
+    from eskin.cocotb_tests.runner import sim as session
+    from eskin.cocotb_tests.runner.inputs import Own, named
     from eskin.cocotb_tests.runner.process import Tally
 
     check_alone(data, prepared, {"--dataset": dataset, "--dut": dut or None})
-    alone = "encoding" in given or dut
-    encodings: list[str] = [config.encoding] if alone else [*registry.NAMES]
+    encodings: list[str] = [config.encoding] if "encoding" in given or dut else [*registry.NAMES]
     total = Tally()
-    if data is not None:
+    if data is None:
+        plan = session.plan(simulator, waves, seed, textures, only, ticks, dataset, out)
+        if dut:
+            plan = session.with_dut(plan, config, dut, top)
+        echo(
+            f"{', '.join(map(str, dut or [])) or 'RTL'}, {config.rows} x {config.columns} taxels, link {config.link}: "
+            f"{plan.runs(config) - len(plan.textures)} scenarios and {len(plan.textures)} scans for each of "
+            f"{', '.join(encodings)}"
+        )
+        with bars() as show:
+            for encoding in encodings:
+                _play_textures(plan, config.replace(encoding=encoding), show, bool(dut), total)
+    else:
+        own.check(simulator, textures, ticks)
         for encoding in encodings:
             wanted = config.replace(encoding=encoding)
-            _play_own(data, wanted, given, prepared, (simulator, waves, textures, only, ticks, out), total)
-    else:
-        asked = (simulator, waves, seed, textures, only, ticks, dataset, out)
-        _play_textures(config, encodings, asked, dut or [], top, total)
-    result = bit_exact(total)
+            material = Own(own_recordings(data, prepared, wanted, given, again=total.runs > 0), data)
+            names = material.one_class_after_the_other(textures) if only is None else [named(material, only)]
+            _play_own(own.OwnPlan(material, names, simulator, waves, ticks, out), total)  # type: ignore[arg-type]
+    result = common.bit_exact(total)
     if keep is not None:
         write_json(keep, origin(asked_for()) | {"result": result})
     print(result)
 
 
-def _play_textures(
-    config: ReadoutConfig,
-    encodings: list[str],
-    asked: tuple[Any, ...],
-    dut: list[Path],
-    top: str,
-    total: Tally,
-) -> None:
-    """Run scenarios and scans with each encoding on the RTL or on a user's readout."""
+def _play_textures(plan: Plan, config: ReadoutConfig, show: Any, foreign: bool, total: Tally) -> None:
+    """Run scenarios and scans of a configuration on the RTL or on a user's readout."""
     from eskin.cocotb_tests.runner import sim as session
     from eskin.cocotb_tests.runner.process import MismatchFound
 
-    plan = session.plan(*asked)
-    if dut:
-        plan = session.with_dut(plan, config, dut, top)
-    runs = f"{plan.runs(config) - len(plan.textures)} scenarios and {len(plan.textures)} scans"
-    what = f"{', '.join(map(str, dut)) or 'RTL'}, {config.rows} x {config.columns} taxels, link {config.link}"
-    echo(f"{what}: {runs} for each of {', '.join(encodings)}")
-    with bars() as show:
-        for encoding in encodings:
-            chosen = config.replace(encoding=encoding)
-            step, say = show(encoding, plan.runs(chosen))
-            if warning := plan.warning(chosen):
-                warn([f"{chosen.encoding} {chosen.resolution} b, {chosen.rows} x {chosen.columns} taxels: {warning}"])
-            try:
-                total += session.play(
-                    plan,
-                    chosen,
-                    lambda _, step=step: step(),  # type: ignore[misc]
-                    lambda stage, say=say, encoding=encoding: say(f"{encoding}: {stage}"),  # type: ignore[misc]
-                )
-            except MismatchFound as mismatch:
-                wave = plan.waveform(chosen) if plan.waves else None
-                hint = session.configuration_hint(chosen) if dut and not (total.runs + mismatch.before.runs) else ""
-                _differ(mismatch, total, plan.running(chosen), wave, hint)
-            if plan.waves:
-                wave = plan.waveform(chosen)
-                echo(f"waveform: {wave}; open it with: gtkwave {wave}")
-            if picture := plan.picture(chosen):
-                echo(f"picture: {picture}; event files: {picture.parent / 'events'}")
+    step, say = show(config.encoding, plan.runs(config))
+    if warning := plan.warning(config):
+        warn([f"{config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels: {warning}"])
+    wave = plan.waveform(config) if plan.waves else None
+    try:
+        total += session.play(plan, config, lambda _: step(), lambda stage: say(f"{config.encoding}: {stage}"))
+    except MismatchFound as mismatch:
+        hint = session.configuration_hint(config) if foreign and not (total.runs + mismatch.before.runs) else ""
+        _differ(mismatch, total, plan.running(config), wave, hint)
+    if wave is not None:
+        echo(f"waveform: {wave}; open it with: gtkwave {wave}")
+    if picture := plan.picture(config):
+        echo(f"picture: {picture}; event files: {picture.parent / 'events'}")
 
 
-def _play_own(
-    place: Path,
-    config: ReadoutConfig,
-    given: frozenset[str],
-    prepared: dict[str, Any],
-    asked: tuple[str, bool, int, str | None, int | None, Path],
-    total: Tally,
-) -> None:
+def _play_own(plan: OwnPlan, total: Tally) -> None:
     """Run a user's recordings through RTL and model."""
-    from eskin.cocotb_tests.runner import recordings as session
-    from eskin.cocotb_tests.runner.inputs import Own, named
+    from eskin.cocotb_tests.runner import recordings as own
     from eskin.cocotb_tests.runner.process import MismatchFound
 
-    simulator, waves, count, only, ticks, out = asked
-    session.check(simulator, count, ticks)
-    material = Own(own_recordings(place, prepared, config, given, again=total.runs > 0), place)
-    names = material.one_class_after_the_other(count) if only is None else [named(material, only)]
-    plan = session.OwnPlan(material, names, simulator, waves, ticks, out)  # type: ignore[arg-type]
     warn(filter(None, [plan.warning()]))
-    with bar(f"{config.encoding}: RTL against model", len(names)) as progress:
+    with bar(f"{plan.config.encoding}: RTL against model", len(plan.names)) as progress:
         try:
-            total += session.play(plan, lambda _: progress())
+            total += own.play(plan, lambda _: progress())
         except MismatchFound as mismatch:
             _differ(mismatch, total, plan.out / plan.folder / "run")
     echo(f"picture: {plan.picture}; event files: {plan.picture.parent / 'events'}")

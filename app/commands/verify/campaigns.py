@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from eskin.app.commands.options import Scheduler, Workers, open_pool
-from eskin.app.commands.outcome import conclude, failing_on, make_line
+from eskin.app.commands import common
 from eskin.app.options import opt, out_file, out_folder, parse_fields, parse_number
 from eskin.base.errors import InputError
+from eskin.base.files import origin, write_json
 
 if TYPE_CHECKING:
     from eskin.verify.mutants.campaign import Finding
 
 
 def soak(
-    hours: Annotated[float, opt("hours after which no further run starts, of 2 million clocks at most")] = 0.1,
-    seed: Annotated[int, opt("seed of the first configuration; each further one adds 1")] = 0,
-    clocks: Annotated[int, opt("clocks of each configuration, or of the run given by --only")] = 20_000_000,
-    simulator: Annotated[str, opt("--sim", "verilator or icarus")] = "verilator",
-    only: Annotated[int | None, opt("SEED", "play one run of this seed, as printed by a failure")] = None,
-    run: Annotated[int, opt("number of the run of --only")] = 0,
-    set_: Annotated[
-        list[str] | None,
-        opt("--set", "NAME=VALUE", "fix a parameter of the run of --only, instead of drawing it; repeatable"),
-    ] = None,
-    keep: Annotated[Path | None, out_file("--keep", "JSON file for the totals of all runs in --out")] = None,
-    out: Annotated[Path, out_folder("folder of the results; a restarted soak continues there")] = Path("out/soak"),
+    hours: float = opt(0.1, "hours after which no further run starts, of 2 million clocks at most"),
+    seed: int = opt(0, "seed of the first configuration; each further one adds 1"),
+    clocks: int = opt(20_000_000, "clocks of each configuration, or of the run given by --only"),
+    simulator: str = opt("verilator", "--sim", "verilator or icarus"),
+    only: int | None = opt(None, "SEED", "play one run of this seed, as printed by a failure"),
+    run: int = opt(0, "number of the run of --only"),
+    set_: list[str] | None = opt(
+        None, "--set", "NAME=VALUE", "fix a parameter of the run of --only, instead of drawing it; repeatable"
+    ),
+    keep: Path | None = out_file(None, "--keep", "JSON file for the totals of all runs in --out"),
+    out: Path = out_folder(Path("out/soak"), "folder of the results; a restarted soak continues there"),
 ) -> None:
     """Compare RTL and model on random configurations for a given time; exit code 1 on a difference.
 
@@ -40,14 +39,12 @@ def soak(
         _one(only, run, clocks, _parts(set_ or []), simulator)
         return
     plan = campaign.Plan(3600 * hours, seed, clocks, simulator, out)  # type: ignore[arg-type]
-    with failing_on(campaign.SoakFailed, line="MISMATCH"):
+    with common.failing_on(campaign.SoakFailed, line="MISMATCH"):
         campaign.soak(plan, _tell)
     found = campaign.summary(out)
     if keep is not None:
-        from eskin.base.files import origin, write_json
-
         spent = found["seconds"] / 3600  # total of all parts of a stopped campaign
-        write_json(keep, origin(make_line("soak", HOURS=f"{spent:.2f}", SEED=seed, CLOCKS=clocks)) | found)
+        write_json(keep, origin(common.make_line("soak", HOURS=f"{spent:.2f}", SEED=seed, CLOCKS=clocks)) | found)
     print(found["result"])
 
 
@@ -87,25 +84,25 @@ def _one(seed: int, run: int, clocks: int, parts: dict[str, Any], simulator: Any
     from eskin.cocotb_tests.runner.process import MismatchFound
     from eskin.verify.soak.play import play
 
-    with failing_on(MismatchFound, line="MISMATCH"):
+    with common.failing_on(MismatchFound, line="MISMATCH"):
         tally = play([Draw(seed, clocks, run, parts)], simulator)
     print(f"bit-exact: {tally.runs} runs, {tally.clocks} clocks, {tally.events} events, 0 mismatches")
 
 
 def mutants(
-    model: Annotated[bool, opt("mutate the model and the network instead of the RTL")] = False,
-    block: Annotated[str, opt("only this block or room: arbiter, link, taxel, classifier, ...")] = "",
-    share: Annotated[
-        float | None, opt("fraction of the source places to mutate [0.3, with --model 0.07]", min=0.0, max=1.0)
-    ] = None,
-    seed: Annotated[int, opt("seed of the random edits", min=0)] = 1,
-    apart_from: Annotated[int | None, opt("leave out mutants that this seed draws at the same share", min=0)] = None,
-    again: Annotated[bool, opt("test survivors again, after new tests were added")] = False,
-    limit: Annotated[int | None, opt("largest number of mutants [all]", min=1)] = None,
-    judging: Annotated[bool, opt("--judge/--no-judge", "test mutants, or only report earlier results")] = True,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
-    out: Annotated[Path, out_folder("folder for the results")] = Path("out/mutants"),
+    model: bool = opt(False, "mutate the model and the network instead of the RTL"),
+    block: str = opt("", "only this block or room: arbiter, link, taxel, classifier, ..."),
+    share: float | None = opt(
+        None, "fraction of the source places to mutate [0.3, with --model 0.07]", min=0.0, max=1.0
+    ),
+    seed: int = opt(1, "seed of the random edits", min=0),
+    apart_from: int | None = opt(None, "leave out mutants that this seed draws at the same share", min=0),
+    again: bool = opt(False, "test survivors again, after new tests were added"),
+    limit: int | None = opt(None, "largest number of mutants [all]", min=1),
+    judging: bool = opt(True, "--judge/--no-judge", "test mutants, or only report earlier results"),
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
+    out: Path = out_folder(Path("out/mutants"), "folder for the results"),
 ) -> None:
     """Mutate the source code, and report which mutants the tests and proofs kill.
 
@@ -123,10 +120,10 @@ def mutants(
     def tell(finding: Finding) -> None:
         print(f"{finding.verdict:<11}{finding.name}{f' by {finding.by}' if finding.by else ''}", flush=True)
 
-    with open_pool(workers, scheduler, NEEDS) as pool:
+    with common.open_pool(workers, scheduler, NEEDS) as pool:
         done = run(Plan(packages, share, seed, block, limit, apart_from), out, pool if judging else None, again, tell)
     drawn = {"SHARE": f"{share:g}", "SEED": str(seed), "APART_FROM": apart_from is not None and str(apart_from)}
-    command = make_line("mutants", MODEL=model, BLOCK=block, **drawn, LIMIT=limit)
+    command = common.make_line("mutants", MODEL=model, BLOCK=block, **drawn, LIMIT=limit)
     write(out / "mutants.json", command, done, "model" if model else "rtl")
     survived = len(done.findings) < done.planned or any(one.verdict == "alive" for one in done.findings)
-    conclude(sorted(done.skipped), closing_line(done), mark="fails without a mutant: ", failed=survived)
+    common.conclude(sorted(done.skipped), closing_line(done), mark="fails without a mutant: ", failed=survived)

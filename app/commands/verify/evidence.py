@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from eskin.app.commands.outcome import conclude, failing_on, make_line
+from eskin.app.commands import common
 from eskin.app.options import LOGIC, opt, out_file, out_folder, with_config
 from eskin.base.errors import InputError
-from eskin.base.files import Pieces, atomic_write, pieces_of
+from eskin.base.files import Pieces, atomic_write, origin, pieces_of, write_json
 from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:
@@ -18,17 +17,15 @@ if TYPE_CHECKING:
 
 
 def formal(
-    block: Annotated[
-        str,
-        opt(
-            "only this block: arbiter, link, merge, relay, fields, window, taxel, frame_readout, readout, spi, "
-            "registers, pattern, classifier"
-        ),
-    ] = "",
-    small: Annotated[bool, opt("only one small configuration of each block")] = False,
-    mutants: Annotated[bool, opt("also check that every property fails for generated mutants")] = False,
-    limit: Annotated[int, opt("SECONDS", "time limit of one proof", min=1)] = 300,
-    out: Annotated[Path | None, out_file("file for the results, JSON")] = None,
+    block: str = opt(
+        "",
+        "only this block: arbiter, link, merge, relay, fields, window, taxel, frame_readout, readout, spi, "
+        "registers, pattern, classifier",
+    ),
+    small: bool = opt(False, "only one small configuration of each block"),
+    mutants: bool = opt(False, "also check that every property fails for generated mutants"),
+    limit: int = opt(300, "SECONDS", "time limit of one proof", min=1),
+    out: Path | None = out_file(None, "file for the results, JSON"),
 ) -> None:
     """Prove the properties of every block by property-directed reachability.
 
@@ -56,21 +53,20 @@ def formal(
         judge([outcome for outcome in results if outcome.block == name], of_block)
         found += of_block
     if out:
-        write(results, found, out, make_line("formal", BLOCK=block, SMALL=small, MUTANTS=mutants), block)
+        write(results, found, out, common.make_line("formal", BLOCK=block, SMALL=small, MUTANTS=mutants), block)
         pieces_of(out).unlink(missing_ok=True)
     for outcome in results:
         for problem in outcome.problems:
             print(f"{outcome.block}: {outcome.property.name}: {problem}")
     if mutants:
         print(mutants_line(results, found))
-    print(closing_line([outcome.problems for outcome in results]))
-    if any(outcome.problems for outcome in results):
-        raise typer.Exit(1)
+    problems = [outcome.problems for outcome in results]
+    common.conclude((), closing_line(problems), failed=any(problems))
 
 
 def faults(
-    small: Annotated[bool, opt("only a few readouts, with few bit flips per flop")] = False,
-    out: Annotated[Path | None, out_file("file for the results, JSON")] = None,
+    small: bool = opt(False, "only a few readouts, with few bit flips per flop"),
+    out: Path | None = out_file(None, "file for the results, JSON"),
 ) -> None:
     """Inject bit flips into every flop, and test hostile inputs.
 
@@ -80,15 +76,15 @@ def faults(
 
     done = campaign(small, out, lambda line: print(line, flush=True))
     if out:
-        write(out, make_line("faults", SMALL=small), done)
+        write(out, common.make_line("faults", SMALL=small), done)
     unlike = any(line["as stated"] < line["runs"] for line in done.cases)
-    conclude(done.problems, closing_line(done), mark="", failed=unlike)
+    common.conclude(done.problems, closing_line(done), mark="", failed=unlike)
 
 
 def coverage(
-    small: Annotated[bool, opt("run only a few simulations")] = False,
-    only: Annotated[str, opt("run only simulations whose names begin with this text")] = "",
-    out: Annotated[Path, out_folder("folder for the results")] = Path("out/coverage"),
+    small: bool = opt(False, "run only a few simulations"),
+    only: str = opt("", "run only simulations whose names begin with this text"),
+    out: Path = out_folder(Path("out/coverage"), "folder for the results"),
 ) -> None:
     """Measure the coverage of Verilog and specification by simulations that are compared with the model.
 
@@ -107,13 +103,13 @@ def coverage(
 
     reached = play(chosen, out, tell)
     verdict = judge(reached, waivers(), whole=not (small or only))
-    command = make_line("coverage", SMALL=small, ONLY=only and repr(only))
+    command = common.make_line("coverage", SMALL=small, ONLY=only and repr(only))
     write(out / "coverage.json", command, reached, verdict)
-    conclude(verdict.problems, closing_line(reached, verdict), mark="")
+    common.conclude(verdict.problems, closing_line(reached, verdict), mark="")
 
 
 @with_config(fields=LOGIC)
-def properties(config: ReadoutConfig, out: Annotated[Path, out_folder("output folder, created if missing")]) -> None:
+def properties(config: ReadoutConfig, out: Path = out_folder(..., "output folder, created if missing")) -> None:
     """Write eskin_readout_properties.sv, SystemVerilog assertions bound to the modules of eskin_readout.v."""
     from eskin.verify.proofs.bind import properties as text
 
@@ -127,23 +123,20 @@ def properties(config: ReadoutConfig, out: Annotated[Path, out_folder("output fo
 @with_config
 def crosscheck(
     config: ReadoutConfig,
-    texture: Annotated[int, opt("number of the embedded texture", min=0)] = 0,
-    ticks: Annotated[int | None, opt("largest number of sample ticks of the scan [all]", min=1)] = None,
-    out: Annotated[Path | None, out_file("file for the results, JSON")] = None,
+    texture: int = opt(0, "number of the embedded texture", min=0),
+    ticks: int | None = opt(None, "largest number of sample ticks of the scan [all]", min=1),
+    out: Path | None = out_file(None, "file for the results, JSON"),
 ) -> None:
     """Simulate the delivered Verilog in CXXRTL, a third simulator, and lint all files with slang."""
-    from dataclasses import asdict
-
-    from eskin.base.files import origin, write_json
     from eskin.verify.crosscheck.check import Mismatch, play, texts
 
-    with failing_on(Mismatch):
+    with common.failing_on(Mismatch):
         played = play(config, texture, ticks)
     said = [problem for problems in texts(config).values() for problem in problems]
     if out:
-        command = make_line("crosscheck", ROWS=config.rows, COLUMNS=config.columns, ENCODING=config.encoding)
+        command = common.make_line("crosscheck", ROWS=config.rows, COLUMNS=config.columns, ENCODING=config.encoding)
         write_json(out, {**origin(command), "config": config.to_dict(), **asdict(played), "slang": said})
-    conclude(
+    common.conclude(
         said,
         f"crosscheck: {played.runs} runs, {played.clocks} clocks, {played.events} events in CXXRTL as in the model, "
         f"{played.of_texture} of a texture; slang: {len(said)} problems",
@@ -152,10 +145,10 @@ def crosscheck(
 
 
 def crossproof(
-    block: Annotated[str, opt("only this block, as in make formal")] = "",
-    small: Annotated[bool, opt("only one small configuration of each block")] = False,
-    mutants: Annotated[bool, opt("compare generated mutants too")] = False,
-    out: Annotated[Path | None, out_file("file for the results, JSON")] = None,
+    block: str = opt("", "only this block, as in make formal"),
+    small: bool = opt(False, "only one small configuration of each block"),
+    mutants: bool = opt(False, "compare generated mutants too"),
+    out: Path | None = out_file(None, "file for the results, JSON"),
 ) -> None:
     """Repeat the bounded search of make formal with z3, and compare the first clocks of both solvers.
 
@@ -172,10 +165,8 @@ def crossproof(
         for problem in one.problems:
             print(f"PROBLEM: {problem}")
     if out:
-        write(found, out, make_line("crossproof", BLOCK=block, SMALL=small, MUTANTS=mutants))
-    print(closing_line(found))
-    if any(one.problems for one in found):
-        raise typer.Exit(1)
+        write(found, out, common.make_line("crossproof", BLOCK=block, SMALL=small, MUTANTS=mutants))
+    common.conclude((), closing_line(found), failed=any(one.problems for one in found))
 
 
 def _chosen(block: str, small: bool) -> list[Proof]:
