@@ -99,7 +99,7 @@ def _read_csv(path: Path, data: bytes) -> Samples:
     text = data.removeprefix(b"\xef\xbb\xbf")  # byte order mark that spreadsheets write before UTF-8
     first, _, rest = text.partition(b"\n")
     names: tuple[str, ...] = ()
-    if not any(_is_number(cell) for cell in first.split(b",")):  # a header names columns, it holds no number
+    if not any(is_number(cell) for cell in first.split(b",")):  # a header names columns, it holds no number
         text = rest
         names = tuple(cell.strip().strip('"') for cell in first.decode("utf-8", "replace").split(","))
     if not text.strip():
@@ -109,10 +109,27 @@ def _read_csv(path: Path, data: bytes) -> Samples:
         values = np.loadtxt(io.BytesIO(text), kind, delimiter=",", comments=None, ndmin=2)
         return Samples(values, names=names if len(names) == values.shape[1] else ())
     except (ValueError, OverflowError) as error:
-        reason = " ".join(str(error).split()).split(";")[0].rstrip(".")
-        raise InputError(
-            f"{path} is not a table of numbers separated by commas: {reason[:1].lower() + reason[1:]}"
-        ) from None
+        raise InputError(f"{path} is not a table of numbers separated by commas: {reason_of(error)}") from None
+
+
+def reason_of(error: Exception) -> str:
+    """Return the reason that ``numpy.loadtxt`` gives for an error, as a part of a sentence."""
+    reason = " ".join(str(error).split()).split(";")[0].rstrip(".")
+    return reason[:1].lower() + reason[1:]
+
+
+def lines_of(path: Path, remedy: str) -> list[str]:
+    """Return the lines of a text file, without blank lines and comments (#); ``remedy`` is for a file that is no text.
+
+    Raise InputError if the file cannot be read.
+    """
+    try:
+        text = read_bytes(path, "the table").decode("utf-8-sig")
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is not text; {remedy}") from None
+    return [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
 
 
 def cells_of(path: Path, lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
@@ -139,7 +156,8 @@ def check_commas(path: Path, rows: Sequence[Sequence[str]], remedy: str) -> None
         raise InputError(f"{path}: the comma in {found[0]!r} may be a decimal comma or separate thousands; {remedy}")
 
 
-def _is_number(cell: bytes) -> bool:
+def is_number(cell: str | bytes) -> bool:
+    """Return True if a cell holds a number."""
     try:
         float(cell)
     except ValueError:

@@ -80,18 +80,9 @@ class AddressMap:
         return int(rows), int(columns)
 
     def apply(self, addresses: Addresses, drop: bool = False) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Return the taxels of foreign addresses.
+        """Return x and y of the events that have a taxel, shape (kept, 2), and which events these are.
 
-        Parameters
-        ----------
-        addresses : int64 array, shape (events,) or (events, 2)
-        drop : bool
-            Leave events of other addresses out; otherwise they are an error.
-
-        Returns
-        -------
-        (int64 array of shape (kept, 2), bool array of shape (events,))
-            x and y of the events that have a taxel, and which events these are.
+        Events of other addresses raise InputError, unless ``drop`` leaves them out.
         """
         pairs = addresses[:, None] if addresses.ndim == 1 else addresses
         length = len(next(iter(self.taxels)))

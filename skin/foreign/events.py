@@ -75,15 +75,7 @@ def configuration(
 ) -> ReadoutConfig:
     """Return the configuration; take a missing array size from the events or their map.
 
-    Parameters
-    ----------
-    given : frozenset of str
-        Fields of the configuration that the user set.
-
-    Returns
-    -------
-    ReadoutConfig
-        Its clock is 1 MHz unless the user set sample rate or clocks per sample.
+    ``given`` names the fields that the user set. The clock is 1 MHz unless sample rate or clocks per sample are given.
     """
     if mapping is not None:
         rows, columns = mapping.size
@@ -211,17 +203,10 @@ def _clocks(time: NDArray[Any], start: float, unit: str, config: ReadoutConfig) 
 
 
 def in_unit(recording: Recording, unit: str = "us") -> Events:
-    """Return events with the fields t, x, y, p of event libraries such as tonic.
+    """Return events with the fields t, x, y, p of event libraries such as tonic, shape (events,).
 
-    Parameters
-    ----------
-    unit : "us" or "clocks"
-        t in whole microseconds since the end of reset, rounded half to even, or in clocks. Clocks above 1 MHz share
-        microseconds.
-
-    Returns
-    -------
-    ndarray of EVENT_DTYPE, shape (events,)
+    The unit of t is "clocks" or "us": whole microseconds since the end of reset, rounded half to even. Clocks above
+    1 MHz share microseconds.
     """
     if unit not in ("us", CLOCKS):
         raise InputError(f"events are written in us or clocks, not {unit!r}")

@@ -15,7 +15,7 @@ from eskin.base.errors import InputError
 from eskin.base.files import atomic_write, check_unpacked, read_bytes
 from eskin.model.events.recording import Recording
 from eskin.skin.foreign.events import CLOCKS, UNITS_S, ForeignEvents, in_unit, lost_clocks
-from eskin.skin.samples import cells_of, check_commas
+from eskin.skin.samples import cells_of, check_commas, lines_of
 
 TEXT_SUFFIXES = (".csv", ".txt", ".tsv")
 
@@ -69,21 +69,16 @@ def check_unit(unit: str | None) -> None:
 
 def _columns(path: Path) -> dict[str, NDArray[Any]]:
     """Return the columns of a file by name, or by number for a file without names."""
+    if path.suffix.lower() in TEXT_SUFFIXES:
+        return _text_columns(path)
     try:
-        content = read_bytes(path, "the table")
+        return _array_columns(path, read_bytes(path, "the table"))
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from None
-    if path.suffix.lower() in TEXT_SUFFIXES:
-        return _text_columns(path, content)
-    return _array_columns(path, content)
 
 
-def _text_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
-    try:
-        lines = [line.strip() for line in content.decode("utf-8-sig").splitlines()]
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is not text; give a table of events, or rename the file by its kind") from None
-    lines = [line for line in lines if line and not line.startswith("#")]
+def _text_columns(path: Path) -> dict[str, NDArray[Any]]:
+    lines = [line.strip() for line in lines_of(path, "give a table of events, or rename the file by its kind")]
     if not lines:
         raise InputError(f"{path} is empty; give a table with a line for each event")
     delimiter = next((d for d in ("\t", ";", ",") if d in lines[-1]), None)

@@ -51,14 +51,9 @@ class Fit:
     """Choice of a configuration: the resolution by the reconstruction SNR, the full scale from all recordings.
 
     A subclass may choose otherwise; its ``repr`` names all of its parameters.
-
-    Attributes
-    ----------
-    other_scales : tuple of str
-        Texts of ``Preparation.scale`` that are tried beside ``max``.
     """
 
-    other_scales: ClassVar[tuple[str, ...]] = ()
+    other_scales: ClassVar[tuple[str, ...]] = ()  # texts of ``Preparation.scale`` that are tried beside ``max``
 
     def learned(self, names: Sequence[str], classes: Sequence[str]) -> NDArray[np.int64]:
         """Return the numbers of the recordings from which to choose, by the names and classes of all."""
@@ -78,17 +73,10 @@ class Fit:
         the taxels with at least ``ENOUGH_DB`` on some recordings, evenly spread. Where none does, as with a leak, it
         stays as it is.
 
-        Parameters
-        ----------
-        config : ReadoutConfig
-        given : collection of str
-            Fields that the user set.
-        classes : sequence of str
-            Class of each recording.
-        recordings : mapping of str to sequence of int32 arrays, shape (ticks, taxels)
-            Codes of the ``learned`` recordings, by scale.
-        progress : callable
-            Called after each setting that is tried.
+        - ``given``: fields that the user set.
+        - ``classes``: class of each recording.
+        - ``recordings``: codes of the ``learned`` recordings by scale, each of shape (ticks, taxels).
+        - ``progress``: called after each setting that is tried.
         """
         scale, codes_of_all = next(iter(recordings.items()))
         if "resolution" in given:
@@ -122,11 +110,7 @@ def with_clock(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -
     The number is a power of two from 64 on. It is estimated from the largest number of events of one tick, and then
     doubled until the readout neither delays nor merges one in the recording that has it, as far as 2**20.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-    recordings : sequence of int32 arrays, shape (ticks, taxels)
-        Codes.
+    The recordings are codes, shape (ticks, taxels).
     """
     needed = [clocks_needed(config, codes) for codes in recordings]
     steepest, clocks = recordings[int(np.argmax(needed))], power_of_two(max(needed))

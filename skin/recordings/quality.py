@@ -31,36 +31,19 @@ CLOCKS_PER_EVENT = {"stream": 1, "four_phase": 7, "four_phase_dual": 7}
 
 @dataclass(frozen=True)
 class Quality:
-    """The quality of the events of a readout; :func:`pooled` combines several recordings.
+    """The quality of the events of a readout; :func:`pooled` combines several recordings."""
 
-    Attributes
-    ----------
-    samples, seconds : int, float
-        Number of samples, ticks times taxels, and duration.
-    events, expected : int
-        Events that left, and events without contention.
-    late, merged : int
-        Events that left after the tick of their cause; decisions that never became events of their own.
-    load, peak_load : float
-        Part of the time in which the link is busy: on average, and in the worst tick.
-    signal, noise : float
-        Mean squares, in codes: of the samples about the mean of their taxel, and of their difference from the
-        reconstruction.
-    bound_holds : bool
-        Whether the difference stays within the bound of the decoder at every tick (without OFF events: its upper end).
-    """
-
-    samples: int
+    samples: int  # ticks times taxels
     seconds: float
-    events: int
-    expected: int
-    late: int
-    merged: int
-    load: float
-    peak_load: float
-    signal: float
-    noise: float
-    bound_holds: bool
+    events: int  # that left
+    expected: int  # events without contention
+    late: int  # events that left after the tick of their cause
+    merged: int  # decisions that never became events of their own
+    load: float  # part of the time in which the link is busy
+    peak_load: float  # the load in the worst tick
+    signal: float  # mean square, in codes, of the samples about the mean of their taxel
+    noise: float  # mean square, in codes, of the difference between samples and reconstruction
+    bound_holds: bool  # the difference stays in the bound of the decoder at every tick (without OFF: its upper end)
 
     @property
     def snr_db(self) -> float:
@@ -71,14 +54,9 @@ class Quality:
 
 
 def measure_quality(config: ReadoutConfig, codes: NDArray[np.int32], events: Events) -> Quality:
-    """Return the quality of the events encoded from given codes.
+    """Return the quality of the events encoded from given codes, shape (ticks, taxels).
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-    codes : int32 array, shape (ticks, taxels)
-    events : array of EVENT_DTYPE, shape (events,)
-        Events, with times from the first sample on.
+    The times of the events count from the first sample on.
     """
     expected = np.abs(encode(config, codes).astype(np.int64))
     counts, late = counts_of_events(config, events, len(codes))

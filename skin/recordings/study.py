@@ -62,23 +62,11 @@ def slow_signals(seed: int = 0) -> list[Codes]:
 def study_data(
     place: Path | None = None, pool: WorkerPool | None = None, progress: Callable[[], object] | None = None
 ) -> dict[str, Any]:
-    """Return SNR and data rate of every encoder and resolution, and of uniform sampling at equal data rate.
+    """Return SNR and data rate of every encoder and resolution, and of uniform sampling with no more bit/s.
 
-    Parameters
-    ----------
-    place : Path, optional
-        A user's recordings, as for ``read_set``; generated slow signals by default.
-    pool : WorkerPool, optional
-        Pool for the work, by default this process; without effect on the result.
-    progress : callable, optional
-        Called after each point.
-
-    Returns
-    -------
-    dict
-        ``source``, ``rate_hz``, ``rows``, ``columns``, ``recordings``, and ``points``: ``encoding``, ``resolution``,
-        ``snr_db``, ``data_rate_bps``, ``events_per_s``, ``clock_hz``, ``tau_s`` (of encoders that leak), and
-        ``uniform`` with the ``snr_db``, ``bits`` and ``frame_rate_hz`` of uniform sampling with no more bit/s.
+    - ``place``: a user's recordings, as for ``read_set``; generated slow signals by default.
+    - ``pool``: without effect on the result.
+    - ``progress``: called after each point.
     """
     base = ReadoutConfig(sample_bits=SAMPLE_BITS)
     if place is None:

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import read_bytes
 from eskin.skin.recordings.options import Preparation
-from eskin.skin.samples import ARRAY_SUFFIXES, cells_of, check_commas, read_samples
+from eskin.skin.samples import ARRAY_SUFFIXES, cells_of, check_commas, is_number, lines_of, read_samples, reason_of
 
 Values = NDArray[np.float64]
 
@@ -39,51 +38,25 @@ _UNIT_NAMES = {"sec": "s", "secs": "s", "seconds": "s", "millis": "ms", "µs": "
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """One recording as read from its file.
-
-    Attributes
-    ----------
-    path : Path
-    values : float64 array, shape (ticks, taxels)
-        Values in the unit of the file.
-    names : tuple of str
-        Names of the taxels' columns.
-    codes : bool
-        Whether all values are whole numbers without a point.
-    time_s : float64 array, shape (ticks,), or None
-        Time stamps in seconds, if a column has them.
-    rate_hz : float or None
-        Sampling rate, if the file contains one.
-    notes : tuple of str
-        Interpretation of the file, for the user.
-    named : bool
-        Whether the names are in the file.
-    filled : int
-        Number of cells without a number, filled by linear interpolation.
-    start_s : float
-        First time stamp in seconds; 0 if no column has them.
-    """
+    """One recording as read from its file."""
 
     path: Path
-    values: Values
-    names: tuple[str, ...]
-    codes: bool
-    time_s: Values | None
-    rate_hz: float | None
-    notes: tuple[str, ...]
-    named: bool
-    filled: int
-    start_s: float
+    values: Values  # in the unit of the file, shape (ticks, taxels)
+    names: tuple[str, ...]  # of the taxels' columns
+    codes: bool  # all values are whole numbers without a point
+    time_s: Values | None  # time stamps from the first, if a column has them, shape (ticks,)
+    rate_hz: float | None  # sampling rate, if the file contains one
+    notes: tuple[str, ...]  # interpretation of the file, for the user
+    named: bool  # the names are in the file
+    filled: int  # cells without a number, filled by linear interpolation
+    start_s: float  # first time stamp in seconds; 0 if no column has them
 
 
 def read_table(path: Path, options: Preparation) -> Table:
     """Return the recording from a .csv, .npy or .npz file.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is no table of finite numbers, lacks a column that the options name, or its time
-        stamps do not rise.
+    Raise InputError if the file cannot be read, is no table of finite numbers, lacks a column that the options name, or
+    its time stamps do not rise.
     """
     if path.suffix.lower() == ".csv":
         values, names, codes, filled = _read_csv(path, options)
@@ -124,17 +97,11 @@ def read_table(path: Path, options: Preparation) -> Table:
 
 def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...], bool, int]:
     """Return values and column names of a table, whether all values are integers, and the number of filled cells."""
-    try:
-        text = read_bytes(path, "the table").decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is not text; save it as comma-separated values in UTF-8") from None
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    lines = lines_of(path, "save it as comma-separated values in UTF-8")
     if not lines:
         raise InputError(f"{path} holds no samples; give at least one line of numbers")
     delimiter = {"tab": "\t", "space": None, "": _delimiter(lines)}.get(options.delimiter, options.delimiter)
-    if '"' in text:
+    if any('"' in line for line in lines):
         rows = cells_of(path, lines, delimiter)
         if delimiter == "," and options.decimal == "auto":
             check_commas(path, rows, "add --decimal comma, or remove the separators of thousands")
@@ -144,7 +111,7 @@ def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...]
     if comma and delimiter == ",":
         raise InputError("a decimal comma needs another delimiter; add --delimiter, such as ';'")
     cells = [cell.strip() for cell in lines[0].split(delimiter)]
-    headed = not all(_is_number(cell.replace(",", ".") if comma else cell) or _is_missing(cell) for cell in cells)
+    headed = not all(is_number(cell.replace(",", ".") if comma else cell) or _is_missing(cell) for cell in cells)
     body = lines[1:] if headed else lines
     if not body:
         raise InputError(f"{path} holds no samples below its header; give at least one line of numbers")
@@ -154,9 +121,8 @@ def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...]
     try:
         values = _numbers(numbers, delimiter)
     except ValueError as error:
-        reason = " ".join(str(error).split()).split(";")[0].rstrip(".")
         raise InputError(
-            f"{path} is not a table of numbers: {reason[:1].lower() + reason[1:]}; set --delimiter and --decimal"
+            f"{path} is not a table of numbers: {reason_of(error)}; set --delimiter and --decimal"
         ) from None
     values, filled = _filled(path, values)
     names = tuple(cells) if headed else tuple(str(number) for number in range(1, values.shape[1] + 1))
@@ -184,10 +150,7 @@ def _numbers(text: str, delimiter: str | None) -> Values:
 def _filled(path: Path, values: Values) -> tuple[Values, int]:
     """Return values with NaN filled by interpolation, and the number of filled cells.
 
-    Raises
-    ------
-    InputError
-        If a value is infinite, or a column has too many without a number.
+    Raise InputError if a value is infinite, or a column has too many without a number.
     """
     holes = np.isnan(values)
     wrong = np.isinf(values) | (holes & (holes.mean(0) > MOST_MISSING))
@@ -212,14 +175,6 @@ def _delimiter(lines: list[str]) -> str | None:
 
 def _is_missing(cell: str) -> bool:
     return cell.strip().lower() in _MISSING
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
 
 
 # -- columns -----------------------------------------------------------------------------------------
@@ -255,6 +210,11 @@ def _column(path: Path, names: tuple[str, ...], text: str) -> int:
     raise InputError(f"{path} has no column {text!r}; it has {len(names)}: {', '.join(names[:8])}")
 
 
+def rises(column: Values) -> bool:
+    """Return True if every value of a column is larger than the previous value, as time stamps are."""
+    return len(column) > 2 and bool((np.diff(column) > 0).all())
+
+
 def _time_column(
     path: Path, values: Values, names: tuple[str, ...], options: Preparation
 ) -> tuple[int | None, tuple[str, ...]]:
@@ -264,7 +224,7 @@ def _time_column(
     if options.time_column:
         return _column(path, names, options.time_column), ()
     named = [number for number, name in enumerate(names) if _TIME_NAME.match(name)]
-    rising = [number for number in range(values.shape[1]) if len(values) > 2 and (np.diff(values[:, number]) > 0).all()]
+    rising = [number for number in range(values.shape[1]) if rises(values[:, number])]
     if named:
         return named[0], (f"column {names[named[0]]!r} is used as time stamps, because of its name",)
     if rising[:1] != [0] or len(rising) == values.shape[1]:

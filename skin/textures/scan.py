@@ -26,19 +26,8 @@ Signals = NDArray[np.float64]
 def quantise(signals: ArrayLike, sample_bits: int) -> tuple[NDArray[np.int32], int]:
     """Return signals quantised to codes, and the number of clipped samples (docs/specification.md, section 6).
 
-    Parameters
-    ----------
-    signals : float array, any shape
-        Signals in units of full scale, +-1.0.
-    sample_bits : int
-        W, bits of a signed sample.
-
-    Returns
-    -------
-    codes : int32 array, same shape
-        Rounded half to even and saturated to -2**(W-1) .. 2**(W-1) - 1.
-    clipped : int
-        Number of samples outside that range.
+    Signals of any shape, in units of full scale (+-1.0), are rounded half to even, and saturated to the codes of
+    ``sample_bits`` bits W, -2**(W-1) .. 2**(W-1) - 1. Samples outside that range are clipped.
     """
     full_scale = 1 << (sample_bits - 1)
     scaled = np.multiply(signals, float(full_scale))
@@ -104,23 +93,13 @@ class Scan(ABC):
 
     @abstractmethod
     def signals(self, config: ReadoutConfig, image: ArrayLike, start_row: float = 0.0) -> Signals:
-        """Return the sensor outputs at the sample ticks.
+        """Return the sensor outputs at the sample ticks, shape (ticks, taxels), in units of full scale.
 
         Raise InputError if the image is not gray, not finite, or too small for the array.
 
-        Parameters
-        ----------
-        config : ReadoutConfig
-            Array and sample rate, from ``configure``.
-        image : array, shape (height, width)
-            Gray values in units of an 8-bit pixel, integer or float.
-        start_row : float
-            Image row, in pixels from the top, of the array's row 0; always 0 in ``paper``.
-
-        Returns
-        -------
-        float64 array, shape (ticks, taxels)
-            In units of full scale.
+        - ``config``: from ``configure``.
+        - ``image``: shape (height, width); gray values in units of an 8-bit pixel, integer or float.
+        - ``start_row``: image row, in pixels from the top, of the array's row 0; always 0 in ``paper``.
         """
 
     def wired_to(self, skin: ReadoutConfig, taxels: Sequence[int]) -> tuple[Self, ReadoutConfig]:
@@ -160,21 +139,10 @@ class Scan(ABC):
         return quantise(self.signals(config, image, start_row), config.sample_bits)
 
     def sensor(self, line: Signals, rate_hz: float) -> Signals:
-        """Return the sensor response to sampled lines, starting from rest.
+        """Return the sensor response to lines of pixel values, shape (ticks, lines), in units of full scale.
 
-        The solution is exact for a line that is straight between its samples (first-order hold).
-
-        Parameters
-        ----------
-        line : float array, shape (ticks, lines)
-            Pixel values.
-        rate_hz : float
-            Samples per second.
-
-        Returns
-        -------
-        float64 array, shape (ticks, lines)
-            In units of full scale.
+        The sensor starts from rest. The solution is exact for a line that is straight between its samples (first-order
+        hold).
         """
         from scipy import signal
 

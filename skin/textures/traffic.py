@@ -28,19 +28,9 @@ def compare_traffic(
 ) -> dict[str, Any]:
     """Return the data rates of every spiking readout and of the frame readout for scanned textures.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-        Array and resolution; every encoding is taken.
-    tau_s : float, optional
-        Time constant of encoders with a leak; without it that of ``config``.
-    progress : callable, optional
-        Called after each texture of each readout.
-
-    Returns
-    -------
-    dict
-        Scan, array and ``tau_s``; ``spiking_traffic`` by encoding, ``frame_traffic`` as ``frame``.
+    - ``config``: array and resolution; every encoding is taken.
+    - ``tau_s``: time constant of encoders with a leak; by default that of ``config``.
+    - ``progress``: called after each texture of each readout.
     """
     configs = {
         encoding: scan.configure(config.replace(encoding=encoding), tau_s if registry.named(encoding).leaks else None)
@@ -64,21 +54,7 @@ def compare_traffic(
 
 
 def spiking_traffic(config: ReadoutConfig, rates: Rates, frame: FrameConfig) -> dict[str, Any]:
-    """Return the data rate of a spiking readout.
-
-    Parameters
-    ----------
-    rates : Rates
-        Mean event rate of the readout over some scans.
-    frame : FrameConfig
-        Frame readout for the comparison.
-
-    Returns
-    -------
-    dict
-        ``events_per_s``, ``bits_per_event``, ``bits_per_s``, ``events_per_taxel_per_s``; ``ratio_to_frame``, a ratio of
-        bits; and ``equal_frame_rate_hz``, the frame rate at which frames with equal N need as many bits.
-    """
+    """Return the data rate of a spiking readout, compared with a frame readout."""
     bits = rates.population_rate_hz * config.event_bits
     return {
         "events_per_s": rates.population_rate_hz,
@@ -86,24 +62,17 @@ def spiking_traffic(config: ReadoutConfig, rates: Rates, frame: FrameConfig) -> 
         "bits_per_s": bits,
         "events_per_taxel_per_s": rates.population_rate_hz / config.taxels,
         "ratio_to_frame": bits / frame.bit_rate_hz,
-        "equal_frame_rate_hz": bits / (frame.resolution * frame.taxels),
+        "equal_frame_rate_hz": bits / (frame.resolution * frame.taxels),  # frames with equal N need as many bits
     }
 
 
 def frame_traffic(frame: FrameConfig) -> dict[str, Any]:
-    """Return the data rate of the frame readout, which does not depend on the signal.
-
-    Returns
-    -------
-    dict
-        ``words_per_s``, ``bits_per_word``, ``bits_per_s`` (samples) and ``word_bits_per_s`` (with the filling of each
-        frame's last word), ``conversions_per_taxel_per_s``, ``frame_rate_hz``, ``words_per_frame``, ``clock_hz``.
-    """
+    """Return the data rate of the frame readout, which does not depend on the signal."""
     return {
         "words_per_s": frame.word_rate_hz,
         "bits_per_word": frame.word_bits,
-        "bits_per_s": frame.bit_rate_hz,
-        "word_bits_per_s": frame.word_rate_hz * frame.word_bits,
+        "bits_per_s": frame.bit_rate_hz,  # of the samples
+        "word_bits_per_s": frame.word_rate_hz * frame.word_bits,  # with the filling of each frame's last word
         "conversions_per_taxel_per_s": frame.frame_rate_hz,
         "frame_rate_hz": frame.frame_rate_hz,
         "words_per_frame": frame.words_per_frame,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import cocotb
@@ -43,26 +43,11 @@ FOLLOWS = {"mcp3008": 10, "mcp3208": 12}
 
 @dataclass
 class Converter:
-    """A converter behind a resistive matrix.
-
-    Parameters
-    ----------
-    part : str
-    codes : array
-        Shape (scans, rows, columns).
-    settle_ns : float
-        A row is read no sooner after its drive.
-
-    Attributes
-    ----------
-    taken : list of (scan, row, channel)
-        What was converted and sent.
-    """
+    """A converter behind a resistive matrix."""
 
     part: str
-    codes: NDArray[np.int64]
-    settle_ns: float
-    taken: list[tuple[int, int, int]] = field(default_factory=list)
+    codes: NDArray[np.int64]  # shape (scans, rows, columns)
+    settle_ns: float  # a row is read no sooner after its drive
 
     def __post_init__(self) -> None:
         self.limits = TIMING[self.part]
@@ -123,7 +108,6 @@ class Converter:
             settled = now - self.at["row"] >= self.settle_ns
             assert settled or self.part == "ads7953", "a row is read before it has settled"
             code = int(self.codes[self.scan, self.row, channel]) if settled else 0
-            self.taken.append((self.scan, self.row, channel))
         width = 12 if self.part == "ads7953" else FOLLOWS[self.part]
         self.out = [code >> n & 1 for n in reversed(range(width))]
         if self.part == "ads7953":
