@@ -72,8 +72,8 @@ class SimulatedBoard:
         os.close(self._master)
         os.close(self._slave)
 
-    def carry_out(self, frame: Frame) -> None:
-        """Execute and acknowledge a frame."""
+    def carry_out(self, frame: Frame) -> list[Record]:
+        """Execute a frame, and return the answer."""
         raise NotImplementedError
 
     def may(self, frame: Frame) -> bool:
@@ -112,7 +112,7 @@ class SimulatedBoard:
         else:
             self._expected = (self._expected + 1) % 256
             self.taken += 1
-            self.carry_out(frame)
+            self._say(self.carry_out(frame))
         return True
 
     def _begin(self) -> None:
@@ -120,9 +120,6 @@ class SimulatedBoard:
         self._expected, self._sequence, self.taken = 1, 0, 0
         self._writer = RecordWriter()
         self._out.clear()
-
-    def _refuse(self, frame: Frame) -> None:
-        self._say([Refused(frame.sequence, frame.sequence, Reason.UNKNOWN)])
 
     def _restart_at(self, clock: int) -> None:
         """Restart the time at a given clock."""
@@ -140,14 +137,19 @@ class SimulatedBoard:
         if records:
             self._say(records)
 
-    def _say(self, records: list[Record]) -> None:
-        """Send records to the host."""
+    def framed(self, records: list[Record]) -> bytearray:
+        """Return the next frames with records for the host."""
         words = self._writer.feed(records)
         frames = bytearray()
         for at in range(0, len(words), WORDS_OF_A_FRAME):
             payload = b"".join(word.to_bytes(4, "little") for word in words[at : at + WORDS_OF_A_FRAME])
             frames += Frame(Kind.RECORDS, self._sequence, payload).encode()
             self._sequence = (self._sequence + 1) % 256
+        return frames
+
+    def _say(self, records: list[Record]) -> None:
+        """Send records to the host."""
+        frames = self.framed(records)
         while frames and not self._ending:
             if select.select([], [self._master], [], IDLE_S)[1]:
                 del frames[: os.write(self._master, frames)]
@@ -184,8 +186,8 @@ class SimulatedPlayer(SimulatedBoard):
         """
         return frame.kind in (Kind.SAMPLES, Kind.RUN) or not (self._acks or self._out)
 
-    def carry_out(self, frame: Frame) -> None:
-        """Execute a frame."""
+    def carry_out(self, frame: Frame) -> list[Record]:
+        """Execute a frame, and return the answer; samples and clocks to run are acknowledged at their clock."""
         ack = Ack(frame.sequence)
         if frame.kind == Kind.SAMPLES and not self._run_clocks:
             self._samples += frame.payload
@@ -198,11 +200,12 @@ class SimulatedPlayer(SimulatedBoard):
             self._restart_at(0)
             if frame.kind == Kind.WEIGHTS:
                 self._load(frame.payload)
-            self._say([ack])
+            return [ack]
         elif frame.kind == Kind.STATUS:
-            self._say([self._status(self._done, **self._counts), ack])
+            return [self._status(self._done, **self._counts), ack]
         else:
-            self._refuse(frame)
+            return [_unknown(frame)]
+        return []
 
     def _load(self, payload: bytes) -> None:
         size, at = self.config.word_bytes, int.from_bytes(payload[1:WEIGHT_HEAD], "little")
@@ -247,16 +250,18 @@ class SimulatedReceiver(SimulatedBoard):
         self.events: list[tuple[int, Record]] = [(time, Event(time, address)) for time, address in events]
         super().__init__(config, config.serial.clock_hz, speed)
 
-    def carry_out(self, frame: Frame) -> None:
-        """Execute a frame immediately."""
+    def carry_out(self, frame: Frame) -> list[Record]:
+        """Execute a frame immediately, and return the answer."""
         if frame.kind == Kind.RESTART:
             self._restart_at(0)
             self._out = deque(self.events)
-        elif frame.kind == Kind.STATUS:
+            return [Ack(frame.sequence)]
+        if frame.kind == Kind.STATUS:
             last = self.events[-1][0] + 1 if self.events else 0
             clock = last if self.clocks_per_s == math.inf else int(self._now())
-            self._say([self._status(clock, events=len(self.events) - len(self._out))])
-        else:
-            self._refuse(frame)
-            return
-        self._say([Ack(frame.sequence)])
+            return [self._status(clock, events=len(self.events) - len(self._out)), Ack(frame.sequence)]
+        return [_unknown(frame)]
+
+
+def _unknown(frame: Frame) -> Refused:
+    return Refused(frame.sequence, frame.sequence, Reason.UNKNOWN)
