@@ -234,11 +234,3 @@ class Link:
                 f"the board's bitstream has another network or array ({said['identity']:08x}, not "
                 f"{config.identity:08x}); load the bitstream for these weights (make fpga WEIGHTS=)"
             )
-        if config is not None and config.chip is not None:
-            classifier = config.chip.classifier
-            wanted = {"channels": classifier.inputs, "classes": classifier.classes, "word_bytes": config.word_bytes}
-            if other := [name for name, value in wanted.items() if said[name] != value]:
-                raise InputError(
-                    f"the board reports {other[0]} = {said[other[0]]}, but its network has {wanted[other[0]]}; load "
-                    f"its bitstream again"
-                )

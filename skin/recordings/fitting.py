@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.fields import signals
-from eskin.model.readout import Stimulus, simulate
 from eskin.model.taxel import decode, encode_timed, slope_limit
-from eskin.skin.recordings.quality import MOST_CLOCKS, clocks_needed, measure_quality, power_of_two
+from eskin.skin.recordings.quality import MOST_CLOCKS, clocks_needed, encoded, power_of_two
 
 TAU_S = 0.2
 """Time constant of the leak where none is given, the paper's."""
@@ -116,7 +115,7 @@ def with_clock(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -
     steepest, clocks = recordings[int(np.argmax(needed))], power_of_two(max(needed))
     while True:
         suited = config.replace(clocks_per_sample=clocks)
-        quality = measure_quality(suited, steepest, simulate(suited, Stimulus.from_samples(suited, steepest)))
+        _, quality = encoded(suited, steepest)
         if not (quality.late or quality.merged) or clocks >= MOST_CLOCKS:
             return suited
         clocks *= 2

@@ -17,12 +17,11 @@ from eskin.base.workers.pool import Local, WorkerPool, each
 from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
-from eskin.model.readout import Stimulus, simulate
 from eskin.skin.recordings.columns import match_columns, only_taxels
 from eskin.skin.recordings.fitting import Fit, array_of, steepest_step, with_clock, with_seconds
 from eskin.skin.recordings.options import Preparation, Scale
 from eskin.skin.recordings.prepare import prepare
-from eskin.skin.recordings.quality import MUCH_LATE, Quality, measure_quality, pooled
+from eskin.skin.recordings.quality import MUCH_LATE, Quality, encoded, pooled
 from eskin.skin.recordings.table import read_table
 from eskin.skin.samples import ARRAY_SUFFIXES
 
@@ -87,12 +86,6 @@ class RecordingSet:
         said |= {"columns": list(self.columns)} if self.columns else {}
         said |= {"start_s": self.starts_s[source.name]} if source.name in self.starts_s else {}
         return said | ({} if source.class_name is None else {"class": source.class_name})
-
-
-def encoded(config: ReadoutConfig, codes: NDArray[np.int32]) -> tuple[Events, Quality]:
-    """Return the events of codes from the cycle-accurate model, and their quality."""
-    events = simulate(config, Stimulus.from_samples(config, codes))
-    return events, measure_quality(config, codes, events)
 
 
 def sources_of(folder: Path, flat: bool = False, strict: bool = False) -> tuple[tuple[Source, ...], tuple[str, ...]]:

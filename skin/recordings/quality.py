@@ -84,12 +84,18 @@ def measure_quality(config: ReadoutConfig, codes: NDArray[np.int32], events: Eve
     )
 
 
+def encoded(config: ReadoutConfig, codes: NDArray[np.int32]) -> tuple[Events, Quality]:
+    """Return the events of codes, shape (ticks, taxels), from the cycle-accurate model, and their quality."""
+    events = simulate(config, Stimulus.from_samples(config, codes))
+    return events, measure_quality(config, codes, events)
+
+
 def link_warning(config: ReadoutConfig, codes: NDArray[np.int32]) -> str:
     """Return a warning about events that the link delays or merges, with the option that helps.
 
     Empty if at most ``MUCH_LATE`` of the decisions merge.
     """
-    quality = measure_quality(config, codes, simulate(config, Stimulus.from_samples(config, codes)))
+    _, quality = encoded(config, codes)
     if quality.merged <= MUCH_LATE * quality.expected:
         return ""
     enough = power_of_two(clocks_needed(config, codes))

@@ -13,14 +13,13 @@ import pytest
 from eskin.base.errors import InputError
 from eskin.model.address_events import make_events
 from eskin.model.config import ReadoutConfig
-from eskin.model.readout import Stimulus, simulate
 from eskin.skin.recordings.columns import match_columns
 from eskin.skin.recordings.event_files import kept_events
 from eskin.skin.recordings.fitting import array_of, with_clock, with_seconds
 from eskin.skin.recordings.folder import quality_warnings, read_set, sources_of
 from eskin.skin.recordings.options import Preparation
 from eskin.skin.recordings.prepare import on_grid, prepare, without_baseline
-from eskin.skin.recordings.quality import measure_quality, pooled
+from eskin.skin.recordings.quality import encoded, measure_quality, pooled
 from eskin.skin.recordings.table import Table, read_table
 from eskin.skin.recordings.trained_on import OwnReadout
 from tests.skins import counts, write_csv, write_skin
@@ -366,7 +365,7 @@ def test_the_clock_is_as_slow_as_can_be(tmp_path):
     found = read_set(tmp_path / "s", FIRST, ReadoutConfig())
     codes, config = found.codes[0], found.config
     half = config.replace(clocks_per_sample=config.clocks_per_sample // 4)
-    worse = measure_quality(half, codes, simulate(half, Stimulus.from_samples(half, codes)))
+    _, worse = encoded(half, codes)
     assert worse.late + worse.merged > 0
     assert with_clock(config.replace(link="four_phase"), found.codes).clocks_per_sample > config.clocks_per_sample
 
