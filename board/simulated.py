@@ -33,11 +33,11 @@ from eskin.model.classifier.chip import channels_of, simulate_chip
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import network_of
 
-IDLE_S = 0.02  # silence after which the host has sent everything
-NAP_S = 0.001
+NAP_S, MOST_NAP_S = 0.001, 0.02  # wait for bytes of the host
 AT_ONCE = 4096  # records that are sent before the board looks for frames again
 WORDS_OF_A_FRAME = MOST_PAYLOAD // 4
 WEIGHT_HEAD = 3
+MOST_COST = Frame(Kind.SAMPLES, 0, bytes(MOST_PAYLOAD)).cost
 
 
 class SimulatedBoard:
@@ -54,9 +54,8 @@ class SimulatedBoard:
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
         self.port = os.ttyname(self._slave)
-        self._origin = (0.0, 0)
+        self._origin = (0.0, 0.0)
         self._ending = False
-        self._frames: deque[Frame | Damaged] = deque()
         self._out: deque[tuple[int, Record]] = deque()  # bytes to send, and the clock of their transmission
         self._expected = self._sequence = self.taken = 0
         self._begin()
@@ -76,30 +75,20 @@ class SimulatedBoard:
         """Execute a frame, and return the answer."""
         raise NotImplementedError
 
-    def may(self, frame: Frame) -> bool:
-        """Return True if a frame can be executed now."""
-        return True
-
-    def finish(self) -> None:
-        """Simulate the remaining frames after the host has finished."""
-
     def _run(self) -> None:
         reader = FrameReader()
         while not self._ending:
-            wait = IDLE_S
+            wait = MOST_NAP_S
             if self._out:
                 left = (self._out[0][0] - self._now()) / self.clocks_per_s if self.clocks_per_s < math.inf else 0.0
-                wait = min(max(left, NAP_S), IDLE_S)
+                wait = min(max(left, NAP_S), MOST_NAP_S)
             if select.select([self._master], [], [], wait)[0]:
-                self._frames.extend(reader.feed(os.read(self._master, 1 << 16)))
-            elif not self._out:
-                self.finish()
-            while self._frames and self._take(self._frames[0]):
-                self._frames.popleft()
+                for frame in reader.feed(os.read(self._master, 1 << 16)):
+                    self._take(frame)
             self._send_due()
 
-    def _take(self, frame: Frame | Damaged) -> bool:
-        """Execute a frame; return False if the frame must wait."""
+    def _take(self, frame: Frame | Damaged) -> None:
+        """Execute a frame, unless it is refused."""
         if isinstance(frame, Damaged):
             self._say([Refused(0, self._expected, Reason.DAMAGED)])
         elif frame.kind == Kind.HELLO:
@@ -107,13 +96,10 @@ class SimulatedBoard:
             self._say([Words(Tag.HELLO, hello_values(self.config))])
         elif frame.sequence != self._expected:
             self._say([Refused(frame.sequence, self._expected, Reason.SEQUENCE)])
-        elif not self.may(frame):
-            return False
         else:
             self._expected = (self._expected + 1) % 256
             self.taken += 1
             self._say(self.carry_out(frame))
-        return True
 
     def _begin(self) -> None:
         """Start a session."""
@@ -121,7 +107,7 @@ class SimulatedBoard:
         self._writer = RecordWriter()
         self._out.clear()
 
-    def _restart_at(self, clock: int) -> None:
+    def _restart_at(self, clock: float) -> None:
         """Restart the time at a given clock."""
         self._origin = (time.monotonic(), clock)
 
@@ -151,7 +137,7 @@ class SimulatedBoard:
         """Send records to the host."""
         frames = self.framed(records)
         while frames and not self._ending:
-            if select.select([], [self._master], [], IDLE_S)[1]:
+            if select.select([], [self._master], [], MOST_NAP_S)[1]:
                 del frames[: os.write(self._master, frames)]
 
     def _status(self, clock: int, **counts: int) -> Words:
@@ -163,7 +149,8 @@ class SimulatedBoard:
 class SimulatedPlayer(SimulatedBoard):
     """Simulated board with readout and classifier, computed by the golden models.
 
-    Samples may come from ``RESTART`` on until the first ``RUN``.
+    The models run when the host asks for the status, or cannot send more frames into the buffer. Samples may come from
+    ``RESTART`` on until the first ``RUN``.
     """
 
     def __init__(self, config: BoardConfig, speed: float | None = None) -> None:
@@ -175,16 +162,9 @@ class SimulatedPlayer(SimulatedBoard):
         super().__init__(config, self.chip.clock_hz, speed)
 
     def _reset(self) -> None:
-        self._samples, self._run_clocks, self._done = bytearray(), 0, 0
+        self._samples, self._run_clocks, self._done, self._waiting = bytearray(), 0, 0, 0
         self._acks: list[tuple[int, Record]] = []
         self._counts: dict[str, int] = {}
-
-    def may(self, frame: Frame) -> bool:
-        """Return True if a frame can be executed now.
-
-        Samples and clocks to run are always possible, and other frames after all previous work.
-        """
-        return frame.kind in (Kind.SAMPLES, Kind.RUN) or not (self._acks or self._out)
 
     def carry_out(self, frame: Frame) -> list[Record]:
         """Execute a frame, and return the answer; samples and clocks to run are acknowledged at their clock."""
@@ -202,9 +182,14 @@ class SimulatedPlayer(SimulatedBoard):
                 self._load(frame.payload)
             return [ack]
         elif frame.kind == Kind.STATUS:
-            return [self._status(self._done, **self._counts), ack]
+            self._simulate()
+            self._out += [(self._done, self._status(self._done, **self._counts)), (self._done, ack)]
+            return []
         else:
             return [_unknown(frame)]
+        self._waiting += frame.cost
+        if self._waiting + MOST_COST > self.config.serial.buffer_bytes:
+            self._simulate()
         return []
 
     def _load(self, payload: bytes) -> None:
@@ -221,11 +206,11 @@ class SimulatedPlayer(SimulatedBoard):
     def _clocks(self) -> int:
         return self._ticks * self.chip.readout.clocks_per_sample + self._run_clocks
 
-    def finish(self) -> None:
+    def _simulate(self) -> None:
         """Simulate up to the last clock requested by the host."""
         if not self._acks:
             return
-        chip, clocks = self.chip, self._clocks
+        chip, clocks, now = self.chip, self._clocks, self._now()
         whole = bytes(self._samples[: self._ticks * 2 * chip.readout.taxels])
         samples: NDArray[np.int32] = np.frombuffer(whole, "<i2").reshape(-1, chip.readout.taxels).astype(np.int32)
         run = simulate_chip(chip, network_of(chip.classifier, *self._memories), samples, clocks)
@@ -237,10 +222,10 @@ class SimulatedPlayer(SimulatedBoard):
         for valid, one in zip(run.classifier.valid, run.classifier.bins, strict=True):
             made.append((valid, Class(valid, one.winner, valid > late, tuple(one.evidence.tolist()))))
         made = [(time, record) for time, record in made if self._done <= time < clocks]
-        self._restart_at(self._done)
+        self._restart_at(min(now, self._done))  # the time stands still while the models run
         self._out.extend(sorted([*made, *self._acks], key=lambda item: item[0]))
         self._counts = {"events": len(channels), "bins": len(run.classifier.bins), "stalls": run.classifier.stalled}
-        self._done, self._acks = clocks, []
+        self._done, self._acks, self._waiting = clocks, [], 0
 
 
 class SimulatedReceiver(SimulatedBoard):

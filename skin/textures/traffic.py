@@ -36,10 +36,6 @@ def compare_traffic(
         encoding: scan.configure(config.replace(encoding=encoding), tau_s if registry.named(encoding).leaks else None)
         for encoding in registry.NAMES
     }
-    sent = {
-        encoding: spiking_traffic(one, measure_rates(textures, scan, one, pool=pool, progress=progress), frame)
-        for encoding, one in configs.items()
-    }
     return {
         "dataset": textures.name,
         "images": len(textures),
@@ -48,12 +44,24 @@ def compare_traffic(
         "columns": config.columns,
         "resolution": config.resolution,
         "tau_s": next(one.tau_s for one in configs.values() if one.encoder.leaks),
-        **sent,
-        "frame": frame_traffic(frame),
+        **{
+            encoding: _of_events(one, measure_rates(textures, scan, one, pool=pool, progress=progress), frame)
+            for encoding, one in configs.items()
+        },
+        "frame": {  # does not depend on the signal
+            "words_per_s": frame.word_rate_hz,
+            "bits_per_word": frame.word_bits,
+            "bits_per_s": frame.bit_rate_hz,  # of the samples
+            "word_bits_per_s": frame.word_rate_hz * frame.word_bits,  # with the filling of each frame's last word
+            "conversions_per_taxel_per_s": frame.frame_rate_hz,
+            "frame_rate_hz": frame.frame_rate_hz,
+            "words_per_frame": frame.words_per_frame,
+            "clock_hz": frame.clock_hz,
+        },
     }
 
 
-def spiking_traffic(config: ReadoutConfig, rates: Rates, frame: FrameConfig) -> dict[str, Any]:
+def _of_events(config: ReadoutConfig, rates: Rates, frame: FrameConfig) -> dict[str, Any]:
     """Return the data rate of a spiking readout, compared with a frame readout."""
     bits = rates.population_rate_hz * config.event_bits
     return {
@@ -63,18 +71,4 @@ def spiking_traffic(config: ReadoutConfig, rates: Rates, frame: FrameConfig) -> 
         "events_per_taxel_per_s": rates.population_rate_hz / config.taxels,
         "ratio_to_frame": bits / frame.bit_rate_hz,
         "equal_frame_rate_hz": bits / (frame.resolution * frame.taxels),  # frames with equal N need as many bits
-    }
-
-
-def frame_traffic(frame: FrameConfig) -> dict[str, Any]:
-    """Return the data rate of the frame readout, which does not depend on the signal."""
-    return {
-        "words_per_s": frame.word_rate_hz,
-        "bits_per_word": frame.word_bits,
-        "bits_per_s": frame.bit_rate_hz,  # of the samples
-        "word_bits_per_s": frame.word_rate_hz * frame.word_bits,  # with the filling of each frame's last word
-        "conversions_per_taxel_per_s": frame.frame_rate_hz,
-        "frame_rate_hz": frame.frame_rate_hz,
-        "words_per_frame": frame.words_per_frame,
-        "clock_hz": frame.clock_hz,
     }

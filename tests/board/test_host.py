@@ -164,11 +164,11 @@ class FakeBoard(SimulatedReceiver):
         """Return the next frame of records."""
         return bytes(self.framed(list(records)))
 
-    def _take(self, frame: Frame) -> bool:
+    def _take(self, frame: Frame) -> None:
         if (answer := self.answer(frame, self)) is None:
-            return super()._take(frame)
-        os.write(self._master, answer)
-        return True
+            super()._take(frame)
+        else:
+            os.write(self._master, answer)
 
     def pull(self) -> bytes:
         """Simulate a disconnected cable."""
