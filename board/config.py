@@ -22,9 +22,7 @@ ADDRESS_BITS = 12  # bits of the address in an event record, including polarity
 OFF_FLAG = 1 << ADDRESS_BITS - 1
 """Bit of the address that a request of OFF sets; the chip's own address is below both flags."""
 
-BOTH_FLAG = OFF_FLAG >> 1
-"""Bit of the address that two simultaneous requests set; no chip should send them."""
-
+BOTH_FLAG = OFF_FLAG >> 1  # bit of the address that two simultaneous requests set; no chip should send them
 LEAST_CLOCKS = 4  # clocks of a bit on the serial line
 MOST_CLASSES = 64
 MOST_WORDS = 1 << 16

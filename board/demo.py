@@ -43,9 +43,7 @@ LEAST_S = 6.0  # a shorter recording is slowed down to this time
 MOST_WINDOW_S = 10.0
 PATIENCE_S = 120.0  # longest computation of the model before its board must answer
 BUFFER_BYTES = 1 << 22  # buffer of the simulated board: the host sends a whole recording ahead
-
-POINTS, LINES = 400, 64
-"""Largest number of points and lines of the signals on the page."""
+POINTS, LINES = 400, 64  # largest number of points and lines of the signals on the page
 
 
 Load = Callable[[str], tuple[NDArray[Any], Piece]]

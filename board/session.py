@@ -31,7 +31,6 @@ from eskin.skin.foreign.address_map import AddressMap
 MOST_CLOCKS = 1 << 24  # of one RUN: a running board without events sends nothing
 SENSE_S = 0.1  # time that a board reads its skin for one frame of the host; the next frame waits on the board
 MOST_SCANS = (1 << 16) - 1
-
 ASK_S = 0.5  # time between requests for the counters, which show that a board is still there
 
 

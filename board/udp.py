@@ -13,10 +13,7 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 
 PORT = 8991  # jAER's default port for unicast events
-
-MOST_EVENTS = 183
-"""Largest number of events of a datagram in an Ethernet frame: (1500 - 28 bytes of headers - 4) / 8."""
-
+MOST_EVENTS = 183  # largest number of events of a datagram in an Ethernet frame: (1500 - 28 bytes of headers - 4) / 8
 LAST_COLUMN = 127  # of the 128 x 128 addresses of a DVS128, whose columns count from the right
 MOST_NUMBER = (1 << 31) - 1
 AddressEvent = tuple[int, int, int, bool]

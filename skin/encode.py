@@ -22,12 +22,8 @@ from eskin.skin.samples import fit_array, read_samples
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-    from eskin.skin.recordings.quality import Quality
-
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp", ".pgm", ".ppm")
-
-Model = Literal["cycle", "functional"]
-"""Model with contention and link, or without."""
+Model = Literal["cycle", "functional"]  # with contention and link, or without
 
 
 @dataclass(frozen=True)
@@ -35,25 +31,10 @@ class Encoded:
     """Events encoded from one input, with the encoded samples."""
 
     recording: Recording
-    codes: NDArray[np.int32]
-    """Shape (ticks, taxels)."""
-    clipped: int
-    """Samples beyond full scale."""
-    notes: tuple[str, ...] = ()
-    """Assumptions about columns, units and rate of the input."""
+    codes: NDArray[np.int32]  # shape (ticks, taxels)
+    clipped: int  # samples beyond full scale
+    notes: tuple[str, ...] = ()  # assumptions about columns, units and rate of the input
     warnings: tuple[str, ...] = ()
-
-    def quality(self) -> Quality:
-        """Return the quality of the events (link load, late decisions, SNR); only for the cycle-accurate model."""
-        from eskin.skin.recordings.quality import measure_quality
-
-        return measure_quality(self.recording.config, self.codes, self.recording.events)
-
-    def all_warnings(self, quality: Quality) -> tuple[str, ...]:
-        """Return the warnings about the input and about the quality of its events."""
-        from eskin.skin.recordings.folder import quality_warnings
-
-        return (*self.warnings, *quality_warnings(self.recording.config, [self.codes], quality))
 
 
 def encode_image(

@@ -20,11 +20,8 @@ from eskin.base.files import MOST_TEXT_BYTES, MOST_UNPACKED, atomic_write, check
 from eskin.base.outputs import check_file
 from eskin.model.config import MAX_SIDE
 
-MOST_VALUES = 2**27
-"""Largest number of samples of all taxels in one file: 1 GiB as floats."""
-
+MOST_VALUES = 2**27  # largest number of samples of all taxels in one file: 1 GiB as floats
 ARRAY_SUFFIXES = (".npy", ".npz", ".csv")
-
 _ARRAY = "samples"
 _RATE = "sample_rate_hz"
 _COMMA, _THOUSANDS = re.compile(r"[-+]?\d+,\d+"), re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
@@ -37,10 +34,8 @@ class Samples:
 
     values: NDArray[Any]
     """Integers are codes, floats are in full scale (+-1.0). Shape (ticks, taxels) or (ticks, rows, columns)."""
-    rate_hz: float | None = None
-    """Sampling rate, if the file contains one."""
-    names: tuple[str, ...] = ()
-    """Names of the taxels, if a header has them."""
+    rate_hz: float | None = None  # sampling rate, if the file contains one
+    names: tuple[str, ...] = ()  # names of the taxels, if a header has them
 
 
 def read_samples(path: Path) -> Samples:

@@ -48,8 +48,7 @@ def skin_pins(rows: int) -> Resource:
 
 
 CRYSTAL_HZ, SYSTEM_HZ = 25_000_000, 50_000_000
-VCO_HZ = 600_000_000
-"""The PLL allows 400 to 800 MHz (Lattice, FPGA-DS-02012, sysCLOCK)."""
+VCO_HZ = 600_000_000  # the PLL allows 400 to 800 MHz (Lattice, FPGA-DS-02012, sysCLOCK)
 
 UNUSED_INPUTS = (
     "RST", "STDBY", "PHASESEL0", "PHASESEL1", "PHASEDIR", "PHASESTEP", "PHASELOADREG", "PLLWAKESYNC", "ENCLKOP",

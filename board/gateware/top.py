@@ -20,8 +20,6 @@ from eskin.rtl import yosys
 from eskin.rtl.classifier.chip import Chip
 
 TOP = "eskin_board"
-
-
 SKIN_PINS = ("rows", "sclk", "cs_n", "mosi", "miso")
 
 

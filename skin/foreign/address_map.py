@@ -14,8 +14,7 @@ from eskin.base.errors import InputError
 from eskin.base.files import read_bytes
 from eskin.model.config import MAX_SIDE
 
-Addresses = NDArray[np.int64]
-"""Shape (events,) for single addresses, or (events, 2) for columns and rows."""
+Addresses = NDArray[np.int64]  # shape (events,) for single addresses, or (events, 2) for columns and rows
 
 HEADERS = (("address", "x", "y"), ("from_x", "from_y", "x", "y"))
 """Columns of a map: the foreign address, or the foreign column and row; then the taxel's column and row."""
@@ -27,8 +26,7 @@ class AddressMap:
 
     taxels: dict[tuple[int, ...], tuple[int, int]]
     """Map from ``(address,)`` or ``(column, row)`` of the chip to (x, y) of the readout."""
-    name: str
-    """The file, for messages."""
+    name: str  # the file, for messages
 
     @classmethod
     def read(cls, path: Path) -> AddressMap:

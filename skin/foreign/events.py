@@ -19,33 +19,25 @@ from eskin.skin.foreign.address_map import Addresses, AddressMap
 UNITS_S = {"s": Fraction(1), "ms": Fraction(1, 10**3), "us": Fraction(1, 10**6), "ns": Fraction(1, 10**9)}
 """Units of time stamps in seconds."""
 
-CLOCKS = "clocks"
-"""Name of the unit of time stamps that count clocks of the readout."""
+CLOCKS = "clocks"  # name of the unit of time stamps that count clocks of the readout
 
 MOST_CLOCKS = 2**51
 """Clocks up to which a time in seconds (float64) names its clock: t / clock_hz and its product with clock_hz are each
 rounded by at most one part in 2**53, together by less than half a clock."""
 
-LATE_S = 86_400
-"""Time in seconds; a later first event has the time of a wall clock, not of a recording."""
+LATE_S = 86_400  # time in seconds; a later first event has the time of a wall clock, not of a recording
 
 
 @dataclass(frozen=True, eq=False)
 class ForeignEvents:
     """Events with the columns and the time unit of their file."""
 
-    time: NDArray[Any]
-    """In ``unit``. Shape (events,)."""
-    unit: str
-    """One of UNITS_S, or ``clocks``."""
-    addresses: Addresses
-    """Single addresses, or columns and rows. Shape (events,) or (events, 2)."""
-    polarity: NDArray[np.bool_]
-    """True is ON. Shape (events,)."""
-    size: tuple[int, int] | None = None
-    """Rows and columns of the sensor, if the file contains them."""
-    notes: tuple[str, ...] = ()
-    """Notes for the user on the interpretation of the file."""
+    time: NDArray[Any]  # in ``unit``, shape (events,)
+    unit: str  # one of UNITS_S, or ``clocks``
+    addresses: Addresses  # single addresses, or columns and rows, shape (events,) or (events, 2)
+    polarity: NDArray[np.bool_]  # True is ON, shape (events,)
+    size: tuple[int, int] | None = None  # rows and columns of the sensor, if the file contains them
+    notes: tuple[str, ...] = ()  # notes for the user on the interpretation of the file
 
 
 def unwrapped(events: ForeignEvents, bits: int) -> ForeignEvents:
@@ -103,14 +95,10 @@ class Taken:
     """A recording converted from foreign events, with counts of dropped or changed events."""
 
     recording: Recording
-    dropped: int
-    """Events without a taxel."""
-    moved: int
-    """Number of events with a time between two clocks."""
-    merged: int
-    """Number of events with different times that now share a clock."""
-    start: float
-    """Time of clock 0 in the unit of the file."""
+    dropped: int  # events without a taxel
+    moved: int  # number of events with a time between two clocks
+    merged: int  # number of events with different times that now share a clock
+    start: float  # time of clock 0 in the unit of the file
 
     def said(self) -> list[str]:
         """Return a sentence for every kind of loss in the conversion."""

@@ -22,8 +22,7 @@ OTHER_UNIT = 20.0
 A taxel that alone is touched has low values too, at rest.
 """
 
-SATURATED = 0.5
-"""Part of the samples at the largest number of some bits above which a column is saturated."""
+SATURATED = 0.5  # part of the samples at the largest number of some bits above which a column is saturated
 
 
 def match_columns(tables: Iterable[Table], options: Preparation) -> tuple[list[Table], Preparation]:

@@ -23,9 +23,7 @@ from eskin.skin.recordings.options import Preparation
 from eskin.skin.recordings.statistics import write_signals
 
 _MODEL, _HERE = Path(model.__file__).parent, Path(__file__).parent
-
-KEPT = Path("out/recordings")
-"""Folder of the event files that commands encode from folders of recordings."""
+KEPT = Path("out/recordings")  # folder of the event files that commands encode from folders of recordings
 
 
 def kept_events(

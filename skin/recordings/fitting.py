@@ -15,8 +15,7 @@ from eskin.model.encoders.fields import signals
 from eskin.model.taxel import decode, encode_timed, slope_limit
 from eskin.skin.recordings.quality import MOST_CLOCKS, clocks_needed, encoded, power_of_two
 
-TAU_S = 0.2
-"""Time constant of the leak where none is given, the paper's."""
+TAU_S = 0.2  # time constant of the leak where none is given, the paper's
 
 WINDOW_S = 64 / 20_000
 """Time between two closing steps of a window where none is given: that of the default configuration."""
@@ -25,14 +24,12 @@ LEAST_WINDOW = 4
 """Samples between two closing steps at least: a window that closes at every sample follows the noise, and its receiver
 cannot tell a step from a wait. On a generated skin of 35 Hz, 6 bit, that has 17 dB, this 38 dB."""
 
-RESOLUTIONS = range(3, 9)
-"""Resolutions that are tried for the events of a classifier."""
+RESOLUTIONS = range(3, 9)  # resolutions that are tried for the events of a classifier
 
 ENOUGH_DB, MOST_TRIED = 15.0, 32
 """Reconstruction SNR that is enough for a classifier, and the recordings on which it is measured."""
 
-SLOW_HZ = 1000.0
-"""Samples per second below which the clock follows the signal, not 64 times the sample rate."""
+SLOW_HZ = 1000.0  # samples per second below which the clock follows the signal, not 64 times the sample rate
 
 
 def with_seconds(config: ReadoutConfig, given: Collection[str]) -> ReadoutConfig:

@@ -25,8 +25,7 @@ from eskin.skin.recordings.quality import MUCH_LATE, Quality, encoded, pooled
 from eskin.skin.recordings.table import read_table
 from eskin.skin.samples import ARRAY_SUFFIXES
 
-LOW_SNR_DB = 10.0
-"""Reconstruction SNR below which an LCS readout is worth a warning."""
+LOW_SNR_DB = 10.0  # reconstruction SNR below which an LCS readout is worth a warning
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,8 @@ from eskin.model.config import parameter
 Decimal = Literal["auto", "point", "comma"]
 TimeUnit = Literal["auto", "s", "ms", "us", "ns"]
 Baseline = Literal["none", "first", "median", "highpass"]
-
 GUIDE = "docs/guide/recordings.md"
-
-PER_TAXEL = "per-taxel"
-"""Text of ``Preparation.scale`` that maps the largest magnitude of each taxel to full scale."""
+PER_TAXEL = "per-taxel"  # text of ``Preparation.scale`` that maps the largest magnitude of each taxel to full scale
 
 Scale = float | tuple[float, ...]
 """Factor from the unit of the files to full scale, common to all taxels or one for each taxel."""

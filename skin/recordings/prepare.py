@@ -15,17 +15,10 @@ from eskin.skin.recordings.options import PER_TAXEL, Preparation, Scale
 from eskin.skin.recordings.table import Table, Values, rises
 from eskin.skin.textures.presets import quantise
 
-JITTER = 0.02
-"""Part of a sample period by which time stamps may miss the grid before a recording is resampled."""
-
-OWN_CLOCK = 0.01
-"""Relative difference from the common rate up to which the samples of a recording count as even."""
-
-MISSING = 1.5
-"""Sample periods between two time stamps from which on samples are missing between them."""
-
-MUCH_CLIPPED = 1e-3
-"""Part of the samples above which clipping is worth a warning."""
+JITTER = 0.02  # part of a sample period by which time stamps may miss the grid before a recording is resampled
+OWN_CLOCK = 0.01  # relative difference from the common rate up to which the samples of a recording count as even
+MISSING = 1.5  # sample periods between two time stamps from which on samples are missing between them
+MUCH_CLIPPED = 1e-3  # part of the samples above which clipping is worth a warning
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,11 +16,8 @@ from eskin.model.events.recording import Recording
 from eskin.model.readout import Stimulus, simulate
 from eskin.model.taxel import EVENT_LATENCY, counts_of_events, decode, encode, error_bound
 
-MOST_VALUES = 2**28
-"""Largest number of reconstructed values (2 GiB)."""
-
-MUCH_LATE = 0.01
-"""Part of the events above which late events or merged decisions cause a warning."""
+MOST_VALUES = 2**28  # largest number of reconstructed values (2 GiB)
+MUCH_LATE = 0.01  # part of the events above which late events or merged decisions cause a warning
 
 LEAST_CLOCKS, MOST_CLOCKS = 64, 2**20
 """Range of the clocks per sample that fit a signal; the largest number is enough for every decision."""

@@ -15,13 +15,9 @@ from eskin.skin.recordings.folder import RecordingSet
 SEGMENT, BANDS = 64, 16
 """Samples of a segment of the spectrum (Welch, half overlapping, Hann), and bands into which its lines are averaged."""
 
-_FILE = "signals.codes"
-"""File of codes: an archive like ``.npz``, without the ending of event files."""
-
+_FILE = "signals.codes"  # file of codes: an archive like ``.npz``, without the ending of event files
 _CODES = "codes/"
-
-_LEAST = 1e-6
-"""Small number that is added to deviations and powers before a logarithm."""
+_LEAST = 1e-6  # small number that is added to deviations and powers before a logarithm
 
 
 def statistics(signal: NDArray[Any]) -> NDArray[np.float64]:

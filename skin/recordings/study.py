@@ -19,8 +19,7 @@ from eskin.skin.recordings.quality import encoded, pooled
 from eskin.skin.textures.presets import quantise
 
 RESOLUTIONS = (2, 3, 4, 5, 6, 7, 8, 9, 10)
-SAMPLE_BITS = 14
-"""Sample width W of the study: a resolution of 10 bits leaves two bits below the step."""
+SAMPLE_BITS = 14  # sample width W of the study: a resolution of 10 bits leaves two bits below the step
 
 UNIFORM_BITS = range(1, SAMPLE_BITS - 1)
 """Bits of uniform sampling, at most two bits below the sample width, so that the SNR is finite."""

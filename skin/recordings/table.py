@@ -16,19 +16,14 @@ from eskin.skin.recordings.options import Preparation
 from eskin.skin.samples import ARRAY_SUFFIXES, cells_of, check_commas, is_number, lines_of, read_samples, reason_of
 
 Values = NDArray[np.float64]
-
-UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-"""Units of time stamps in seconds."""
+UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # units of time stamps in seconds
 
 _TIME_NAME = re.compile(
     r"^\W*(t|times?|time[ _-]?stamps?|date|datetime|secs?|seconds|millis|micros|ms|us)(?![a-z])", re.IGNORECASE
 )
 _UNIT = re.compile(r"(?:^|[\s(\[_/])(s|sec|secs|seconds|ms|millis|us|µs|micros|ns)[\s)\]]*$", re.IGNORECASE)
-_MISSING = ("", "nan", "na", "n/a", "null", "none", "-")
-"""Words for a cell without a number, in lower case."""
-
-MOST_MISSING = 0.1
-"""Part of the cells of a column that may hold no number; the samples before and after fill them."""
+_MISSING = ("", "nan", "na", "n/a", "null", "none", "-")  # words for a cell without a number, in lower case
+MOST_MISSING = 0.1  # part of the cells of a column that may hold no number; the samples before and after fill them
 
 SAME_STAMP = 0.01
 """Part of the time stamps that may equal the previous time stamp, for example with a clock of whole milliseconds."""

@@ -21,17 +21,13 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 from eskin.base.inputs import not_a_file
 
-EMBEDDED = "embedded"
-"""The name that stands for the embedded default, wherever a directory can be given."""
-
-ENVIRONMENT_VARIABLE = "ESKIN_DATA"
-"""Environment variable with the dataset directory, for commands without the option."""
+EMBEDDED = "embedded"  # the name that stands for the embedded default, wherever a directory can be given
+ENVIRONMENT_VARIABLE = "ESKIN_DATA"  # environment variable with the dataset directory, for commands without the option
 
 SEARCHED = ("data/kylberg", "../shared/data/kylberg")
 """Directories searched last, relative to the repository root and to the working directory."""
 
-SUMS_FILE = "SHA256SUMS"
-"""``sha256sum`` output that lists every image of a directory as ``class/name.png``."""
+SUMS_FILE = "SHA256SUMS"  # ``sha256sum`` output that lists every image of a directory as ``class/name.png``
 
 EMBEDDED_SHA256 = {
     "brick": "7966caf324f6ba843118d98f7a07746d22f6a343430add0233eca5f6eaaa8fcf",

@@ -29,29 +29,21 @@ PUBLISHED_RATES_HZ = {
 }
 """Published events/s of 8 x 8 taxels, mean of 240 Kylberg images, by encoding and resolution (tau 200 ms)."""
 
-PAPER_TAU_S = 0.2
-"""N-LCS time constant of the published rates in seconds, and the default of the command."""
+PAPER_TAU_S = 0.2  # N-LCS time constant of the published rates in seconds, and the default of the command
 
 
 @dataclass(frozen=True)
 class Rates:
     """Event rates of one readout over a dataset."""
 
-    population_rate_hz: float
-    """Events/s of the whole array, mean over all scans."""
-    rate_std_hz: float
-    """Standard deviation of that rate over the scans."""
-    events: int
-    """Number of counted events in all scans."""
-    clipped_samples: int
-    """Number of samples outside full scale in all scans."""
+    population_rate_hz: float  # events/s of the whole array, mean over all scans
+    rate_std_hz: float  # standard deviation of that rate over the scans
+    events: int  # number of counted events in all scans
+    clipped_samples: int  # number of samples outside full scale in all scans
     images: int
-    scans: int
-    """Number of images, and of scans: one per image and start row."""
-    scan_s: float
-    """Mean length of a scan in seconds."""
-    tau_s: float | None
-    """Time constant of the integer leak; None for an encoder without a leak."""
+    scans: int  # one per image and start row
+    scan_s: float  # mean length of a scan in seconds
+    tau_s: float | None  # time constant of the integer leak; None for an encoder without a leak
 
 
 def measure_rates(
@@ -98,8 +90,7 @@ class Image(NamedTuple):
     """A texture image in the form sent to a worker process."""
 
     name: str
-    pixels: NDArray[np.uint8]
-    """Shape (height, width)."""
+    pixels: NDArray[np.uint8]  # shape (height, width)
 
 
 def _rates_of(
@@ -116,12 +107,9 @@ class Scanned:
 
     counts: NDArray[np.int64]
     """Number of counted events of every configuration and taxel. Shape (configurations, taxels)."""
-    clipped: int
-    """Samples outside full scale."""
-    seconds: float
-    """Length of the scan."""
-    signals: Signals
-    """Output of the sensors in full scale. Shape (ticks, taxels)."""
+    clipped: int  # samples outside full scale
+    seconds: float  # length of the scan
+    signals: Signals  # output of the sensors in full scale, shape (ticks, taxels)
 
 
 def scan_image(image: Image, scan: Scan, configs: Sequence[ReadoutConfig], start_row: float = 0.0) -> Scanned:

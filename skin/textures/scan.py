@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 
-Preset = Literal["paper", "physical"]
-"""Names of the presets in commands and files."""
+Preset = Literal["paper", "physical"]  # names of the presets in commands and files
 
 Signals = NDArray[np.float64]
 """Sensor outputs in units of full scale, shape (ticks, taxels); taxel (r, c) is column r * columns + c."""

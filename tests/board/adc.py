@@ -37,8 +37,7 @@ TIMING = {
 }
 """Microchip DS21295 and DS21298, section 1; TI SLAS605, timing at 3 V."""
 
-FOLLOWS = {"mcp3008": 10, "mcp3208": 12}
-"""Bits of the code of a converter that answers in the frame of its question."""
+FOLLOWS = {"mcp3008": 10, "mcp3208": 12}  # bits of the code of a converter that answers in the frame of its question
 
 
 @dataclass

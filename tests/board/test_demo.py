@@ -35,8 +35,7 @@ from tests import browser as browsers
 from tests.board.test_gateware import TICKS, hears_ctrl_c, small_chip, weights_of
 from tests.conftest import Call
 
-EVENTS_A_SECOND = 45_000
-"""The most that the serial line of a board takes."""
+EVENTS_A_SECOND = 45_000  # the most that the serial line of a board takes
 
 
 class Heard(threading.Thread):

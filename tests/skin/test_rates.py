@@ -22,7 +22,6 @@ from eskin.skin.textures.presets import preset
 from eskin.skin.textures.rates import PUBLISHED_RATES_HZ, measure_rates, published_rate_hz
 
 ENCODERS = ", ".join(registry.NAMES)
-
 DOCS = Path(__file__).parents[2] / "docs"
 PAPER = preset("paper")
 PHYSICAL = preset("physical")
@@ -91,7 +90,7 @@ def test_published_rates_are_those_of_the_table() -> None:
 @pytest.mark.parametrize("resolution", [4, 6, 8])
 def test_integer_nlcs_is_within_0_3_percent_of_the_exponential(resolution):
     config = paper("nlcs", resolution)
-    data = embedded_dataset().limit(24 if resolution < 8 else 6)
+    data = embedded_dataset().limit(24 if resolution == 4 else 6)
     first = PAPER.skipped_ticks(config)
     exact = sum(float_nlcs_events(PAPER.signals(config, t.load()), config, first) for t in data)
     assert measure_rates(data, PAPER, config).events == pytest.approx(exact, rel=0.003)
