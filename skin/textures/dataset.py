@@ -104,26 +104,23 @@ def open_dataset(where: str | Path | None = None) -> Dataset:
     ``data/kylberg`` or ``../shared/data/kylberg`` if present, else the embedded default.
     Raise InputError if a directory that was named does not exist, or a directory is not a dataset.
     """
-    if where is not None and str(where):
-        return _named_dataset(str(where), "dataset directory")
-    if variable := os.environ.get(ENVIRONMENT_VARIABLE):
-        return _named_dataset(variable, f"${ENVIRONMENT_VARIABLE}")
+    named, what = str(where or ""), "dataset directory"
+    if not named:
+        named, what = os.environ.get(ENVIRONMENT_VARIABLE, ""), f"${ENVIRONMENT_VARIABLE}"
+    if named == EMBEDDED:
+        return embedded_dataset()
+    if named:
+        if not Path(named).is_dir():
+            raise InputError(
+                f"{what} {named} is not a directory; give a directory with a folder of PNG images per class, "
+                f"or {EMBEDDED!r}"
+            )
+        return directory_dataset(Path(named))
     for base in (Path(__file__).resolve().parents[2], Path.cwd()):
         for place in SEARCHED:
             if (base / place).is_dir():
                 return directory_dataset(base / place)
     return embedded_dataset()
-
-
-def _named_dataset(where: str, what: str) -> Dataset:
-    if where == EMBEDDED:
-        return embedded_dataset()
-    if not Path(where).is_dir():
-        raise InputError(
-            f"{what} {where} is not a directory; give a directory with a folder of PNG images per class, "
-            f"or {EMBEDDED!r}"
-        )
-    return directory_dataset(Path(where))
 
 
 def directory_dataset(root: Path) -> Dataset:
@@ -134,17 +131,12 @@ def directory_dataset(root: Path) -> Dataset:
 
     ``root``: directory with one folder of PNG files per class.
     """
-    folders = sorted(p for p in root.iterdir() if p.is_dir() and not p.name.startswith("."))
-    found = {
-        folder.name: sorted(
-            p.name for p in folder.iterdir() if p.suffix.lower() == ".png" and not p.name.startswith(".")
-        )
-        for folder in folders
-    }
-    for class_name, names in found.items():
-        for name in names:
-            if what := not_a_file(root / class_name / name):
-                raise InputError(f"image {root / class_name / name} is {what}; fetch or remove it")
+    found: dict[str, list[str]] = {}
+    for folder in sorted(path for path in root.iterdir() if path.is_dir() and not path.name.startswith(".")):
+        images = [path for path in folder.iterdir() if path.suffix.lower() == ".png" and path.name[0] != "."]
+        found[folder.name] = sorted(path.name for path in images)
+        if odd := [f"{path} is {what}" for path in images if (what := not_a_file(path))]:
+            raise InputError(f"image {min(odd)}; fetch or remove it")
     if not found:
         raise InputError(
             f"dataset directory {root} has no class folders; put the PNG images of each class into a folder"
