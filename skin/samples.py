@@ -47,39 +47,44 @@ def read_samples(path: Path) -> Samples:
 
     Raise InputError if the file cannot be read, or is not a finite numerical array of two or three dimensions.
     """
-    read = {".npy": _read_npy, ".npz": _read_npz, ".csv": _read_csv}.get(path.suffix.lower())
-    if read is None:
+    if path.suffix.lower() not in ARRAY_SUFFIXES:
         raise InputError(f"{path} is not an array file; accepted are {', '.join(ARRAY_SUFFIXES)}")
+    is_text = path.suffix.lower() == ".csv"
     try:
-        data = read_bytes(path, "the file of samples", MOST_TEXT_BYTES if read is _read_csv else MOST_UNPACKED)
+        data = read_bytes(path, "the file of samples", MOST_TEXT_BYTES if is_text else MOST_UNPACKED)
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from None
-    samples = read(path, data)
+    samples = _read_csv(path, data) if is_text else _read_arrays(path, data)
     _check_values(path, samples.values)
     if samples.rate_hz is not None and not (math.isfinite(samples.rate_hz) and samples.rate_hz > 0):
         raise InputError(f"{path} states the sampling rate {samples.rate_hz:g}; it must be a positive number")
     return samples
 
 
-def _read_npy(path: Path, data: bytes) -> Samples:
-    try:
-        return Samples(np.lib.format.read_array(io.BytesIO(data), allow_pickle=False))
-    except Exception:  # the reader raises almost any type, depending on what is damaged
-        raise InputError(f"{path} is damaged or not a numerical .npy file; save it with numpy.save") from None
+def arrays_in(path: Path, data: bytes, damaged: str) -> NDArray[Any] | dict[str, NDArray[Any]]:
+    """Return the array in the content of a .npy file, or the arrays in that of a .npz file by name.
 
-
-def _read_npz(path: Path, data: bytes) -> Samples:
+    Raise InputError with the text ``damaged`` if the content cannot be read.
+    """
     try:
+        if path.suffix.lower() != ".npz":
+            return np.asarray(np.lib.format.read_array(io.BytesIO(data), allow_pickle=False))
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             check_unpacked(archive)
-            members = {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
-        found = {
-            name: np.lib.format.read_array(io.BytesIO(member), allow_pickle=False) for name, member in members.items()
-        }
+            members = {name.removesuffix(".npy"): io.BytesIO(archive.read(name)) for name in archive.namelist()}
+        return {name: np.lib.format.read_array(member, allow_pickle=False) for name, member in members.items()}
     except InputError as error:
         raise InputError(f"{path} {error}") from None
-    except Exception:  # as above
-        raise InputError(f"{path} is damaged or not a numerical .npz file; save it with numpy.savez") from None
+    except Exception:  # zipfile, zlib and NumPy raise almost any type, depending on what is damaged
+        raise InputError(f"{path} is damaged or not {damaged}") from None
+
+
+def _read_arrays(path: Path, data: bytes) -> Samples:
+    kind = path.suffix.lower()
+    save = "savez" if kind == ".npz" else "save"
+    found = arrays_in(path, data, f"a numerical {kind} file; save it with numpy.{save}")
+    if isinstance(found, np.ndarray):
+        return Samples(found)
     rate = found.pop(_RATE, None)
     if rate is not None and (rate.size != 1 or rate.dtype.kind not in "iuf"):
         raise InputError(f"{path} has a {_RATE} that is not one number; give it in hertz")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import atomic_write, check_unpacked, read_bytes
+from eskin.base.files import atomic_write, read_bytes
 from eskin.model.events.recording import Recording
 from eskin.skin.foreign.events import CLOCKS, UNITS_S, ForeignEvents, in_unit, lost_clocks
-from eskin.skin.samples import cells_of, check_commas, lines_of
+from eskin.skin.samples import arrays_in, cells_of, check_commas, lines_of
 
 TEXT_SUFFIXES = (".csv", ".txt", ".tsv")
 
@@ -123,21 +122,13 @@ def _number(cell: str) -> int | float | None:
 
 
 def _array_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
-    try:
-        found: Any = np.load(io.BytesIO(content), allow_pickle=False)
-        if isinstance(found, np.ndarray):
-            if found.dtype.names and found.ndim == 1:
-                return {name: found[name] for name in found.dtype.names}
-            if found.ndim == 2 and found.dtype.kind in "iuf":
-                return {str(n): found[:, n] for n in range(found.shape[1])}
-            raise InputError(f"{path} has shape {found.shape} of {found.dtype}; events are rows of t, x, y, p")
-        with found:
-            check_unpacked(found.zip)
-            columns = {name: found[name] for name in found.files}
-    except InputError as error:
-        raise InputError(str(error) if str(path) in str(error) else f"{path} {error}") from None
-    except Exception:  # a damaged file makes zipfile, zlib and NumPy raise almost any type
-        raise InputError(f"{path} is damaged or not an array file; write it again with numpy.save") from None
+    columns = arrays_in(path, content, "an array file; write it again with numpy.save")
+    if isinstance(columns, np.ndarray):
+        if columns.dtype.names and columns.ndim == 1:
+            return {name: columns[name] for name in columns.dtype.names}
+        if columns.ndim == 2 and columns.dtype.kind in "iuf":
+            return {str(n): columns[:, n] for n in range(columns.shape[1])}
+        raise InputError(f"{path} has shape {columns.shape} of {columns.dtype}; events are rows of t, x, y, p")
     lengths = {array.shape for array in columns.values()}
     if len(lengths) != 1 or len(next(iter(lengths))) != 1:
         raise InputError(
