@@ -20,10 +20,8 @@ from eskin.board.records import (
     Ack,
     Class,
     Event,
-    Reason,
     Record,
     RecordWriter,
-    Refused,
     Tag,
     Words,
     hello_values,
@@ -57,7 +55,6 @@ class SimulatedBoard:
         self._origin = (0.0, 0.0)
         self._ending = False
         self._out: deque[tuple[int, Record]] = deque()  # bytes to send, and the clock of their transmission
-        self._expected = self._sequence = self.taken = 0
         self._begin()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -88,22 +85,19 @@ class SimulatedBoard:
             self._send_due()
 
     def _take(self, frame: Frame | Damaged) -> None:
-        """Execute a frame, unless it is refused."""
-        if isinstance(frame, Damaged):
-            self._say([Refused(0, self._expected, Reason.DAMAGED)])
-        elif frame.kind == Kind.HELLO:
+        """Execute a frame of the host, which sends only good frames in order."""
+        assert isinstance(frame, Frame), frame
+        if frame.kind == Kind.HELLO:
             self._begin()
             self._say([Words(Tag.HELLO, hello_values(self.config))])
-        elif frame.sequence != self._expected:
-            self._say([Refused(frame.sequence, self._expected, Reason.SEQUENCE)])
-        else:
-            self._expected = (self._expected + 1) % 256
-            self.taken += 1
-            self._say(self.carry_out(frame))
+            return
+        self.taken += 1
+        assert frame.sequence == self.taken % 256, frame
+        self._say(self.carry_out(frame))
 
     def _begin(self) -> None:
         """Start a session."""
-        self._expected, self._sequence, self.taken = 1, 0, 0
+        self._sequence = self.taken = 0
         self._writer = RecordWriter()
         self._out.clear()
 
@@ -186,7 +180,7 @@ class SimulatedPlayer(SimulatedBoard):
             self._out += [(self._done, self._status(self._done, **self._counts)), (self._done, ack)]
             return []
         else:
-            return [_unknown(frame)]
+            raise NotImplementedError(frame)
         self._waiting += frame.cost
         if self._waiting + MOST_COST > self.config.serial.buffer_bytes:
             self._simulate()
@@ -245,8 +239,4 @@ class SimulatedReceiver(SimulatedBoard):
             last = self.events[-1][0] + 1 if self.events else 0
             clock = last if self.clocks_per_s == math.inf else int(self._now())
             return [self._status(clock, events=len(self.events) - len(self._out)), Ack(frame.sequence)]
-        return [_unknown(frame)]
-
-
-def _unknown(frame: Frame) -> Refused:
-    return Refused(frame.sequence, frame.sequence, Reason.UNKNOWN)
+        raise NotImplementedError(frame)

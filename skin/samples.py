@@ -209,13 +209,20 @@ def fit_array(values: NDArray[Any], rows: int, columns: int, size_given: bool) -
     return flat, rows, columns
 
 
+def array_of(taxels: int) -> tuple[int, int] | None:
+    """Return rows and columns of the most square array for a number of taxels; None above 64 x 64."""
+    for rows in range(math.isqrt(taxels), 0, -1):
+        if taxels % rows == 0 and taxels // rows <= MAX_SIDE:
+            return rows, taxels // rows
+    return None
+
+
 def _suggest_size(taxels: int) -> str:
     """Return a hint: an array size for a number of taxels, or the advice to leave taxels out."""
     if taxels <= MAX_SIDE:
         return f"use --rows 1 --columns {taxels}"
-    for rows in range(math.isqrt(taxels), 1, -1):
-        if taxels % rows == 0 and taxels // rows <= MAX_SIDE:
-            return f"use --rows {rows} --columns {taxels // rows}, or another split of {taxels}"
+    if size := array_of(taxels):
+        return f"use --rows {size[0]} --columns {size[1]}, or another split of {taxels}"
     return f"no array of at most {MAX_SIDE} x {MAX_SIDE} has {taxels} taxels, so leave some out"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -90,14 +89,6 @@ class Fit:
                 config = config.replace(resolution=resolution)
                 break
         return config, scale, f"resolution {config.resolution} b; --resolution chooses another"
-
-
-def array_of(taxels: int) -> tuple[int, int] | None:
-    """Return rows and columns of the most square array for a number of taxels; None above 64 x 64."""
-    for rows in range(math.isqrt(taxels), 0, -1):
-        if taxels % rows == 0 and taxels // rows <= 64:
-            return rows, taxels // rows
-    return None
 
 
 def with_clock(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -> ReadoutConfig:

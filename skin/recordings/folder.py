@@ -18,12 +18,12 @@ from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.recordings.columns import match_columns, only_taxels
-from eskin.skin.recordings.fitting import Fit, array_of, steepest_step, with_clock, with_seconds
+from eskin.skin.recordings.fitting import Fit, steepest_step, with_clock, with_seconds
 from eskin.skin.recordings.options import Preparation, Scale
 from eskin.skin.recordings.prepare import prepare
 from eskin.skin.recordings.quality import MUCH_LATE, Quality, encoded, pooled
 from eskin.skin.recordings.table import read_table
-from eskin.skin.samples import ARRAY_SUFFIXES
+from eskin.skin.samples import ARRAY_SUFFIXES, array_of
 
 LOW_SNR_DB = 10.0  # reconstruction SNR below which an LCS readout is worth a warning
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import cocotb
 import numpy as np
 from cocotb.triggers import First, ReadOnly, Timer
 from cocotb.utils import get_sim_time
@@ -146,24 +145,16 @@ class Converter:
 
 
 async def at_the_pins(dut: Any, converter: Converter) -> None:
-    """Connect a converter to the pins of a board."""
+    """Connect a converter to the pins of a board; its output is wrong until it is valid."""
     pins = [dut.cs_n, dut.sclk, dut.mosi, dut.rows]
-    now, start_ps = 0.0, get_sim_time("ps")
+    start_ps, wait_ns = get_sim_time("ps"), 0.0
     while True:
-        await First(*(pin.value_change for pin in pins))
+        valid = [Timer(round(wait_ns * 1000), "ps")] if 0 < wait_ns < CLOCK_NS * 2 else []
+        await First(*(pin.value_change for pin in pins), *valid)
         await ReadOnly()
         now = (get_sim_time("ps") - start_ps) / 1000
         converter.step(now, *(int(pin.value) for pin in pins))
-        wait = max(converter.valid_at - now, 0)
         await Timer(1, "ps")
+        now += 1e-3
+        wait_ns = converter.valid_at - now
         dut.miso.value = converter.miso(now)
-        if 0 < wait < CLOCK_NS * 2:
-            cocotb.start_soon(later(dut, converter, wait))
-
-
-async def later(dut: Any, converter: Converter, wait_ns: float) -> None:
-    """Give the output of a converter when it is valid."""
-    valid_at = converter.valid_at
-    await Timer(round(wait_ns * 1000), "ps")
-    if converter.valid_at == valid_at:
-        dut.miso.value = converter.level

@@ -17,13 +17,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eskin.base.errors import InputError
 from eskin.base.figures.style import PALETTE
 from eskin.board import session
 from eskin.board.config import BoardConfig
 from eskin.board.demo import foreign_records
 from eskin.board.link import Link
-from eskin.board.serial_frames import Frame, Kind
+from eskin.board.serial_frames import Kind
 from eskin.board.simulated import SimulatedPlayer, SimulatedReceiver
 from eskin.board.udp import UdpSender, datagram, parse_destination, read_datagram
 from eskin.model.address_events import EVENT_DTYPE
@@ -86,33 +85,6 @@ def test_play_on_a_simulated_board_is_the_models_and_sends_every_event(call: Cal
     as_jaer = [(us, 127 - ((a & 0xFE) >> 1), (a & 0x7F00) >> 8, bool((1 - a) & 1)) for a, us in pairs]
     microseconds = np.round(events["t"] * 1e6 / chip.clock_hz).astype(int).tolist()
     assert as_jaer == list(zip(microseconds, *(events[name].tolist() for name in "xyp"), strict=True))
-
-
-def listen_on(link: Link) -> None:
-    while True:  # a frame may come in pieces
-        link.receive()
-
-
-@pytest.mark.parametrize(
-    ("frame", "sentence"),
-    [
-        (
-            Frame(Kind.STATUS, 1, b"").encode()[:-3] + b"\x00\x00~",
-            "frame 0 to the board arrived damaged .it waits for 1",
-        ),
-        (
-            Frame(Kind.STATUS, 5, b"").encode(),
-            "frame 5 to the board arrived out of order, because an earlier frame was lost",
-        ),
-        (Frame(99, 1, b"").encode(), "frame 1 to the board has a kind that the board does not know"),
-    ],
-)
-def test_a_simulated_board_refuses_what_a_board_refuses(frame: bytes, sentence: str) -> None:
-    with SimulatedReceiver(BoardConfig(chip=None), []) as board, Link(board.port, lambda records: None) as link:
-        link.hello("receiver", BoardConfig(chip=None))
-        link._line.write(frame)
-        with pytest.raises(InputError, match=sentence):
-            listen_on(link)
 
 
 def test_what_a_full_serial_line_brings_leaves_without_loss() -> None:

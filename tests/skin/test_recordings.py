@@ -15,13 +15,14 @@ from eskin.model.address_events import make_events
 from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.columns import match_columns
 from eskin.skin.recordings.event_files import kept_events
-from eskin.skin.recordings.fitting import array_of, with_clock, with_seconds
+from eskin.skin.recordings.fitting import with_clock, with_seconds
 from eskin.skin.recordings.folder import quality_warnings, read_set, sources_of
 from eskin.skin.recordings.options import Preparation
 from eskin.skin.recordings.prepare import on_grid, prepare, without_baseline
 from eskin.skin.recordings.quality import encoded, measure_quality, pooled
 from eskin.skin.recordings.table import Table, read_table
 from eskin.skin.recordings.trained_on import OwnReadout
+from eskin.skin.samples import array_of
 from tests.skins import counts, write_csv, write_skin
 
 FIRST = Preparation(baseline="first")
