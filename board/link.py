@@ -173,12 +173,7 @@ class Link:
 
     def _begins(self, frame: Frame | Damaged) -> bool:
         """Return True if a frame starts the current session, False for a frame of an earlier session."""
-        if (
-            isinstance(frame, Damaged)
-            or frame.kind != Kind.RECORDS
-            or frame.sequence
-            or len(frame.payload) < WORD_BYTES
-        ):
+        if isinstance(frame, Damaged) or frame.kind != Kind.RECORDS or frame.sequence:
             return False
         return int.from_bytes(frame.payload[:WORD_BYTES], "little") >> VALUE_BITS == Tag.HELLO
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write, read_bytes
 from eskin.model.events.recording import Recording
-from eskin.skin.foreign.events import CLOCKS, UNITS_S, ForeignEvents, in_unit, lost_clocks
+from eskin.skin.foreign.events import ForeignEvents, in_unit, lost_clocks
 from eskin.skin.samples import arrays_in, cells_of, check_commas, lines_of
 
 TEXT_SUFFIXES = (".csv", ".txt", ".tsv")
@@ -40,7 +40,8 @@ def read_events_table(path: Path, fields: Sequence[str] = (), unit: str | None =
     - ``fields``: meaning of each column, if the file has no names: t, x, y, p, address, or - for others.
     - ``unit``: unit of the time; by default from the column's name, else s for decimal times and us for integers.
     """
-    columns, named_unit = _named(path, _columns(path), fields)
+    columns = _text_columns(path) if path.suffix.lower() in TEXT_SUFFIXES else _array_columns(path)
+    columns, named_unit = _named(path, columns, fields)
     for name in ("t", "p"):
         if name in columns and columns[name].dtype.kind not in "iufb":
             raise InputError(f"{path}: column {name} has values of type {columns[name].dtype}, not numbers")
@@ -60,23 +61,8 @@ def read_events_table(path: Path, fields: Sequence[str] = (), unit: str | None =
     )
 
 
-def check_unit(unit: str | None) -> None:
-    """Check that a unit of time is known."""
-    if unit not in (None, *UNITS_S, CLOCKS):
-        raise InputError(f"--time-unit must be {', '.join(UNITS_S)} or {CLOCKS}, not {unit!r}")
-
-
-def _columns(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the columns of a file by name, or by number for a file without names."""
-    if path.suffix.lower() in TEXT_SUFFIXES:
-        return _text_columns(path)
-    try:
-        return _array_columns(path, read_bytes(path, "the table"))
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
-
-
 def _text_columns(path: Path) -> dict[str, NDArray[Any]]:
+    """Return the columns of a text by name, or by number without a header."""
     lines = [line.strip() for line in lines_of(path, "give a table of events, or rename the file by its kind")]
     if not lines:
         raise InputError(f"{path} is empty; give a table with a line for each event")
@@ -121,7 +107,11 @@ def _number(cell: str) -> int | float | None:
     return None
 
 
-def _array_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
+def _array_columns(path: Path) -> dict[str, NDArray[Any]]:
+    try:
+        content = read_bytes(path, "the table")
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
     columns = arrays_in(path, content, "an array file; write it again with numpy.save")
     if isinstance(columns, np.ndarray):
         if columns.dtype.names and columns.ndim == 1:

@@ -113,18 +113,14 @@ def on_grid(table: Table, rate_hz: float) -> tuple[Values, bool]:
         return table.values, False
     period, own = 1 / rate_hz, float(time_s[-1]) / (len(time_s) - 1)
     steps = np.diff(time_s)
-    allowed = max(JITTER * period, min(1.5 * _finest_step(steps), 0.1 * period))
+    finest = float(np.diff(np.unique(np.round(steps, 9))).min(initial=math.inf)) if np.ptp(steps) > 1e-9 else 0.0
+    allowed = max(JITTER * period, min(1.5 * finest, 0.1 * period))  # the finest difference is a unit of the stamps
     if abs(own / period - 1) <= OWN_CLOCK and np.abs(time_s - np.arange(len(time_s)) * own).max() <= allowed:
         return table.values, False
     if (gap := float(steps.max())) > 1000 * period:
         raise InputError(f"{table.path} has a gap of {gap:.4g} s in its time stamps; cut it into two recordings")
     grid = np.arange(int(time_s[-1] * rate_hz + 1e-6) + 1) * period
     return np.stack([np.interp(grid, time_s, column) for column in table.values.T], axis=1), True
-
-
-def _finest_step(steps: Values) -> float:
-    """Return the resolution of time stamps: the smallest difference between two time steps."""
-    return float(np.diff(np.unique(np.round(steps, 9))).min(initial=math.inf)) if np.ptp(steps) > 1e-9 else 0.0
 
 
 def _filled(tables: Sequence[Table]) -> list[str]:

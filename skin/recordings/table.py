@@ -60,7 +60,7 @@ def read_table(path: Path, options: Preparation) -> Table:
         samples = read_samples(path)
         flat = samples.values.reshape(len(samples.values), -1)
         values, codes, rate_hz, filled = flat.astype(float), samples.values.dtype.kind in "iu", samples.rate_hz, 0
-        names = tuple(f"{number}" for number in range(1, values.shape[1] + 1))
+        names = _numbered(values)
     else:
         raise InputError(f"{path} is not a table of samples; accepted are {', '.join(ARRAY_SUFFIXES)}")
     time_column, notes = _time_column(path, values, names, options)
@@ -81,7 +81,7 @@ def read_table(path: Path, options: Preparation) -> Table:
         time_s,
         rate_hz,
         notes,
-        _are_names(names),
+        names != _numbered(values),
         filled,
         start_s,
     )
@@ -120,7 +120,7 @@ def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...]
             f"{path} is not a table of numbers: {reason_of(error)}; set --delimiter and --decimal"
         ) from None
     values, filled = _filled(path, values)
-    names = tuple(cells) if headed else tuple(str(number) for number in range(1, values.shape[1] + 1))
+    names = tuple(cells) if headed else _numbered(values)
     if len(names) != values.shape[1]:
         raise InputError(f"{path} names {len(names)} columns, but has {values.shape[1]}; repair its header")
     return values, names, not filled and re.search(r"[.eE]", numbers) is None, filled
@@ -140,6 +140,11 @@ def _numbers(text: str, delimiter: str | None) -> Values:
     return np.loadtxt(
         io.StringIO(text), np.float64, delimiter=delimiter, comments=None, ndmin=2, converters=number, encoding="utf-8"
     )
+
+
+def _numbered(values: Values) -> tuple[str, ...]:
+    """Return the names of columns without a header: their numbers from 1."""
+    return tuple(str(number) for number in range(1, values.shape[1] + 1))
 
 
 def _filled(path: Path, values: Values) -> tuple[Values, int]:
@@ -189,11 +194,6 @@ def _chosen_columns(path: Path, names: tuple[str, ...], text: str) -> list[int]:
     if twice := [column for column in chosen if chosen.count(column) > 1]:
         raise InputError(f"--taxel-columns {text} has {names[twice[0]]} twice; name every column once")
     return chosen
-
-
-def _are_names(names: tuple[str, ...]) -> bool:
-    """Return True if the column names are not only consecutive numbers."""
-    return names != tuple(str(number) for number in range(1, len(names) + 1))
 
 
 def _column(path: Path, names: tuple[str, ...], text: str) -> int:
