@@ -132,6 +132,11 @@ def lines_of(path: Path, remedy: str) -> list[str]:
     return [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
 
 
+def delimiter_of(lines: Sequence[str]) -> str | None:
+    """Return the delimiter of cells: tab, semicolon or comma, or None for white space."""
+    return next((mark for mark in ("\t", ";", ",") if all(mark in line for line in lines[-2:])), None)
+
+
 def cells_of(path: Path, lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
     """Return the cells of every line of a table; a cell in double quotes may contain the delimiter.
 

@@ -14,7 +14,7 @@ from eskin.base.errors import InputError
 from eskin.base.files import atomic_write, read_bytes
 from eskin.model.events.recording import Recording
 from eskin.skin.foreign.events import ForeignEvents, in_unit, lost_clocks
-from eskin.skin.samples import arrays_in, cells_of, check_commas, lines_of
+from eskin.skin.samples import arrays_in, cells_of, check_commas, delimiter_of, is_number, lines_of
 
 TEXT_SUFFIXES = (".csv", ".txt", ".tsv")
 
@@ -66,11 +66,11 @@ def _text_columns(path: Path) -> dict[str, NDArray[Any]]:
     lines = [line.strip() for line in lines_of(path, "give a table of events, or rename the file by its kind")]
     if not lines:
         raise InputError(f"{path} is empty; give a table with a line for each event")
-    delimiter = next((d for d in ("\t", ";", ",") if d in lines[-1]), None)
+    delimiter = delimiter_of(lines)
     rows = cells_of(path, lines, delimiter)
     if delimiter == ",":
         check_commas(path, rows, "write a decimal point, and no separators of thousands")
-    header = None if all(_number(cell) is not None for cell in rows[0]) else rows.pop(0)
+    header = None if all(is_number(cell.replace(",", ".")) for cell in rows[0]) else rows.pop(0)
     width = len(header or rows[0])
     if (wrong := next((n for n, row in enumerate(rows) if len(row) != width), None)) is not None:
         hint = "; a decimal comma needs another delimiter, such as ;" if delimiter == "," else ""
@@ -83,28 +83,19 @@ def _text_columns(path: Path) -> dict[str, NDArray[Any]]:
 
 def _parsed(path: Path, name: str, cells: Sequence[str]) -> NDArray[Any]:
     """Return a column as int64 if all cells are integers, else float64; an unknown column may stay text."""
-    truths = {"true": 1, "false": 0, "on": 1, "off": 0}
-    numbers = [truths[cell.lower()] if cell.lower() in truths else _number(cell) for cell in cells]
-    if None in numbers:
-        if any(name.lower() in names for names in NAMES.values()):
-            at = numbers.index(None)
-            raise InputError(f"{path}: event {at} has {name} {cells[at]!r}, which is not a number")
-        return np.array(cells)
-    if all(type(number) is int for number in numbers):
-        if numbers and not -(2**63) <= min(numbers) <= max(numbers) < 2**63:  # type: ignore[type-var, operator]
-            raise InputError(f"{path}: column {name} has numbers beyond 63 bits")
-        return np.array(numbers, np.int64)
-    return np.array(numbers, np.float64)
-
-
-def _number(cell: str) -> int | float | None:
-    """Return the number in a cell, also with a decimal comma; None for other texts."""
-    for kind in (int, float):
+    truths = {"true": "1", "false": "0", "on": "1", "off": "0"}
+    numbers = np.array([truths.get(cell.lower(), cell.replace(",", ".")) for cell in cells])
+    for kind in (np.int64, np.float64):
         try:
-            return kind(cell.replace(",", "."))
+            return numbers.astype(kind)
+        except OverflowError:
+            raise InputError(f"{path}: column {name} has numbers beyond 63 bits") from None
         except ValueError:
             continue
-    return None
+    if any(name.lower() in names for names in NAMES.values()):
+        at = next(at for at, number in enumerate(numbers) if not is_number(number))
+        raise InputError(f"{path}: event {at} has {name} {cells[at]!r}, which is not a number")
+    return np.array(cells)
 
 
 def _array_columns(path: Path) -> dict[str, NDArray[Any]]:

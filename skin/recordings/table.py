@@ -13,7 +13,16 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.skin.recordings.options import Preparation
-from eskin.skin.samples import ARRAY_SUFFIXES, cells_of, check_commas, is_number, lines_of, read_samples, reason_of
+from eskin.skin.samples import (
+    ARRAY_SUFFIXES,
+    cells_of,
+    check_commas,
+    delimiter_of,
+    is_number,
+    lines_of,
+    read_samples,
+    reason_of,
+)
 
 Values = NDArray[np.float64]
 UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # units of time stamps in seconds
@@ -95,7 +104,7 @@ def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...]
     lines = lines_of(path, "save it as comma-separated values in UTF-8")
     if not lines:
         raise InputError(f"{path} holds no samples; give at least one line of numbers")
-    delimiter = {"tab": "\t", "space": None, "": _delimiter(lines)}.get(options.delimiter, options.delimiter)
+    delimiter = {"tab": "\t", "space": None, "": delimiter_of(lines)}.get(options.delimiter, options.delimiter)
     if any('"' in line for line in lines):
         rows = cells_of(path, lines, delimiter)
         if delimiter == "," and options.decimal == "auto":
@@ -166,11 +175,6 @@ def _filled(path: Path, values: Values) -> tuple[Values, int]:
         here = holes[:, number]
         values[here, number] = np.interp(place[here], place[~here], values[~here, number])
     return values, int(holes.sum())
-
-
-def _delimiter(lines: list[str]) -> str | None:
-    """Return the delimiter of cells: tab, semicolon or comma, or None for white space."""
-    return next((mark for mark in ("\t", ";", ",") if all(mark in line for line in lines[-2:])), None)
 
 
 def _is_missing(cell: str) -> bool:
