@@ -15,17 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.board.config import BoardConfig
-from eskin.board.records import (
-    STATUS_WORDS,
-    Ack,
-    Class,
-    Event,
-    Record,
-    RecordWriter,
-    Tag,
-    Words,
-    hello_values,
-)
+from eskin.board.records import STATUS_WORDS, Ack, Class, Event, Record, RecordWriter, Tag, Words, hello_values
 from eskin.board.serial_frames import MOST_PAYLOAD, Damaged, Frame, FrameReader, Kind
 from eskin.model.classifier.chip import channels_of, simulate_chip
 from eskin.model.classifier.chip_config import ChipConfig

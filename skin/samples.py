@@ -239,11 +239,7 @@ def check_samples_path(path: Path) -> None:
 
 
 def write_samples(
-    path: Path,
-    values: NDArray[np.float64],
-    rate_hz: float,
-    names: Sequence[str] = (),
-    start_s: float | None = None,
+    path: Path, values: NDArray[np.float64], rate_hz: float, names: Sequence[str] = (), start_s: float | None = None
 ) -> None:
     """Write signals, shape (ticks, taxels), in full scale, to a file that :func:`read_samples` can read.
 

@@ -123,11 +123,7 @@ class Core(Component):
         chip = Chip(self.config.chip)
         run = Signal()
         clocked = Signal()
-        m.d.comb += [
-            run.eq(loader.active & recorder.idle),
-            loader.run.eq(run),
-            clocked.eq(run | loader.restart),
-        ]
+        m.d.comb += [run.eq(loader.active & recorder.idle), loader.run.eq(run), clocked.eq(run | loader.restart)]
         m.submodules.chip = ResetInserter(loader.restart)(EnableInserter(clocked)(chip))
         with m.If(run):
             m.d.sync += now.eq(now + 1)

@@ -224,10 +224,7 @@ def negative_part_lost(config: ReadoutConfig, recordings: Sequence[NDArray[np.in
 
 
 def write_folder(
-    recordings: RecordingSet,
-    out: Path,
-    pool: WorkerPool | None = None,
-    progress: Callable[[], object] | None = None,
+    recordings: RecordingSet, out: Path, pool: WorkerPool | None = None, progress: Callable[[], object] | None = None
 ) -> tuple[Quality, tuple[str, ...]]:
     """Write the event file ``OUT/class/name.npz`` for every recording.
 

@@ -85,8 +85,7 @@ def test_what_is_beside_the_listed_images_is_used_or_ignored(textures):
 
 
 @pytest.mark.parametrize(
-    "line",
-    ["garbage", "0" * 64, "0" * 64 + "  ../felt.png", "0" * 63 + "  a/b.png", "0" * 64 + "  a/b/c.png"],
+    "line", ["garbage", "0" * 64, "0" * 64 + "  ../felt.png", "0" * 63 + "  a/b.png", "0" * 64 + "  a/b/c.png"]
 )
 def test_sums_file_that_is_none_is_refused(textures, line):
     with (textures / "SHA256SUMS").open("a") as file:

@@ -116,10 +116,7 @@ def test_paper_turns_an_image_that_is_wider_than_high():
     assert len(PAPER.signals(config, image)) == 63 * 560 // 26
 
 
-@pytest.mark.parametrize(
-    ("encoding", "resolution", "skip_s"),
-    [("lcs", 2, 0.01), ("nlcs", 10, 0.1)],
-)
+@pytest.mark.parametrize(("encoding", "resolution", "skip_s"), [("lcs", 2, 0.01), ("nlcs", 10, 0.1)])
 def test_paper_counts_from_the_first_sample_at_the_skip_time(encoding, resolution, skip_s):
     config = PAPER.configure(ReadoutConfig(encoding=encoding, resolution=resolution))
     every = PAPER.loop_samples(config)

@@ -397,12 +397,7 @@ def test_what_only_has_the_name_of_a_recording_is_told_or_refused(tmp_path):
     (tmp_path / "s/tap/zero.csv").symlink_to("/dev/zero")
     sources, warnings = sources_of(tmp_path / "s")
     assert len(sources) == 4
-    for odd in (
-        "folder.csv is a folder",
-        "gone.csv is a broken link",
-        "pipe.npy is a FIFO",
-        "zero.csv is a device",
-    ):
+    for odd in ("folder.csv is a folder", "gone.csv is a broken link", "pipe.npy is a FIFO", "zero.csv is a device"):
         assert f"s/tap/{odd}" in warnings[0]
     with pytest.raises(
         InputError, match=r"^4 recordings of .*s cannot be read: .*s/tap/folder.csv is a folder; fetch or "
