@@ -95,8 +95,8 @@ def foreign_events(config: ReadoutConfig, mapping: AddressMap | None = None) -> 
     address that the array does not have, and for two requests at once.
     """
     dual = config.link == "four_phase_dual"
-    own = {(column, row): (column, row) for row in range(config.rows) for column in range(config.columns)}
-    sources: Mapping[tuple[int, ...], tuple[int, int]] = mapping.taxels if mapping else own
+    places = [(column, row) for row in range(config.rows) for column in range(config.columns)]
+    sources: Mapping[tuple[int, ...], tuple[int, int]] = mapping.taxels if mapping else {one: one for one in places}
     across = max(source[0] for source in sources).bit_length()
     taxels = {sum(n << across * at for at, n in enumerate(source)): taxel for source, taxel in sources.items()}
     above = max(taxels).bit_length()
