@@ -73,7 +73,8 @@ class PhysicalScan(Scan):
                 f"start row must be in 0..{lowest:.6g} for {rows} x {columns} taxels "
                 f"on an image {pixels.shape[0]} pixels high, not {start_row:g}"
             )
-        pitch, finer = self.taxel_pitch_px, self._finer(config)
+        pitch = self.taxel_pitch_px
+        finer = max(1, math.ceil(self.lowest_time_base_hz / config.sample_rate_hz - 1e-9))  # ticks of the sensor model
         step = self._step_px(config) / finer
         count = (self._ticks(config, pixels.shape) - 1) * finer + 1
         lines = np.empty((count, config.taxels))
@@ -88,10 +89,6 @@ class PhysicalScan(Scan):
     def _step_px(self, config: ReadoutConfig) -> float:
         """Return the distance in pixels that the array moves per sample tick."""
         return self.speed_m_per_s / self.pixel_pitch_m / config.sample_rate_hz
-
-    def _finer(self, config: ReadoutConfig) -> int:
-        """Return the oversampling factor of the sensor model per sample tick."""
-        return max(1, math.ceil(self.lowest_time_base_hz / config.sample_rate_hz - 1e-9))
 
     def _lowest_start_row(self, config: ReadoutConfig, shape: tuple[int, int]) -> float:
         rows, columns, _, _ = self._places(config)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -161,15 +162,11 @@ def each_image(
     if not len(dataset):
         raise InputError("event rates need at least one image; the dataset is empty")
     jobs = ((Image(texture.name, texture.load()), *arguments) for texture in dataset)
-
-    def told(found: Any) -> Any:
+    # The first image fills the caches that threads then share.
+    for found in itertools.chain([work(*next(jobs))], each(pool or Local(1), work, jobs)):
         if progress is not None:
             progress()
-        return found
-
-    # The first image fills the caches that threads then share.
-    yield told(work(*next(jobs)))
-    yield from map(told, each(pool or Local(1), work, jobs))
+        yield found
 
 
 def published_rate_hz(dataset: Dataset, scan: Scan, config: ReadoutConfig) -> float | None:
