@@ -42,7 +42,7 @@ class Link:
         self.said: dict[str, int] = {}
         self.features = Feature(0)  # of the board, beside the first protocol
         self._frames, self._records = FrameReader(), RecordReader()
-        self._sequence, self._due, self._begun = 0, 0, False
+        self._sequence = self._due = 0
         self._waiting: deque[Frame] = deque()
         self.arrived = 0.0  # ``time.monotonic`` at the arrival of the bytes that are forwarded now
         self._came: queue.Queue[tuple[float, bytes | Exception]] = queue.Queue()
@@ -71,7 +71,7 @@ class Link:
         """
         self._frames, self._records = FrameReader(), RecordReader()
         self._waiting.clear()
-        self._begun, self._due = False, 0
+        self._due, begun = 0, False
         self._write(Frame(Kind.HELLO, 0, b""))
         self._sequence = 1
         ends = time.monotonic() + self.patience_s
@@ -82,8 +82,8 @@ class Link:
                     f"baud rate"
                 )
             for frame in self._frames.feed(self._take()):
-                self._begun = self._begun or self._begins(frame)
-                if self._begun:
+                begun = begun or self._begins(frame)
+                if begun:
                     self._hand_on(frame)
         self._check(design, config)
         return self.said
