@@ -50,15 +50,20 @@ def read_samples(path: Path) -> Samples:
     if path.suffix.lower() not in ARRAY_SUFFIXES:
         raise InputError(f"{path} is not an array file; accepted are {', '.join(ARRAY_SUFFIXES)}")
     is_text = path.suffix.lower() == ".csv"
-    try:
-        data = read_bytes(path, "the file of samples", MOST_TEXT_BYTES if is_text else MOST_UNPACKED)
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    data = content_of(path, "the file of samples", MOST_TEXT_BYTES if is_text else MOST_UNPACKED)
     samples = _read_csv(path, data) if is_text else _read_arrays(path, data)
     _check_values(path, samples.values)
     if samples.rate_hz is not None and not (math.isfinite(samples.rate_hz) and samples.rate_hz > 0):
         raise InputError(f"{path} states the sampling rate {samples.rate_hz:g}; it must be a positive number")
     return samples
+
+
+def content_of(path: Path, what: str, most: int = MOST_TEXT_BYTES) -> bytes:
+    """Return the content of a file; raise InputError if it cannot be read, or is longer than ``most`` bytes."""
+    try:
+        return read_bytes(path, what, most)
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
 
 
 def arrays_in(path: Path, data: bytes, damaged: str) -> NDArray[Any] | dict[str, NDArray[Any]]:
@@ -124,9 +129,7 @@ def lines_of(path: Path, remedy: str) -> list[str]:
     Raise InputError if the file cannot be read.
     """
     try:
-        text = read_bytes(path, "the table").decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
+        text = content_of(path, "the table").decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{path} is not text; {remedy}") from None
     return [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]

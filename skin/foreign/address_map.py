@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import read_bytes
 from eskin.model.config import MAX_SIDE
+from eskin.skin.samples import content_of
 
 Addresses = NDArray[np.int64]  # shape (events,) for single addresses, or (events, 2) for columns and rows
 
@@ -36,15 +36,10 @@ class AddressMap:
         a taxel.
         """
         try:
-            lines = [
-                line
-                for line in csv.reader(read_bytes(path, "the address map").decode("utf-8-sig").splitlines())
-                if line
-            ]
+            text = content_of(path, "the address map").decode("utf-8-sig")
+            lines = [line for line in csv.reader(text.splitlines()) if line]
         except (UnicodeDecodeError, csv.Error):
             raise InputError(f"{path} is no table; an address map is a .csv with the header {_headers()}") from None
-        except OSError as error:
-            raise InputError(f"cannot read {path}: {error.strerror}") from None
         header = tuple(cell.strip().lower() for cell in lines[0]) if lines else ()
         if header not in HEADERS:
             raise InputError(f"{path} has the header {','.join(header)!r}; an address map has {_headers()}")

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import atomic_write, read_bytes
+from eskin.base.files import atomic_write
 from eskin.model.events.recording import Recording
 from eskin.skin.foreign.events import ForeignEvents, in_unit, lost_clocks
-from eskin.skin.samples import arrays_in, cells_of, check_commas, delimiter_of, is_number, lines_of
+from eskin.skin.samples import arrays_in, cells_of, check_commas, content_of, delimiter_of, is_number, lines_of
 
 TEXT_SUFFIXES = (".csv", ".txt", ".tsv")
 
@@ -99,11 +99,7 @@ def _parsed(path: Path, name: str, cells: Sequence[str]) -> NDArray[Any]:
 
 
 def _array_columns(path: Path) -> dict[str, NDArray[Any]]:
-    try:
-        content = read_bytes(path, "the table")
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
-    columns = arrays_in(path, content, "an array file; write it again with numpy.save")
+    columns = arrays_in(path, content_of(path, "the table"), "an array file; write it again with numpy.save")
     if isinstance(columns, np.ndarray):
         if columns.dtype.names and columns.ndim == 1:
             return {name: columns[name] for name in columns.dtype.names}

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.inputs import not_a_file
+from eskin.skin.samples import content_of
 
 EMBEDDED = "embedded"  # the name that stands for the embedded default, wherever a directory can be given
 ENVIRONMENT_VARIABLE = "ESKIN_DATA"  # environment variable with the dataset directory, for commands without the option
@@ -176,7 +177,7 @@ def _verify(root: Path, found: dict[str, list[str]]) -> None:
 def _read_sums(path: Path) -> dict[str, str]:
     """Return the checksums in a SHA256SUMS file, keyed by ``class/name.png``."""
     listed = {}
-    for number, line in enumerate(_read(path).decode("utf-8", "replace").splitlines(), 1):
+    for number, line in enumerate(content_of(path, "the list").decode("utf-8", "replace").splitlines(), 1):
         if not line.strip():
             continue
         digest, _, name = line.partition(" ")
@@ -189,14 +190,7 @@ def _read_sums(path: Path) -> dict[str, str]:
 
 
 def _sha256(path: Path) -> str:
-    return hashlib.sha256(_read(path)).hexdigest()
-
-
-def _read(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    return hashlib.sha256(content_of(path, "image")).hexdigest()
 
 
 def read_gray_png(path: Path) -> NDArray[np.uint8]:
