@@ -142,5 +142,7 @@ def _read(folder: Path) -> tuple[dict[str, NDArray[np.int32]], float, int] | Non
     if not path.exists():
         return None
     stored = read_arrays(path, "the samples of recordings", "remove its folder")
+    if not {"sample_rate_hz", "full_scale"} <= set(stored):
+        raise InputError(f"{path} is damaged, or of an earlier version; remove its folder")
     codes = {name.removeprefix(_CODES): array for name, array in stored.items() if name.startswith(_CODES)}
     return codes, float(stored["sample_rate_hz"]), int(stored["full_scale"])
