@@ -13,6 +13,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.fields import signals
 from eskin.model.taxel import decode, encode_timed, slope_limit
 from eskin.skin.recordings.quality import MOST_CLOCKS, clocks_needed, encoded, power_of_two
+from eskin.skin.textures.scan import leak_of
 
 TAU_S = 0.2  # time constant of the leak where none is given, the paper's
 
@@ -34,8 +35,7 @@ SLOW_HZ = 1000.0  # samples per second below which the clock follows the signal,
 def with_seconds(config: ReadoutConfig, given: Collection[str]) -> ReadoutConfig:
     """Return a configuration whose default time constants keep their duration at any sample rate."""
     if config.encoder.leaks and not {"leak_shift", "leak_period"} & set(given):
-        leak = ReadoutConfig.from_tau(TAU_S, 1 / config.sample_rate_hz)
-        return config.replace(leak_shift=leak.leak_shift, leak_period=leak.leak_period)
+        return config.replace(**leak_of(TAU_S, config.sample_rate_hz))
     if config.encoder.windowed and "window_period" not in given:
         return config.replace(window_period=min(max(round(WINDOW_S * config.sample_rate_hz), LEAST_WINDOW), 2**16))
     return config

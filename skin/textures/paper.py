@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
-from eskin.skin.textures.scan import Scan, Signals, gray
+from eskin.skin.textures.scan import Scan, Signals, gray, leak_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +69,7 @@ class PaperScan(Scan):
         if leaky and not (math.isfinite(tau_s) and tau_s > 0):
             raise InputError(f"tau must be a positive number of seconds, not {tau_s!r}")
         rate_hz = self.playback_hz / self.loop_samples(config, tau_s)
-        leak = self._leak(config, tau_s, rate_hz) if leaky else {}
+        leak = leak_of(tau_s, rate_hz) if leaky else {}
         reset = 0 if leaky else config.step
         return config.replace(sample_rate_hz=rate_hz, decide_every="sample", reference_reset=reset, **leak)
 

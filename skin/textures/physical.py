@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
-from eskin.skin.textures.scan import Scan, Signals, gray
+from eskin.skin.textures.scan import Scan, Signals, gray, leak_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,15 +43,11 @@ class PhysicalScan(Scan):
         """Return the configuration with the leak of a leaky encoder set to ``tau_s``; see ``Scan.configure``."""
         if not config.encoder.leaks or tau_s is None:
             return config
-        return config.replace(**self._leak(config, tau_s, config.sample_rate_hz))
+        return config.replace(**leak_of(tau_s, config.sample_rate_hz))
 
     def duration_s(self, config: ReadoutConfig, shape: tuple[int, int]) -> float:
         """Return the duration of the slide in seconds, a whole number of sample periods."""
         return self._ticks(config, shape) / config.sample_rate_hz
-
-    def skipped_ticks(self, config: ReadoutConfig) -> int:
-        """Return 0, because all events are counted."""
-        return 0
 
     def start_rows(self, config: ReadoutConfig, shape: tuple[int, int], count: int) -> list[float]:
         """Return evenly spaced start rows from the top of an image to the lowest possible row.

@@ -77,9 +77,9 @@ class Scan(ABC):
     def duration_s(self, config: ReadoutConfig, shape: tuple[int, int]) -> float:
         """Return the duration in seconds of the scan of an image."""
 
-    @abstractmethod
     def skipped_ticks(self, config: ReadoutConfig) -> int:
-        """Return the number of initial sample ticks whose events are not counted."""
+        """Return the number of initial sample ticks whose events are not counted; 0 unless a preset skips some."""
+        return 0
 
     @abstractmethod
     def signals(self, config: ReadoutConfig, image: ArrayLike, start_row: float = 0.0) -> Signals:
@@ -140,11 +140,6 @@ class Scan(ABC):
         response: Signals = signal.lfilter(numerator / self.pixel_full_scale, denominator, line, axis=0)
         return response
 
-    def _leak(self, config: ReadoutConfig, tau_s: float, sample_rate_hz: float) -> dict[str, Any]:
-        """Return the leak settings for a time constant."""
-        leak = ReadoutConfig.from_tau(tau_s, 1.0 / sample_rate_hz)
-        return {"leak_shift": leak.leak_shift, "leak_period": leak.leak_period}
-
 
 @functools.lru_cache(maxsize=16)
 def _discrete(numerator: tuple[float, ...], denominator: tuple[float, ...], rate_hz: float) -> tuple[Any, Any]:
@@ -156,6 +151,12 @@ def _discrete(numerator: tuple[float, ...], denominator: tuple[float, ...], rate
 
     found, below, _ = signal.cont2discrete((numerator, denominator), 1.0 / rate_hz, method="foh")
     return np.ravel(found), below
+
+
+def leak_of(tau_s: float, sample_rate_hz: float) -> dict[str, Any]:
+    """Return the leak settings of a configuration for a time constant."""
+    leak = ReadoutConfig.from_tau(tau_s, 1.0 / sample_rate_hz)
+    return {"leak_shift": leak.leak_shift, "leak_period": leak.leak_period}
 
 
 def gray(image: ArrayLike) -> NDArray[np.float64]:
