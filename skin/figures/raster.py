@@ -107,10 +107,20 @@ def _draw(
     texture: NDArray[Any] | None = None,
 ) -> Figure:
     """Return a figure with a common time axis: texture, signals, and rasters (label, events, marked events, remark)."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     end_ms = _end_ms(config, [events for _, events, _, _ in rasters], signals.values(), duration_clocks)
     raster_in = min(max(1.0, 0.045 * config.taxels), 3.0)
     heights = [1.0] * (texture is not None) + [1.5] * len(signals) + [raster_in] * len(rasters)
-    figure, panels = _panels(title, heights)
+    figure = Figure(figsize=(_WIDTH_IN, sum(heights) + 0.45 * len(heights) + 0.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+    for panel in panels:
+        panel.spines[["top", "right"]].set_visible(False)
+        panel.tick_params(labelsize=8, length=3)
+    if title:
+        figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
     below = iter(panels)
     if texture is not None:
         _draw_texture(next(below), texture, end_ms)
@@ -135,23 +145,6 @@ def _end_ms(
         ends += [len(signal) * config.clocks_per_sample for signal in signals]
         duration_clocks = max(ends, default=config.clocks_per_sample)
     return max(duration_clocks, 1) * 1e3 / config.clock_hz
-
-
-def _panels(title: str, heights_in: Sequence[float]) -> tuple[Figure, list[Axes]]:
-    """Return a figure of stacked panels with a common time axis."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(_WIDTH_IN, sum(heights_in) + 0.45 * len(heights_in) + 0.6), layout="constrained")
-    FigureCanvasAgg(figure)
-    grid = figure.subplots(len(heights_in), 1, sharex=True, squeeze=False, height_ratios=heights_in)
-    panels = list(grid[:, 0])
-    for panel in panels:
-        panel.spines[["top", "right"]].set_visible(False)
-        panel.tick_params(labelsize=8, length=3)
-    if title:
-        figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
-    return figure, panels
 
 
 def _caption(panel: Axes, label: str, remark: str = "") -> None:

@@ -31,7 +31,7 @@ from eskin.model.events.recording import Recording
 from eskin.model.readout import Stimulus, simulate
 from eskin.skin.encode import encode_samples
 from tests import browser as browsers
-from tests.board.test_gateware import TICKS, hears_ctrl_c, small_chip, weights_of
+from tests.board.test_gateware import TICKS, hears_ctrl_c, small_chip, walk, weights_of
 from tests.conftest import Call
 
 EVENTS_A_SECOND = 45_000  # the most that the serial line of a board takes
@@ -50,11 +50,6 @@ def heard() -> Iterator[tuple[str, list[bytes]]]:
         yield f"127.0.0.1:{listener.getsockname()[1]}", found
         listener.sendto(b"", listener.getsockname())
         thread.join(timeout=10)
-
-
-def walk(ticks: int, taxels: int) -> np.ndarray:
-    rng = np.random.default_rng(2)
-    return np.cumsum(rng.integers(-60, 61, (ticks, taxels)), axis=0).clip(-2000, 2000).astype(np.int16)
 
 
 def test_play_on_a_simulated_board_is_the_models_and_sends_every_event(call: Call, folder: Path) -> None:

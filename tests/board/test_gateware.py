@@ -46,18 +46,14 @@ SERIAL = SerialConfig(baud=BAUD, buffer_bytes=512, idle_bits=4096, records=128)
 def small_chip(threshold: int = 60) -> ChipConfig:
     """Return a chip with short bins, in which bursts must wait."""
     readout = ReadoutConfig(rows=3, columns=5, resolution=6, clocks_per_sample=64)
-    network = ClassifierConfig(
-        inputs=30,
-        hidden=20,
-        classes=3,
-        threshold=threshold,
-        floor=-200,
-        out_threshold=100,
-        out_floor=-200,
-        lanes=4,
-        bin_s=0.0003,
-    )
-    return ChipConfig(readout=readout, classifier=network)
+    network = ClassifierConfig(inputs=30, hidden=20, classes=3, threshold=threshold, floor=-200, lanes=4, bin_s=0.0003)
+    return ChipConfig(readout=readout, classifier=network.replace(out_threshold=100, out_floor=-200))
+
+
+def walk(ticks: int, taxels: int) -> np.ndarray:
+    """Return random codes that move in small steps."""
+    steps = np.random.default_rng(2).integers(-60, 61, (ticks, taxels))
+    return np.cumsum(steps, axis=0).clip(-2000, 2000).astype(np.int16)
 
 
 def weights_of(chip: ChipConfig, path: Path) -> Path:
@@ -169,10 +165,8 @@ def hosts(tmp_path: Path) -> Hosts:
 @pytest.fixture
 def played(tmp_path: Path) -> dict[str, Path]:
     """Return files of weights and of random codes."""
-    rng = np.random.default_rng(2)
     chip = small_chip()
-    codes = np.cumsum(rng.integers(-60, 61, (TICKS, chip.readout.taxels)), axis=0)
-    np.save(tmp_path / "codes.npy", codes.clip(-2000, 2000).astype(np.int16))
+    np.save(tmp_path / "codes.npy", walk(TICKS, chip.readout.taxels))
     return {"weights": weights_of(chip, tmp_path / "weights.npz"), "codes": tmp_path / "codes.npy"}
 
 
