@@ -18,7 +18,7 @@ POLL_S = 0.05
 MOST_S = 600.0  # longest execution of a frame while records arrive: a RUN may give millions of events
 WORD_BYTES = 4
 
-WHY = {
+WHY: dict[int, str] = {
     Reason.DAMAGED: "arrived damaged",
     Reason.SEQUENCE: "arrived out of order, because an earlier frame was lost",
     Reason.OVERRUN: "did not fit into the buffer of the board",
@@ -104,14 +104,12 @@ class Link:
 
         Raises InputError if the board sends nothing, is gone or rejects a frame, or if a frame arrives damaged.
         """
-        data = self._take()
         ends = time.monotonic() + self.patience_s
-        while not data:
+        while not (data := self._take()):
             if time.monotonic() > ends:
                 raise InputError(
                     f"the board at {self.port} has sent nothing for {self.patience_s:g} s; check the cable"
                 )
-            data = self._take()
         self._handle(data)
 
     @property
@@ -199,7 +197,7 @@ class Link:
                 if isinstance(record, Ack):
                     self._acknowledged(record.sequence)
                 elif isinstance(record, Refused):
-                    why = next((text for reason, text in WHY.items() if reason == record.reason), "was refused")
+                    why = WHY.get(record.reason, "was refused")
                     raise InputError(f"frame {record.sequence} to the board {why} (it waits for {record.expected})")
                 elif isinstance(record, Words) and record.tag == Tag.HELLO:
                     self.said, self.features = record.values, record.features

@@ -48,18 +48,14 @@ class UdpSender:
     def __call__(self, events: Sequence[AddressEvent]) -> None:
         """Send events (clock, column, row, polarity)."""
         for at in range(0, len(events), MOST_EVENTS):
-            part = events[at : at + MOST_EVENTS]
+            timed = np.array(events[at : at + MOST_EVENTS], np.int64)
+            timed[:, 0] = self.begins_us + np.round(timed[:, 0] * self._us_per_clock)
             try:
-                self._socket.sendto(datagram(self._number, self._timed(part)), self._to)
+                self._socket.sendto(datagram(self._number, timed), self._to)
             except OSError as error:
                 raise InputError(f"cannot send to {self.destination}: {error.strerror}; check --udp") from None
             self._number = self._number + 1 & MOST_NUMBER
-            self.events += len(part)
-
-    def _timed(self, events: Sequence[AddressEvent]) -> NDArray[np.int64]:
-        found = np.array(events, np.int64)
-        found[:, 0] = self.begins_us + np.round(found[:, 0] * self._us_per_clock)
-        return found
+            self.events += len(timed)
 
     def close(self) -> None:
         """Close the socket."""
