@@ -82,18 +82,8 @@ def read_table(path: Path, options: Preparation) -> Table:
     if time_column is not None and "counter" not in " ".join(notes):
         time_s, start_s, note = _seconds(path, values[:, time_column], names[time_column], options)
         notes = (*notes, note)
-    return Table(
-        path,
-        values[:, chosen],
-        tuple(names[k] for k in chosen),
-        codes,
-        time_s,
-        rate_hz,
-        notes,
-        names != _numbered(values),
-        filled,
-        start_s,
-    )
+    taxels, named = tuple(names[k] for k in chosen), names != _numbered(values)
+    return Table(path, values[:, chosen], taxels, codes, time_s, rate_hz, notes, named, filled, start_s)
 
 
 # -- text --------------------------------------------------------------------------------------------
