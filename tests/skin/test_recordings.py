@@ -429,24 +429,24 @@ def test_columns_are_matched_by_name(tmp_path):
         read_table(tmp_path / "s/a/0.csv", Preparation(taxel_columns="s0,s1,1"))
 
 
-def test_recordings_of_other_arrays_or_rates_are_refused(tmp_path):
-    write_csv(tmp_path / "s/a/0.csv", counts("tap"))
-    write_csv(tmp_path / "s/b/0.csv", counts("tap", taxels=9))
-    with pytest.raises(InputError, match=r"has 16 taxels, .* has 9; choose the same taxels with --taxel-columns"):
-        read_set(tmp_path / "s", FIRST, ReadoutConfig())
-    write_csv(tmp_path / "s/b/0.csv", counts("tap", rate_hz=200), rate_hz=200)
-    write_csv(tmp_path / "s/c/0.csv", counts("tap"))
-    with pytest.raises(
-        InputError, match="has 200 samples/s, but the others have 35; give the rate of all with --sample-rate"
-    ):
-        read_set(tmp_path / "s", FIRST, ReadoutConfig())
-    write_csv(tmp_path / "s/b/0.csv", counts("tap", rate_hz=10), rate_hz=10)
-    with pytest.raises(InputError, match="has 10 samples/s, but the others have 35"):
-        read_set(tmp_path / "s", FIRST, ReadoutConfig())
-    with pytest.raises(
-        InputError, match="16 taxels, but the array has 2 x 4 = 8; give --rows and --columns, or neither"
-    ):
-        read_set(tmp_path / "s/a/0.csv", FIRST, ReadoutConfig(rows=2, columns=4), {"rows", "columns"})
+@pytest.mark.parametrize(
+    ("other", "fields", "sentence"),
+    [
+        ({"taxels": 9}, {}, r"has 16 taxels, .* has 9; choose the same taxels with --taxel-columns"),
+        ({"rate_hz": 200}, {}, "has 200 samples/s, but the others have 35; give the rate of all with --sample-rate"),
+        ({"rate_hz": 10}, {}, "has 10 samples/s, but the others have 35"),
+        (
+            {},
+            {"rows": 2, "columns": 4},
+            "16 taxels, but the array has 2 x 4 = 8; give --rows and --columns, or neither",
+        ),
+    ],
+)
+def test_recordings_of_other_arrays_or_rates_are_refused(tmp_path, other, fields, sentence):
+    for name, made in (("a", {}), ("b", other), ("c", {})):
+        write_csv(tmp_path / f"s/{name}/0.csv", counts("tap", **made), made.get("rate_hz", 35))
+    with pytest.raises(InputError, match=sentence):
+        read_set(tmp_path / "s", FIRST, ReadoutConfig(**fields), fields)
 
 
 def test_event_files_are_kept_by_what_makes_them(tmp_path, monkeypatch):
