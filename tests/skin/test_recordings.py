@@ -438,7 +438,7 @@ def test_columns_are_matched_by_name(tmp_path):
         (
             {},
             {"rows": 2, "columns": 4},
-            "16 taxels, but the array has 2 x 4 = 8; give --rows and --columns, or neither",
+            "16 taxels, but the array has 2 x 4 = 8; give --rows and --columns, or",
         ),
     ],
 )
