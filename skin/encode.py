@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.recordings.options import Preparation
@@ -155,21 +154,17 @@ def _encoded(
     if model not in get_args(Model):
         raise InputError(f"model must be one of {', '.join(get_args(Model))}, not {model!r}")
     duration = len(codes) * config.clocks_per_sample
-    metadata = {"name": path.stem, "source": path.name, "model": model} | metadata
-    return Encoded(
-        Recording(_events(config, codes, model, duration), config, duration, metadata=metadata), codes, clipped
-    )
-
-
-def _events(config: ReadoutConfig, codes: NDArray[np.int32], model: str, duration: int) -> Events:
     if model == "cycle":
         from eskin.model.readout import Stimulus, simulate
 
-        return simulate(config, Stimulus.from_samples(config, codes))
-    from eskin.model.taxel import encode_timed, uncontended_events
+        events = simulate(config, Stimulus.from_samples(config, codes))
+    else:
+        from eskin.model.taxel import encode_timed, uncontended_events
 
-    events = uncontended_events(config, *encode_timed(config, codes))
-    return events[events["t"] < duration]
+        events = uncontended_events(config, *encode_timed(config, codes))
+        events = events[events["t"] < duration]
+    metadata = {"name": path.stem, "source": path.name, "model": model} | metadata
+    return Encoded(Recording(events, config, duration, metadata=metadata), codes, clipped)
 
 
 def read_image(path: Path) -> NDArray[Any]:
