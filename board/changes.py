@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 from eskin.board.serial_frames import MOST_PAYLOAD, Kind
 from eskin.model.config import ReadoutConfig
 
-JUMP_BITS = 3
-"""Number of ones before a whole code; fewer ones and a zero stand for a step or for no change."""
-
+JUMP_BITS = 3  # number of ones before a whole code; fewer ones and a zero stand for a step or for no change
 MOST_TICKS = 255
 MOST_BITS = 8 * (MOST_PAYLOAD - 1)  # of all ticks of a frame; the first byte is their number
 BLOCK_TICKS = 4096  # ticks that are coded at once

@@ -7,7 +7,6 @@ import io
 import itertools
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
@@ -36,7 +35,7 @@ from eskin.skin.textures.dataset import EMBEDDED
 from eskin.skin.textures.physical import PhysicalScan, large_enough
 from eskin.skin.textures.presets import preset
 
-NETWORKS = "classifier/networks"
+NETWORKS = Path(str(resources.files("eskin.model").joinpath("classifier", "networks")))
 TEXTURES_NETWORK, FINGER_NETWORK = "embedded/fold-1.npz", "finger/fold-0.npz"
 """Networks of the package ``model``; the demo plays textures and recordings outside their training sets."""
 
@@ -44,9 +43,7 @@ LEAST_S = 6.0  # a shorter recording is slowed down to this time
 MOST_WINDOW_S = 10.0
 PATIENCE_S = 120.0  # longest computation of the model before its board must answer
 BUFFER_BYTES = 1 << 22  # buffer of the simulated board: the host sends a whole recording ahead
-
-POINTS, LINES = 400, 64
-"""Largest number of points and lines of the signals on the page."""
+POINTS, LINES = 400, 64  # largest number of points and lines of the signals on the page
 
 
 Load = Callable[[str], tuple[NDArray[Any], Piece]]
@@ -106,12 +103,7 @@ def show_of(
         weights = network_of(recordings)
     if recordings and weights is None and not finger:
         return _events_of(recordings, only, readout or {}, prepared or {})
-    if weights is None:
-        own = resources.files("eskin.model").joinpath(NETWORKS, FINGER_NETWORK if finger else TEXTURES_NETWORK)
-        with resources.as_file(own) as path:
-            network = IntegerWeights.load(path)
-    else:
-        network = IntegerWeights.load(weights)
+    network = IntegerWeights.load(weights or NETWORKS / (FINGER_NETWORK if finger else TEXTURES_NETWORK))
     config = session.chip_of(network, weights).readout
     scale = None
     if recordings:
@@ -176,9 +168,10 @@ def _images(network: IntegerWeights, config: ReadoutConfig, source: Path | None)
         known = set(network.class_names)
         names = {name: one.class_name if one.class_name in known else None for name, one in images.items()}
         read = lambda name: images[name].load()  # noqa: E731
-    if (used := network.notes["training"]["preset"]) is None:
+    training = network.notes["training"]
+    if training["preset"] is None:
         raise InputError("these weights were trained on recordings; give a folder of recordings to play")
-    scan = preset(used)
+    scan = preset(training["preset"], training.get("wiring"))
 
     def load(name: str) -> tuple[NDArray[Any], Piece]:
         image = read(name)
@@ -220,9 +213,8 @@ def picture_of(image: NDArray[Any], scan: PhysicalScan, config: ReadoutConfig) -
 def new_view(show: Show) -> View:
     """Return the live view of a demo."""
     chip = show.chip
-    if chip is None:
+    if chip is None or show.network is None:
         return View(show.config, SerialConfig().clock_hz, 1.0)
-    assert show.network is not None
     return View(show.config, chip.clock_hz, 1.0, show.network.class_names, chip.classifier.clocks_per_bin)
 
 
@@ -234,52 +226,44 @@ def play(
     The speed is seconds of the skin per second; by default real time, or slower for a short recording.
     """
     view.sender = sender
-    play_one = _with_network if show.network else _without_network
     for name in itertools.cycle(show.names):
         codes, piece = show.load(name)
         piece = replace(piece, speed=speed or min(1.0, piece.seconds / LEAST_S))
         view.begin(piece, min(piece.seconds, MOST_WINDOW_S))
-        yield play_one(show, view, codes, sender)
+        yield _play_one(show, view, codes, sender)
         if sender:
             sender.begins_us += round(piece.seconds * 1e6)
         time.sleep(hold_s)
 
 
-@contextmanager
-def _linked(board: SimulatedPlayer | SimulatedReceiver, view: View, received: session.Received) -> Iterator[Link]:
+def _play_one(show: Show, view: View, codes: NDArray[Any], sender: UdpSender | None) -> DemoResult:
+    """Play one input on a simulated board: a player with the network, or a receiver of the model's events."""
+    chip, network, board = show.chip, show.network, _board_of(show, codes, view.piece.speed)
+    to_event = session.player_events(chip) if chip else session.foreign_events(show.config)
+    received = session.Received(to_event, forward=sender, keep=False)
     with board, Link(board.port, received, patience_s=PATIENCE_S) as link:
         received.watch = lambda records, events: view(records, events, link.waited_s())
         link.hello(board.config.design, board.config)
-        yield link
-
-
-def _with_network(show: Show, view: View, codes: NDArray[Any], sender: UdpSender | None) -> DemoResult:
-    chip, network = show.chip, show.network
-    assert chip is not None
-    assert network is not None
-    board = SimulatedPlayer(BoardConfig(chip=chip, serial=SerialConfig(buffer_bytes=BUFFER_BYTES)), view.piece.speed)
-    received = session.Received(session.player_events(chip), forward=sender, keep=False)
-    with _linked(board, view, received) as link:
-        session.load(link, network)
-        session.play(link, chip, codes)
-    found = network.class_names[received.classes[-1].winner] if received.classes else None
+        if chip and network:
+            session.load(link, network)
+            session.play(link, chip, codes)
+        elif isinstance(board, SimulatedReceiver):
+            if session.listen(link, received, view.piece.seconds / view.piece.speed):
+                raise KeyboardInterrupt
+            while received.count < len(board.events):  # a busy machine may be late
+                link.receive()
+    found = network.class_names[received.classes[-1].winner] if network and received.classes else None
     return DemoResult(view.piece.name, view.piece.truth, found, received.count)
 
 
-def _without_network(show: Show, view: View, codes: NDArray[Any], sender: UdpSender | None) -> DemoResult:
+def _board_of(show: Show, codes: NDArray[Any], speed: float) -> SimulatedPlayer | SimulatedReceiver:
+    if show.chip:
+        return SimulatedPlayer(BoardConfig(chip=show.chip, serial=SerialConfig(buffer_bytes=BUFFER_BYTES)), speed)
     from eskin.model.readout import Stimulus, simulate  # compiles the model
 
     config = BoardConfig(chip=None)
     events = simulate(show.config, Stimulus.from_samples(show.config, codes))
-    records = foreign_records(show.config, events, config.serial.clock_hz)
-    board = SimulatedReceiver(config, records, view.piece.speed)
-    received = session.Received(session.foreign_events(show.config), forward=sender, keep=False)
-    with _linked(board, view, received) as link:
-        if session.listen(link, received, view.piece.seconds / view.piece.speed):
-            raise KeyboardInterrupt
-        while received.count < len(records):  # a busy machine may be late
-            link.receive()
-    return DemoResult(view.piece.name, view.piece.truth, None, received.count)
+    return SimulatedReceiver(config, foreign_records(show.config, events, config.serial.clock_hz), speed)
 
 
 def foreign_records(config: ReadoutConfig, events: Events, clock_hz: float) -> list[tuple[int, int]]:

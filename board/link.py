@@ -18,7 +18,7 @@ POLL_S = 0.05
 MOST_S = 600.0  # longest execution of a frame while records arrive: a RUN may give millions of events
 WORD_BYTES = 4
 
-WHY = {
+WHY: dict[int, str] = {
     Reason.DAMAGED: "arrived damaged",
     Reason.SEQUENCE: "arrived out of order, because an earlier frame was lost",
     Reason.OVERRUN: "did not fit into the buffer of the board",
@@ -42,7 +42,7 @@ class Link:
         self.said: dict[str, int] = {}
         self.features = Feature(0)  # of the board, beside the first protocol
         self._frames, self._records = FrameReader(), RecordReader()
-        self._sequence, self._due, self._begun = 0, 0, False
+        self._sequence = self._due = 0
         self._waiting: deque[Frame] = deque()
         self.arrived = 0.0  # ``time.monotonic`` at the arrival of the bytes that are forwarded now
         self._came: queue.Queue[tuple[float, bytes | Exception]] = queue.Queue()
@@ -71,7 +71,7 @@ class Link:
         """
         self._frames, self._records = FrameReader(), RecordReader()
         self._waiting.clear()
-        self._begun, self._due = False, 0
+        self._due, begun = 0, False
         self._write(Frame(Kind.HELLO, 0, b""))
         self._sequence = 1
         ends = time.monotonic() + self.patience_s
@@ -82,8 +82,8 @@ class Link:
                     f"baud rate"
                 )
             for frame in self._frames.feed(self._take()):
-                self._begun = self._begun or self._begins(frame)
-                if self._begun:
+                begun = begun or self._begins(frame)
+                if begun:
                     self._hand_on(frame)
         self._check(design, config)
         return self.said
@@ -104,14 +104,12 @@ class Link:
 
         Raises InputError if the board sends nothing, is gone or rejects a frame, or if a frame arrives damaged.
         """
-        data = self._take()
         ends = time.monotonic() + self.patience_s
-        while not data:
+        while not (data := self._take()):
             if time.monotonic() > ends:
                 raise InputError(
                     f"the board at {self.port} has sent nothing for {self.patience_s:g} s; check the cable"
                 )
-            data = self._take()
         self._handle(data)
 
     @property
@@ -173,12 +171,7 @@ class Link:
 
     def _begins(self, frame: Frame | Damaged) -> bool:
         """Return True if a frame starts the current session, False for a frame of an earlier session."""
-        if (
-            isinstance(frame, Damaged)
-            or frame.kind != Kind.RECORDS
-            or frame.sequence
-            or len(frame.payload) < WORD_BYTES
-        ):
+        if isinstance(frame, Damaged) or frame.kind != Kind.RECORDS or frame.sequence:
             return False
         return int.from_bytes(frame.payload[:WORD_BYTES], "little") >> VALUE_BITS == Tag.HELLO
 
@@ -204,7 +197,7 @@ class Link:
                 if isinstance(record, Ack):
                     self._acknowledged(record.sequence)
                 elif isinstance(record, Refused):
-                    why = next((text for reason, text in WHY.items() if reason == record.reason), "was refused")
+                    why = WHY.get(record.reason, "was refused")
                     raise InputError(f"frame {record.sequence} to the board {why} (it waits for {record.expected})")
                 elif isinstance(record, Words) and record.tag == Tag.HELLO:
                     self.said, self.features = record.values, record.features
@@ -234,11 +227,3 @@ class Link:
                 f"the board's bitstream has another network or array ({said['identity']:08x}, not "
                 f"{config.identity:08x}); load the bitstream for these weights (make fpga WEIGHTS=)"
             )
-        if config is not None and config.chip is not None:
-            classifier = config.chip.classifier
-            wanted = {"channels": classifier.inputs, "classes": classifier.classes, "word_bytes": config.word_bytes}
-            if other := [name for name, value in wanted.items() if said[name] != value]:
-                raise InputError(
-                    f"the board reports {other[0]} = {said[other[0]]}, but its network has {wanted[other[0]]}; load "
-                    f"its bitstream again"
-                )

@@ -189,9 +189,8 @@ class _Handler(BaseHTTPRequestHandler):
             for name, value in urllib.parse.parse_qsl(place.query)
             if value.isdecimal() and len(value) < 19
         }
-        kind = "application/json"
         if place.path == "/":
-            content, kind = page(), "text/html; charset=utf-8"
+            content = page()
         elif place.path == "/state":
             content = json.dumps(self.view.state(asked.get("number", 0), asked.get("since", 0))).encode()
         elif place.path == "/piece":
@@ -200,7 +199,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(404)
             return
         self.send_response(200)
-        self.send_header("Content-Type", kind)
+        self.send_header("Content-Type", "text/html; charset=utf-8" if place.path == "/" else "application/json")
         self.send_header("Content-Length", str(len(content)))
         self.send_header("Cache-Control", "no-store")
         self.end_headers()

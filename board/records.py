@@ -12,13 +12,9 @@ from eskin.base.errors import InputError
 from eskin.board.config import ADDRESS_BITS, DESIGNS, MOST_CLASSES, BoardConfig
 from eskin.board.serial_frames import MOST_PAYLOAD
 
-TIME_BITS = 16
-"""Low bits of the time in a record; a separate record carries the high bits when they change."""
-
+TIME_BITS = 16  # low bits of the time in a record; a separate record carries the high bits when they change
 WORD_BITS, TAG_BITS = 32, 4
 VALUE_BITS = WORD_BITS - TAG_BITS
-
-
 LOW_TIME = (1 << TIME_BITS) - 1
 EVENTS_END = 1 << VALUE_BITS  # words below have the tag 0 of events
 INTERVAL_BITS = 8

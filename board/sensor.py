@@ -10,7 +10,6 @@ from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 
 PartName = Literal["mcp3008", "mcp3208", "ads7953"]
-
 MOST_ROWS = 16  # rows that the header of the board can drive
 MOST_SETTLE_S = 0.01
 

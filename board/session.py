@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,7 +31,6 @@ from eskin.skin.foreign.address_map import AddressMap
 MOST_CLOCKS = 1 << 24  # of one RUN: a running board without events sends nothing
 SENSE_S = 0.1  # time that a board reads its skin for one frame of the host; the next frame waits on the board
 MOST_SCANS = (1 << 16) - 1
-
 ASK_S = 0.5  # time between requests for the counters, which show that a board is still there
 
 
@@ -96,19 +95,11 @@ def foreign_events(config: ReadoutConfig, mapping: AddressMap | None = None) -> 
     address that the array does not have, and for two requests at once.
     """
     dual = config.link == "four_phase_dual"
-    if mapping is None:
-        taxels = {
-            row << config.column_bits | column: (column, row)
-            for row in range(config.rows)
-            for column in range(config.columns)
-        }
-        above = config.row_bits + config.column_bits
-    else:
-        across = max(source[0] for source in mapping.taxels).bit_length()
-        taxels = {
-            sum(n << across * at for at, n in enumerate(source)): taxel for source, taxel in mapping.taxels.items()
-        }
-        above = max(taxels).bit_length()
+    places = [(column, row) for row in range(config.rows) for column in range(config.columns)]
+    sources: Mapping[tuple[int, ...], tuple[int, int]] = mapping.taxels if mapping else {one: one for one in places}
+    across = max(source[0] for source in sources).bit_length()
+    taxels = {sum(n << across * at for at, n in enumerate(source)): taxel for source, taxel in sources.items()}
+    above = max(taxels).bit_length()
     if min(taxels) < 0 or max(taxels) >= (BOTH_FLAG if dual else 1 << ADDRESS_BITS - config.has_polarity):
         raise InputError(
             f"a board record has room for {ADDRESS_BITS} address bits (polarity included); map to lower addresses"
@@ -124,14 +115,12 @@ def foreign_events(config: ReadoutConfig, mapping: AddressMap | None = None) -> 
         except KeyError:
             if dual and event.address & BOTH_FLAG:
                 raise InputError("the chip requested ON and OFF at once; check the wires of both requests") from None
+            sent = f"the foreign chip sent the address {event.address:#x}, which"
             if mapping is not None:
-                raise InputError(
-                    f"the foreign chip sent the address {event.address:#x}, which {mapping.name} does not map; "
-                    "add a line for this address"
-                ) from None
+                raise InputError(f"{sent} {mapping.name} does not map; add a line for this address") from None
             raise InputError(
-                f"the foreign chip sent the address {event.address:#x}, which {config.rows} x {config.columns} "
-                f"taxels of {config.encoding} do not have; give the rows, columns and encoding of the foreign chip"
+                f"{sent} {config.rows} x {config.columns} taxels of {config.encoding} do not have; give the rows, "
+                f"columns and encoding of the foreign chip"
             ) from None
 
     return to_event

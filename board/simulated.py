@@ -15,29 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.board.config import BoardConfig
-from eskin.board.records import (
-    STATUS_WORDS,
-    Ack,
-    Class,
-    Event,
-    Reason,
-    Record,
-    RecordWriter,
-    Refused,
-    Tag,
-    Words,
-    hello_values,
-)
+from eskin.board.records import STATUS_WORDS, Ack, Class, Event, Record, RecordWriter, Tag, Words, hello_values
 from eskin.board.serial_frames import MOST_PAYLOAD, Damaged, Frame, FrameReader, Kind
 from eskin.model.classifier.chip import channels_of, simulate_chip
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import network_of
 
-IDLE_S = 0.02  # silence after which the host has sent everything
-NAP_S = 0.001
+NAP_S, MOST_NAP_S = 0.001, 0.02  # wait for bytes of the host
 AT_ONCE = 4096  # records that are sent before the board looks for frames again
 WORDS_OF_A_FRAME = MOST_PAYLOAD // 4
 WEIGHT_HEAD = 3
+MOST_COST = Frame(Kind.SAMPLES, 0, bytes(MOST_PAYLOAD)).cost
 
 
 class SimulatedBoard:
@@ -54,11 +42,9 @@ class SimulatedBoard:
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
         self.port = os.ttyname(self._slave)
-        self._origin = (0.0, 0)
+        self._origin = (0.0, 0.0)
         self._ending = False
-        self._frames: deque[Frame | Damaged] = deque()
         self._out: deque[tuple[int, Record]] = deque()  # bytes to send, and the clock of their transmission
-        self._expected = self._sequence = self.taken = 0
         self._begin()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -72,59 +58,40 @@ class SimulatedBoard:
         os.close(self._master)
         os.close(self._slave)
 
-    def carry_out(self, frame: Frame) -> None:
-        """Execute and acknowledge a frame."""
+    def carry_out(self, frame: Frame) -> list[Record]:
+        """Execute a frame, and return the answer."""
         raise NotImplementedError
-
-    def may(self, frame: Frame) -> bool:
-        """Return True if a frame can be executed now."""
-        return True
-
-    def finish(self) -> None:
-        """Simulate the remaining frames after the host has finished."""
 
     def _run(self) -> None:
         reader = FrameReader()
         while not self._ending:
-            wait = IDLE_S
+            wait = MOST_NAP_S
             if self._out:
                 left = (self._out[0][0] - self._now()) / self.clocks_per_s if self.clocks_per_s < math.inf else 0.0
-                wait = min(max(left, NAP_S), IDLE_S)
+                wait = min(max(left, NAP_S), MOST_NAP_S)
             if select.select([self._master], [], [], wait)[0]:
-                self._frames.extend(reader.feed(os.read(self._master, 1 << 16)))
-            elif not self._out:
-                self.finish()
-            while self._frames and self._take(self._frames[0]):
-                self._frames.popleft()
+                for frame in reader.feed(os.read(self._master, 1 << 16)):
+                    self._take(frame)
             self._send_due()
 
-    def _take(self, frame: Frame | Damaged) -> bool:
-        """Execute a frame; return False if the frame must wait."""
-        if isinstance(frame, Damaged):
-            self._say([Refused(0, self._expected, Reason.DAMAGED)])
-        elif frame.kind == Kind.HELLO:
+    def _take(self, frame: Frame | Damaged) -> None:
+        """Execute a frame of the host, which sends only good frames in order."""
+        assert isinstance(frame, Frame), frame
+        if frame.kind == Kind.HELLO:
             self._begin()
             self._say([Words(Tag.HELLO, hello_values(self.config))])
-        elif frame.sequence != self._expected:
-            self._say([Refused(frame.sequence, self._expected, Reason.SEQUENCE)])
-        elif not self.may(frame):
-            return False
-        else:
-            self._expected = (self._expected + 1) % 256
-            self.taken += 1
-            self.carry_out(frame)
-        return True
+            return
+        self.taken += 1
+        assert frame.sequence == self.taken % 256, frame
+        self._say(self.carry_out(frame))
 
     def _begin(self) -> None:
         """Start a session."""
-        self._expected, self._sequence, self.taken = 1, 0, 0
+        self._sequence = self.taken = 0
         self._writer = RecordWriter()
         self._out.clear()
 
-    def _refuse(self, frame: Frame) -> None:
-        self._say([Refused(frame.sequence, frame.sequence, Reason.UNKNOWN)])
-
-    def _restart_at(self, clock: int) -> None:
+    def _restart_at(self, clock: float) -> None:
         """Restart the time at a given clock."""
         self._origin = (time.monotonic(), clock)
 
@@ -140,16 +107,21 @@ class SimulatedBoard:
         if records:
             self._say(records)
 
-    def _say(self, records: list[Record]) -> None:
-        """Send records to the host."""
+    def framed(self, records: list[Record]) -> bytearray:
+        """Return the next frames with records for the host."""
         words = self._writer.feed(records)
         frames = bytearray()
         for at in range(0, len(words), WORDS_OF_A_FRAME):
             payload = b"".join(word.to_bytes(4, "little") for word in words[at : at + WORDS_OF_A_FRAME])
             frames += Frame(Kind.RECORDS, self._sequence, payload).encode()
             self._sequence = (self._sequence + 1) % 256
+        return frames
+
+    def _say(self, records: list[Record]) -> None:
+        """Send records to the host."""
+        frames = self.framed(records)
         while frames and not self._ending:
-            if select.select([], [self._master], [], IDLE_S)[1]:
+            if select.select([], [self._master], [], MOST_NAP_S)[1]:
                 del frames[: os.write(self._master, frames)]
 
     def _status(self, clock: int, **counts: int) -> Words:
@@ -161,7 +133,8 @@ class SimulatedBoard:
 class SimulatedPlayer(SimulatedBoard):
     """Simulated board with readout and classifier, computed by the golden models.
 
-    Samples may come from ``RESTART`` on until the first ``RUN``.
+    The models run when the host asks for the status, or cannot send more frames into the buffer. Samples may come from
+    ``RESTART`` on until the first ``RUN``.
     """
 
     def __init__(self, config: BoardConfig, speed: float | None = None) -> None:
@@ -173,19 +146,12 @@ class SimulatedPlayer(SimulatedBoard):
         super().__init__(config, self.chip.clock_hz, speed)
 
     def _reset(self) -> None:
-        self._samples, self._run_clocks, self._done = bytearray(), 0, 0
+        self._samples, self._run_clocks, self._done, self._waiting = bytearray(), 0, 0, 0
         self._acks: list[tuple[int, Record]] = []
         self._counts: dict[str, int] = {}
 
-    def may(self, frame: Frame) -> bool:
-        """Return True if a frame can be executed now.
-
-        Samples and clocks to run are always possible, and other frames after all previous work.
-        """
-        return frame.kind in (Kind.SAMPLES, Kind.RUN) or not (self._acks or self._out)
-
-    def carry_out(self, frame: Frame) -> None:
-        """Execute a frame."""
+    def carry_out(self, frame: Frame) -> list[Record]:
+        """Execute a frame, and return the answer; samples and clocks to run are acknowledged at their clock."""
         ack = Ack(frame.sequence)
         if frame.kind == Kind.SAMPLES and not self._run_clocks:
             self._samples += frame.payload
@@ -198,11 +164,17 @@ class SimulatedPlayer(SimulatedBoard):
             self._restart_at(0)
             if frame.kind == Kind.WEIGHTS:
                 self._load(frame.payload)
-            self._say([ack])
+            return [ack]
         elif frame.kind == Kind.STATUS:
-            self._say([self._status(self._done, **self._counts), ack])
+            self._simulate()
+            self._out += [(self._done, self._status(self._done, **self._counts)), (self._done, ack)]
+            return []
         else:
-            self._refuse(frame)
+            raise NotImplementedError(frame)
+        self._waiting += frame.cost
+        if self._waiting + MOST_COST > self.config.serial.buffer_bytes:
+            self._simulate()
+        return []
 
     def _load(self, payload: bytes) -> None:
         size, at = self.config.word_bytes, int.from_bytes(payload[1:WEIGHT_HEAD], "little")
@@ -218,11 +190,11 @@ class SimulatedPlayer(SimulatedBoard):
     def _clocks(self) -> int:
         return self._ticks * self.chip.readout.clocks_per_sample + self._run_clocks
 
-    def finish(self) -> None:
+    def _simulate(self) -> None:
         """Simulate up to the last clock requested by the host."""
         if not self._acks:
             return
-        chip, clocks = self.chip, self._clocks
+        chip, clocks, now = self.chip, self._clocks, self._now()
         whole = bytes(self._samples[: self._ticks * 2 * chip.readout.taxels])
         samples: NDArray[np.int32] = np.frombuffer(whole, "<i2").reshape(-1, chip.readout.taxels).astype(np.int32)
         run = simulate_chip(chip, network_of(chip.classifier, *self._memories), samples, clocks)
@@ -234,10 +206,10 @@ class SimulatedPlayer(SimulatedBoard):
         for valid, one in zip(run.classifier.valid, run.classifier.bins, strict=True):
             made.append((valid, Class(valid, one.winner, valid > late, tuple(one.evidence.tolist()))))
         made = [(time, record) for time, record in made if self._done <= time < clocks]
-        self._restart_at(self._done)
+        self._restart_at(min(now, self._done))  # the time stands still while the models run
         self._out.extend(sorted([*made, *self._acks], key=lambda item: item[0]))
         self._counts = {"events": len(channels), "bins": len(run.classifier.bins), "stalls": run.classifier.stalled}
-        self._done, self._acks = clocks, []
+        self._done, self._acks, self._waiting = clocks, [], 0
 
 
 class SimulatedReceiver(SimulatedBoard):
@@ -247,16 +219,14 @@ class SimulatedReceiver(SimulatedBoard):
         self.events: list[tuple[int, Record]] = [(time, Event(time, address)) for time, address in events]
         super().__init__(config, config.serial.clock_hz, speed)
 
-    def carry_out(self, frame: Frame) -> None:
-        """Execute a frame immediately."""
+    def carry_out(self, frame: Frame) -> list[Record]:
+        """Execute a frame immediately, and return the answer."""
         if frame.kind == Kind.RESTART:
             self._restart_at(0)
             self._out = deque(self.events)
-        elif frame.kind == Kind.STATUS:
+            return [Ack(frame.sequence)]
+        if frame.kind == Kind.STATUS:
             last = self.events[-1][0] + 1 if self.events else 0
             clock = last if self.clocks_per_s == math.inf else int(self._now())
-            self._say([self._status(clock, events=len(self.events) - len(self._out))])
-        else:
-            self._refuse(frame)
-            return
-        self._say([Ack(frame.sequence)])
+            return [self._status(clock, events=len(self.events) - len(self._out)), Ack(frame.sequence)]
+        raise NotImplementedError(frame)

@@ -36,8 +36,26 @@ def codes_to_play(
     if samples is not None:
         return samples.name, codes_of(samples, readout)
     if recordings is not None:
-        return recording_of(weights, readout, recordings, only)
-    return scan_of(weights, readout, dataset or EMBEDDED, only)
+        found = recordings_of(weights, readout, recordings)
+        names = [source.name for source in found.sources]
+        chosen = _chosen(names, only or names[0], recordings, "recording")
+        return chosen, found.codes[names.index(chosen)]
+    training = weights.notes["training"]
+    if training["preset"] is None:
+        raise InputError("these weights were trained on recordings; give recordings with --data")
+    data, unseen = textures_of(weights, dataset or EMBEDDED)
+    textures = {texture.name: texture for texture in data}
+    chosen = _chosen(list(textures), only or unseen[0], data.name, "texture")
+    image = textures[chosen].load()
+    image = large_enough(image, readout) if data.name == EMBEDDED else image
+    return chosen, preset(training["preset"], training.get("wiring")).samples(readout, image)[0]
+
+
+def _chosen(names: list[str], name: str, place: str | Path, kind: str) -> str:
+    """Return a name after checking that it is one of the names."""
+    if name not in names:
+        raise InputError(f"{place} has no {kind} {name!r}; the first {kind} is {names[0]}")
+    return name
 
 
 def codes_of(path: Path, readout: ReadoutConfig) -> NDArray[Any]:
@@ -56,26 +74,6 @@ def codes_of(path: Path, readout: ReadoutConfig) -> NDArray[Any]:
     return codes
 
 
-def scan_of(
-    weights: IntegerWeights, readout: ReadoutConfig, dataset: str, name: str | None
-) -> tuple[str, NDArray[Any]]:
-    """Return name and codes of a texture scan, as used in the training of the network.
-
-    Without a name it is the first that the network has not learned.
-    """
-    training = weights.notes["training"]
-    if training["preset"] is None:
-        raise InputError("these weights were trained on recordings; give recordings with --data")
-    data, unseen = textures_of(weights, dataset)
-    names = [texture.name for texture in data]
-    chosen = name or unseen[0]
-    if chosen not in names:
-        raise InputError(f"{data.name} has no texture {chosen!r}; the first texture is {names[0]}")
-    image = data[names.index(chosen)].load()
-    image = large_enough(image, readout) if data.name == EMBEDDED else image
-    return chosen, preset(training["preset"], training.get("wiring")).samples(readout, image, 0.0)[0]
-
-
 def textures_of(weights: IntegerWeights, dataset: str) -> tuple[Dataset, list[str]]:
     """Return a dataset, and the names of its textures outside the training set, or of all textures."""
     training = weights.notes["training"]
@@ -83,18 +81,6 @@ def textures_of(weights: IntegerWeights, dataset: str) -> tuple[Dataset, list[st
     names = [texture.name for texture in data]
     unseen = [one for one in names if one in training["tested"]] if training["dataset"] == data.name else names
     return data, unseen or names
-
-
-def recording_of(
-    weights: IntegerWeights, readout: ReadoutConfig, place: Path, name: str | None
-) -> tuple[str, NDArray[Any]]:
-    """Return name and codes of one recording, prepared as in the training."""
-    found = recordings_of(weights, readout, place)
-    names = [source.name for source in found.sources]
-    chosen = name or names[0]
-    if chosen not in names:
-        raise InputError(f"{place} has no recording {chosen!r}; the first recording is {names[0]}")
-    return chosen, found.codes[names.index(chosen)]
 
 
 def recordings_of(weights: IntegerWeights, readout: ReadoutConfig, place: Path) -> RecordingSet:

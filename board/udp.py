@@ -13,10 +13,7 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 
 PORT = 8991  # jAER's default port for unicast events
-
-MOST_EVENTS = 183
-"""Largest number of events of a datagram in an Ethernet frame: (1500 - 28 bytes of headers - 4) / 8."""
-
+MOST_EVENTS = 183  # largest number of events of a datagram in an Ethernet frame: (1500 - 28 bytes of headers - 4) / 8
 LAST_COLUMN = 127  # of the 128 x 128 addresses of a DVS128, whose columns count from the right
 MOST_NUMBER = (1 << 31) - 1
 AddressEvent = tuple[int, int, int, bool]
@@ -51,18 +48,14 @@ class UdpSender:
     def __call__(self, events: Sequence[AddressEvent]) -> None:
         """Send events (clock, column, row, polarity)."""
         for at in range(0, len(events), MOST_EVENTS):
-            part = events[at : at + MOST_EVENTS]
+            timed = np.array(events[at : at + MOST_EVENTS], np.int64)
+            timed[:, 0] = self.begins_us + np.round(timed[:, 0] * self._us_per_clock)
             try:
-                self._socket.sendto(datagram(self._number, self._timed(part)), self._to)
+                self._socket.sendto(datagram(self._number, timed), self._to)
             except OSError as error:
                 raise InputError(f"cannot send to {self.destination}: {error.strerror}; check --udp") from None
             self._number = self._number + 1 & MOST_NUMBER
-            self.events += len(part)
-
-    def _timed(self, events: Sequence[AddressEvent]) -> NDArray[np.int64]:
-        found = np.array(events, np.int64)
-        found[:, 0] = self.begins_us + np.round(found[:, 0] * self._us_per_clock)
-        return found
+            self.events += len(timed)
 
     def close(self) -> None:
         """Close the socket."""

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.recordings.options import Preparation
@@ -22,12 +21,8 @@ from eskin.skin.samples import fit_array, read_samples
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-    from eskin.skin.recordings.quality import Quality
-
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp", ".pgm", ".ppm")
-
-Model = Literal["cycle", "functional"]
-"""Model with contention and link, or without."""
+Model = Literal["cycle", "functional"]  # with contention and link, or without
 
 
 @dataclass(frozen=True)
@@ -35,25 +30,10 @@ class Encoded:
     """Events encoded from one input, with the encoded samples."""
 
     recording: Recording
-    codes: NDArray[np.int32]
-    """Shape (ticks, taxels)."""
-    clipped: int
-    """Samples beyond full scale."""
-    notes: tuple[str, ...] = ()
-    """Assumptions about columns, units and rate of the input."""
+    codes: NDArray[np.int32]  # shape (ticks, taxels)
+    clipped: int  # samples beyond full scale
+    notes: tuple[str, ...] = ()  # assumptions about columns, units and rate of the input
     warnings: tuple[str, ...] = ()
-
-    def quality(self) -> Quality:
-        """Return the quality of the events (link load, late decisions, SNR); only for the cycle-accurate model."""
-        from eskin.skin.recordings.quality import measure_quality
-
-        return measure_quality(self.recording.config, self.codes, self.recording.events)
-
-    def all_warnings(self, quality: Quality) -> tuple[str, ...]:
-        """Return the warnings about the input and about the quality of its events."""
-        from eskin.skin.recordings.folder import quality_warnings
-
-        return (*self.warnings, *quality_warnings(self.recording.config, [self.codes], quality))
 
 
 def encode_image(
@@ -174,21 +154,17 @@ def _encoded(
     if model not in get_args(Model):
         raise InputError(f"model must be one of {', '.join(get_args(Model))}, not {model!r}")
     duration = len(codes) * config.clocks_per_sample
-    metadata = {"name": path.stem, "source": path.name, "model": model} | metadata
-    return Encoded(
-        Recording(_events(config, codes, model, duration), config, duration, metadata=metadata), codes, clipped
-    )
-
-
-def _events(config: ReadoutConfig, codes: NDArray[np.int32], model: str, duration: int) -> Events:
     if model == "cycle":
         from eskin.model.readout import Stimulus, simulate
 
-        return simulate(config, Stimulus.from_samples(config, codes))
-    from eskin.model.taxel import encode_timed, uncontended_events
+        events = simulate(config, Stimulus.from_samples(config, codes))
+    else:
+        from eskin.model.taxel import encode_timed, uncontended_events
 
-    events = uncontended_events(config, *encode_timed(config, codes))
-    return events[events["t"] < duration]
+        events = uncontended_events(config, *encode_timed(config, codes))
+        events = events[events["t"] < duration]
+    metadata = {"name": path.stem, "source": path.name, "model": model} | metadata
+    return Encoded(Recording(events, config, duration, metadata=metadata), codes, clipped)
 
 
 def read_image(path: Path) -> NDArray[Any]:

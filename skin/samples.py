@@ -20,11 +20,8 @@ from eskin.base.files import MOST_TEXT_BYTES, MOST_UNPACKED, atomic_write, check
 from eskin.base.outputs import check_file
 from eskin.model.config import MAX_SIDE
 
-MOST_VALUES = 2**27
-"""Largest number of samples of all taxels in one file: 1 GiB as floats."""
-
+MOST_VALUES = 2**27  # largest number of samples of all taxels in one file: 1 GiB as floats
 ARRAY_SUFFIXES = (".npy", ".npz", ".csv")
-
 _ARRAY = "samples"
 _RATE = "sample_rate_hz"
 _COMMA, _THOUSANDS = re.compile(r"[-+]?\d+,\d+"), re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
@@ -37,10 +34,8 @@ class Samples:
 
     values: NDArray[Any]
     """Integers are codes, floats are in full scale (+-1.0). Shape (ticks, taxels) or (ticks, rows, columns)."""
-    rate_hz: float | None = None
-    """Sampling rate, if the file contains one."""
-    names: tuple[str, ...] = ()
-    """Names of the taxels, if a header has them."""
+    rate_hz: float | None = None  # sampling rate, if the file contains one
+    names: tuple[str, ...] = ()  # names of the taxels, if a header has them
 
 
 def read_samples(path: Path) -> Samples:
@@ -52,39 +47,49 @@ def read_samples(path: Path) -> Samples:
 
     Raise InputError if the file cannot be read, or is not a finite numerical array of two or three dimensions.
     """
-    read = {".npy": _read_npy, ".npz": _read_npz, ".csv": _read_csv}.get(path.suffix.lower())
-    if read is None:
+    if path.suffix.lower() not in ARRAY_SUFFIXES:
         raise InputError(f"{path} is not an array file; accepted are {', '.join(ARRAY_SUFFIXES)}")
-    try:
-        data = read_bytes(path, "the file of samples", MOST_TEXT_BYTES if read is _read_csv else MOST_UNPACKED)
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
-    samples = read(path, data)
+    is_text = path.suffix.lower() == ".csv"
+    data = content_of(path, "the file of samples", MOST_TEXT_BYTES if is_text else MOST_UNPACKED)
+    samples = _read_csv(path, data) if is_text else _read_arrays(path, data)
     _check_values(path, samples.values)
     if samples.rate_hz is not None and not (math.isfinite(samples.rate_hz) and samples.rate_hz > 0):
         raise InputError(f"{path} states the sampling rate {samples.rate_hz:g}; it must be a positive number")
     return samples
 
 
-def _read_npy(path: Path, data: bytes) -> Samples:
+def content_of(path: Path, what: str, most: int = MOST_TEXT_BYTES) -> bytes:
+    """Return the content of a file; raise InputError if it cannot be read, or is longer than ``most`` bytes."""
     try:
-        return Samples(np.lib.format.read_array(io.BytesIO(data), allow_pickle=False))
-    except Exception:  # the reader raises almost any type, depending on what is damaged
-        raise InputError(f"{path} is damaged or not a numerical .npy file; save it with numpy.save") from None
+        return read_bytes(path, what, most)
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
 
 
-def _read_npz(path: Path, data: bytes) -> Samples:
+def arrays_in(path: Path, data: bytes, damaged: str) -> NDArray[Any] | dict[str, NDArray[Any]]:
+    """Return the array in the content of a .npy file, or the arrays in that of a .npz file by name.
+
+    Raise InputError with the text ``damaged`` if the content cannot be read.
+    """
     try:
+        if path.suffix.lower() != ".npz":
+            return np.asarray(np.lib.format.read_array(io.BytesIO(data), allow_pickle=False))
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             check_unpacked(archive)
-            members = {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
-        found = {
-            name: np.lib.format.read_array(io.BytesIO(member), allow_pickle=False) for name, member in members.items()
-        }
+            members = {name.removesuffix(".npy"): io.BytesIO(archive.read(name)) for name in archive.namelist()}
+        return {name: np.lib.format.read_array(member, allow_pickle=False) for name, member in members.items()}
     except InputError as error:
         raise InputError(f"{path} {error}") from None
-    except Exception:  # as above
-        raise InputError(f"{path} is damaged or not a numerical .npz file; save it with numpy.savez") from None
+    except Exception:  # zipfile, zlib and NumPy raise almost any type, depending on what is damaged
+        raise InputError(f"{path} is damaged or not {damaged}") from None
+
+
+def _read_arrays(path: Path, data: bytes) -> Samples:
+    kind = path.suffix.lower()
+    save = "savez" if kind == ".npz" else "save"
+    found = arrays_in(path, data, f"a numerical {kind} file; save it with numpy.{save}")
+    if isinstance(found, np.ndarray):
+        return Samples(found)
     rate = found.pop(_RATE, None)
     if rate is not None and (rate.size != 1 or rate.dtype.kind not in "iuf"):
         raise InputError(f"{path} has a {_RATE} that is not one number; give it in hertz")
@@ -99,7 +104,7 @@ def _read_csv(path: Path, data: bytes) -> Samples:
     text = data.removeprefix(b"\xef\xbb\xbf")  # byte order mark that spreadsheets write before UTF-8
     first, _, rest = text.partition(b"\n")
     names: tuple[str, ...] = ()
-    if not any(_is_number(cell) for cell in first.split(b",")):  # a header names columns, it holds no number
+    if not any(is_number(cell) for cell in first.split(b",")):  # a header names columns, it holds no number
         text = rest
         names = tuple(cell.strip().strip('"') for cell in first.decode("utf-8", "replace").split(","))
     if not text.strip():
@@ -109,10 +114,30 @@ def _read_csv(path: Path, data: bytes) -> Samples:
         values = np.loadtxt(io.BytesIO(text), kind, delimiter=",", comments=None, ndmin=2)
         return Samples(values, names=names if len(names) == values.shape[1] else ())
     except (ValueError, OverflowError) as error:
-        reason = " ".join(str(error).split()).split(";")[0].rstrip(".")
-        raise InputError(
-            f"{path} is not a table of numbers separated by commas: {reason[:1].lower() + reason[1:]}"
-        ) from None
+        raise InputError(f"{path} is not a table of numbers separated by commas: {reason_of(error)}") from None
+
+
+def reason_of(error: Exception) -> str:
+    """Return the reason that ``numpy.loadtxt`` gives for an error, as a part of a sentence."""
+    reason = " ".join(str(error).split()).split(";")[0].rstrip(".")
+    return reason[:1].lower() + reason[1:]
+
+
+def lines_of(path: Path, remedy: str) -> list[str]:
+    """Return the lines of a text file, without blank lines and comments (#); ``remedy`` is for a file that is no text.
+
+    Raise InputError if the file cannot be read.
+    """
+    try:
+        text = content_of(path, "the table").decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is not text; {remedy}") from None
+    return [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+
+
+def delimiter_of(lines: Sequence[str]) -> str | None:
+    """Return the delimiter of cells: tab, semicolon or comma, or None for white space."""
+    return next((mark for mark in ("\t", ";", ",") if all(mark in line for line in lines[-2:])), None)
 
 
 def cells_of(path: Path, lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
@@ -139,7 +164,8 @@ def check_commas(path: Path, rows: Sequence[Sequence[str]], remedy: str) -> None
         raise InputError(f"{path}: the comma in {found[0]!r} may be a decimal comma or separate thousands; {remedy}")
 
 
-def _is_number(cell: bytes) -> bool:
+def is_number(cell: str | bytes) -> bool:
+    """Return True if a cell holds a number."""
     try:
         float(cell)
     except ValueError:
@@ -191,13 +217,20 @@ def fit_array(values: NDArray[Any], rows: int, columns: int, size_given: bool) -
     return flat, rows, columns
 
 
+def array_of(taxels: int) -> tuple[int, int] | None:
+    """Return rows and columns of the most square array for a number of taxels; None above 64 x 64."""
+    for rows in range(math.isqrt(taxels), 0, -1):
+        if taxels % rows == 0 and taxels // rows <= MAX_SIDE:
+            return rows, taxels // rows
+    return None
+
+
 def _suggest_size(taxels: int) -> str:
     """Return a hint: an array size for a number of taxels, or the advice to leave taxels out."""
     if taxels <= MAX_SIDE:
         return f"use --rows 1 --columns {taxels}"
-    for rows in range(math.isqrt(taxels), 1, -1):
-        if taxels % rows == 0 and taxels // rows <= MAX_SIDE:
-            return f"use --rows {rows} --columns {taxels // rows}, or another split of {taxels}"
+    if size := array_of(taxels):
+        return f"use --rows {size[0]} --columns {size[1]}, or another split of {taxels}"
     return f"no array of at most {MAX_SIDE} x {MAX_SIDE} has {taxels} taxels, so leave some out"
 
 
@@ -209,11 +242,7 @@ def check_samples_path(path: Path) -> None:
 
 
 def write_samples(
-    path: Path,
-    values: NDArray[np.float64],
-    rate_hz: float,
-    names: Sequence[str] = (),
-    start_s: float | None = None,
+    path: Path, values: NDArray[np.float64], rate_hz: float, names: Sequence[str] = (), start_s: float | None = None
 ) -> None:
     """Write signals, shape (ticks, taxels), in full scale, to a file that :func:`read_samples` can read.
 

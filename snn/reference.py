@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.skin.recordings.statistics import statistics
+from eskin.skin.recordings.event_files import statistics
 from eskin.snn.data.scans import ScanData
 
 PENALTY = 1.0

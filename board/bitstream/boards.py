@@ -20,36 +20,27 @@ BOARDS = {
 }
 """Names that a user gives, and the platforms of ``amaranth_boards.ulx3s``; plain ``ulx3s`` is the most common board."""
 
-AER_PINS = Resource(
-    "aer",
-    0,
-    Subsignal("req", Pins("0+", dir="i", conn=("gpio", 0))),
-    Subsignal("req_off", Pins("7+", dir="i", conn=("gpio", 0))),
-    Subsignal("ack", Pins("0-", dir="o", conn=("gpio", 0))),
-    Subsignal("addr", Pins("1+ 1- 2+ 2- 3+ 3- 4+ 4- 5+ 5- 6+ 6-", dir="i", conn=("gpio", 0))),
-    Attrs(IO_TYPE="LVCMOS33", PULLMODE="DOWN"),
-)
-"""Pins for a foreign chip, 3.3 V: an open pin is low."""
+
+def header_pins(name: str, open_pins: str, **signals: str) -> Resource:
+    """Return signals at 3.3 V pins of the header, each as direction and pins; open pins are ``DOWN`` or ``NONE``."""
+    parts = [Subsignal(signal, Pins(text[2:], dir=text[0], conn=("gpio", 0))) for signal, text in signals.items()]
+    return Resource(name, 0, *parts, Attrs(IO_TYPE="LVCMOS33", PULLMODE=open_pins))
+
+
+def aer_pins() -> Resource:
+    """Return the pins for a foreign chip."""
+    address = "i 1+ 1- 2+ 2- 3+ 3- 4+ 4- 5+ 5- 6+ 6-"
+    return header_pins("aer", "DOWN", req="i 0+", req_off="i 7+", ack="o 0-", addr=address)
 
 
 def skin_pins(rows: int) -> Resource:
-    """Return the 3.3 V pins for a skin: the rows from pin 0+ on, and the SPI converter."""
-    pins = [f"{pair}{sign}" for pair in range(MOST_ROWS // 2) for sign in "+-"]
-    return Resource(
-        "skin",
-        0,
-        Subsignal("rows", Pins(" ".join(pins[:rows]), dir="o", conn=("gpio", 0))),
-        Subsignal("sclk", Pins("8+", dir="o", conn=("gpio", 0))),
-        Subsignal("cs_n", Pins("8-", dir="o", conn=("gpio", 0))),
-        Subsignal("mosi", Pins("9+", dir="o", conn=("gpio", 0))),
-        Subsignal("miso", Pins("9-", dir="i", conn=("gpio", 0))),
-        Attrs(IO_TYPE="LVCMOS33", PULLMODE="NONE"),
-    )
+    """Return the pins for a skin: the rows from pin 0+ on, and the SPI converter."""
+    driven = [f"{pair}{sign}" for pair in range(MOST_ROWS // 2) for sign in "+-"][:rows]
+    return header_pins("skin", "NONE", rows=f"o {' '.join(driven)}", sclk="o 8+", cs_n="o 8-", mosi="o 9+", miso="i 9-")
 
 
 CRYSTAL_HZ, SYSTEM_HZ = 25_000_000, 50_000_000
-VCO_HZ = 600_000_000
-"""The PLL allows 400 to 800 MHz (Lattice, FPGA-DS-02012, sysCLOCK)."""
+VCO_HZ = 600_000_000  # the PLL allows 400 to 800 MHz (Lattice, FPGA-DS-02012, sysCLOCK)
 
 UNUSED_INPUTS = (
     "RST", "STDBY", "PHASESEL0", "PHASESEL1", "PHASEDIR", "PHASESTEP", "PHASELOADREG", "PLLWAKESYNC", "ENCLKOP",
@@ -114,7 +105,7 @@ class OnBoard(Elaboratable):
             platform.request("led", 1).o.eq(~board.tx),
         ]
         if self.config.chip is None:
-            platform.add_resources([AER_PINS])
+            platform.add_resources([aer_pins()])
             aer = platform.request("aer", 0)
             m.d.comb += [
                 board.aer_req.eq(aer.req.i),

@@ -34,7 +34,6 @@ PROGRAMS = {
 }
 
 NETWORK = Path(str(resources.files("eskin.model").joinpath("classifier", "networks", "embedded", "fold-0.npz")))
-
 KILOBYTE = 1024
 BLOCK_BITS = 18 * 1024
 

@@ -80,7 +80,8 @@ class Loader(Component):
                     with m.If(taken):
                         m.d.sync += field.eq(self.data)
                         m.next = following
-            with m.State("CHOOSE"), m.If(~self.active | _samples_come(kind)):
+            come = (kind == Kind.SAMPLES) | (kind == Kind.CHANGES) | (kind == Kind.SENSE)  # while the chip runs
+            with m.State("CHOOSE"), m.If(~self.active | come):
                 self._choose(m, kind, left)
             with m.State("RESTART"):
                 m.d.comb += self.restart.eq(1)
@@ -298,8 +299,3 @@ class Loader(Component):
             m.d.comb += [self.restart.eq(1), self.load_valid.eq(1)]
             m.d.sync += address.eq(address + 1)
             m.next = "WORD"
-
-
-def _samples_come(kind: Signal) -> Value:
-    """Return whether a frame with samples may begin while the chip runs."""
-    return (kind == Kind.SAMPLES) | (kind == Kind.CHANGES) | (kind == Kind.SENSE)

@@ -20,8 +20,6 @@ from eskin.rtl import yosys
 from eskin.rtl.classifier.chip import Chip
 
 TOP = "eskin_board"
-
-
 SKIN_PINS = ("rows", "sclk", "cs_n", "mosi", "miso")
 
 
@@ -125,11 +123,7 @@ class Core(Component):
         chip = Chip(self.config.chip)
         run = Signal()
         clocked = Signal()
-        m.d.comb += [
-            run.eq(loader.active & recorder.idle),
-            loader.run.eq(run),
-            clocked.eq(run | loader.restart),
-        ]
+        m.d.comb += [run.eq(loader.active & recorder.idle), loader.run.eq(run), clocked.eq(run | loader.restart)]
         m.submodules.chip = ResetInserter(loader.restart)(EnableInserter(clocked)(chip))
         with m.If(run):
             m.d.sync += now.eq(now + 1)
@@ -195,14 +189,8 @@ class Core(Component):
 class Board(Component):
     """Top module; a valid HELLO frame of the host starts a session and resets everything except the serial line.
 
-    Attributes
-    ----------
-    rx, tx : In(1), Out(1)
-        Serial line, from and to the host.
-    rows, sclk, cs_n, mosi, miso : Out, Out(1), Out(1), Out(1), In(1)
-        Of a player with a skin (``Scanner``).
-    aer_req, aer_req_off, aer_ack, aer_addr : In(1), In(1), Out(1), In(ADDRESS_BITS)
-        Of a receiver: four-phase, asynchronous, active high; ``aer_req_off`` is the second request of chips with two.
+    Beside the serial line ``rx`` and ``tx``, a player with a skin has the pins of ``Scanner``, and a receiver has those
+    of ``AerReceiver``.
     """
 
     def __init__(self, config: BoardConfig) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,23 +52,14 @@ def plot_comparison(
     - ``duration_clocks``: end of the time axis; by default the last event or the last sample.
     """
     check_picture_path(path)
-    end_ms = _end_ms(config, pair, signal, duration_clocks)
     marks = unmatched(*pair)
-    above = ({} if texture is None else {"texture": 1.0}) | ({} if signal is None else {"signal": 1.5})
-    figure, axes = _panels(title, above, 2, config)
-    if texture is not None:
-        _draw_texture(axes["texture"], texture, end_ms)
-    if signal is not None:
-        _draw_signals(axes["signal"], signal, config)
-    any_alone = bool(marks[0].any() or marks[1].any())
-    for name, events, mark, label in zip(("raster0", "raster1"), pair, marks, labels, strict=True):
-        alone = int(mark.sum())
-        remark = "all events equal" if not (marks[0].any() or marks[1].any()) else f"{alone:,} without an equal"
-        _draw_events(axes[name], events, config, end_ms, mark)
-        _caption(axes[name], label, f"{len(events):,} events, {remark}")
-    _legend(axes["raster0"], config, any_alone)
-    _label_time(axes, end_ms)
-    save_figure(figure, path)
+    equal = not any(mark.any() for mark in marks)
+    rasters = [
+        (label, events, mark, "all events equal" if equal else f"{int(mark.sum()):,} without an equal")
+        for label, events, mark in zip(labels, pair, marks, strict=True)
+    ]
+    signals = {} if signal is None else {"signal": signal}
+    save_figure(_draw(config, rasters, signals, title, duration_clocks, texture), path)
 
 
 def plot_signals(
@@ -104,51 +95,56 @@ def draw_signals(
     - ``signals``: shape (ticks, taxels); signals by panel name; same as for :func:`plot_signals`.
     - ``events``, ``config``, ``title``, ``duration_clocks``: same as for :func:`plot_signals`.
     """
-    longest = max(signals.values(), key=len, default=None)
-    end_ms = _end_ms(config, (events,), longest, duration_clocks)
-    figure, axes = _panels(title, dict.fromkeys(signals, 1.5), 1, config)
-    for name, signal in signals.items():
-        _draw_signals(axes[name], signal, config, name)
-    _draw_events(axes["raster0"], events, config, end_ms, np.zeros(len(events), np.bool_))
-    _caption(axes["raster0"], "events", f"{len(events):,} events")
-    _legend(axes["raster0"], config, False)
-    _label_time(axes, end_ms)
-    return figure
+    return _draw(config, [("events", events, np.zeros(len(events), np.bool_), "")], signals, title, duration_clocks)
 
 
-def _end_ms(
+def _draw(
     config: ReadoutConfig,
-    recordings: tuple[Events, ...],
-    signal: NDArray[Any] | None,
+    rasters: Sequence[tuple[str, Events, NDArray[np.bool_], str]],
+    signals: Mapping[str, NDArray[np.floating[Any]]],
+    title: str,
     duration_clocks: int | None,
-) -> float:
-    """Return the right end of the time axis in ms."""
-    if duration_clocks is None:
-        ends = [int(events["t"][-1]) + 1 for events in recordings if len(events)]
-        ends += [len(signal) * config.clocks_per_sample] if signal is not None else []
-        duration_clocks = max(ends, default=config.clocks_per_sample)
-    return max(duration_clocks, 1) * 1e3 / config.clock_hz
-
-
-def _panels(
-    title: str, above: Mapping[str, float], rasters: int, config: ReadoutConfig
-) -> tuple[Figure, dict[str, Axes]]:
-    """Return a figure of stacked panels with a common time axis; ``above`` gives panel heights in inches by name."""
+    texture: NDArray[Any] | None = None,
+) -> Figure:
+    """Return a figure with a common time axis: texture, signals, and rasters (label, events, marked events, remark)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    end_ms = _end_ms(config, [events for _, events, _, _ in rasters], signals.values(), duration_clocks)
     raster_in = min(max(1.0, 0.045 * config.taxels), 3.0)
-    heights = dict(above) | {f"raster{i}": raster_in for i in range(rasters)}
-    figure = Figure(figsize=(_WIDTH_IN, sum(heights.values()) + 0.45 * len(heights) + 0.6), layout="constrained")
+    heights = [1.0] * (texture is not None) + [1.5] * len(signals) + [raster_in] * len(rasters)
+    figure = Figure(figsize=(_WIDTH_IN, sum(heights) + 0.45 * len(heights) + 0.6), layout="constrained")
     FigureCanvasAgg(figure)
-    grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=list(heights.values()))
-    axes = dict(zip(heights, grid[:, 0], strict=True))
-    for panel in axes.values():
+    panels = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+    for panel in panels:
         panel.spines[["top", "right"]].set_visible(False)
         panel.tick_params(labelsize=8, length=3)
     if title:
         figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
-    return figure, axes
+    below = iter(panels)
+    if texture is not None:
+        _draw_texture(next(below), texture, end_ms)
+    for label, signal in signals.items():
+        _draw_signals(next(below), signal, config, label)
+    for label, events, mark, remark in rasters:
+        panel = next(below)
+        _draw_events(panel, events, config, end_ms, mark)
+        _caption(panel, label, f"{len(events):,} events" + (f", {remark}" if remark else ""))
+    _legend(panels[-len(rasters)], config, any(mark.any() for _, _, mark, _ in rasters))
+    panels[-1].set_xlim(0, end_ms)
+    panels[-1].set_xlabel("time (ms)", fontsize=8.5)
+    return figure
+
+
+def _end_ms(
+    config: ReadoutConfig, recordings: Iterable[Events], signals: Iterable[NDArray[Any]], duration_clocks: int | None
+) -> float:
+    """Return the right end of the time axis in ms."""
+    if duration_clocks is None:
+        ends = [int(events["t"][-1]) + 1 for events in recordings if len(events)]
+        ends += [len(signal) * config.clocks_per_sample for signal in signals]
+        duration_clocks = max(ends, default=config.clocks_per_sample)
+    return max(duration_clocks, 1) * 1e3 / config.clock_hz
 
 
 def _caption(panel: Axes, label: str, remark: str = "") -> None:
@@ -164,7 +160,7 @@ def _draw_texture(panel: Axes, texture: NDArray[Any], end_ms: float) -> None:
     _caption(panel, "texture")
 
 
-def _draw_signals(panel: Axes, signal: NDArray[Any], config: ReadoutConfig, label: str = "signal") -> None:
+def _draw_signals(panel: Axes, signal: NDArray[Any], config: ReadoutConfig, label: str) -> None:
     """Draw the samples of evenly spaced taxels."""
     from matplotlib import colormaps
 
@@ -258,10 +254,3 @@ def _legend(panel: Axes, config: ReadoutConfig, any_marked: bool) -> None:
         columnspacing=1.0,
         borderaxespad=0.1,
     )
-
-
-def _label_time(axes: dict[str, Axes], end_ms: float) -> None:
-    """Label the time axis."""
-    last = list(axes.values())[-1]
-    last.set_xlim(0, end_ms)
-    last.set_xlabel("time (ms)", fontsize=8.5)

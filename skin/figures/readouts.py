@@ -7,8 +7,7 @@ from typing import NamedTuple
 from eskin.base.figures.style import PALETTE
 from eskin.model.encoders import registry
 
-FRAME = "frame"
-"""Name of the frame readout, in points and data."""
+FRAME = "frame"  # name of the frame readout, in points and data
 
 
 class Look(NamedTuple):

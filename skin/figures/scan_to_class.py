@@ -35,34 +35,22 @@ _NOTE = 0.15  # this part of a panel's width has room for words
 class ScanToClass:
     """Data of the figure: one scan, with the network's spikes and evidence."""
 
-    name: str
-    true: str
-    """Name of the texture or recording, and of its class."""
-    label: int
-    """Class, an index into ``class_names``."""
-    tested: bool
-    """True if the recording was not used in the training."""
-    scan: Scan | None
-    """Scan; None for recordings."""
-    pixels: NDArray[np.uint8] | None
-    """The texture. Shape (height, width), or None."""
-    recording: Recording
-    """Events of the scan."""
-    signals: NDArray[np.float64]
-    """Samples in full scales. Shape (ticks, taxels)."""
-    start_s: float
-    step_s: float
-    """Begin of the first time step, and length of a step."""
-    spikes: NDArray[np.float32]
-    """Spikes of the hidden neurons, 0 or 1. Shape (steps, hidden)."""
-    evidence: NDArray[np.float32]
-    """Sum of output spikes or membranes so far (see ``meaning``). Shape (steps, classes)."""
+    name: str  # of the texture or recording
+    true: str  # its class
+    label: int  # class, an index into ``class_names``
+    tested: bool  # True if the recording was not used in the training
+    scan: Scan | None  # None for recordings
+    pixels: NDArray[np.uint8] | None  # the texture, shape (height, width), or None
+    recording: Recording  # events of the scan
+    signals: NDArray[np.float64]  # samples in full scales, shape (ticks, taxels)
+    start_s: float  # begin of the first time step
+    step_s: float  # length of a step
+    spikes: NDArray[np.float32]  # spikes of the hidden neurons, 0 or 1, shape (steps, hidden)
+    evidence: NDArray[np.float32]  # sum of output spikes or membranes so far (see ``meaning``), shape (steps, classes)
     class_names: tuple[str, ...]
-    meaning: str
-    """Meaning of the evidence, in words."""
-    right: int = 0
-    tests: int = 0
-    """Numbers of correct test images and of all test images; 0 and 0 if unknown."""
+    meaning: str  # of the evidence, in words
+    right: int = 0  # number of correct test images; 0 if unknown
+    tests: int = 0  # number of test images; 0 if unknown
     numbers: Mapping[str, str] = field(default_factory=dict)
     """Additional text above the panels ``signals``, ``events``, ``hidden`` and ``evidence``."""
 

@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import read_bytes
 from eskin.model.config import MAX_SIDE
+from eskin.skin.samples import content_of
 
-Addresses = NDArray[np.int64]
-"""Shape (events,) for single addresses, or (events, 2) for columns and rows."""
+Addresses = NDArray[np.int64]  # shape (events,) for single addresses, or (events, 2) for columns and rows
 
 HEADERS = (("address", "x", "y"), ("from_x", "from_y", "x", "y"))
 """Columns of a map: the foreign address, or the foreign column and row; then the taxel's column and row."""
@@ -27,8 +26,7 @@ class AddressMap:
 
     taxels: dict[tuple[int, ...], tuple[int, int]]
     """Map from ``(address,)`` or ``(column, row)`` of the chip to (x, y) of the readout."""
-    name: str
-    """The file, for messages."""
+    name: str  # the file, for messages
 
     @classmethod
     def read(cls, path: Path) -> AddressMap:
@@ -38,15 +36,10 @@ class AddressMap:
         a taxel.
         """
         try:
-            lines = [
-                line
-                for line in csv.reader(read_bytes(path, "the address map").decode("utf-8-sig").splitlines())
-                if line
-            ]
+            text = content_of(path, "the address map").decode("utf-8-sig")
+            lines = [line for line in csv.reader(text.splitlines()) if line]
         except (UnicodeDecodeError, csv.Error):
             raise InputError(f"{path} is no table; an address map is a .csv with the header {_headers()}") from None
-        except OSError as error:
-            raise InputError(f"cannot read {path}: {error.strerror}") from None
         header = tuple(cell.strip().lower() for cell in lines[0]) if lines else ()
         if header not in HEADERS:
             raise InputError(f"{path} has the header {','.join(header)!r}; an address map has {_headers()}")
@@ -80,18 +73,9 @@ class AddressMap:
         return int(rows), int(columns)
 
     def apply(self, addresses: Addresses, drop: bool = False) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Return the taxels of foreign addresses.
+        """Return x and y of the events that have a taxel, shape (kept, 2), and which events these are.
 
-        Parameters
-        ----------
-        addresses : int64 array, shape (events,) or (events, 2)
-        drop : bool
-            Leave events of other addresses out; otherwise they are an error.
-
-        Returns
-        -------
-        (int64 array of shape (kept, 2), bool array of shape (events,))
-            x and y of the events that have a taxel, and which events these are.
+        Events of other addresses raise InputError, unless ``drop`` leaves them out.
         """
         pairs = addresses[:, None] if addresses.ndim == 1 else addresses
         length = len(next(iter(self.taxels)))

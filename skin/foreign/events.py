@@ -19,33 +19,25 @@ from eskin.skin.foreign.address_map import Addresses, AddressMap
 UNITS_S = {"s": Fraction(1), "ms": Fraction(1, 10**3), "us": Fraction(1, 10**6), "ns": Fraction(1, 10**9)}
 """Units of time stamps in seconds."""
 
-CLOCKS = "clocks"
-"""Name of the unit of time stamps that count clocks of the readout."""
+CLOCKS = "clocks"  # name of the unit of time stamps that count clocks of the readout
 
 MOST_CLOCKS = 2**51
 """Clocks up to which a time in seconds (float64) names its clock: t / clock_hz and its product with clock_hz are each
 rounded by at most one part in 2**53, together by less than half a clock."""
 
-LATE_S = 86_400
-"""Time in seconds; a later first event has the time of a wall clock, not of a recording."""
+LATE_S = 86_400  # time in seconds; a later first event has the time of a wall clock, not of a recording
 
 
 @dataclass(frozen=True, eq=False)
 class ForeignEvents:
     """Events with the columns and the time unit of their file."""
 
-    time: NDArray[Any]
-    """In ``unit``. Shape (events,)."""
-    unit: str
-    """One of UNITS_S, or ``clocks``."""
-    addresses: Addresses
-    """Single addresses, or columns and rows. Shape (events,) or (events, 2)."""
-    polarity: NDArray[np.bool_]
-    """True is ON. Shape (events,)."""
-    size: tuple[int, int] | None = None
-    """Rows and columns of the sensor, if the file contains them."""
-    notes: tuple[str, ...] = ()
-    """Notes for the user on the interpretation of the file."""
+    time: NDArray[Any]  # in ``unit``, shape (events,)
+    unit: str  # one of UNITS_S, or ``clocks``
+    addresses: Addresses  # single addresses, or columns and rows, shape (events,) or (events, 2)
+    polarity: NDArray[np.bool_]  # True is ON, shape (events,)
+    size: tuple[int, int] | None = None  # rows and columns of the sensor, if the file contains them
+    notes: tuple[str, ...] = ()  # notes for the user on the interpretation of the file
 
 
 def unwrapped(events: ForeignEvents, bits: int) -> ForeignEvents:
@@ -75,15 +67,7 @@ def configuration(
 ) -> ReadoutConfig:
     """Return the configuration; take a missing array size from the events or their map.
 
-    Parameters
-    ----------
-    given : frozenset of str
-        Fields of the configuration that the user set.
-
-    Returns
-    -------
-    ReadoutConfig
-        Its clock is 1 MHz unless the user set sample rate or clocks per sample.
+    ``given`` names the fields that the user set. The clock is 1 MHz unless sample rate or clocks per sample are given.
     """
     if mapping is not None:
         rows, columns = mapping.size
@@ -111,14 +95,10 @@ class Taken:
     """A recording converted from foreign events, with counts of dropped or changed events."""
 
     recording: Recording
-    dropped: int
-    """Events without a taxel."""
-    moved: int
-    """Number of events with a time between two clocks."""
-    merged: int
-    """Number of events with different times that now share a clock."""
-    start: float
-    """Time of clock 0 in the unit of the file."""
+    dropped: int  # events without a taxel
+    moved: int  # number of events with a time between two clocks
+    merged: int  # number of events with different times that now share a clock
+    start: float  # time of clock 0 in the unit of the file
 
     def said(self) -> list[str]:
         """Return a sentence for every kind of loss in the conversion."""
@@ -211,17 +191,10 @@ def _clocks(time: NDArray[Any], start: float, unit: str, config: ReadoutConfig) 
 
 
 def in_unit(recording: Recording, unit: str = "us") -> Events:
-    """Return events with the fields t, x, y, p of event libraries such as tonic.
+    """Return events with the fields t, x, y, p of event libraries such as tonic, shape (events,).
 
-    Parameters
-    ----------
-    unit : "us" or "clocks"
-        t in whole microseconds since the end of reset, rounded half to even, or in clocks. Clocks above 1 MHz share
-        microseconds.
-
-    Returns
-    -------
-    ndarray of EVENT_DTYPE, shape (events,)
+    The unit of t is "clocks" or "us": whole microseconds since the end of reset, rounded half to even. Clocks above
+    1 MHz share microseconds.
     """
     if unit not in ("us", CLOCKS):
         raise InputError(f"events are written in us or clocks, not {unit!r}")

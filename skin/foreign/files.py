@@ -11,7 +11,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.foreign import aedat4, tables
 from eskin.skin.foreign.address_map import AddressMap
-from eskin.skin.foreign.events import ForeignEvents, configuration, take
+from eskin.skin.foreign.events import CLOCKS, UNITS_S, ForeignEvents, configuration, take
 
 SUFFIXES = (aedat4.SUFFIX, *tables.TEXT_SUFFIXES, ".npy")
 """Endings of foreign event files; .npz archives from other programs are foreign too."""
@@ -30,7 +30,8 @@ def is_foreign(path: Path) -> bool:
 
 def read_foreign(path: Path, fields: Sequence[str] = (), unit: str | None = None) -> ForeignEvents:
     """Return the events from a foreign file; ``fields`` and ``unit`` apply to tables and arrays."""
-    tables.check_unit(unit)
+    if unit not in (None, *UNITS_S, CLOCKS):
+        raise InputError(f"--time-unit must be {', '.join(UNITS_S)} or {CLOCKS}, not {unit!r}")
     if path.suffix.lower() != aedat4.SUFFIX:
         return tables.read_events_table(path, fields, unit)
     if fields or unit:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import atomic_write, check_unpacked, read_bytes
+from eskin.base.files import atomic_write
 from eskin.model.events.recording import Recording
-from eskin.skin.foreign.events import CLOCKS, UNITS_S, ForeignEvents, in_unit, lost_clocks
-from eskin.skin.samples import cells_of, check_commas
+from eskin.skin.foreign.events import ForeignEvents, in_unit, lost_clocks
+from eskin.skin.samples import arrays_in, cells_of, check_commas, content_of, delimiter_of, is_number, lines_of
 
 TEXT_SUFFIXES = (".csv", ".txt", ".tsv")
 
@@ -41,7 +40,8 @@ def read_events_table(path: Path, fields: Sequence[str] = (), unit: str | None =
     - ``fields``: meaning of each column, if the file has no names: t, x, y, p, address, or - for others.
     - ``unit``: unit of the time; by default from the column's name, else s for decimal times and us for integers.
     """
-    columns, named_unit = _named(path, _columns(path), fields)
+    columns = _text_columns(path) if path.suffix.lower() in TEXT_SUFFIXES else _array_columns(path)
+    columns, named_unit = _named(path, columns, fields)
     for name in ("t", "p"):
         if name in columns and columns[name].dtype.kind not in "iufb":
             raise InputError(f"{path}: column {name} has values of type {columns[name].dtype}, not numbers")
@@ -61,36 +61,16 @@ def read_events_table(path: Path, fields: Sequence[str] = (), unit: str | None =
     )
 
 
-def check_unit(unit: str | None) -> None:
-    """Check that a unit of time is known."""
-    if unit not in (None, *UNITS_S, CLOCKS):
-        raise InputError(f"--time-unit must be {', '.join(UNITS_S)} or {CLOCKS}, not {unit!r}")
-
-
-def _columns(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the columns of a file by name, or by number for a file without names."""
-    try:
-        content = read_bytes(path, "the table")
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
-    if path.suffix.lower() in TEXT_SUFFIXES:
-        return _text_columns(path, content)
-    return _array_columns(path, content)
-
-
-def _text_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
-    try:
-        lines = [line.strip() for line in content.decode("utf-8-sig").splitlines()]
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is not text; give a table of events, or rename the file by its kind") from None
-    lines = [line for line in lines if line and not line.startswith("#")]
+def _text_columns(path: Path) -> dict[str, NDArray[Any]]:
+    """Return the columns of a text by name, or by number without a header."""
+    lines = [line.strip() for line in lines_of(path, "give a table of events, or rename the file by its kind")]
     if not lines:
         raise InputError(f"{path} is empty; give a table with a line for each event")
-    delimiter = next((d for d in ("\t", ";", ",") if d in lines[-1]), None)
+    delimiter = delimiter_of(lines)
     rows = cells_of(path, lines, delimiter)
     if delimiter == ",":
         check_commas(path, rows, "write a decimal point, and no separators of thousands")
-    header = None if all(_number(cell) is not None for cell in rows[0]) else rows.pop(0)
+    header = None if all(is_number(cell.replace(",", ".")) for cell in rows[0]) else rows.pop(0)
     width = len(header or rows[0])
     if (wrong := next((n for n, row in enumerate(rows) if len(row) != width), None)) is not None:
         hint = "; a decimal comma needs another delimiter, such as ;" if delimiter == "," else ""
@@ -103,46 +83,29 @@ def _text_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
 
 def _parsed(path: Path, name: str, cells: Sequence[str]) -> NDArray[Any]:
     """Return a column as int64 if all cells are integers, else float64; an unknown column may stay text."""
-    truths = {"true": 1, "false": 0, "on": 1, "off": 0}
-    numbers = [truths[cell.lower()] if cell.lower() in truths else _number(cell) for cell in cells]
-    if None in numbers:
-        if any(name.lower() in names for names in NAMES.values()):
-            at = numbers.index(None)
-            raise InputError(f"{path}: event {at} has {name} {cells[at]!r}, which is not a number")
-        return np.array(cells)
-    if all(type(number) is int for number in numbers):
-        if numbers and not -(2**63) <= min(numbers) <= max(numbers) < 2**63:  # type: ignore[type-var, operator]
-            raise InputError(f"{path}: column {name} has numbers beyond 63 bits")
-        return np.array(numbers, np.int64)
-    return np.array(numbers, np.float64)
-
-
-def _number(cell: str) -> int | float | None:
-    """Return the number in a cell, also with a decimal comma; None for other texts."""
-    for kind in (int, float):
+    truths = {"true": "1", "false": "0", "on": "1", "off": "0"}
+    numbers = np.array([truths.get(cell.lower(), cell.replace(",", ".")) for cell in cells])
+    for kind in (np.int64, np.float64):
         try:
-            return kind(cell.replace(",", "."))
+            return numbers.astype(kind)
+        except OverflowError:
+            raise InputError(f"{path}: column {name} has numbers beyond 63 bits") from None
         except ValueError:
             continue
-    return None
+    if any(name.lower() in names for names in NAMES.values()):
+        at = next(at for at, number in enumerate(numbers) if not is_number(number))
+        raise InputError(f"{path}: event {at} has {name} {cells[at]!r}, which is not a number")
+    return np.array(cells)
 
 
-def _array_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
-    try:
-        found: Any = np.load(io.BytesIO(content), allow_pickle=False)
-        if isinstance(found, np.ndarray):
-            if found.dtype.names and found.ndim == 1:
-                return {name: found[name] for name in found.dtype.names}
-            if found.ndim == 2 and found.dtype.kind in "iuf":
-                return {str(n): found[:, n] for n in range(found.shape[1])}
-            raise InputError(f"{path} has shape {found.shape} of {found.dtype}; events are rows of t, x, y, p")
-        with found:
-            check_unpacked(found.zip)
-            columns = {name: found[name] for name in found.files}
-    except InputError as error:
-        raise InputError(str(error) if str(path) in str(error) else f"{path} {error}") from None
-    except Exception:  # a damaged file makes zipfile, zlib and NumPy raise almost any type
-        raise InputError(f"{path} is damaged or not an array file; write it again with numpy.save") from None
+def _array_columns(path: Path) -> dict[str, NDArray[Any]]:
+    columns = arrays_in(path, content_of(path, "the table"), "an array file; write it again with numpy.save")
+    if isinstance(columns, np.ndarray):
+        if columns.dtype.names and columns.ndim == 1:
+            return {name: columns[name] for name in columns.dtype.names}
+        if columns.ndim == 2 and columns.dtype.kind in "iuf":
+            return {str(n): columns[:, n] for n in range(columns.shape[1])}
+        raise InputError(f"{path} has shape {columns.shape} of {columns.dtype}; events are rows of t, x, y, p")
     lengths = {array.shape for array in columns.values()}
     if len(lengths) != 1 or len(next(iter(lengths))) != 1:
         raise InputError(

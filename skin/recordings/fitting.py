@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,12 +11,11 @@ from numpy.typing import NDArray
 
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.fields import signals
-from eskin.model.readout import Stimulus, simulate
 from eskin.model.taxel import decode, encode_timed, slope_limit
-from eskin.skin.recordings.quality import MOST_CLOCKS, clocks_needed, measure_quality, power_of_two
+from eskin.skin.recordings.quality import MOST_CLOCKS, clocks_needed, encoded, power_of_two
+from eskin.skin.textures.scan import leak_of
 
-TAU_S = 0.2
-"""Time constant of the leak where none is given, the paper's."""
+TAU_S = 0.2  # time constant of the leak where none is given, the paper's
 
 WINDOW_S = 64 / 20_000
 """Time between two closing steps of a window where none is given: that of the default configuration."""
@@ -26,21 +24,18 @@ LEAST_WINDOW = 4
 """Samples between two closing steps at least: a window that closes at every sample follows the noise, and its receiver
 cannot tell a step from a wait. On a generated skin of 35 Hz, 6 bit, that has 17 dB, this 38 dB."""
 
-RESOLUTIONS = range(3, 9)
-"""Resolutions that are tried for the events of a classifier."""
+RESOLUTIONS = range(3, 9)  # resolutions that are tried for the events of a classifier
 
 ENOUGH_DB, MOST_TRIED = 15.0, 32
 """Reconstruction SNR that is enough for a classifier, and the recordings on which it is measured."""
 
-SLOW_HZ = 1000.0
-"""Samples per second below which the clock follows the signal, not 64 times the sample rate."""
+SLOW_HZ = 1000.0  # samples per second below which the clock follows the signal, not 64 times the sample rate
 
 
 def with_seconds(config: ReadoutConfig, given: Collection[str]) -> ReadoutConfig:
     """Return a configuration whose default time constants keep their duration at any sample rate."""
     if config.encoder.leaks and not {"leak_shift", "leak_period"} & set(given):
-        leak = ReadoutConfig.from_tau(TAU_S, 1 / config.sample_rate_hz)
-        return config.replace(leak_shift=leak.leak_shift, leak_period=leak.leak_period)
+        return config.replace(**leak_of(TAU_S, config.sample_rate_hz))
     if config.encoder.windowed and "window_period" not in given:
         return config.replace(window_period=min(max(round(WINDOW_S * config.sample_rate_hz), LEAST_WINDOW), 2**16))
     return config
@@ -51,14 +46,9 @@ class Fit:
     """Choice of a configuration: the resolution by the reconstruction SNR, the full scale from all recordings.
 
     A subclass may choose otherwise; its ``repr`` names all of its parameters.
-
-    Attributes
-    ----------
-    other_scales : tuple of str
-        Texts of ``Preparation.scale`` that are tried beside ``max``.
     """
 
-    other_scales: ClassVar[tuple[str, ...]] = ()
+    other_scales: ClassVar[tuple[str, ...]] = ()  # texts of ``Preparation.scale`` that are tried beside ``max``
 
     def learned(self, names: Sequence[str], classes: Sequence[str]) -> NDArray[np.int64]:
         """Return the numbers of the recordings from which to choose, by the names and classes of all."""
@@ -78,17 +68,10 @@ class Fit:
         the taxels with at least ``ENOUGH_DB`` on some recordings, evenly spread. Where none does, as with a leak, it
         stays as it is.
 
-        Parameters
-        ----------
-        config : ReadoutConfig
-        given : collection of str
-            Fields that the user set.
-        classes : sequence of str
-            Class of each recording.
-        recordings : mapping of str to sequence of int32 arrays, shape (ticks, taxels)
-            Codes of the ``learned`` recordings, by scale.
-        progress : callable
-            Called after each setting that is tried.
+        - ``given``: fields that the user set.
+        - ``classes``: class of each recording.
+        - ``recordings``: codes of the ``learned`` recordings by scale, each of shape (ticks, taxels).
+        - ``progress``: called after each setting that is tried.
         """
         scale, codes_of_all = next(iter(recordings.items()))
         if "resolution" in given:
@@ -108,31 +91,19 @@ class Fit:
         return config, scale, f"resolution {config.resolution} b; --resolution chooses another"
 
 
-def array_of(taxels: int) -> tuple[int, int] | None:
-    """Return rows and columns of the most square array for a number of taxels; None above 64 x 64."""
-    for rows in range(math.isqrt(taxels), 0, -1):
-        if taxels % rows == 0 and taxels // rows <= 64:
-            return rows, taxels // rows
-    return None
-
-
 def with_clock(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -> ReadoutConfig:
     """Return a configuration with enough clocks per sample to send all events of a tick within the tick.
 
     The number is a power of two from 64 on. It is estimated from the largest number of events of one tick, and then
     doubled until the readout neither delays nor merges one in the recording that has it, as far as 2**20.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-    recordings : sequence of int32 arrays, shape (ticks, taxels)
-        Codes.
+    The recordings are codes, shape (ticks, taxels).
     """
     needed = [clocks_needed(config, codes) for codes in recordings]
     steepest, clocks = recordings[int(np.argmax(needed))], power_of_two(max(needed))
     while True:
         suited = config.replace(clocks_per_sample=clocks)
-        quality = measure_quality(suited, steepest, simulate(suited, Stimulus.from_samples(suited, steepest)))
+        _, quality = encoded(suited, steepest)
         if not (quality.late or quality.merged) or clocks >= MOST_CLOCKS:
             return suited
         clocks *= 2

@@ -17,75 +17,49 @@ from eskin.base.workers.pool import Local, WorkerPool, each
 from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
-from eskin.model.readout import Stimulus, simulate
-from eskin.skin.recordings.columns import match_columns
-from eskin.skin.recordings.fitting import Fit, array_of, steepest_step, with_clock, with_seconds
+from eskin.skin.recordings.columns import match_columns, only_taxels
+from eskin.skin.recordings.fitting import Fit, steepest_step, with_clock, with_seconds
 from eskin.skin.recordings.options import Preparation, Scale
 from eskin.skin.recordings.prepare import prepare
-from eskin.skin.recordings.quality import MUCH_LATE, Quality, measure_quality, pooled
+from eskin.skin.recordings.quality import MUCH_LATE, Quality, encoded, pooled
 from eskin.skin.recordings.table import read_table
-from eskin.skin.recordings.taxels import only_taxels
-from eskin.skin.samples import ARRAY_SUFFIXES
+from eskin.skin.samples import ARRAY_SUFFIXES, array_of
 
-LOW_SNR_DB = 10.0
-"""Reconstruction SNR below which an LCS readout is worth a warning."""
+LOW_SNR_DB = 10.0  # reconstruction SNR below which an LCS readout is worth a warning
 
 
 @dataclass(frozen=True)
 class Source:
-    """One recording file of a set, with its class.
-
-    Attributes
-    ----------
-    path : Path
-    name : str
-        Path relative to the folder, without its ending, with slashes: equal file names in two classes stay apart.
-    class_name : str or None
-        First folder below the set's; None for a file by itself.
-    """
+    """One recording file of a set, with its class."""
 
     path: Path
-    name: str
-    class_name: str | None
+    name: str  # path relative to the folder, without its ending: equal file names in two classes stay apart
+    class_name: str | None  # first folder below the set's; None for a file by itself
 
 
 @dataclass(frozen=True, eq=False)
 class RecordingSet:
-    """Recordings as codes, with their common configuration.
-
-    Attributes
-    ----------
-    name : str
-        Name of the folder or file.
-    sources : tuple of Source
-    codes : list of int32 arrays, shape (ticks, taxels)
-        Codes in the order of the sources.
-    config : ReadoutConfig
-    options : Preparation
-        Preparation that made the codes.
-    scale : float or tuple of float
-        Factor from the unit of the files to full scale, of all taxels or of each.
-    clipped : int
-        Samples beyond full scale.
-    notes, warnings : tuple of str
-        Interpretation of the files; problems, each with the option that fixes it.
-    columns : tuple of str
-        Names of the taxels, if the files have them.
-    starts_s : mapping of str to float
-        First time stamp in seconds by name of the source, if any.
-    """
+    """Recordings as codes, with their common configuration."""
 
     name: str
+    """Name of the folder or file."""
     sources: tuple[Source, ...]
     codes: list[NDArray[np.int32]]
+    """Codes in the order of the sources, each of shape (ticks, taxels)."""
     config: ReadoutConfig
     options: Preparation
+    """Preparation that made the codes."""
     scale: Scale
     clipped: int
+    """Samples beyond full scale."""
     notes: tuple[str, ...]
+    """Interpretation of the files."""
     warnings: tuple[str, ...]
+    """Problems, each with the option that fixes it."""
     columns: tuple[str, ...] = ()
+    """Names of the taxels, if the files have them."""
     starts_s: Mapping[str, float] = field(default_factory=dict)
+    """First time stamp in seconds by name of the source, if any."""
 
     def recording(self, number: int) -> tuple[Recording, Quality]:
         """Return the events of a recording from the cycle-accurate model, and their quality."""
@@ -113,22 +87,13 @@ class RecordingSet:
         return said | ({} if source.class_name is None else {"class": source.class_name})
 
 
-def encoded(config: ReadoutConfig, codes: NDArray[np.int32]) -> tuple[Events, Quality]:
-    """Return the events of codes from the cycle-accurate model, and their quality."""
-    events = simulate(config, Stimulus.from_samples(config, codes))
-    return events, measure_quality(config, codes, events)
-
-
 def sources_of(folder: Path, flat: bool = False, strict: bool = False) -> tuple[tuple[Source, ...], tuple[str, ...]]:
     """Return the recording files of class folders ordered by name, or a single file.
 
     With ``flat``, files may be beside the class folders, and have no class. The second value is warnings: on unreadable
     entries with the name of a recording, which ``strict`` refuses, and on folders without a recording.
 
-    Raises
-    ------
-    InputError
-        If there are no recordings, or one is beside the class folders.
+    Raise InputError if there are no recordings, or one is beside the class folders.
     """
     if not folder.is_dir():
         return (Source(folder, folder.stem, None),), ()
@@ -173,22 +138,12 @@ def read_set(
 ) -> RecordingSet:
     """Return the recordings of a folder or file, with a suitable configuration.
 
-    Parameters
-    ----------
-    place : Path
-        Folder of class folders, or a file.
-    options : Preparation
-    config : ReadoutConfig
-        Configuration wanted by the user.
-    given : collection of str
-        Fields of it that the user set; of the others, array, rate, clock and time constants follow the recordings.
-        With ``scale`` among them, that of ``options`` is not changed.
-    progress : callable, optional
-        Called after each file.
-    flat : bool
-        Same as for ``sources_of``.
-    fit : Fit, optional
-        Chooses encoder, resolution and scale from recordings, where these are not given.
+    - ``place``: folder of class folders, or a file.
+    - ``given``: fields of ``config`` that the user set; of the others, array, rate, clock and time constants follow the
+      recordings. With ``scale`` among them, that of ``options`` is not changed.
+    - ``progress``: called after each file.
+    - ``flat``: as for ``sources_of``.
+    - ``fit``: chooses encoder, resolution and scale from recordings, where these are not given.
     """
     sources, left_out = sources_of(place, flat, options.strict)
     tables = []
@@ -269,33 +224,14 @@ def negative_part_lost(config: ReadoutConfig, recordings: Sequence[NDArray[np.in
 
 
 def write_folder(
-    recordings: RecordingSet,
-    out: Path,
-    pool: WorkerPool | None = None,
-    progress: Callable[[], object] | None = None,
+    recordings: RecordingSet, out: Path, pool: WorkerPool | None = None, progress: Callable[[], object] | None = None
 ) -> tuple[Quality, tuple[str, ...]]:
-    """Write the event file ``OUT/class/name.npz`` for every recording, and return the quality of the events.
+    """Write the event file ``OUT/class/name.npz`` for every recording.
 
-    Parameters
-    ----------
-    recordings : RecordingSet
-    out : Path
-    pool : WorkerPool, optional
-        Who works the events out, this process by default; they do not depend on it.
-    progress : callable, optional
-        Called after each file.
+    Return the quality of all recordings together, and warnings with the options that fix the problems. The result does
+    not depend on the pool. ``progress`` is called after each file.
 
-    Returns
-    -------
-    Quality
-        Quality of all recordings together.
-    tuple of str
-        Warnings, with the options that fix the problems.
-
-    Raises
-    ------
-    InputError
-        If the folder contains other event files, or cannot be made.
+    Raise InputError if the folder contains other event files, or cannot be made.
     """
     paths = [out / f"{source.name}.npz" for source in recordings.sources]
     check_no_others(out, paths)

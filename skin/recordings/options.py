@@ -14,11 +14,8 @@ from eskin.model.config import parameter
 Decimal = Literal["auto", "point", "comma"]
 TimeUnit = Literal["auto", "s", "ms", "us", "ns"]
 Baseline = Literal["none", "first", "median", "highpass"]
-
 GUIDE = "docs/guide/recordings.md"
-
-PER_TAXEL = "per-taxel"
-"""Text of ``Preparation.scale`` that maps the largest magnitude of each taxel to full scale."""
+PER_TAXEL = "per-taxel"  # text of ``Preparation.scale`` that maps the largest magnitude of each taxel to full scale
 
 Scale = float | tuple[float, ...]
 """Factor from the unit of the files to full scale, common to all taxels or one for each taxel."""
@@ -29,29 +26,7 @@ FINGER = Path(__file__).parent / "finger"
 
 @dataclass(frozen=True, kw_only=True)
 class Preparation:
-    """Options for all steps from sensor files to codes.
-
-    Parameters
-    ----------
-    taxel_columns : str
-        Columns that are taxels, by name or number from 1, as ``2-17`` or ``s1,s2``; all but time if empty.
-    delimiter : str
-        Delimiter of a .csv: a character, ``tab`` or ``space``; detected if empty.
-    decimal : "auto", "point" or "comma"
-    time_column : str
-        Column of time stamps, by name or number, or ``none``; found by itself if empty.
-    time_unit : "auto", "s", "ms", "us" or "ns"
-    baseline : "none", "first", "median" or "highpass"
-        Value subtracted from every taxel: its first value, its median, or everything below ``highpass_hz``.
-    highpass_hz : float
-    strict : bool
-        Refuse a folder in which something has the name of a recording and cannot be read.
-    names : tuple of str
-        Names of the taxels' columns in the order of the array; files that have names are brought into that order.
-    scale : str
-        Factor to full scale, or one for each taxel as ``0.5,2``; or ``max``, a percentile of the magnitudes of all
-        recordings as ``p99.9``, or ``PER_TAXEL``.
-    """
+    """Options for all steps from sensor files to codes; numbers of columns count from 1."""
 
     taxel_columns: str = parameter("", "", GUIDE, "taxel columns of the file, such as 2-17 or s1,s2 [all]")
     delimiter: str = parameter("", "", GUIDE, "delimiter of a .csv: a character, tab or space [detected]")
@@ -59,10 +34,13 @@ class Preparation:
     time_column: str = parameter("", "", GUIDE, "column of time stamps, by name or number, or none [detected]")
     time_unit: TimeUnit = parameter("auto", "", GUIDE, "unit of the time stamps")
     baseline: Baseline = parameter("none", "", GUIDE, "value subtracted from every taxel")
+    """The first value, the median, or everything below ``highpass_hz``."""
     highpass_hz: float = parameter(0.1, "Hz", GUIDE, "corner of --baseline highpass")
     strict: bool = parameter(False, "", GUIDE, "refuse broken links, FIFOs and folders among the recordings")
     names: tuple[str, ...] = ()
+    """Names of the taxels' columns in the order of the array; files that have names are brought into this order."""
     scale: str = parameter("max", "", GUIDE, "factor to full scale, max, per-taxel, or a percentile such as p99.9")
+    """One factor, or one for each taxel as ``0.5,2``. A percentile is that of the magnitudes of all recordings."""
 
     def __post_init__(self) -> None:
         for name, choices in (("decimal", Decimal), ("time_unit", TimeUnit), ("baseline", Baseline)):

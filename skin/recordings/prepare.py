@@ -12,47 +12,25 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.skin.recordings.options import PER_TAXEL, Preparation, Scale
-from eskin.skin.recordings.table import Table, Values
+from eskin.skin.recordings.table import Table, Values, rises
 from eskin.skin.textures.presets import quantise
 
-JITTER = 0.02
-"""Part of a sample period by which time stamps may miss the grid before a recording is resampled."""
-
-OWN_CLOCK = 0.01
-"""Relative difference from the common rate up to which the samples of a recording count as even."""
-
-MISSING = 1.5
-"""Sample periods between two time stamps from which on samples are missing between them."""
-
-MUCH_CLIPPED = 1e-3
-"""Part of the samples above which clipping is worth a warning."""
+JITTER = 0.02  # part of a sample period by which time stamps may miss the grid before a recording is resampled
+OWN_CLOCK = 0.01  # relative difference from the common rate up to which the samples of a recording count as even
+MISSING = 1.5  # sample periods between two time stamps from which on samples are missing between them
+MUCH_CLIPPED = 1e-3  # part of the samples above which clipping is worth a warning
 
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Recordings as codes, in the order of their tables.
+    """Recordings as codes, in the order of their tables."""
 
-    Attributes
-    ----------
-    codes : list of int32 arrays, shape (ticks, taxels)
-    rate_hz : float
-        Samples per second of all.
-    scale : float or tuple of float
-        Factor from the unit of the files to full scale, of all taxels or of each.
-    clipped : int
-        Samples beyond full scale, all together.
-    warnings : tuple of str
-        Warnings for the user, with the option that fixes the problem.
-    notes : tuple of str
-        Changes of the samples.
-    """
-
-    codes: list[NDArray[np.int32]]
-    rate_hz: float
+    codes: list[NDArray[np.int32]]  # shape (ticks, taxels)
+    rate_hz: float  # samples per second of all
     scale: Scale
-    clipped: int
-    warnings: tuple[str, ...]
-    notes: tuple[str, ...] = ()
+    clipped: int  # samples beyond full scale, all together
+    warnings: tuple[str, ...]  # each with the option that fixes the problem
+    notes: tuple[str, ...]  # changes of the samples
 
 
 def prepare(
@@ -64,22 +42,11 @@ def prepare(
 ) -> Prepared:
     """Return recordings as codes, with one sampling rate and one scale.
 
-    Parameters
-    ----------
-    tables : sequence of Table
-        Tables with equal numbers of taxels.
-    options : Preparation
-    sample_bits : int
-        W.
-    rate_hz : float, optional
-        By default the rate of the time stamps, median of all recordings.
-    learned : collection of int, optional
-        Numbers of the recordings that determine the scale; all by default.
+    - ``rate_hz``: by default the rate of the time stamps, median of all recordings.
+    - ``learned``: numbers of the recordings that determine the scale; all by default.
 
-    Raises
-    ------
-    InputError
-        If no rate is known, or the recordings have different numbers of taxels, or another number than the factors.
+    Raise InputError if no rate is known, or the recordings have different numbers of taxels, or another number than the
+    factors.
     """
     widths = {table.values.shape[1]: table.path for table in tables}
     if len(widths) > 1:
@@ -146,18 +113,14 @@ def on_grid(table: Table, rate_hz: float) -> tuple[Values, bool]:
         return table.values, False
     period, own = 1 / rate_hz, float(time_s[-1]) / (len(time_s) - 1)
     steps = np.diff(time_s)
-    allowed = max(JITTER * period, min(1.5 * _finest_step(steps), 0.1 * period))
+    finest = float(np.diff(np.unique(np.round(steps, 9))).min(initial=math.inf)) if np.ptp(steps) > 1e-9 else 0.0
+    allowed = max(JITTER * period, min(1.5 * finest, 0.1 * period))  # the finest difference is a unit of the stamps
     if abs(own / period - 1) <= OWN_CLOCK and np.abs(time_s - np.arange(len(time_s)) * own).max() <= allowed:
         return table.values, False
     if (gap := float(steps.max())) > 1000 * period:
         raise InputError(f"{table.path} has a gap of {gap:.4g} s in its time stamps; cut it into two recordings")
     grid = np.arange(int(time_s[-1] * rate_hz + 1e-6) + 1) * period
     return np.stack([np.interp(grid, time_s, column) for column in table.values.T], axis=1), True
-
-
-def _finest_step(steps: Values) -> float:
-    """Return the resolution of time stamps: the smallest difference between two time steps."""
-    return float(np.diff(np.unique(np.round(steps, 9))).min(initial=math.inf)) if np.ptp(steps) > 1e-9 else 0.0
 
 
 def _filled(tables: Sequence[Table]) -> list[str]:
@@ -215,17 +178,12 @@ def scale_of(signals: Sequence[Values], options: Preparation, sample_bits: int) 
 
 def _columns_that_are_no_signal(tables: Sequence[Table]) -> list[str]:
     """Return a warning about columns that never change, or that rise in every recording."""
-    still = [all(np.ptp(table.values[:, k]) == 0 for table in tables) for k in range(tables[0].values.shape[1])]
-    rising = [
-        all(len(table.values) > 2 and (np.diff(table.values[:, k]) > 0).all() for table in tables)
-        for k in range(tables[0].values.shape[1])
-    ]
     warnings = []
     for marks, what, remedy in (
-        (still, "never changes", "leave it out with --taxel-columns"),
-        (rising, "rises steadily", "if it is time or a counter, name it with --time-column, or leave it out"),
+        (lambda column: np.ptp(column) == 0, "never changes", "leave it out with --taxel-columns"),
+        (rises, "rises steadily", "if it is time or a counter, name it with --time-column, or leave it out"),
     ):
-        found = [tables[0].names[k] for k, mark in enumerate(marks) if mark]
+        found = [name for k, name in enumerate(tables[0].names) if all(marks(table.values[:, k]) for table in tables)]
         if found:
             more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
             warnings.append(f"column {found[0]!r}{more} {what}; {remedy}")

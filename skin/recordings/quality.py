@@ -16,11 +16,8 @@ from eskin.model.events.recording import Recording
 from eskin.model.readout import Stimulus, simulate
 from eskin.model.taxel import EVENT_LATENCY, counts_of_events, decode, encode, error_bound
 
-MOST_VALUES = 2**28
-"""Largest number of reconstructed values (2 GiB)."""
-
-MUCH_LATE = 0.01
-"""Part of the events above which late events or merged decisions cause a warning."""
+MOST_VALUES = 2**28  # largest number of reconstructed values (2 GiB)
+MUCH_LATE = 0.01  # part of the events above which late events or merged decisions cause a warning
 
 LEAST_CLOCKS, MOST_CLOCKS = 64, 2**20
 """Range of the clocks per sample that fit a signal; the largest number is enough for every decision."""
@@ -31,36 +28,19 @@ CLOCKS_PER_EVENT = {"stream": 1, "four_phase": 7, "four_phase_dual": 7}
 
 @dataclass(frozen=True)
 class Quality:
-    """The quality of the events of a readout; :func:`pooled` combines several recordings.
+    """The quality of the events of a readout; :func:`pooled` combines several recordings."""
 
-    Attributes
-    ----------
-    samples, seconds : int, float
-        Number of samples, ticks times taxels, and duration.
-    events, expected : int
-        Events that left, and events without contention.
-    late, merged : int
-        Events that left after the tick of their cause; decisions that never became events of their own.
-    load, peak_load : float
-        Part of the time in which the link is busy: on average, and in the worst tick.
-    signal, noise : float
-        Mean squares, in codes: of the samples about the mean of their taxel, and of their difference from the
-        reconstruction.
-    bound_holds : bool
-        Whether the difference stays within the bound of the decoder at every tick (without OFF events: its upper end).
-    """
-
-    samples: int
+    samples: int  # ticks times taxels
     seconds: float
-    events: int
-    expected: int
-    late: int
-    merged: int
-    load: float
-    peak_load: float
-    signal: float
-    noise: float
-    bound_holds: bool
+    events: int  # that left
+    expected: int  # events without contention
+    late: int  # events that left after the tick of their cause
+    merged: int  # decisions that never became events of their own
+    load: float  # part of the time in which the link is busy
+    peak_load: float  # the load in the worst tick
+    signal: float  # mean square, in codes, of the samples about the mean of their taxel
+    noise: float  # mean square, in codes, of the difference between samples and reconstruction
+    bound_holds: bool  # the difference stays in the bound of the decoder at every tick (without OFF: its upper end)
 
     @property
     def snr_db(self) -> float:
@@ -71,14 +51,9 @@ class Quality:
 
 
 def measure_quality(config: ReadoutConfig, codes: NDArray[np.int32], events: Events) -> Quality:
-    """Return the quality of the events encoded from given codes.
+    """Return the quality of the events encoded from given codes, shape (ticks, taxels).
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-    codes : int32 array, shape (ticks, taxels)
-    events : array of EVENT_DTYPE, shape (events,)
-        Events, with times from the first sample on.
+    The times of the events count from the first sample on.
     """
     expected = np.abs(encode(config, codes).astype(np.int64))
     counts, late = counts_of_events(config, events, len(codes))
@@ -106,12 +81,18 @@ def measure_quality(config: ReadoutConfig, codes: NDArray[np.int32], events: Eve
     )
 
 
+def encoded(config: ReadoutConfig, codes: NDArray[np.int32]) -> tuple[Events, Quality]:
+    """Return the events of codes, shape (ticks, taxels), from the cycle-accurate model, and their quality."""
+    events = simulate(config, Stimulus.from_samples(config, codes))
+    return events, measure_quality(config, codes, events)
+
+
 def link_warning(config: ReadoutConfig, codes: NDArray[np.int32]) -> str:
     """Return a warning about events that the link delays or merges, with the option that helps.
 
     Empty if at most ``MUCH_LATE`` of the decisions merge.
     """
-    quality = measure_quality(config, codes, simulate(config, Stimulus.from_samples(config, codes)))
+    _, quality = encoded(config, codes)
     if quality.merged <= MUCH_LATE * quality.expected:
         return ""
     enough = power_of_two(clocks_needed(config, codes))

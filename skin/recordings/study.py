@@ -12,32 +12,30 @@ from numpy.typing import NDArray
 from eskin.base.workers.pool import Local, Shared, WorkerPool, each
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
-from eskin.model.readout import Stimulus, simulate
-from eskin.skin.recordings.fitting import array_of, with_clock, with_seconds
+from eskin.skin.recordings.fitting import with_clock, with_seconds
 from eskin.skin.recordings.folder import read_set
 from eskin.skin.recordings.options import Preparation
-from eskin.skin.recordings.quality import measure_quality, pooled
+from eskin.skin.recordings.quality import encoded, pooled
 from eskin.skin.textures.presets import quantise
 
 RESOLUTIONS = (2, 3, 4, 5, 6, 7, 8, 9, 10)
-SAMPLE_BITS = 14
-"""Sample width W of the study: a resolution of 10 bits leaves two bits below the step."""
+SAMPLE_BITS = 14  # sample width W of the study: a resolution of 10 bits leaves two bits below the step
 
 UNIFORM_BITS = range(1, SAMPLE_BITS - 1)
 """Bits of uniform sampling, at most two bits below the sample width, so that the SNR is finite."""
 
-RATE_HZ, SECONDS, TAXELS = 100.0, 10.0, 16
-"""Samples per second, length and taxels of the generated signals."""
+RATE_HZ, SECONDS, TAXELS, ROWS = 100.0, 10.0, 16, 4
+"""Samples per second, length, taxels and rows of taxels of the generated signals."""
 
 Codes = NDArray[np.int32]
 
 
-def slow_signals(seed: int = 0) -> list[Codes]:
+def slow_signals() -> list[Codes]:
     """Return generated pressure signals of a slow skin as codes: presses, strokes and taps.
 
     Each taxel has its own gain, and white noise of 1/2000 of full scale rms.
     """
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     time_s = np.arange(int(RATE_HZ * SECONDS))[:, None] / RATE_HZ
     taxel = np.arange(TAXELS)[None, :]
 
@@ -62,30 +60,16 @@ def slow_signals(seed: int = 0) -> list[Codes]:
 def study_data(
     place: Path | None = None, pool: WorkerPool | None = None, progress: Callable[[], object] | None = None
 ) -> dict[str, Any]:
-    """Return SNR and data rate of every encoder and resolution, and of uniform sampling at equal data rate.
+    """Return SNR and data rate of every encoder and resolution, and of uniform sampling with no more bit/s.
 
-    Parameters
-    ----------
-    place : Path, optional
-        A user's recordings, as for ``read_set``; generated slow signals by default.
-    pool : WorkerPool, optional
-        Pool for the work, by default this process; without effect on the result.
-    progress : callable, optional
-        Called after each point.
-
-    Returns
-    -------
-    dict
-        ``source``, ``rate_hz``, ``rows``, ``columns``, ``recordings``, and ``points``: ``encoding``, ``resolution``,
-        ``snr_db``, ``data_rate_bps``, ``events_per_s``, ``clock_hz``, ``tau_s`` (of encoders that leak), and
-        ``uniform`` with the ``snr_db``, ``bits`` and ``frame_rate_hz`` of uniform sampling with no more bit/s.
+    - ``place``: a user's recordings, as for ``read_set``; generated slow signals by default.
+    - ``pool``: without effect on the result.
+    - ``progress``: called after each point.
     """
     base = ReadoutConfig(sample_bits=SAMPLE_BITS)
     if place is None:
-        size = array_of(TAXELS)
-        assert size is not None
-        recordings, base = slow_signals(), base.replace(rows=size[0], columns=size[1], sample_rate_hz=RATE_HZ)
-        source = "generated slow signals"
+        recordings, source = slow_signals(), "generated slow signals"
+        base = base.replace(rows=ROWS, columns=TAXELS // ROWS, sample_rate_hz=RATE_HZ)
     else:
         found = read_set(place, Preparation(baseline="first"), base, {"clocks_per_sample"})
         recordings, base, source = found.codes, found.config, found.name
@@ -112,11 +96,8 @@ def study_data(
 
 def _point(recordings: Sequence[Codes], config: ReadoutConfig) -> dict[str, Any]:
     """Return the results of one configuration, with a clock that suits the slopes of the recordings."""
-    config, parts = with_clock(config, recordings), []
-    for codes in recordings:
-        events = simulate(config, Stimulus.from_samples(config, codes))
-        parts.append(measure_quality(config, codes, events))
-    quality = pooled(parts)
+    config = with_clock(config, recordings)
+    quality = pooled([encoded(config, codes)[1] for codes in recordings])
     events_per_s = quality.events / quality.seconds
     bps = events_per_s * config.event_bits
     return {

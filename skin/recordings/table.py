@@ -12,24 +12,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import read_bytes
 from eskin.skin.recordings.options import Preparation
-from eskin.skin.samples import ARRAY_SUFFIXES, cells_of, check_commas, read_samples
+from eskin.skin.samples import (
+    ARRAY_SUFFIXES,
+    cells_of,
+    check_commas,
+    delimiter_of,
+    is_number,
+    lines_of,
+    read_samples,
+    reason_of,
+)
 
 Values = NDArray[np.float64]
-
-UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-"""Units of time stamps in seconds."""
+UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # units of time stamps in seconds
 
 _TIME_NAME = re.compile(
     r"^\W*(t|times?|time[ _-]?stamps?|date|datetime|secs?|seconds|millis|micros|ms|us)(?![a-z])", re.IGNORECASE
 )
 _UNIT = re.compile(r"(?:^|[\s(\[_/])(s|sec|secs|seconds|ms|millis|us|µs|micros|ns)[\s)\]]*$", re.IGNORECASE)
-_MISSING = ("", "nan", "na", "n/a", "null", "none", "-")
-"""Words for a cell without a number, in lower case."""
-
-MOST_MISSING = 0.1
-"""Part of the cells of a column that may hold no number; the samples before and after fill them."""
+_MISSING = ("", "nan", "na", "n/a", "null", "none", "-")  # words for a cell without a number, in lower case
+MOST_MISSING = 0.1  # part of the cells of a column that may hold no number; the samples before and after fill them
 
 SAME_STAMP = 0.01
 """Part of the time stamps that may equal the previous time stamp, for example with a clock of whole milliseconds."""
@@ -39,51 +42,25 @@ _UNIT_NAMES = {"sec": "s", "secs": "s", "seconds": "s", "millis": "ms", "µs": "
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """One recording as read from its file.
-
-    Attributes
-    ----------
-    path : Path
-    values : float64 array, shape (ticks, taxels)
-        Values in the unit of the file.
-    names : tuple of str
-        Names of the taxels' columns.
-    codes : bool
-        Whether all values are whole numbers without a point.
-    time_s : float64 array, shape (ticks,), or None
-        Time stamps in seconds, if a column has them.
-    rate_hz : float or None
-        Sampling rate, if the file contains one.
-    notes : tuple of str
-        Interpretation of the file, for the user.
-    named : bool
-        Whether the names are in the file.
-    filled : int
-        Number of cells without a number, filled by linear interpolation.
-    start_s : float
-        First time stamp in seconds; 0 if no column has them.
-    """
+    """One recording as read from its file."""
 
     path: Path
-    values: Values
-    names: tuple[str, ...]
-    codes: bool
-    time_s: Values | None
-    rate_hz: float | None
-    notes: tuple[str, ...]
-    named: bool
-    filled: int
-    start_s: float
+    values: Values  # in the unit of the file, shape (ticks, taxels)
+    names: tuple[str, ...]  # of the taxels' columns
+    codes: bool  # all values are whole numbers without a point
+    time_s: Values | None  # time stamps from the first, if a column has them, shape (ticks,)
+    rate_hz: float | None  # sampling rate, if the file contains one
+    notes: tuple[str, ...]  # interpretation of the file, for the user
+    named: bool  # the names are in the file
+    filled: int  # cells without a number, filled by linear interpolation
+    start_s: float  # first time stamp in seconds; 0 if no column has them
 
 
 def read_table(path: Path, options: Preparation) -> Table:
     """Return the recording from a .csv, .npy or .npz file.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is no table of finite numbers, lacks a column that the options name, or its time
-        stamps do not rise.
+    Raise InputError if the file cannot be read, is no table of finite numbers, lacks a column that the options name, or
+    its time stamps do not rise.
     """
     if path.suffix.lower() == ".csv":
         values, names, codes, filled = _read_csv(path, options)
@@ -92,7 +69,7 @@ def read_table(path: Path, options: Preparation) -> Table:
         samples = read_samples(path)
         flat = samples.values.reshape(len(samples.values), -1)
         values, codes, rate_hz, filled = flat.astype(float), samples.values.dtype.kind in "iu", samples.rate_hz, 0
-        names = tuple(f"{number}" for number in range(1, values.shape[1] + 1))
+        names = _numbered(values)
     else:
         raise InputError(f"{path} is not a table of samples; accepted are {', '.join(ARRAY_SUFFIXES)}")
     time_column, notes = _time_column(path, values, names, options)
@@ -105,18 +82,8 @@ def read_table(path: Path, options: Preparation) -> Table:
     if time_column is not None and "counter" not in " ".join(notes):
         time_s, start_s, note = _seconds(path, values[:, time_column], names[time_column], options)
         notes = (*notes, note)
-    return Table(
-        path,
-        values[:, chosen],
-        tuple(names[k] for k in chosen),
-        codes,
-        time_s,
-        rate_hz,
-        notes,
-        _are_names(names),
-        filled,
-        start_s,
-    )
+    taxels, named = tuple(names[k] for k in chosen), names != _numbered(values)
+    return Table(path, values[:, chosen], taxels, codes, time_s, rate_hz, notes, named, filled, start_s)
 
 
 # -- text --------------------------------------------------------------------------------------------
@@ -124,17 +91,11 @@ def read_table(path: Path, options: Preparation) -> Table:
 
 def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...], bool, int]:
     """Return values and column names of a table, whether all values are integers, and the number of filled cells."""
-    try:
-        text = read_bytes(path, "the table").decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is not text; save it as comma-separated values in UTF-8") from None
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    lines = lines_of(path, "save it as comma-separated values in UTF-8")
     if not lines:
         raise InputError(f"{path} holds no samples; give at least one line of numbers")
-    delimiter = {"tab": "\t", "space": None, "": _delimiter(lines)}.get(options.delimiter, options.delimiter)
-    if '"' in text:
+    delimiter = {"tab": "\t", "space": None, "": delimiter_of(lines)}.get(options.delimiter, options.delimiter)
+    if any('"' in line for line in lines):
         rows = cells_of(path, lines, delimiter)
         if delimiter == "," and options.decimal == "auto":
             check_commas(path, rows, "add --decimal comma, or remove the separators of thousands")
@@ -144,7 +105,7 @@ def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...]
     if comma and delimiter == ",":
         raise InputError("a decimal comma needs another delimiter; add --delimiter, such as ';'")
     cells = [cell.strip() for cell in lines[0].split(delimiter)]
-    headed = not all(_is_number(cell.replace(",", ".") if comma else cell) or _is_missing(cell) for cell in cells)
+    headed = not all(is_number(cell.replace(",", ".") if comma else cell) or _is_missing(cell) for cell in cells)
     body = lines[1:] if headed else lines
     if not body:
         raise InputError(f"{path} holds no samples below its header; give at least one line of numbers")
@@ -154,12 +115,11 @@ def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...]
     try:
         values = _numbers(numbers, delimiter)
     except ValueError as error:
-        reason = " ".join(str(error).split()).split(";")[0].rstrip(".")
         raise InputError(
-            f"{path} is not a table of numbers: {reason[:1].lower() + reason[1:]}; set --delimiter and --decimal"
+            f"{path} is not a table of numbers: {reason_of(error)}; set --delimiter and --decimal"
         ) from None
     values, filled = _filled(path, values)
-    names = tuple(cells) if headed else tuple(str(number) for number in range(1, values.shape[1] + 1))
+    names = tuple(cells) if headed else _numbered(values)
     if len(names) != values.shape[1]:
         raise InputError(f"{path} names {len(names)} columns, but has {values.shape[1]}; repair its header")
     return values, names, not filled and re.search(r"[.eE]", numbers) is None, filled
@@ -181,13 +141,15 @@ def _numbers(text: str, delimiter: str | None) -> Values:
     )
 
 
+def _numbered(values: Values) -> tuple[str, ...]:
+    """Return the names of columns without a header: their numbers from 1."""
+    return tuple(str(number) for number in range(1, values.shape[1] + 1))
+
+
 def _filled(path: Path, values: Values) -> tuple[Values, int]:
     """Return values with NaN filled by interpolation, and the number of filled cells.
 
-    Raises
-    ------
-    InputError
-        If a value is infinite, or a column has too many without a number.
+    Raise InputError if a value is infinite, or a column has too many without a number.
     """
     holes = np.isnan(values)
     wrong = np.isinf(values) | (holes & (holes.mean(0) > MOST_MISSING))
@@ -205,21 +167,8 @@ def _filled(path: Path, values: Values) -> tuple[Values, int]:
     return values, int(holes.sum())
 
 
-def _delimiter(lines: list[str]) -> str | None:
-    """Return the delimiter of cells: tab, semicolon or comma, or None for white space."""
-    return next((mark for mark in ("\t", ";", ",") if all(mark in line for line in lines[-2:])), None)
-
-
 def _is_missing(cell: str) -> bool:
     return cell.strip().lower() in _MISSING
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
 
 
 # -- columns -----------------------------------------------------------------------------------------
@@ -241,11 +190,6 @@ def _chosen_columns(path: Path, names: tuple[str, ...], text: str) -> list[int]:
     return chosen
 
 
-def _are_names(names: tuple[str, ...]) -> bool:
-    """Return True if the column names are not only consecutive numbers."""
-    return names != tuple(str(number) for number in range(1, len(names) + 1))
-
-
 def _column(path: Path, names: tuple[str, ...], text: str) -> int:
     """Return the index of a column given by name or by number, counted from 1."""
     if text in names:
@@ -253,6 +197,11 @@ def _column(path: Path, names: tuple[str, ...], text: str) -> int:
     if text.isdigit() and 1 <= int(text) <= len(names):
         return int(text) - 1
     raise InputError(f"{path} has no column {text!r}; it has {len(names)}: {', '.join(names[:8])}")
+
+
+def rises(column: Values) -> bool:
+    """Return True if every value of a column is larger than the previous value, as time stamps are."""
+    return len(column) > 2 and bool((np.diff(column) > 0).all())
 
 
 def _time_column(
@@ -264,7 +213,7 @@ def _time_column(
     if options.time_column:
         return _column(path, names, options.time_column), ()
     named = [number for number, name in enumerate(names) if _TIME_NAME.match(name)]
-    rising = [number for number in range(values.shape[1]) if len(values) > 2 and (np.diff(values[:, number]) > 0).all()]
+    rising = [number for number in range(values.shape[1]) if rises(values[:, number])]
     if named:
         return named[0], (f"column {names[named[0]]!r} is used as time stamps, because of its name",)
     if rising[:1] != [0] or len(rising) == values.shape[1]:

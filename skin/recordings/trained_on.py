@@ -43,17 +43,10 @@ def network_of(place: Path) -> Path | None:
 
 @dataclass(frozen=True)
 class OwnReadout:
-    """Preparation, scale and configuration used for the recordings of a training.
-
-    Attributes
-    ----------
-    config : ReadoutConfig
-    options : Preparation
-        Preparation with the resulting scale.
-    """
+    """Preparation, scale and configuration used for the recordings of a training."""
 
     config: ReadoutConfig
-    options: Preparation
+    options: Preparation  # with the resulting scale
 
     @classmethod
     def of(cls, recording: Recording) -> OwnReadout | None:
@@ -80,13 +73,7 @@ class OwnReadout:
 
     @classmethod
     def from_dict(cls, fields: dict[str, Any]) -> OwnReadout:
-        """Return the object for a dictionary written by ``to_dict``.
-
-        Raises
-        ------
-        InputError
-            If fields are missing or unknown.
-        """
+        """Return the object for a dictionary written by ``to_dict``; raise InputError if fields are wrong."""
         try:
             scale = fields["scale"]
             factors = tuple(map(float, scale)) if isinstance(scale, list) else float(scale)

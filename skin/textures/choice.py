@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from eskin.base.errors import InputError
@@ -32,7 +34,9 @@ def choose(text: str, rows: int, columns: int) -> tuple[int, ...]:
             return _of(places[np.add.outer(np.arange(rows), np.arange(columns)) % 2 == 0])
         if kind == "random" and len(counts) == 2:
             return _of(np.random.default_rng(counts[1]).choice(places.size, counts[0], replace=False))
-        return _of(places.ravel()[[_number(word) for word in text.split("+")]])
+        if re.fullmatch(r"\d+(\+\d+)*", text, re.ASCII):
+            return _of(places.ravel()[[int(word) for word in text.split("+")]])
+        raise ValueError
     except (ValueError, IndexError):
         raise InputError(
             f"choose taxels of {rows} x {columns} by {CHOICES}, with numbers in 0..{rows * columns - 1}, not {text!r}"
@@ -44,12 +48,6 @@ def _spread(length: int, count: int) -> list[int]:
     if not 1 <= count <= length:
         raise ValueError
     return [round(place) for place in np.linspace(0, length - 1, count)]
-
-
-def _number(word: str) -> int:
-    if not (word.isascii() and word.isdigit()):
-        raise ValueError
-    return int(word)
 
 
 def _of(taxels: np.typing.ArrayLike) -> tuple[int, ...]:

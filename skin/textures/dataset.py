@@ -20,18 +20,15 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.inputs import not_a_file
+from eskin.skin.samples import content_of
 
-EMBEDDED = "embedded"
-"""The name that stands for the embedded default, wherever a directory can be given."""
-
-ENVIRONMENT_VARIABLE = "ESKIN_DATA"
-"""Environment variable with the dataset directory, for commands without the option."""
+EMBEDDED = "embedded"  # the name that stands for the embedded default, wherever a directory can be given
+ENVIRONMENT_VARIABLE = "ESKIN_DATA"  # environment variable with the dataset directory, for commands without the option
 
 SEARCHED = ("data/kylberg", "../shared/data/kylberg")
 """Directories searched last, relative to the repository root and to the working directory."""
 
-SUMS_FILE = "SHA256SUMS"
-"""``sha256sum`` output that lists every image of a directory as ``class/name.png``."""
+SUMS_FILE = "SHA256SUMS"  # ``sha256sum`` output that lists every image of a directory as ``class/name.png``
 
 EMBEDDED_SHA256 = {
     "brick": "7966caf324f6ba843118d98f7a07746d22f6a343430add0233eca5f6eaaa8fcf",
@@ -108,26 +105,23 @@ def open_dataset(where: str | Path | None = None) -> Dataset:
     ``data/kylberg`` or ``../shared/data/kylberg`` if present, else the embedded default.
     Raise InputError if a directory that was named does not exist, or a directory is not a dataset.
     """
-    if where is not None and str(where):
-        return _named_dataset(str(where), "dataset directory")
-    if variable := os.environ.get(ENVIRONMENT_VARIABLE):
-        return _named_dataset(variable, f"${ENVIRONMENT_VARIABLE}")
+    named, what = str(where or ""), "dataset directory"
+    if not named:
+        named, what = os.environ.get(ENVIRONMENT_VARIABLE, ""), f"${ENVIRONMENT_VARIABLE}"
+    if named == EMBEDDED:
+        return embedded_dataset()
+    if named:
+        if not Path(named).is_dir():
+            raise InputError(
+                f"{what} {named} is not a directory; give a directory with a folder of PNG images per class, "
+                f"or {EMBEDDED!r}"
+            )
+        return directory_dataset(Path(named))
     for base in (Path(__file__).resolve().parents[2], Path.cwd()):
         for place in SEARCHED:
             if (base / place).is_dir():
                 return directory_dataset(base / place)
     return embedded_dataset()
-
-
-def _named_dataset(where: str, what: str) -> Dataset:
-    if where == EMBEDDED:
-        return embedded_dataset()
-    if not Path(where).is_dir():
-        raise InputError(
-            f"{what} {where} is not a directory; give a directory with a folder of PNG images per class, "
-            f"or {EMBEDDED!r}"
-        )
-    return directory_dataset(Path(where))
 
 
 def directory_dataset(root: Path) -> Dataset:
@@ -138,17 +132,12 @@ def directory_dataset(root: Path) -> Dataset:
 
     ``root``: directory with one folder of PNG files per class.
     """
-    folders = sorted(p for p in root.iterdir() if p.is_dir() and not p.name.startswith("."))
-    found = {
-        folder.name: sorted(
-            p.name for p in folder.iterdir() if p.suffix.lower() == ".png" and not p.name.startswith(".")
-        )
-        for folder in folders
-    }
-    for class_name, names in found.items():
-        for name in names:
-            if what := not_a_file(root / class_name / name):
-                raise InputError(f"image {root / class_name / name} is {what}; fetch or remove it")
+    found: dict[str, list[str]] = {}
+    for folder in sorted(path for path in root.iterdir() if path.is_dir() and not path.name.startswith(".")):
+        images = [path for path in folder.iterdir() if path.suffix.lower() == ".png" and path.name[0] != "."]
+        found[folder.name] = sorted(path.name for path in images)
+        if odd := [f"{path} is {what}" for path in images if (what := not_a_file(path))]:
+            raise InputError(f"image {min(odd)}; fetch or remove it")
     if not found:
         raise InputError(
             f"dataset directory {root} has no class folders; put the PNG images of each class into a folder"
@@ -188,7 +177,7 @@ def _verify(root: Path, found: dict[str, list[str]]) -> None:
 def _read_sums(path: Path) -> dict[str, str]:
     """Return the checksums in a SHA256SUMS file, keyed by ``class/name.png``."""
     listed = {}
-    for number, line in enumerate(_read(path).decode("utf-8", "replace").splitlines(), 1):
+    for number, line in enumerate(content_of(path, "the list").decode("utf-8", "replace").splitlines(), 1):
         if not line.strip():
             continue
         digest, _, name = line.partition(" ")
@@ -201,14 +190,7 @@ def _read_sums(path: Path) -> dict[str, str]:
 
 
 def _sha256(path: Path) -> str:
-    return hashlib.sha256(_read(path)).hexdigest()
-
-
-def _read(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    return hashlib.sha256(content_of(path, "image")).hexdigest()
 
 
 def read_gray_png(path: Path) -> NDArray[np.uint8]:

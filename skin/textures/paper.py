@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
-from eskin.skin.textures.scan import Scan, Signals, gray
+from eskin.skin.textures.scan import Scan, Signals, gray, leak_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,13 +46,6 @@ class PaperScan(Scan):
     nlcs_skip_s: float = 0.100
     """Events before this time do not count; the rate still divides by the whole scan."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name, least in (("pixel_step", 1), ("upsampling", 2), ("half_length", 1)):
-            value = getattr(self, name)
-            if type(value) is not int or value < least:
-                raise InputError(f"{name} must be a whole number from {least}, not {value!r}")
-
     def loop_samples(self, config: ReadoutConfig, tau_s: float | None = None) -> int:
         """Return the loop time in samples of the played line, at least 1.
 
@@ -76,7 +69,7 @@ class PaperScan(Scan):
         if leaky and not (math.isfinite(tau_s) and tau_s > 0):
             raise InputError(f"tau must be a positive number of seconds, not {tau_s!r}")
         rate_hz = self.playback_hz / self.loop_samples(config, tau_s)
-        leak = self._leak(config, tau_s, rate_hz) if leaky else {}
+        leak = leak_of(tau_s, rate_hz) if leaky else {}
         reset = 0 if leaky else config.step
         return config.replace(sample_rate_hz=rate_hz, decide_every="sample", reference_reset=reset, **leak)
 

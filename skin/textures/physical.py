@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
-from eskin.skin.textures.scan import Scan, Signals, gray
+from eskin.skin.textures.scan import Scan, Signals, gray, leak_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,15 +43,11 @@ class PhysicalScan(Scan):
         """Return the configuration with the leak of a leaky encoder set to ``tau_s``; see ``Scan.configure``."""
         if not config.encoder.leaks or tau_s is None:
             return config
-        return config.replace(**self._leak(config, tau_s, config.sample_rate_hz))
+        return config.replace(**leak_of(tau_s, config.sample_rate_hz))
 
     def duration_s(self, config: ReadoutConfig, shape: tuple[int, int]) -> float:
         """Return the duration of the slide in seconds, a whole number of sample periods."""
         return self._ticks(config, shape) / config.sample_rate_hz
-
-    def skipped_ticks(self, config: ReadoutConfig) -> int:
-        """Return 0, because all events are counted."""
-        return 0
 
     def start_rows(self, config: ReadoutConfig, shape: tuple[int, int], count: int) -> list[float]:
         """Return evenly spaced start rows from the top of an image to the lowest possible row.
@@ -73,7 +69,8 @@ class PhysicalScan(Scan):
                 f"start row must be in 0..{lowest:.6g} for {rows} x {columns} taxels "
                 f"on an image {pixels.shape[0]} pixels high, not {start_row:g}"
             )
-        pitch, finer = self.taxel_pitch_px, self._finer(config)
+        pitch = self.taxel_pitch_px
+        finer = max(1, math.ceil(self.lowest_time_base_hz / config.sample_rate_hz - 1e-9))  # ticks of the sensor model
         step = self._step_px(config) / finer
         count = (self._ticks(config, pixels.shape) - 1) * finer + 1
         lines = np.empty((count, config.taxels))
@@ -88,10 +85,6 @@ class PhysicalScan(Scan):
     def _step_px(self, config: ReadoutConfig) -> float:
         """Return the distance in pixels that the array moves per sample tick."""
         return self.speed_m_per_s / self.pixel_pitch_m / config.sample_rate_hz
-
-    def _finer(self, config: ReadoutConfig) -> int:
-        """Return the oversampling factor of the sensor model per sample tick."""
-        return max(1, math.ceil(self.lowest_time_base_hz / config.sample_rate_hz - 1e-9))
 
     def _lowest_start_row(self, config: ReadoutConfig, shape: tuple[int, int]) -> float:
         rows, columns, _, _ = self._places(config)

@@ -1,7 +1,8 @@
-"""Measure the mean event rate of the array over a dataset."""
+"""Measure the mean event rate of the array over a dataset, and compare the data rates of events and frames."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -14,6 +15,8 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 from eskin.base.workers.pool import Local, WorkerPool, each
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.frame_config import FrameConfig
 from eskin.skin.textures.dataset import Dataset
 from eskin.skin.textures.presets import Scan, Signals, quantise
 
@@ -29,29 +32,21 @@ PUBLISHED_RATES_HZ = {
 }
 """Published events/s of 8 x 8 taxels, mean of 240 Kylberg images, by encoding and resolution (tau 200 ms)."""
 
-PAPER_TAU_S = 0.2
-"""N-LCS time constant of the published rates in seconds, and the default of the command."""
+PAPER_TAU_S = 0.2  # N-LCS time constant of the published rates in seconds, and the default of the command
 
 
 @dataclass(frozen=True)
 class Rates:
     """Event rates of one readout over a dataset."""
 
-    population_rate_hz: float
-    """Events/s of the whole array, mean over all scans."""
-    rate_std_hz: float
-    """Standard deviation of that rate over the scans."""
-    events: int
-    """Number of counted events in all scans."""
-    clipped_samples: int
-    """Number of samples outside full scale in all scans."""
+    population_rate_hz: float  # events/s of the whole array, mean over all scans
+    rate_std_hz: float  # standard deviation of that rate over the scans
+    events: int  # number of counted events in all scans
+    clipped_samples: int  # number of samples outside full scale in all scans
     images: int
-    scans: int
-    """Number of images, and of scans: one per image and start row."""
-    scan_s: float
-    """Mean length of a scan in seconds."""
-    tau_s: float | None
-    """Time constant of the integer leak; None for an encoder without a leak."""
+    scans: int  # one per image and start row
+    scan_s: float  # mean length of a scan in seconds
+    tau_s: float | None  # time constant of the integer leak; None for an encoder without a leak
 
 
 def measure_rates(
@@ -98,8 +93,7 @@ class Image(NamedTuple):
     """A texture image in the form sent to a worker process."""
 
     name: str
-    pixels: NDArray[np.uint8]
-    """Shape (height, width)."""
+    pixels: NDArray[np.uint8]  # shape (height, width)
 
 
 def _rates_of(
@@ -116,12 +110,9 @@ class Scanned:
 
     counts: NDArray[np.int64]
     """Number of counted events of every configuration and taxel. Shape (configurations, taxels)."""
-    clipped: int
-    """Samples outside full scale."""
-    seconds: float
-    """Length of the scan."""
-    signals: Signals
-    """Output of the sensors in full scale. Shape (ticks, taxels)."""
+    clipped: int  # samples outside full scale
+    seconds: float  # length of the scan
+    signals: Signals  # output of the sensors in full scale, shape (ticks, taxels)
 
 
 def scan_image(image: Image, scan: Scan, configs: Sequence[ReadoutConfig], start_row: float = 0.0) -> Scanned:
@@ -171,15 +162,11 @@ def each_image(
     if not len(dataset):
         raise InputError("event rates need at least one image; the dataset is empty")
     jobs = ((Image(texture.name, texture.load()), *arguments) for texture in dataset)
-
-    def told(found: Any) -> Any:
+    # The first image fills the caches that threads then share.
+    for found in itertools.chain([work(*next(jobs))], each(pool or Local(1), work, jobs)):
         if progress is not None:
             progress()
-        return found
-
-    # The first image fills the caches that threads then share.
-    yield told(work(*next(jobs)))
-    yield from map(told, each(pool or Local(1), work, jobs))
+        yield found
 
 
 def published_rate_hz(dataset: Dataset, scan: Scan, config: ReadoutConfig) -> float | None:
@@ -190,3 +177,60 @@ def published_rate_hz(dataset: Dataset, scan: Scan, config: ReadoutConfig) -> fl
     if scan.name == "paper" and whole and array and tau:
         return PUBLISHED_RATES_HZ.get((config.encoding, config.resolution))
     return None
+
+
+def compare_traffic(
+    textures: Dataset,
+    scan: Scan,
+    config: ReadoutConfig,
+    frame: FrameConfig,
+    tau_s: float | None = None,
+    pool: WorkerPool | None = None,
+    progress: Callable[[], object] | None = None,
+) -> dict[str, Any]:
+    """Return the data rates of every spiking readout and of the frame readout (docs/reference/frame.md).
+
+    - ``config``: array and resolution; every encoding is taken.
+    - ``tau_s``: time constant of encoders with a leak; by default that of ``config``.
+    - ``progress``: called after each texture of each readout.
+    """
+    configs = {
+        encoding: scan.configure(config.replace(encoding=encoding), tau_s if registry.named(encoding).leaks else None)
+        for encoding in registry.NAMES
+    }
+    return {
+        "dataset": textures.name,
+        "images": len(textures),
+        "preset": scan.name,
+        "rows": config.rows,
+        "columns": config.columns,
+        "resolution": config.resolution,
+        "tau_s": next(one.tau_s for one in configs.values() if one.encoder.leaks),
+        **{
+            encoding: _of_events(one, measure_rates(textures, scan, one, pool=pool, progress=progress), frame)
+            for encoding, one in configs.items()
+        },
+        "frame": {  # does not depend on the signal
+            "words_per_s": frame.word_rate_hz,
+            "bits_per_word": frame.word_bits,
+            "bits_per_s": frame.bit_rate_hz,  # of the samples
+            "word_bits_per_s": frame.word_rate_hz * frame.word_bits,  # with the filling of each frame's last word
+            "conversions_per_taxel_per_s": frame.frame_rate_hz,
+            "frame_rate_hz": frame.frame_rate_hz,
+            "words_per_frame": frame.words_per_frame,
+            "clock_hz": frame.clock_hz,
+        },
+    }
+
+
+def _of_events(config: ReadoutConfig, rates: Rates, frame: FrameConfig) -> dict[str, Any]:
+    """Return the data rate of a spiking readout, compared with a frame readout."""
+    bits = rates.population_rate_hz * config.event_bits
+    return {
+        "events_per_s": rates.population_rate_hz,
+        "bits_per_event": config.event_bits,
+        "bits_per_s": bits,
+        "events_per_taxel_per_s": rates.population_rate_hz / config.taxels,
+        "ratio_to_frame": bits / frame.bit_rate_hz,
+        "equal_frame_rate_hz": bits / (frame.resolution * frame.taxels),  # frames with equal N need as many bits
+    }

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
-from eskin.skin.recordings.statistics import signals_of
+from eskin.skin.recordings.event_files import signals_of
 from eskin.skin.textures.dataset import Dataset, Texture
 from eskin.skin.textures.presets import Scan
 from eskin.snn.data.bins import BinConfig

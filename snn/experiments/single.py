@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
-from eskin.skin.recordings.statistics import signal_statistics
+from eskin.skin.recordings.event_files import signal_statistics
 from eskin.snn.checkpoint import Checkpoint
 from eskin.snn.data.folds import matching, stratified_folds
 from eskin.snn.data.recordings import own_readout

@@ -19,9 +19,9 @@ from eskin.cocotb_tests.touch.plan import plan
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
+from eskin.skin.recordings.event_files import signals_of
 from eskin.skin.recordings.folder import read_set
 from eskin.skin.recordings.options import Preparation
-from eskin.skin.recordings.statistics import signals_of
 from eskin.skin.recordings.trained_on import OwnReadout
 from tests.skins import CLASSES, counts, write_csv, write_skin, write_uneven
 

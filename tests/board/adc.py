@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import cocotb
 import numpy as np
 from cocotb.triggers import First, ReadOnly, Timer
 from cocotb.utils import get_sim_time
@@ -37,32 +36,16 @@ TIMING = {
 }
 """Microchip DS21295 and DS21298, section 1; TI SLAS605, timing at 3 V."""
 
-FOLLOWS = {"mcp3008": 10, "mcp3208": 12}
-"""Bits of the code of a converter that answers in the frame of its question."""
+FOLLOWS = {"mcp3008": 10, "mcp3208": 12}  # bits of the code of a converter that answers in the frame of its question
 
 
 @dataclass
 class Converter:
-    """A converter behind a resistive matrix.
-
-    Parameters
-    ----------
-    part : str
-    codes : array
-        Shape (scans, rows, columns).
-    settle_ns : float
-        A row is read no sooner after its drive.
-
-    Attributes
-    ----------
-    taken : list of (scan, row, channel)
-        What was converted and sent.
-    """
+    """A converter behind a resistive matrix."""
 
     part: str
-    codes: NDArray[np.int64]
-    settle_ns: float
-    taken: list[tuple[int, int, int]] = field(default_factory=list)
+    codes: NDArray[np.int64]  # shape (scans, rows, columns)
+    settle_ns: float  # a row is read no sooner after its drive
 
     def __post_init__(self) -> None:
         self.limits = TIMING[self.part]
@@ -123,7 +106,6 @@ class Converter:
             settled = now - self.at["row"] >= self.settle_ns
             assert settled or self.part == "ads7953", "a row is read before it has settled"
             code = int(self.codes[self.scan, self.row, channel]) if settled else 0
-            self.taken.append((self.scan, self.row, channel))
         width = 12 if self.part == "ads7953" else FOLLOWS[self.part]
         self.out = [code >> n & 1 for n in reversed(range(width))]
         if self.part == "ads7953":
@@ -163,24 +145,16 @@ class Converter:
 
 
 async def at_the_pins(dut: Any, converter: Converter) -> None:
-    """Connect a converter to the pins of a board."""
+    """Connect a converter to the pins of a board; its output is wrong until it is valid."""
     pins = [dut.cs_n, dut.sclk, dut.mosi, dut.rows]
-    now, start_ps = 0.0, get_sim_time("ps")
+    start_ps, wait_ns = get_sim_time("ps"), 0.0
     while True:
-        await First(*(pin.value_change for pin in pins))
+        valid = [Timer(round(wait_ns * 1000), "ps")] if 0 < wait_ns < CLOCK_NS * 2 else []
+        await First(*(pin.value_change for pin in pins), *valid)
         await ReadOnly()
         now = (get_sim_time("ps") - start_ps) / 1000
         converter.step(now, *(int(pin.value) for pin in pins))
-        wait = max(converter.valid_at - now, 0)
         await Timer(1, "ps")
+        now += 1e-3
+        wait_ns = converter.valid_at - now
         dut.miso.value = converter.miso(now)
-        if 0 < wait < CLOCK_NS * 2:
-            cocotb.start_soon(later(dut, converter, wait))
-
-
-async def later(dut: Any, converter: Converter, wait_ns: float) -> None:
-    """Give the output of a converter when it is valid."""
-    valid_at = converter.valid_at
-    await Timer(round(wait_ns * 1000), "ps")
-    if converter.valid_at == valid_at:
-        dut.miso.value = converter.level

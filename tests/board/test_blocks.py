@@ -89,11 +89,6 @@ def test_words_go_out_as_the_codec_reads_them() -> None:
     assert b"".join(f.payload for f in frames) == b"".join(w.to_bytes(4, "little") for w in words)  # type: ignore[union-attr]
 
 
-def test_good_frames_come_in() -> None:
-    taken, refused, sessions = received_by_rtl(HELLO.encode() + GOOD.encode())
-    assert (taken, refused, sessions) == (body(GOOD), [], 1)
-
-
 def altered(frame: Frame, place: int, bit: int) -> bytes:
     data = bytearray(frame.encode())
     data[place] ^= 1 << bit
@@ -101,37 +96,32 @@ def altered(frame: Frame, place: int, bit: int) -> bytes:
 
 
 NEXT = Frame(Kind.RUN, 2, bytes(4))
+AGAIN = Frame(Kind.RUN, 1, b"\x01\x02\x03\x04")
+DAMAGED = (1, 1, Reason.DAMAGED)
 
-REFUSED = {
-    "a bit flipped in the payload": (HELLO.encode() + altered(GOOD, 8, 3), (1, 1, Reason.DAMAGED)),
-    "a bit flipped in the length": (HELLO.encode() + altered(GOOD, 3, 0), (1, 1, Reason.DAMAGED)),
-    "a byte lost": (HELLO.encode() + GOOD.encode()[:7] + GOOD.encode()[8:], (1, 1, Reason.DAMAGED)),
-    "a frame that stops": (HELLO.encode() + GOOD.encode()[:-3], (1, 1, Reason.DAMAGED)),
-    "a frame lost": (HELLO.encode() + NEXT.encode(), (2, 1, Reason.SEQUENCE)),
-    "a frame twice": (HELLO.encode() + GOOD.encode() * 2, (1, 2, Reason.SEQUENCE)),
+RECEIVED: dict[str, tuple[bytes, bytes, list[tuple[int, int, int]]]] = {
+    "a good frame": (GOOD.encode(), body(GOOD), []),
+    "a bit flipped in the payload": (altered(GOOD, 8, 3), b"", [DAMAGED]),
+    "a bit flipped in the length": (altered(GOOD, 3, 0), b"", [DAMAGED]),
+    "a byte lost": (GOOD.encode()[:7] + GOOD.encode()[8:], b"", [DAMAGED]),
+    "a frame that stops": (GOOD.encode()[:-3], b"", [DAMAGED]),
+    "a frame lost": (NEXT.encode(), b"", [(2, 1, Reason.SEQUENCE)]),
+    "a frame twice": (GOOD.encode() * 2, body(GOOD), [(1, 2, Reason.SEQUENCE)]),
+    "a new session": (altered(GOOD, 8, 3) + HELLO.encode() + AGAIN.encode(), body(AGAIN), [DAMAGED]),
 }
+"""Bytes after a greeting, the data that come in, and the rejections (sequence number, expected number, reason)."""
 
 
-@pytest.mark.parametrize("what", REFUSED)
-def test_what_is_no_good_frame_is_refused_and_never_data(what: str) -> None:
-    data, reason = REFUSED[what]
-    taken, refused, _ = received_by_rtl(data)
-    assert taken == (body(GOOD) if "twice" in what else b"")
-    assert refused == [tuple(map(int, reason))]
+@pytest.mark.parametrize("what", RECEIVED)
+def test_only_good_frames_come_in(what: str) -> None:
+    data, taken, refused = RECEIVED[what]
+    assert received_by_rtl(HELLO.encode() + data) == (taken, refused, 1 + ("session" in what))
 
 
 def test_a_frame_without_room_is_refused_as_a_whole() -> None:
-    """Check that a frame that exceeds the buffer space is rejected completely."""
     frames = [Frame(Kind.SAMPLES, number, bytes([number]) * 240) for number in (1, 2, 3)]
     _, refused, _ = received_by_rtl(HELLO.encode() + b"".join(f.encode() for f in frames), keep=False)
     assert refused == [(3, 3, Reason.OVERRUN)]
-
-
-def test_a_session_empties_what_waits() -> None:
-    again = Frame(Kind.RUN, 1, b"\x01\x02\x03\x04")
-    data = HELLO.encode() + altered(GOOD, 8, 3) + HELLO.encode() + again.encode()
-    taken, refused, sessions = received_by_rtl(data)
-    assert (taken, len(refused), sessions) == (body(again), 1, 2)
 
 
 # -- samples by their changes ------------------------------------------------------------------------

@@ -17,13 +17,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eskin.base.errors import InputError
 from eskin.base.figures.style import PALETTE
 from eskin.board import session
 from eskin.board.config import BoardConfig
 from eskin.board.demo import foreign_records
 from eskin.board.link import Link
-from eskin.board.serial_frames import Frame, Kind
+from eskin.board.serial_frames import Kind
 from eskin.board.simulated import SimulatedPlayer, SimulatedReceiver
 from eskin.board.udp import UdpSender, datagram, parse_destination, read_datagram
 from eskin.model.address_events import EVENT_DTYPE
@@ -32,42 +31,25 @@ from eskin.model.events.recording import Recording
 from eskin.model.readout import Stimulus, simulate
 from eskin.skin.encode import encode_samples
 from tests import browser as browsers
-from tests.board.test_gateware import TICKS, hears_ctrl_c, small_chip, weights_of
+from tests.board.test_gateware import TICKS, hears_ctrl_c, small_chip, walk, weights_of
 from tests.conftest import Call
 
-EVENTS_A_SECOND = 45_000
-"""The most that the serial line of a board takes."""
-
-
-class Heard(threading.Thread):
-    """UDP receiver that stops at an empty datagram."""
-
-    def __init__(self) -> None:
-        super().__init__(daemon=True)
-        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
-        self.socket.bind(("127.0.0.1", 0))
-        self.port = self.socket.getsockname()[1]
-        self.datagrams: list[bytes] = []
-
-    def run(self) -> None:
-        while data := self.socket.recv(1 << 16):
-            self.datagrams.append(data)
+EVENTS_A_SECOND = 45_000  # the most that the serial line of a board takes
 
 
 @contextmanager
-def heard() -> Iterator[Heard]:
-    found = Heard()
-    found.start()
-    yield found
-    found.socket.sendto(b"", ("127.0.0.1", found.port))
-    found.join(timeout=10)
-    found.socket.close()
-
-
-def walk(ticks: int, taxels: int) -> np.ndarray:
-    rng = np.random.default_rng(2)
-    return np.cumsum(rng.integers(-60, 61, (ticks, taxels)), axis=0).clip(-2000, 2000).astype(np.int16)
+def heard() -> Iterator[tuple[str, list[bytes]]]:
+    """Yield a destination and the UDP datagrams that arrive there; an empty datagram ends the reception."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
+        listener.bind(("127.0.0.1", 0))
+        found: list[bytes] = []
+        arrivals = iter(lambda: listener.recv(1 << 16), b"")
+        thread = threading.Thread(target=lambda: found.extend(arrivals), daemon=True)
+        thread.start()
+        yield f"127.0.0.1:{listener.getsockname()[1]}", found
+        listener.sendto(b"", listener.getsockname())
+        thread.join(timeout=10)
 
 
 def test_play_on_a_simulated_board_is_the_models_and_sends_every_event(call: Call, folder: Path) -> None:
@@ -75,45 +57,18 @@ def test_play_on_a_simulated_board_is_the_models_and_sends_every_event(call: Cal
     chip = small_chip()
     weights_of(chip, folder / "weights.npz")
     np.save(folder / "codes.npy", walk(TICKS, chip.readout.taxels))
-    with heard() as found, SimulatedPlayer(BoardConfig(chip=chip)) as board:
-        line = f"play weights.npz --samples codes.npy --port {board.port} --udp 127.0.0.1:{found.port} --out a.npz"
+    with heard() as (destination, found), SimulatedPlayer(BoardConfig(chip=chip)) as board:
+        line = f"play weights.npz --samples codes.npy --port {board.port} --udp {destination} --out a.npz"
         line += " --patience 300"  # the model may be compiled first
         code, out, err = call(line)
     assert (code, out.splitlines()[1:]) == (0, ["events and classes equal the model's"]), err
     events = Recording.load(folder / "a.npz").events
     assert len(events) > 300
-    assert [struct.unpack(">i", data[:4])[0] for data in found.datagrams] == list(range(len(found.datagrams)))
-    pairs = [pair for data in found.datagrams for pair in struct.iter_unpack(">ii", data[4:])]
+    assert [struct.unpack(">i", data[:4])[0] for data in found] == list(range(len(found)))
+    pairs = [pair for data in found for pair in struct.iter_unpack(">ii", data[4:])]
     as_jaer = [(us, 127 - ((a & 0xFE) >> 1), (a & 0x7F00) >> 8, bool((1 - a) & 1)) for a, us in pairs]
     microseconds = np.round(events["t"] * 1e6 / chip.clock_hz).astype(int).tolist()
     assert as_jaer == list(zip(microseconds, *(events[name].tolist() for name in "xyp"), strict=True))
-
-
-def listen_on(link: Link) -> None:
-    while True:  # a frame may come in pieces
-        link.receive()
-
-
-@pytest.mark.parametrize(
-    ("frame", "sentence"),
-    [
-        (
-            Frame(Kind.STATUS, 1, b"").encode()[:-3] + b"\x00\x00~",
-            "frame 0 to the board arrived damaged .it waits for 1",
-        ),
-        (
-            Frame(Kind.STATUS, 5, b"").encode(),
-            "frame 5 to the board arrived out of order, because an earlier frame was lost",
-        ),
-        (Frame(99, 1, b"").encode(), "frame 1 to the board has a kind that the board does not know"),
-    ],
-)
-def test_a_simulated_board_refuses_what_a_board_refuses(frame: bytes, sentence: str) -> None:
-    with SimulatedReceiver(BoardConfig(chip=None), []) as board, Link(board.port, lambda records: None) as link:
-        link.hello("receiver", BoardConfig(chip=None))
-        link._line.write(frame)
-        with pytest.raises(InputError, match=sentence):
-            listen_on(link)
 
 
 def test_what_a_full_serial_line_brings_leaves_without_loss() -> None:
@@ -124,8 +79,8 @@ def test_what_a_full_serial_line_brings_leaves_without_loss() -> None:
     events["x"], events["y"] = rng.integers(0, 8, (2, len(events)))
     events["p"] = rng.integers(0, 2, len(events))
     records = foreign_records(config, events, board_config.serial.clock_hz)
-    with heard() as found, SimulatedReceiver(board_config, records) as board:
-        sender = UdpSender(f"127.0.0.1:{found.port}", board_config.serial.clock_hz)
+    with heard() as (destination, found), SimulatedReceiver(board_config, records) as board:
+        sender = UdpSender(destination, board_config.serial.clock_hz)
         received = session.Received(session.foreign_events(config), forward=sender, keep=False)
         with Link(board.port, received) as link:
             link.hello("receiver", board_config)
@@ -133,7 +88,7 @@ def test_what_a_full_serial_line_brings_leaves_without_loss() -> None:
             while received.count < len(events):
                 link.receive()
         sender.close()
-    numbers, parts = zip(*map(read_datagram, found.datagrams), strict=True)
+    numbers, parts = zip(*map(read_datagram, found), strict=True)
     assert numbers == tuple(range(len(numbers)))
     got = np.concatenate(parts)
     assert np.array_equal(got[:, 1:], np.stack([events[name] for name in "xyp"], 1))
@@ -143,12 +98,12 @@ def test_what_a_full_serial_line_brings_leaves_without_loss() -> None:
 def test_times_wrap_and_long_lists_are_cut() -> None:
     late = np.array([[(1 << 32) + 7, 63, 63, 1]])
     assert read_datagram(datagram(3, late))[1].tolist() == [[7, 63, 63, 1]]
-    with heard() as found:
-        sender = UdpSender(f"127.0.0.1:{found.port}", 1e6)
+    with heard() as (destination, found):
+        sender = UdpSender(destination, 1e6)
         sender([(clock, 1, 2, True) for clock in range(400)])
         sender.close()
-    assert max(map(len, found.datagrams)) <= 1472
-    assert [event[0] for data in found.datagrams for event in read_datagram(data)[1].tolist()] == list(range(400))
+    assert max(map(len, found)) <= 1472
+    assert [event[0] for data in found for event in read_datagram(data)[1].tolist()] == list(range(400))
 
 
 def test_the_finger_is_recognised_by_its_network(call: Call) -> None:

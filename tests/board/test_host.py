@@ -7,13 +7,11 @@ import json
 import os
 import re
 import threading
-import tty
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +24,6 @@ from eskin.board.journal import Journal, convert
 from eskin.board.link import Link
 from eskin.board.live import View, served
 from eskin.board.records import (
-    HELLO_WORDS,
     STATUS_WORDS,
     VERSION,
     Ack,
@@ -40,9 +37,11 @@ from eskin.board.records import (
     Refused,
     Tag,
     Words,
+    hello_values,
 )
 from eskin.board.serial_frames import FLAG, Damaged, Frame, FrameReader, Kind
 from eskin.board.session import Received, foreign_events, listen, observed_clocks
+from eskin.board.simulated import SimulatedReceiver
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 
@@ -77,20 +76,18 @@ def test_a_frame_byte_for_byte() -> None:
     assert Frame(Kind.RUN, 0x7D, b"\x7e\x00").encode().hex(" ") == "7e 04 7d 5d 02 7d 5e 00 8a a9 cf 18 7e"
 
 
-@given(FRAMES, st.integers(0, 10**6), st.integers(0, 7))
-def test_a_flipped_bit_is_never_taken_for_data(frame: Frame, place: int, bit: int) -> None:
+@given(FRAMES, st.integers(0, 10**6), st.integers(0, 8))
+def test_a_flipped_bit_or_a_lost_byte_is_never_taken_for_data(frame: Frame, place: int, bit: int) -> None:
     data = bytearray(frame.encode())
-    data[place % len(data)] ^= 1 << bit
-    found = list(FrameReader().feed(bytes(data) + bytes([FLAG])))
-    assert all(isinstance(one, Damaged) for one in found)
-
-
-@given(FRAMES, st.integers(0, 10**6))
-def test_a_lost_byte_is_never_taken_for_data(frame: Frame, place: int) -> None:
-    data = bytearray(frame.encode())
-    del data[place % len(data)]
-    if place % (len(data) + 1) not in (0, len(data)):  # of two flags in a row one is enough
-        assert all(isinstance(one, Damaged) for one in FrameReader().feed(bytes([FLAG, *data, FLAG])))
+    place %= len(data)
+    if bit < 8:
+        data[place] ^= 1 << bit
+    elif 0 < place < len(data) - 1:  # of two flags in a row one is enough
+        del data[place]
+        data.insert(0, FLAG)
+    else:
+        return
+    assert all(isinstance(one, Damaged) for one in FrameReader().feed(bytes(data) + bytes([FLAG])))
 
 
 @given(st.lists(RECORDS, max_size=20), st.integers(1, 9))
@@ -100,9 +97,17 @@ def test_records_come_back_however_the_frames_are_cut(records: list[Record], wor
     assert [one for at in range(0, len(data), 4 * words) for one in reader.feed(data[at : at + 4 * words])] == records
 
 
-def test_an_unknown_tag_is_refused() -> None:
-    with pytest.raises(InputError, match="unknown tag 15; load its bitstream again"):
-        list(RecordReader().feed((0xF << 28).to_bytes(4, "little")))
+@pytest.mark.parametrize(
+    ("data", "sentence"),
+    [
+        ((0xF << 28).to_bytes(4, "little"), "a record with the unknown tag 15"),
+        (packed([Event(1, 4000)]), "an event with the address 4000, but has 16 addresses"),
+        (packed([Class(1, 63, False, (0, 0))]), "the class 63, but has 2 classes"),
+    ],
+)
+def test_records_that_the_board_cannot_send_are_refused(data: bytes, sentence: str) -> None:
+    with pytest.raises(InputError, match=f"^the board sent {sentence}; load its bitstream again$"):
+        list(RecordReader(classes=2, addresses=16).feed(data))
 
 
 # -- journal -----------------------------------------------------------------------------------------
@@ -144,59 +149,40 @@ def test_a_clock_that_runs_backwards_parts_the_recording(tmp_path: Path) -> None
 
 # -- a board that misbehaves -------------------------------------------------------------------------
 
-HELLO = dict(zip(HELLO_WORDS, (VERSION, 2, BoardConfig(chip=None).identity, 50_000_000, 512, 4096, 0, 0), strict=True))
+RECEIVER = BoardConfig(chip=None, serial=SerialConfig(buffer_bytes=512))
+HELLO = hello_values(RECEIVER)
 
 
-class FakeBoard(threading.Thread):
-    """Fake board that acknowledges every frame; ``answer`` can replace the response."""
+class FakeBoard(SimulatedReceiver):
+    """Receiver without events; ``answer`` returns the bytes of another answer, or None."""
 
     def __init__(self, answer: Callable[[Frame, FakeBoard], bytes | None]) -> None:
-        super().__init__(daemon=True)
-        self.master, self.slave = os.openpty()
-        tty.setraw(self.slave)
-        self.port, self.answer, self.sequence, self.closed = os.ttyname(self.slave), answer, 0, False
+        super().__init__(RECEIVER, [])
+        self.answer = answer
 
     def say(self, *records: Record) -> bytes:
         """Return the next frame of records."""
-        self.sequence += 1
-        return Frame(Kind.RECORDS, (self.sequence - 1) % 256, packed(list(records))).encode()
+        return bytes(self.framed(list(records)))
 
-    def run(self) -> None:
-        reader = FrameReader()
-        while not self.closed:
-            try:
-                data = os.read(self.master, 4096)
-            except OSError:
-                return
-            for frame in reader.feed(data):
-                assert isinstance(frame, Frame)
-                if (bytes_ := self.answer(frame, self)) is None:
-                    known = frame.kind == Kind.HELLO
-                    bytes_ = self.say(Words(Tag.HELLO, HELLO)) if known else self.say(Ack(frame.sequence))
-                if not self.closed:
-                    os.write(self.master, bytes_)
+    def _take(self, frame: Frame) -> None:
+        if (answer := self.answer(frame, self)) is None:
+            super()._take(frame)
+        else:
+            os.write(self._master, answer)
 
     def pull(self) -> bytes:
         """Simulate a disconnected cable."""
-        self.closed = True
-        os.close(self.slave)
-        os.close(self.master)
+        os.close(self._slave)
+        os.close(self._master)
+        self._master, self._slave = os.openpty()
         return b""
 
 
 @contextmanager
 def linked(answer: Callable[[Frame, FakeBoard], bytes | None]) -> Iterator[tuple[Link, list[Record]]]:
-    board = FakeBoard(answer)
-    board.start()
     came: list[Record] = []
-    with Link(board.port, came.extend, patience_s=0.4) as link:
+    with FakeBoard(answer) as board, Link(board.port, came.extend, patience_s=0.4) as link:
         yield link, came
-    if not board.closed:
-        board.pull()
-
-
-def usual(frame: Frame, board: FakeBoard) -> bytes | None:
-    return None
 
 
 def on_status(what: Callable[[Frame, FakeBoard], bytes]) -> Callable[[Frame, FakeBoard], bytes | None]:
@@ -209,7 +195,7 @@ MISHAPS = {
     "has sent nothing for 0.4 s; check the cable": lambda frame, board: b"",
     "a frame from the board arrived damaged .its CRC is wrong.": lambda f, b: b.say(EVENT) + b.say(EVENT)[:-3] + b"~",
     "1 frames from the board were lost before number 3; play again": lambda f, b: (
-        b.say(EVENT) + b.say()[:0] + b.say(EVENT)
+        b.say(EVENT) + b.say(EVENT)[:0] + b.say(EVENT)
     ),
     "frame 1 to the board arrived damaged .it waits for 1.": lambda f, b: b.say(EVENT, Refused(1, 1, Reason.DAMAGED)),
     "frame 1 to the board arrived out of order": lambda f, b: b.say(EVENT, Refused(1, 0, Reason.SEQUENCE)),
@@ -273,23 +259,11 @@ def test_what_a_board_says_of_itself_has_a_range(words: list[int], sentence: str
         link.hello("receiver")
 
 
-@pytest.mark.parametrize(
-    ("record", "sentence"),
-    [
-        (Event(1, 4000), "sent an event with the address 4000, but has 16 addresses; load its bitstream again"),
-        (Class(1, 63, False, (0, 0)), "sent the class 63, but has 2 classes; load its bitstream again"),
-    ],
-)
-def test_what_a_board_sends_is_what_it_has(record: Record, sentence: str) -> None:
-    with pytest.raises(InputError, match=sentence):
-        list(RecordReader(classes=2, addresses=16).feed(packed([record])))
-
-
 def test_a_board_that_floods_and_never_acknowledges_is_left() -> None:
     def flood(board: FakeBoard) -> None:
-        with contextlib.suppress(OSError):
-            while not board.closed:
-                os.write(board.master, board.say(EVENT))
+        with contextlib.suppress(OSError, ValueError):  # the test ends in the middle of a frame
+            while not board._ending:
+                board._say([EVENT])
 
     def answer(frame: Frame, board: FakeBoard) -> bytes | None:
         if frame.kind == Kind.RESTART:
@@ -348,7 +322,7 @@ def test_what_comes_before_a_session_is_passed_over() -> None:
         assert link.hello("receiver") == HELLO
         link.send(Kind.STATUS)
         link.wait()
-        assert came == []
+        assert EVENT not in came
 
 
 def test_listening_asks_and_ends(tmp_path: Path) -> None:
@@ -398,15 +372,11 @@ def test_the_page_shows_what_came() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fields", "sentence"),
-    [
-        ({"baud": 13_000_000}, "baud of the serial line must be at most clock_hz / 4 = 12500000, not 13000000"),
-        ({"buffer_bytes": 1000}, "buffer_bytes of the serial line must be a power of two, not 1000"),
-    ],
+    ("baud", "limit"), [(13_000_000, "at most clock_hz / 4 = 12500000, not 13000000"), (0, "at least 1, not 0")]
 )
-def test_a_line_that_cannot_be_is_refused(fields: dict[str, Any], sentence: str) -> None:
-    with pytest.raises(InputError, match=sentence):
-        SerialConfig(**fields)
+def test_a_line_that_cannot_be_is_refused(baud: int, limit: str) -> None:
+    with pytest.raises(InputError, match=f"^baud of the serial line must be {limit}$"):
+        SerialConfig(baud=baud)
 
 
 def test_an_address_that_the_array_has_not_is_refused() -> None:

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from amaranth.sim import Simulator
 
 from eskin.base.errors import InputError
 from eskin.board.gateware import sensor as gateware
@@ -14,6 +13,7 @@ from eskin.board.sensor import PARTS, Part, SensorConfig
 from eskin.cocotb_tests.bench.line import CLOCK_NS
 from eskin.model.config import ReadoutConfig
 from tests.board.adc import FOLLOWS, Converter
+from tests.board.test_blocks import simulate
 
 CLOCK_HZ = 50_000_000
 SETTLE_S = 1e-6
@@ -26,8 +26,8 @@ def samples_of(part: str, codes: np.ndarray, bits: int) -> np.ndarray:
     return signed << bits - own if bits >= own else signed >> own - bits
 
 
-def scanned(part: str, codes: np.ndarray, sample_bits: int = 12) -> tuple[list[int], list[int], Converter]:
-    """Return the samples of whole scans, the clocks in which scans begin, and the converter."""
+def scanned(part: str, codes: np.ndarray, sample_bits: int = 12) -> tuple[list[int], list[int]]:
+    """Return the samples of whole scans, and the clocks in which scans begin."""
     rows, columns = codes.shape[1:]
     config = SensorConfig(part=part, settle_s=SETTLE_S)  # type: ignore[arg-type]
     readout = ReadoutConfig(rows=rows, columns=columns, sample_bits=sample_bits, resolution=4)
@@ -54,11 +54,8 @@ def scanned(part: str, codes: np.ndarray, sample_bits: int = 12) -> tuple[list[i
             await ctx.tick()
             clock += 1
 
-    simulator = Simulator(dut)
-    simulator.add_clock(CLOCK_NS * 1e-9)
-    simulator.add_testbench(bench)
-    simulator.run()
-    return samples, begun, converter
+    simulate(dut, bench)
+    return samples, begun
 
 
 @pytest.mark.parametrize(("part", "bits"), [("mcp3008", 12), ("mcp3208", 14), ("ads7953", 8)])
@@ -66,7 +63,7 @@ def test_a_scan_gives_the_codes_of_the_converter_at_the_highest_rate(part: str, 
     width = FOLLOWS.get(part, 12)
     codes = np.random.default_rng(4).integers(0, 1 << width, (2 if part == "ads7953" else 1, 2, 2))
     codes[0, 0, :2] = 0, (1 << width) - 1
-    samples, begun, _ = scanned(part, codes, bits)
+    samples, begun = scanned(part, codes, bits)
     assert samples == (samples_of(part, codes, bits) & (1 << bits) - 1).ravel().tolist()
     assert len(begun) == len(codes)
     assert len(set(np.diff(begun))) == len(codes) - 1

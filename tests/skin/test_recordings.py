@@ -13,16 +13,16 @@ import pytest
 from eskin.base.errors import InputError
 from eskin.model.address_events import make_events
 from eskin.model.config import ReadoutConfig
-from eskin.model.readout import Stimulus, simulate
 from eskin.skin.recordings.columns import match_columns
 from eskin.skin.recordings.event_files import kept_events
-from eskin.skin.recordings.fitting import array_of, with_clock, with_seconds
+from eskin.skin.recordings.fitting import with_clock, with_seconds
 from eskin.skin.recordings.folder import quality_warnings, read_set, sources_of
 from eskin.skin.recordings.options import Preparation
 from eskin.skin.recordings.prepare import on_grid, prepare, without_baseline
-from eskin.skin.recordings.quality import measure_quality, pooled
+from eskin.skin.recordings.quality import encoded, measure_quality, pooled
 from eskin.skin.recordings.table import Table, read_table
 from eskin.skin.recordings.trained_on import OwnReadout
+from eskin.skin.samples import array_of
 from tests.skins import counts, write_csv, write_skin
 
 FIRST = Preparation(baseline="first")
@@ -36,19 +36,23 @@ def table_of(folder: Path, text: str, options: Preparation | None = None):
 # -- tables ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("options", [Preparation(), Preparation(delimiter=";"), Preparation(decimal="comma")])
-def test_semicolons_and_a_decimal_comma_are_read(tmp_path, options):
-    table = table_of(tmp_path, "t;a;b\n0,00;1,5;2\n0,10;2,5;3\n0,20;0,5;-4\n", options)
+COMMAS = "t;a;b\n0,00;1,5;2\n0,10;2,5;3\n0,20;0,5;-4\n"
+QUOTED = '"t","a, left","b"\n"0,00","1,5","2"\n"0,10","2,5","3"\n"0,20","0,5","-4"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "names"),
+    [(COMMAS, {}, "a b"), (COMMAS, {"delimiter": ";"}, "a b"), (COMMAS, {"decimal": "comma"}, "a b")]
+    + [(QUOTED, {}, "a,_left b")]
+    + [(COMMAS.replace(";", "\t"), {}, "a b")]
+    + [(COMMAS.replace(",", ".").replace(";", mark), {}, "a b") for mark in (",", ";", " ", "\t")]
+    + [(COMMAS.replace(",", ".").replace(";", "|"), {"delimiter": "|"}, "a b")],
+)
+def test_any_delimiter_quotes_and_decimal_commas_are_read(tmp_path, text, options, names):
+    table = table_of(tmp_path, text, Preparation(**options))
+    assert [name.replace(" ", "_") for name in table.names] == names.split()
     assert table.values.tolist() == [[1.5, 2], [2.5, 3], [0.5, -4]]
     assert table.time_s == pytest.approx([0, 0.1, 0.2])
-    assert table.names == ("a", "b")
-
-
-def test_quoted_cells_may_hold_the_delimiter(tmp_path):
-    table = table_of(tmp_path, '"t","a, left","b"\n"0,00","1,5","2"\n"0,10","2,5","3"\n"0,20","0,5","-4"\n')
-    assert table.names == ("a, left", "b")
-    assert np.array_equal(table.values, [[1.5, 2], [2.5, 3], [0.5, -4]])
-    assert np.allclose(table.time_s, [0, 0.1, 0.2])
 
 
 def test_a_comma_that_may_separate_thousands_is_refused_unless_it_is_said(tmp_path):
@@ -58,12 +62,6 @@ def test_a_comma_that_may_separate_thousands_is_refused_unless_it_is_said(tmp_pa
     assert table_of(tmp_path, text, Preparation(decimal="comma")).values.tolist() == [[1.5, 2.25], [1.75, 2.0]]
     assert table_of(tmp_path, text.replace('"1,7', '"0,7')).values.tolist() == [[1.5, 2.25], [0.75, 2.0]]
     assert table_of(tmp_path, '"a" "b"\n1 "2"\n3 4\n').names == ("a", "b")
-
-
-@pytest.mark.parametrize("mark", ["\t", " ", ",", ";", "|"])
-def test_any_delimiter_is_read(tmp_path, mark):
-    options = Preparation(delimiter=mark if mark == "|" else "")
-    assert table_of(tmp_path, f"1{mark}-2\n3{mark}4\n0{mark}5\n", options).values.tolist() == [[1, -2], [3, 4], [0, 5]]
 
 
 @pytest.mark.parametrize(
@@ -85,7 +83,7 @@ def test_time_stamps_are_no_taxel_and_give_the_rate(tmp_path, name, step, unit_s
     assert table.notes[0] == f"column {name!r} is used as time stamps, because of its name"
 
 
-def test_time_stamps_without_a_name_are_known_by_their_rise(tmp_path):
+def test_time_stamps_and_counters_without_a_name_are_known_by_their_rise(tmp_path):
     rows = "".join(f"{k * 28.57:.2f},{k % 5},{-k % 7}\n" for k in range(40))
     table = table_of(tmp_path, rows)
     assert table.values.shape == (40, 2)
@@ -94,24 +92,17 @@ def test_time_stamps_without_a_name_are_known_by_their_rise(tmp_path):
     assert kept.values.shape == (40, 3)
     assert kept.time_s is None
     assert table_of(tmp_path, rows, Preparation(time_column="1", time_unit="s")).time_s[1] == pytest.approx(28.57)
-
-
-def test_a_counter_of_samples_is_neither_a_taxel_nor_time(tmp_path):
-    table = table_of(tmp_path, "".join(f"{k},{k % 5},{-k % 7}\n" for k in range(40)))
-    assert table.values.shape == (40, 2)
-    assert table.time_s is None
-    assert "ignored as a counter" in table.notes[0]
-
-
-def test_columns_of_an_array_are_named_by_their_number(tmp_path):
-    np.save(tmp_path / "x.npy", np.array([[1.0, 5.0, 2.0], [0.0, 3.0, 4.0]]))
-    assert read_table(tmp_path / "x.npy", Preparation()).names == ("1", "2", "3")
+    counted = table_of(tmp_path, "".join(f"{k},{k % 5},{-k % 7}\n" for k in range(40)))
+    assert (counted.values.shape, counted.time_s) == ((40, 2), None)
+    assert "ignored as a counter" in counted.notes[0]
 
 
 def test_chosen_columns_are_the_taxels(tmp_path):
     text = "t,a,b,c\n" + "".join(f"{k / 10},{k % 3},{k % 5},{k % 7}\n" for k in range(9))
     assert table_of(tmp_path, text, Preparation(taxel_columns="b,4")).names == ("b", "c")
     assert table_of(tmp_path, text, Preparation(taxel_columns="2-3")).names == ("a", "b")
+    np.save(tmp_path / "x.npy", np.array([[1.0, 5.0, 2.0], [0.0, 3.0, 4.0]]))
+    assert read_table(tmp_path / "x.npy", Preparation()).names == ("1", "2", "3")
 
 
 @pytest.mark.parametrize(
@@ -261,27 +252,20 @@ def test_a_percentile_clips_what_lies_above_it_and_says_so(tmp_path):
     assert any("are beyond full scale and clipped; try --scale max" in warning for warning in found.warnings)
 
 
-def test_a_baseline_that_is_left_and_dead_columns_are_named(tmp_path):
-    values = counts("tap")
-    values[:, 3] = 77
-    values[:, 5] = np.arange(len(values))
-    write_csv(tmp_path / "s/tap/0.csv", values)
-    warnings = read_set(tmp_path / "s", Preparation(), ReadoutConfig()).warnings
-    assert any("column 's3' never changes; leave it out with --taxel-columns" in text for text in warnings)
-    assert any("column 's5' rises steadily" in text for text in warnings)
-    assert any("have a baseline" in text and "--baseline first" in text for text in warnings)
-
-
 def test_warnings_say_what_is_there_and_no_more():
     wave = np.sin(np.arange(100.0) / 3)
     said = {"codes": False, "time_s": None, "rate_hz": 35, "notes": (), "named": False, "filled": 0, "start_s": 0.0}
     flat = Table(Path("x.csv"), np.stack([wave, 0 * wave, 0 * wave, 0 * wave], 1), tuple("abcd"), **said)
     found = prepare([flat], Preparation(scale="2"), 12)
-    assert found.warnings[0].startswith("column 'b' (and 2 more) never changes")
+    assert found.warnings[0] == "column 'b' (and 2 more) never changes; leave it out with --taxel-columns"
     assert found.warnings[1].startswith(f"{found.clipped / 400:.1%} of the samples are beyond full scale")
     assert 0.1 < found.clipped / 400 < 0.25
     quiet = Table(Path("x.csv"), 100.0 + wave[:, None], ("a",), **said)  # little moves, on little
     assert prepare([quiet], Preparation(scale="0.001"), 12).warnings == ()
+    far = Table(Path("x.csv"), np.stack([50 + wave, 50 + np.arange(100) / 100], 1), ("a", "b"), **said)
+    rising, left = prepare([far], Preparation(), 12).warnings
+    assert rising.startswith("column 'b' rises steadily; if it is time or a counter, name it with --time-column")
+    assert left.startswith("the signals have a baseline and use 3.9% of full scale; subtract the baseline with --base")
 
 
 def test_nlcs_warns_of_what_lies_below_zero(tmp_path):
@@ -366,7 +350,7 @@ def test_the_clock_is_as_slow_as_can_be(tmp_path):
     found = read_set(tmp_path / "s", FIRST, ReadoutConfig())
     codes, config = found.codes[0], found.config
     half = config.replace(clocks_per_sample=config.clocks_per_sample // 4)
-    worse = measure_quality(half, codes, simulate(half, Stimulus.from_samples(half, codes)))
+    _, worse = encoded(half, codes)
     assert worse.late + worse.merged > 0
     assert with_clock(config.replace(link="four_phase"), found.codes).clocks_per_sample > config.clocks_per_sample
 
@@ -413,12 +397,7 @@ def test_what_only_has_the_name_of_a_recording_is_told_or_refused(tmp_path):
     (tmp_path / "s/tap/zero.csv").symlink_to("/dev/zero")
     sources, warnings = sources_of(tmp_path / "s")
     assert len(sources) == 4
-    for odd in (
-        "folder.csv is a folder",
-        "gone.csv is a broken link",
-        "pipe.npy is a FIFO",
-        "zero.csv is a device",
-    ):
+    for odd in ("folder.csv is a folder", "gone.csv is a broken link", "pipe.npy is a FIFO", "zero.csv is a device"):
         assert f"s/tap/{odd}" in warnings[0]
     with pytest.raises(
         InputError, match=r"^4 recordings of .*s cannot be read: .*s/tap/folder.csv is a folder; fetch or "
@@ -450,24 +429,24 @@ def test_columns_are_matched_by_name(tmp_path):
         read_table(tmp_path / "s/a/0.csv", Preparation(taxel_columns="s0,s1,1"))
 
 
-def test_recordings_of_other_arrays_or_rates_are_refused(tmp_path):
-    write_csv(tmp_path / "s/a/0.csv", counts("tap"))
-    write_csv(tmp_path / "s/b/0.csv", counts("tap", taxels=9))
-    with pytest.raises(InputError, match=r"has 16 taxels, .* has 9; choose the same taxels with --taxel-columns"):
-        read_set(tmp_path / "s", FIRST, ReadoutConfig())
-    write_csv(tmp_path / "s/b/0.csv", counts("tap", rate_hz=200), rate_hz=200)
-    write_csv(tmp_path / "s/c/0.csv", counts("tap"))
-    with pytest.raises(
-        InputError, match="has 200 samples/s, but the others have 35; give the rate of all with --sample-rate"
-    ):
-        read_set(tmp_path / "s", FIRST, ReadoutConfig())
-    write_csv(tmp_path / "s/b/0.csv", counts("tap", rate_hz=10), rate_hz=10)
-    with pytest.raises(InputError, match="has 10 samples/s, but the others have 35"):
-        read_set(tmp_path / "s", FIRST, ReadoutConfig())
-    with pytest.raises(
-        InputError, match="16 taxels, but the array has 2 x 4 = 8; give --rows and --columns, or neither"
-    ):
-        read_set(tmp_path / "s/a/0.csv", FIRST, ReadoutConfig(rows=2, columns=4), {"rows", "columns"})
+@pytest.mark.parametrize(
+    ("other", "fields", "sentence"),
+    [
+        ({"taxels": 9}, {}, r"has 16 taxels, .* has 9; choose the same taxels with --taxel-columns"),
+        ({"rate_hz": 200}, {}, "has 200 samples/s, but the others have 35; give the rate of all with --sample-rate"),
+        ({"rate_hz": 10}, {}, "has 10 samples/s, but the others have 35"),
+        (
+            {},
+            {"rows": 2, "columns": 4},
+            "16 taxels, but the array has 2 x 4 = 8; give --rows and --columns, or",
+        ),
+    ],
+)
+def test_recordings_of_other_arrays_or_rates_are_refused(tmp_path, other, fields, sentence):
+    for name, made in (("a", {}), ("b", other), ("c", {})):
+        write_csv(tmp_path / f"s/{name}/0.csv", counts("tap", **made), made.get("rate_hz", 35))
+    with pytest.raises(InputError, match=sentence):
+        read_set(tmp_path / "s", FIRST, ReadoutConfig(**fields), fields)
 
 
 def test_event_files_are_kept_by_what_makes_them(tmp_path, monkeypatch):

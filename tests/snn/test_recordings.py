@@ -16,8 +16,8 @@ from eskin.base.errors import InputError
 from eskin.model.address_events import make_events
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
+from eskin.skin.recordings.event_files import signals_of
 from eskin.skin.recordings.options import Preparation
-from eskin.skin.recordings.statistics import signals_of
 from eskin.skin.recordings.trained_on import OwnReadout
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.frame_steps import FrameSteps

@@ -180,7 +180,7 @@ def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experim
 
 def _following(recipe: str, folder: Path, bin_s: float) -> dict[str, Any]:
     """Return the parameters that depend on the lengths of a user's recordings, and print the chosen windows."""
-    from eskin.skin.recordings.statistics import seconds_of
+    from eskin.skin.recordings.event_files import seconds_of
     from eskin.snn.experiments.recipes import for_recordings
 
     seconds = seconds_of(folder)

@@ -105,9 +105,12 @@ def encode(
     print_notes(made.notes)
     _print_summary(recording, made, out)
     if kind in ARRAY_SUFFIXES and model == "cycle":
-        quality = made.quality()
+        from eskin.skin.recordings.folder import quality_warnings
+        from eskin.skin.recordings.quality import measure_quality
+
+        quality = measure_quality(recording.config, made.codes, recording.events)
         print(quality_text(quality))
-        warn(made.all_warnings(quality))
+        warn((*made.warnings, *quality_warnings(recording.config, [made.codes], quality)))
 
 
 def _encode_folder(

@@ -19,8 +19,7 @@ from eskin.model.frame_config import FrameConfig
 from eskin.power.rates import measure_table, tables_text
 from eskin.skin.textures.dataset import EMBEDDED, Dataset, open_dataset
 from eskin.skin.textures.presets import preset
-from eskin.skin.textures.rates import PAPER_TAU_S, measure_rates, published_rate_hz
-from eskin.skin.textures.traffic import compare_traffic
+from eskin.skin.textures.rates import PAPER_TAU_S, compare_traffic, measure_rates, published_rate_hz
 
 
 @with_config(fields=("encoding", "resolution", "rows", "columns"))
