@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import torch
@@ -19,10 +18,9 @@ from torch.nn import functional
 
 from eskin.snn.adam import Adam
 from eskin.snn.calibration import calibrate
-from eskin.snn.data.augment import AugmentConfig
 from eskin.snn.data.scans import ScanData
 from eskin.snn.network import ConvolutionalNetwork, build
-from eskin.snn.network_config import BaselineConfig, NetworkConfig
+from eskin.snn.network_config import NetworkConfig
 from eskin.snn.train import CALIBRATION_SCANS
 from eskin.snn.training import DivergedError, TrainConfig
 
@@ -56,8 +54,8 @@ def train_together(
     DivergedError
         If a weight is not finite at the end.
     """
-    shifts_alone = AugmentConfig(shift_steps=train_config.augment.shift_steps)
-    supported = dataclasses.replace(train_config, window_steps=0, windows=1, balanced=False, augment=shifts_alone)
+    others = ("window_steps", "windows", "balanced", "speed_spread", "drop_taxels")
+    supported = dataclasses.replace(train_config, **{name: getattr(TrainConfig, name) for name in others})
     if network_config.kind != "cnn" or train_config != supported:
         raise NotImplementedError("only convolutional networks with shifted whole scans are trained together")
     scans = np.stack([data.scans_of(images) for images in learned])
@@ -96,7 +94,7 @@ def _drawn(scans: NDArray[np.int64], seeds: Sequence[int], epoch: int, config: T
         generator = np.random.default_rng([seed, epoch])
         generator.integers(2**62)  # the seed of the dropout in ``train``
         orders.append(generator.permutation(one))
-        most, starts = config.augment.shift_steps, range(0, len(one), config.batch)
+        most, starts = config.shift_steps, range(0, len(one), config.batch)
         sizes = [min(config.batch, len(one) - start) for start in starts]
         drawn = [generator.integers(-most, most + 1, size) if most else np.zeros(size, np.int64) for size in sizes]
         shifts.append(np.concatenate(drawn))
@@ -132,7 +130,7 @@ class _Stack:
         ]
         configs = [network.config for network in networks]
         self._scale = torch.tensor([config.input_scale for config in configs], device=device).view(-1, 1, 1, 1)
-        offsets = [_offset(config.units) for config in configs]
+        offsets = [config.input_offset for config in configs]
         self._offset = torch.tensor(offsets, device=device).view(-1, 1, 1, 1)
         self._config = configs[0]
 
@@ -155,10 +153,6 @@ class _Stack:
         for number, network in enumerate(networks):
             for parameter, (_, own) in zip(self.parameters, network.named_parameters(), strict=True):
                 own.copy_(parameter[number])
-
-
-def _offset(units: Any) -> float:
-    return units.input_offset if isinstance(units, BaselineConfig) else 0.0
 
 
 def _convolved(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:

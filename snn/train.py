@@ -129,7 +129,7 @@ def _epoch(
     for start in range(0, len(order), config.batch):
         chosen = order[start : start + config.batch]
         batch = _inputs(data, chosen, config, generator)
-        batch = augment(batch, data.taxels, config.augment, generator, data.frames).to(device)
+        batch = augment(batch, data.taxels, config, generator, data.frames).to(device)
         labels = torch.from_numpy(data.labels[chosen]).to(device)
         output: Output = network(batch)
         loss = _loss(output.logits, labels, weights) + output.penalty

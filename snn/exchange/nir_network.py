@@ -64,10 +64,9 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
     network, config = weights.network, config_of(weights.network)
     if not isinstance(network, SpikingNetwork):
         raise InputError(f"a network of kind {config.kind} has no NIR neurons; export it as .npz")
-    if config.neurons.weight_bits:
+    if config.weight_bits:
         raise InputError(
-            f"the network rounds its weights to {config.neurons.weight_bits} bits, which NIR cannot express; "
-            f"export it as .npz"
+            f"the network rounds its weights to {config.weight_bits} bits, which NIR cannot express; export it as .npz"
         )
     if not math.isfinite(weights.step_s / SMALLEST_LOSS):
         raise InputError(
@@ -76,10 +75,10 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
         )
     arrays = {name: tensor.detach().cpu().numpy() for name, tensor in network.state_dict().items()}
     decay, output_decay = (tensor.detach().cpu().numpy() for tensor in network.decays())
-    synapse, output_synapse = config.neurons.synapse_decay, config.neurons.output_synapse_decay
+    synapse, output_synapse = config.synapse_decay, config.output_synapse_decay
     gain, output_gain = _gain(decay, synapse), _gain(output_decay, output_synapse)
-    neuron = {"floor": config.neurons.rule.floor, "reset": config.neurons.rule.reset}
-    fires = config.neurons.readout == "spikes"
+    neuron = {"floor": config.floor, "reset": config.reset}
+    fires = config.readout == "spikes"
     if (synapse and (decay == 1).any()) or (output_synapse and (not fires or (output_decay == 1).any())):
         raise InputError("NIR has synaptic currents only in neurons that leak and fire; export it as .npz")
     nodes: dict[str, nir.NIRNode] = {
@@ -207,7 +206,7 @@ def from_nir(
     class_names = check_class_names(names, parts.readout.size)
     network = build(config, seed=0)
     assert isinstance(network, SpikingNetwork)
-    state = parts.state(config.neurons.learn_decay)
+    state = parts.state(config.learn_decay)
     with np.errstate(over="ignore"):
         arrays = {name: array.astype(np.float32) for name, array in state.items()}
     if wrong := [name for name, array in arrays.items() if not np.isfinite(array).all()]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import sys
 from typing import Any
@@ -121,12 +120,9 @@ def test_a_kernel_that_cannot_take_a_sequence_refuses_it(monkeypatch: pytest.Mon
 
 def test_a_decay_that_is_learned_begins_where_the_configuration_says() -> None:
     for learned in (False, True):
-        config = NetworkConfig(inputs=4, classes=3)
-        config = dataclasses.replace(
-            config, units=dataclasses.replace(config.neurons, decay=0.9, output_decay=0.8, learn_decay=learned)
-        )
+        config = NetworkConfig(inputs=4, classes=3, decay=0.9, output_decay=0.8, learn_decay=learned)
         network = SpikingNetwork(config)
-        for decays, value in zip(network.decays(), (config.neurons.decay, config.neurons.output_decay), strict=True):
+        for decays, value in zip(network.decays(), (config.decay, config.output_decay), strict=True):
             torch.testing.assert_close(decays, torch.full_like(decays, value))
 
 
@@ -188,8 +184,8 @@ def test_the_default_network_is_that_of_the_paper() -> None:
     assert 0.95 * limit < network.w_in.abs().max() <= limit
     assert [tuple(d.unique().tolist()) for d in network.decays()] == [(1.0,), (1.0,)]
     x = torch.poisson(torch.full((30, 4, 128), 0.2))
-    s = layer_reference(network.config.neurons.rule, x, network.w_in, network.b_hidden, torch.ones(256), network.w_rec)
-    o = layer_reference(network.config.neurons.rule, s, network.w_out, network.b_out, torch.ones(6))
+    s = layer_reference(network.config.rule, x, network.w_in, network.b_hidden, torch.ones(256), network.w_rec)
+    o = layer_reference(network.config.rule, s, network.w_out, network.b_out, torch.ones(6))
     torch.testing.assert_close(network(x).logits, o.sum(0))
     assert network(x).rate == pytest.approx(float(s.detach().mean()))
 

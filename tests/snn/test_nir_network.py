@@ -217,7 +217,7 @@ def test_a_graph_of_another_program_is_run_as_it_says(tmp_path: Path) -> None:
     np.testing.assert_array_equal(network.spikes(x).detach().numpy(), hidden)
     np.testing.assert_array_equal(network(x).logits.detach().numpy(), output.sum(0))
     assert (loaded.class_names, loaded.step_s) == (("x", "y"), 0.001)
-    assert network.config.neurons.rule.floor == float("-inf")
+    assert network.config.floor == float("-inf")
 
 
 def test_leaks_that_differ_come_in_as_learned_ones_that_began_as_the_first() -> None:
@@ -226,7 +226,7 @@ def test_leaks_that_differ_come_in_as_learned_ones_that_began_as_the_first() -> 
     leaky = nir.LIF(tau=np.full(2, 0.02), r=np.full(2, 0.5), v_leak=np.zeros(2), v_threshold=np.ones(2))
     network = from_nir(foreign(lif1=lif, if2=leaky), step_s=0.001).network
     np.testing.assert_allclose(network.decays()[0].detach().numpy(), 1 - 0.001 / tau, rtol=1e-6)
-    neurons = network.config.neurons
+    neurons = network.config
     assert (neurons.learn_decay, neurons.decay, neurons.output_decay) == (True, pytest.approx(0.9), pytest.approx(0.95))
 
 
@@ -378,7 +378,7 @@ def test_what_is_lacking_is_taken_away_one_after_the_other() -> None:
     state = made(**VARIANTS["tuned"]).network.state_dict()
     for lack, readout in zip(found, ("membrane", "spikes"), strict=True):
         config = lack.network.config
-        assert (config.neurons.rule.floor, config.neurons.readout) == (float("-inf"), readout)
+        assert (config.floor, config.readout) == (float("-inf"), readout)
         assert all(torch.equal(tensor, state[name]) for name, tensor in lack.network.state_dict().items())
 
 

@@ -375,7 +375,7 @@ def test_the_leak_of_a_configuration_file_is_kept(
 def test_slow_frames_are_moved_by_the_time_of_the_recipe(frames: str, settings: list[str] | None, steps: int) -> None:
     given = dict.fromkeys(inspect.signature(commands.crossval).parameters) | {"frames": frames, "settings": settings}
     given |= {"recipe": "cnn", "epochs": 1}
-    assert build_experiment(given).train.augment.shift_steps == steps
+    assert build_experiment(given).train.shift_steps == steps
 
 
 def test_an_experiment_on_event_files_names_no_readout_of_its_own() -> None:
