@@ -21,7 +21,6 @@ import itertools
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
@@ -193,26 +192,28 @@ def from_nir(
     dt = _time_step(graph, step_s)
     if reset not in (None, *get_args(NeuronReset)):
         raise InputError(f"the reset must be zero or subtract, not {reset!r}")
-    parts = _Parts.of(graph, dt, reset)
-    if reset is not None and reset != parts.hidden.reset:
-        raise InputError(f"the graph already sets the reset {parts.hidden.reset}, not {reset}; leave --reset out")
-    config, names = _config_of(parts, header)
+    hidden, readout, w_rec, input_scale = _layers(graph, dt, reset)
+    if reset is not None and reset != hidden.reset:
+        raise InputError(f"the graph already sets the reset {hidden.reset}, not {reset}; leave --reset out")
+    config, names = _config_of(hidden, readout, input_scale, header)
     names = names if class_names is None else class_names
-    if isinstance(names, (list, tuple)) and len(names) != parts.readout.size:
+    if isinstance(names, (list, tuple)) and len(names) != config.classes:
         raise InputError(
-            f"node {parts.readout.name!r} has {parts.readout.size} outputs, not {len(names)}; "
-            f"give a class name for each output"
+            f"node {readout.name!r} has {config.classes} outputs, not {len(names)}; give a class name for each output"
         )
-    class_names = check_class_names(names, parts.readout.size)
+    class_names = check_class_names(names, config.classes)
     network = build(config, seed=0)
     assert isinstance(network, SpikingNetwork)
-    state = parts.state(config.learn_decay)
+    state = {"w_in": hidden.weight, "b_hidden": hidden.bias, "w_rec": w_rec}
+    state |= {"w_out": readout.weight, "b_out": readout.bias}
+    if config.learn_decay:
+        state |= {"raw_decay": hidden.logits(), "raw_output_decay": readout.logits()}
     with np.errstate(over="ignore"):
         arrays = {name: array.astype(np.float32) for name, array in state.items()}
     if wrong := [name for name, array in arrays.items() if not np.isfinite(array).all()]:
         raise InputError(f"the graph gives {wrong[0]} values beyond float32; export it again")
     network.load_state_dict({name: torch.from_numpy(array) for name, array in arrays.items()})
-    for layer, kept in zip((parts.hidden, parts.readout), network.decays(), strict=True):
+    for layer, kept in zip((hidden, readout), network.decays(), strict=True):
         if np.abs(kept.detach().numpy() - layer.decay).max() > MAX_DECAY_ERROR:
             raise InputError(
                 f"node {layer.name!r} has a tau that contradicts the decay in the metadata; remove the metadata"
@@ -233,62 +234,34 @@ def _time_step(graph: nir.NIRGraph, step_s: float | None) -> float:
     return float(step_s) if own is None else own  # type: ignore[arg-type]
 
 
-@dataclass(frozen=True)
-class _Parts:
-    """Layers of a NIR graph with their weights, biases and input scale."""
+def _layers(graph: nir.NIRGraph, dt: float, reset: str | None) -> tuple[Layer, Layer, NDArray[np.float64], float]:
+    """Return hidden and output layer, recurrent weights and input scale of a graph.
 
-    hidden: Layer
-    readout: Layer
-    w_in: NDArray[np.float64]
-    b_hidden: NDArray[np.float64]
-    w_rec: NDArray[np.float64]
-    b_rec: NDArray[np.float64]
-    w_out: NDArray[np.float64]
-    b_out: NDArray[np.float64]
-    input_scale: float
-
-    @classmethod
-    def of(cls, graph: nir.NIRGraph, dt: float, reset: str | None) -> _Parts:
-        """Return the layers of a NIR graph; raise InputError for unsupported nodes."""
-        chain = follow(graph)
-        w_in, b_hidden = affine(graph, chain.hidden_in)
-        w_out, b_out = affine(graph, chain.readout_in)
-        hidden = Layer.of(chain.hidden, graph.nodes[chain.hidden], dt, len(w_in), reset)
-        readout = Layer.of(chain.readout, graph.nodes[chain.readout], dt, len(w_out), reset)
-        w_rec, b_rec = np.zeros((hidden.size, hidden.size)), np.zeros(hidden.size)
-        if chain.recurrent is not None:
-            w_rec, b_rec = affine(graph, chain.recurrent)
-        for name, weight in ((chain.recurrent, w_rec), (chain.readout_in, w_out)):
-            if weight.shape[1] != hidden.size or (weight is w_rec and len(w_rec) != hidden.size):
-                raise InputError(
-                    f"node {name!r} has weights of shape {weight.shape}, but node {hidden.name!r} has "
-                    f"{hidden.size} neurons"
-                )
-        input_scale = _folded(graph.nodes[chain.hidden_in])
-        w_in = w_in / input_scale
-        if chain.scale is not None:
-            scale = broadcast(chain.scale, graph.nodes[chain.scale].scale, w_in.shape[1])
-            if scale[0] > 0 and (scale == scale[0]).all():
-                input_scale *= float(scale[0])
-            else:
-                w_in = w_in * scale
-        if readout.fires and (readout.floor, readout.reset) != (hidden.floor, hidden.reset):
-            raise InputError(f"nodes {hidden.name!r} and {readout.name!r} differ in floor or reset; make them equal")
-        return cls(hidden, readout, w_in, b_hidden, w_rec, b_rec, w_out, b_out, input_scale)
-
-    def state(self, learned: bool) -> dict[str, NDArray[np.float64]]:
-        """Return the network parameters by name, including the gains of the neurons."""
-        hidden, readout = self.hidden, self.readout
-        state = {
-            "w_in": self.w_in * hidden.gain[:, None],
-            "w_rec": self.w_rec * hidden.gain[:, None],
-            "w_out": self.w_out * readout.gain[:, None],
-            "b_hidden": (self.b_hidden + self.b_rec) * hidden.gain + hidden.drive,
-            "b_out": self.b_out * readout.gain + readout.drive,
-        }
-        if learned:
-            state |= {"raw_decay": hidden.logits(), "raw_output_decay": readout.logits()}
-        return state
+    Raise InputError for unsupported nodes.
+    """
+    chain = follow(graph)
+    w_in, b_hidden = affine(graph, chain.hidden_in)
+    w_out, b_out = affine(graph, chain.readout_in)
+    size = len(w_in)
+    w_rec, b_rec = (np.zeros((size, size)), 0.0) if chain.recurrent is None else affine(graph, chain.recurrent)
+    for name, weight, rows in ((chain.recurrent, w_rec, size), (chain.readout_in, w_out, len(w_out))):
+        if weight.shape != (rows, size):
+            raise InputError(
+                f"node {name!r} has weights of shape {weight.shape}, but node {chain.hidden!r} has {size} neurons"
+            )
+    input_scale = _folded(graph.nodes[chain.hidden_in])
+    w_in = w_in / input_scale
+    if chain.scale is not None:
+        scale = broadcast(chain.scale, graph.nodes[chain.scale].scale, w_in.shape[1])
+        if scale[0] > 0 and (scale == scale[0]).all():
+            input_scale *= float(scale[0])
+        else:
+            w_in = w_in * scale
+    hidden = Layer.of(chain.hidden, graph.nodes[chain.hidden], dt, w_in, b_hidden + b_rec, reset)
+    readout = Layer.of(chain.readout, graph.nodes[chain.readout], dt, w_out, b_out, reset)
+    if readout.fires and (readout.floor, readout.reset) != (hidden.floor, hidden.reset):
+        raise InputError(f"nodes {hidden.name!r} and {readout.name!r} differ in floor or reset; make them equal")
+    return hidden, readout, w_rec * hidden.gain[:, None], input_scale
 
 
 def _folded(node: nir.NIRNode) -> float:
@@ -301,37 +274,33 @@ def _folded(node: nir.NIRNode) -> float:
     return float(value)
 
 
-def _config_of(parts: _Parts, header: dict[str, Any] | None) -> tuple[NetworkConfig, Sequence[str]]:
+def _config_of(
+    hidden: Layer, readout: Layer, input_scale: float, header: dict[str, Any] | None
+) -> tuple[NetworkConfig, Sequence[str]]:
     """Return configuration and class names from the metadata, after checking them against the nodes."""
-    hidden, readout = parts.hidden, parts.readout
-    found = {
-        "inputs": parts.w_in.shape[1],
-        "hidden": hidden.size,
-        "classes": readout.size,
-        "input_scale": parts.input_scale,
+    synapses = {"synapse_decay": hidden.synapse_decay, "output_synapse_decay": readout.synapse_decay}
+    found = synapses | {
+        "inputs": hidden.weight.shape[1],
+        "hidden": len(hidden.decay),
+        "classes": len(readout.decay),
+        "input_scale": input_scale,
         "floor": hidden.floor,
         "reset": hidden.reset,
         "readout": "spikes" if readout.fires else "membrane",
     }
     if header is None:
-        synapses = {"synapse_decay": hidden.synapse_decay, "output_synapse_decay": readout.synapse_decay}
-        config = NetworkConfig.from_dict(found | _decay_fields(hidden, readout) | synapses)
-        return config, [str(number) for number in range(readout.size)]
+        config = NetworkConfig.from_dict(found | _decay_fields(hidden, readout))
+        return config, [str(number) for number in range(config.classes)]
     try:
         config, names = NetworkConfig.from_dict(header["network"]), header["class_names"]
     except (KeyError, InputError):
         raise InputError("the metadata of the graph are damaged; export it again") from None
-    stated = config.to_dict()
-    for name, value in {"synapse_decay": hidden.synapse_decay, "output_synapse_decay": readout.synapse_decay}.items():
-        if abs(stated[name] - value) > MAX_DECAY_ERROR:
-            raise InputError(
-                f"the nodes of the graph give {name} = {value:g}, but its metadata give {stated[name]:g}; "
-                "remove the metadata of the graph"
-            )
     for name, value in found.items():
-        if stated[name] != value:
+        stated = getattr(config, name)
+        if abs(stated - value) > MAX_DECAY_ERROR if name in synapses else stated != value:
+            shown = [f"{number:g}" if name in synapses else str(number) for number in (value, stated)]
             raise InputError(
-                f"the nodes of the graph give {name} = {value}, but its metadata give {stated[name]}; "
+                f"the nodes of the graph give {name} = {shown[0]}, but its metadata give {shown[1]}; "
                 f"remove the metadata of the graph"
             )
     return config, names
