@@ -7,7 +7,6 @@ step, which takes as long as loading torch, or as some 20 epochs.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -54,17 +53,10 @@ class Adam:
             spread = square.sqrt().div_((1 - BETA_2**steps) ** 0.5).add_(EPSILON)
             parameter.addcdiv_(mean, spread, value=-(self.learning_rate / (1 - BETA_1**steps)))
 
-    def state_dict(self) -> dict[str, Any]:
-        """Return the optimiser state for a checkpoint."""
-        return {"state": self.state}
-
-    def load_state_dict(self, content: dict[str, Any]) -> None:
-        """Load the optimiser state from a checkpoint; raise ValueError if it belongs to other parameters."""
-        found = {}
-        for number, state in content["state"].items():
-            parameter = self.parameters[number]
-            moments = {name: state[name].to(parameter, copy=True) for name in ("exp_avg", "exp_avg_sq")}
-            if any(moment.shape != parameter.shape for moment in moments.values()):
-                raise ValueError("the optimizer's moments belong to other weights")
-            found[number] = {"step": torch.tensor(float(state["step"])), **moments}
-        self.state = found
+    def load_state(self, state: dict[int, dict[str, Tensor]]) -> None:
+        """Load the state from a checkpoint."""
+        self.state = {
+            number: {"step": torch.tensor(float(one["step"]))}
+            | {name: one[name].to(self.parameters[number], copy=True) for name in ("exp_avg", "exp_avg_sq")}
+            for number, one in state.items()
+        }

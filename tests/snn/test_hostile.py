@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,6 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.foreign.events import in_unit
 from eskin.snn.adam import Adam
-from eskin.snn.checkpoint import Checkpoint
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.scans import Split
@@ -178,33 +176,6 @@ def test_weights_that_are_no_numbers_after_an_epoch_stop_the_training(monkeypatc
 def test_a_number_that_float32_does_not_hold_is_refused(name: str) -> None:
     with pytest.raises(InputError, match=f"{name} must be a number of at most 3.4e\\+38, which float32 holds"):
         NetworkConfig.from_dict({"inputs": 1, "classes": 1, name: 1e300})
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda c: c["network"]["w_in"].fill_(math.nan),
-        lambda c: c["optimizer"]["state"][0]["exp_avg"].fill_(math.inf),
-        lambda c: c["optimizer"].update(state={}),
-        lambda c: c["history"][0].update(loss=math.nan),
-        lambda c: c["history"][0].update(number="one"),
-        lambda c: c.update(best=3),
-        lambda c: c.update(key="null"),
-        lambda c: c.update(key=None),
-        lambda c: c.update(key="[" * 100_000),
-        lambda c: c.update(history=None),
-        lambda c: c.update(history=[]),
-        lambda c: c.update(history=c["history"][:1]),
-    ],
-)
-def test_a_checkpoint_that_is_no_training_does_not_go_on(tmp_path: Path, change: Callable[[Any], object]) -> None:
-    path, data = tmp_path / "c.pt", easy_data()
-    train(Split(data, range(21)), small_network(), TrainConfig(epochs=2), 0, checkpoint=Checkpoint(path))
-    content = torch.load(path, weights_only=True)
-    change(content)
-    torch.save(content, path)
-    with pytest.raises(InputError, match=r"^checkpoint .*c\.pt is damaged; remove it to start again$"):
-        train(Split(data, range(21)), small_network(), TrainConfig(epochs=2), 0, checkpoint=Checkpoint(path))
 
 
 CELL = {"fold": 0, "seed": 0, "test_images": [0], "labels": [1], "last": [1], "selected": [0]}
