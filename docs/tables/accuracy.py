@@ -148,13 +148,11 @@ def merits_latency() -> None:
     for pair in data["latency_pairs"]:
         a, b = (only(data["latency"], time_s=pair["time_s"], network=pair[name]) for name in ("first", "second"))
         rows.append(pair | {"a": a, "b": b})
-    one = "{X[accuracy]:100*.1f} % ({X[bootstrap_95][0]:100*.0f} to {X[bootstrap_95][1]:100*.0f})"
     table(
         filled("time since the touch | {first} | {second}", rows[0])
         + " | images right with only the first, only the second | McNemar p",
         rows,
-        " | ".join(["{time_s:1e3*.0f} ms", one.replace("X", "a"), one.replace("X", "b")])
-        + " | {only_first}, {only_second} | {p:p}",
+        "{time_s:1e3*.0f} ms | {a:%0} | {b:%0} | {only_first}, {only_second} | {p:p}",
     )
 
 
@@ -186,9 +184,10 @@ def noise_power() -> None:
     modes = ("paper", "consistent")
     rows: dict[Any, dict[str, Any]] = {}
     for point in points:
-        rows.setdefault((point["network"], point["noise_v"]), dict(point))[point["mode"]] = point
-    one = "{X[accuracy]:100*.1f} % ({X[wilson_95][0]:100*.0f} to {X[wilson_95][1]:100*.0f}) | {X[rate_hz]:,.0f}"
-    one += " | {X[power_w][total]:1e6*#3}"
+        rows.setdefault((point["network"], point["noise_v"]), dict(point))[point["mode"]] = point | {
+            "interval": point["wilson_95"]
+        }
+    one = "{X:%0} | {X[rate_hz]:,.0f} | {X[power_w][total]:1e6*#3}"
     table(
         "network | noise | images" + "".join(f" | {mode}: accuracy | {mode}: events/s | {mode}: uW" for mode in modes),
         rows.values(),
@@ -236,8 +235,7 @@ def headline() -> None:
     ]
     kind = frame_points()["rnn"]
     rows.append(["the paper's ReLU network, frames, 3,200 kb/s", kind["theirs"], filled("{last:%}", kind)])
-    few = "leaky network, {count} taxels, {words} ({bits_per_s:1e-3*.1f} kb/s) | {?theirs} | {accuracy:100*.1f} %"
-    few += " ({interval[0]:100*.1f} to {interval[1]:100*.1f})"
+    few = "leaky network, {count} taxels, {words} ({bits_per_s:1e-3*.1f} kb/s) | {theirs} | {row:%}"
     for name, words, theirs in (
         (BIPOLAR_LEAKY, "bipolar N-LCS 2 b, {rate_hz:,.0f} events/s", "97.15 % at 2,200 events/s (INTUITIVE chip)"),
         (LCS_LEAKY, "LCS 2 b, {rate_hz:,.0f} events/s", ""),
@@ -267,18 +265,19 @@ def results() -> None:
     points = {(p["readout"], p["resolution"]): p for p in sweep("paper-network")}
     frames = frame_points()
     (best,) = sweep("tuned-2ms")
-    rows = [
-        filled("events/s, {encoding:E} {resolution} b | {published_hz:,.1f} | {here_hz:,.1f}", p)
-        for p in read("docs/data/event_rates.json")["points"]
-        if (p["encoding"], p["resolution"]) in (("lcs", 2), ("lcs", 6), ("lcs", 8), ("nlcs", 8))
-    ]
-    network = "six textures, the paper's network, {readout:E} {resolution} b | {published:100*.2f} % | {last:%}"
-    rows += [filled(network, points[key]) for key in (("lcs", 6), ("lcs", 8), ("nlcs", 8))]
-    leaky = "six textures, a leaky network, LCS 3 b, {data_rate_bps:1e-3*.0f} kb/s |  | {last:%}"
-    rows.append(filled(leaky, best))
-    for kind, text in (("rnn", "ReLU units"), ("cnn", "convolutions")):
-        rows.append([f"six textures from frames, {text}", frames[kind]["theirs"], filled("{last:%}", frames[kind])])
-    rows += power_rows()
     known = only(read(f"{TEXTURES}merits.json")["timing"], known_from="events")
-    rows.append(["time of a level crossing from events, median error", "", f"{1e6 * known['median_s']:.0f} us"])
+    network = "six textures, the paper's network, {readout:E} {resolution} b | {published:100*.2f} % | {last:%}"
+    rows = [
+        *(
+            filled("events/s, {encoding:E} {resolution} b | {published_hz:,.1f} | {here_hz:,.1f}", p)
+            for p in read("docs/data/event_rates.json")["points"]
+            if (p["encoding"], p["resolution"]) in (("lcs", 2), ("lcs", 6), ("lcs", 8), ("nlcs", 8))
+        ),
+        *(filled(network, points[key]) for key in (("lcs", 6), ("lcs", 8), ("nlcs", 8))),
+        filled("six textures, a leaky network, LCS 3 b, {data_rate_bps:1e-3*.0f} kb/s |  | {last:%}", best),
+        filled("six textures from frames, ReLU units | {theirs} | {last:%}", frames["rnn"]),
+        filled("six textures from frames, convolutions | {theirs} | {last:%}", frames["cnn"]),
+        *power_rows(),
+        filled("time of a level crossing from events, median error |  | {median_s:1e6*.0f} us", known),
+    ]
     table(" | published | here", rows)

@@ -177,8 +177,7 @@ def finger_pairs() -> None:
             folds = [fold for fold in report["folds"] if part in fold["fold"]]
             labels, predicted = _words(folds, point["network"])
             pair = compare(labels, predicted, _words(folds, other["network"])[1])
-            words = "{difference:100*+.1f} ({interval[0]:100*+.1f} to {interval[1]:100*+.1f}), p {p:p}"
-            cells.append(filled(words, vars(pair)))
+            cells.append(filled("{row:+%}, p {p:p}", vars(pair)))
         rows.append([name_of(point), *cells])
     table("events | frames | repetition | one speed left out | one pressure left out", rows)
 

@@ -75,8 +75,7 @@ def frontier_pairs(preset: str, network: str) -> None:
     def cell(found: Any, kind: str, budget: int) -> str:
         pair = only(pairs, first=found["lcs", budget]["name"], second=found[kind, budget]["name"])
         low, high = pair["interval"]
-        words = "{difference:100*+.1f} ({interval[0]:100*+.1f} to {interval[1]:100*+.1f})"
-        return f"**{filled(words, pair)}**" if low * high > 0 else filled(words, pair)
+        return filled("**{row:+%}**" if low * high > 0 else "{row:+%}", pair)
 
     kinds = list(dict.fromkeys(kind for kind, _ in chosen(preset, network)))
     _by_budget(preset, network, kinds[1:], cell)
@@ -99,7 +98,7 @@ def frontier_seeds() -> None:
             for point in points
         ],
         "{preset} | {of} | {kind:E} {settings} | {rate_hz:,.0f} | {bits_per_s:1e-3*#3} ({coded_bits_per_s:1e-3*#3})"
-        " | {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f}) | {each} | {?trivial:100*.1f}",
+        " | {row:%} | {each} | {?trivial:100*.1f}",
     )
 
 
@@ -158,8 +157,7 @@ def best(preset: str, most_hz: int, network: str = "") -> Data:
 
 def frontier_targets() -> None:
     """Print targets and results of the frontier."""
-    reached = "{verdict}: {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f})"
-    reached += ", {what}, {rate_hz:,.0f} events/s"
+    reached = "{verdict}: {row:%}, {what}, {rate_hz:,.0f} events/s"
     rows = []
     for words, point, least in (
         ("97.15 % at 2,200 events/s with at most 256 spiking neurons", best("physical", 2200, "leaky-2ms"), 0.9715),
@@ -197,6 +195,5 @@ def frontier_whole_arrays() -> None:
     table(
         "network | readout | kb/s (after coding) | power, uW | accuracy | seeds",
         [point | {"of": NETWORKS[point["network"]]} for point in earlier],
-        "{of} | `{readout}` | {bits_per_s:1e-3*#3} ({coded_bits_per_s:1e-3*#3}) | {power_w:1e6*#3}"
-        " | {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f}) | {seeds}",
+        "{of} | `{readout}` | {bits_per_s:1e-3*#3} ({coded_bits_per_s:1e-3*#3}) | {power_w:1e6*#3} | {row:%} | {seeds}",
     )

@@ -8,7 +8,6 @@ from typing import Any
 from docs.tables.write import digits, filled, only, read, source, table
 from eskin.model.encoders import registry
 
-TIMES = "{X[median]:#3} ({X[least]:#3} to {X[most]:#3})"
 SCALE = "docs/data/asic/scale-{}lcs-digital-ihp.json"
 
 
@@ -21,8 +20,7 @@ def speed_cosim() -> None:
     """Print the speed of co-simulation and model relative to a bare Verilator loop, for every encoder and scene."""
     rows: dict[str, dict[str, str]] = {}
     for found in bench("cosim"):
-        ratio = found["of_bare_loop"]
-        cell = f"{digits(ratio['median'], 3)} ({digits(ratio['least'], 3)} to {digits(ratio['most'], 3)})"
+        cell = filled("{of_bare_loop:x}", found)
         rows.setdefault(found["contender"], {})[f"{found['encoding']} {found['scene']}"] = cell
     columns = list(dict.fromkeys(column for row in rows.values() for column in row))
     titles = {encoder.name: encoder.title for encoder in registry.ENCODERS}
@@ -43,11 +41,7 @@ def speed_encoders() -> None:
     for many in bench("encoder"):
         one = only(bench("encoder_64"), name=many["name"])
         rows.append(many | {"text": texts[many["name"]], "one": one["times_the_copy"]})
-    cells = (
-        "{text} | {taxel_samples_per_second:1e-6*,.0f} | "
-        + TIMES.replace("X", "times_the_copy")
-        + " | {one[median]:#3}"
-    )
+    cells = "{text} | {taxel_samples_per_second:1e-6*,.0f} | {times_the_copy:x} | {one[median]:#3}"
     table(" | million taxel-samples/s | time / copy | time / copy, 64 taxels", rows, cells)
     source(read("benchmarks/results/encoder.json"), "")
 
@@ -72,7 +66,7 @@ def speed_layer() -> None:
 
 def speed_training() -> None:
     """Print whole epochs of a training against their kernel."""
-    table("CPU time of an epoch / CPU time in | ratio", bench("training"), "{name} | " + TIMES.replace("X", "times"))
+    table("CPU time of an epoch / CPU time in | ratio", bench("training"), "{name} | {times:x}")
     source(read("benchmarks/results/training.json"), "")
 
 

@@ -26,17 +26,30 @@ def only(rows: Iterable[Mapping[str, Any]], /, **values: Any) -> dict[str, Any]:
     return dict(found)
 
 
+SHORT = {
+    "%": "{accuracy:100*.1f} % ({low:100*.1f} to {high:100*.1f})",
+    "%0": "{accuracy:100*.1f} % ({low:100*.0f} to {high:100*.0f})",
+    "+%": "{difference:100*+.1f} ({low:100*+.1f} to {high:100*+.1f})",
+    "x": "{median:#3} ({least:#3} to {most:#3})",
+}
+"""Templates by the format of a value that has these fields: an accuracy or a difference with its interval, a median
+with the least and the most."""
+
+
 class _Cells(Template):
     """Template with values of this project.
 
-    ``%`` is an accuracy with its interval; ``E`` the title of a readout; ``p`` a p value, or several; ``r`` a
-    normalised data rate.
+    Formats are the names of ``SHORT``; ``E`` the title of a readout; ``p`` a p value, or several; ``r`` a normalised
+    data rate. ``{row}`` is the row itself.
     """
 
+    def filled(self, template: str, row: Mapping[str, Any]) -> str:
+        return super().filled(template, {"row": row, **row})
+
     def format_value(self, value: Any, spec: str) -> str:
-        if spec == "%":
-            low, high = (100 * bound for bound in value["bootstrap_95"])
-            return f"{100 * value['accuracy']:.1f} % ({low:.1f} to {high:.1f})"
+        if spec in SHORT:
+            bounds = (value[key] for key in ("interval", "bootstrap_95") if key in value)
+            return self.filled(SHORT[spec], value | dict(zip(("low", "high"), next(bounds, ()), strict=False)))
         if spec == "E":
             return look(value).title
         if spec == "p":
