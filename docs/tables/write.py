@@ -12,7 +12,8 @@ from eskin.skin.figures.readouts import look
 
 ROOT = Path(__file__).parents[2]
 
-Row = Mapping[str, Any] | Sequence[str] | str
+Rows = Iterable[Mapping[str, Any] | Sequence[str] | str]
+"""Rows of ``table``: mappings, which it formats, or the cells themselves, as a list or between `` | ``."""
 
 
 def read(path: str) -> Any:
@@ -75,11 +76,10 @@ def source(report: Mapping[str, Any], more: str = ": {result}") -> None:
     print(filled("`{command}`, commit {commit}, {date}" + more + ".\n", report))
 
 
-def table(head: str | Iterable[str], rows: Iterable[Row], cells: str = "") -> None:
+def table(head: str | Iterable[str], rows: Rows, cells: str = "") -> None:
     """Print a table.
 
     ``head``: titles of the columns, as a list or between `` | ``.
-    ``rows``: mappings, which ``cells`` formats, or the cells themselves: as a list or between `` | ``.
     ``cells``: templates of the columns between `` | ``.
     """
     titles = head.split(" | ") if isinstance(head, str) else list(head)
@@ -88,7 +88,7 @@ def table(head: str | Iterable[str], rows: Iterable[Row], cells: str = "") -> No
         if isinstance(row, Mapping):
             made = CELLS.cells(cells, row)
         else:
-            made = row.split(" | ") if isinstance(row, str) else list(row)
+            made = row.split(" | ") if isinstance(row, str) else [cell.replace("|", "\\|") for cell in row]
         if len(made) != len(titles):
             raise ValueError(f"{len(titles)} titles, {len(made)} cells: {made}")
         lines.append(made)
