@@ -51,18 +51,15 @@ def nlcs_explained() -> Rows:
     return sorted(points, key=lambda p: p["normalised_rate"])
 
 
-def nlcs_epochs() -> None:
-    """Print fold accuracies of N-LCS 8 b: published, last epoch, and best test epoch."""
+def nlcs_epochs() -> Rows:
+    """Yield fold accuracies of N-LCS 8 b, in percent: published, last epoch, and best test epoch."""
     folds = read(f"{TEXTURES}nlcs/test-epochs.json")["folds"]
-    rows = {
-        "published": [62.5, 82.5, 85.0, 87.5, 65.0, 75.0],
-        "here, last epoch": [100 * fold["last"] for fold in folds],
-        "here, best test epoch (no result)": [100 * fold["best"] for fold in folds],
-    }
-    table(
-        ["%", *(f"fold {n}" for n in range(6)), "mean"],
-        [[text, *(f"{value:g}" for value in values), f"{sum(values) / 6:.1f}"] for text, values in rows.items()],
-    )
+    for text, values in (
+        ("published", [62.5, 82.5, 85.0, 87.5, 65.0, 75.0]),
+        ("here, last epoch", [100 * fold["last"] for fold in folds]),
+        ("here, best test epoch (no result)", [100 * fold["best"] for fold in folds]),
+    ):
+        yield [text, *(f"{value:g}" for value in values), f"{sum(values) / 6:.1f}"]
 
 
 def precision() -> None:
@@ -111,19 +108,12 @@ def robustness() -> Rows:
     return rows.values()
 
 
-def merits_latency() -> None:
-    """Print the accuracy of two networks against the time since the touch."""
+def merits_latency() -> Rows:
+    """Yield the accuracy of two networks against the time since the touch."""
     data = read(f"{TEXTURES}merits.json")
-    rows = []
     for pair in data["latency_pairs"]:
         a, b = (only(data["latency"], time_s=pair["time_s"], network=pair[name]) for name in ("first", "second"))
-        rows.append(pair | {"a": a, "b": b})
-    table(
-        filled("time since the touch | {first} | {second}", rows[0])
-        + " | images right with only the first, only the second | McNemar p",
-        rows,
-        "{time_s:1e3*.0f} ms | {a:%0} | {b:%0} | {only_first}, {only_second} | {p:p}",
-    )
+        yield pair | {"a": a, "b": b}
 
 
 def merits_rest() -> Rows:
@@ -135,21 +125,13 @@ def merits_rest() -> Rows:
         yield [f"`{readout}`", *(filled("{sent_bps:1e-3*.2f} / {coded_bps:1e-3*.2f}", row) for row in found)]
 
 
-def noise_power() -> None:
-    """Print accuracy, rate and power at one noise level, in both modes."""
-    points = read(f"{TEXTURES}noise_power.json")["points"]
-    modes = ("paper", "consistent")
+def noise_power() -> Rows:
+    """Return accuracy, rate and power at one noise level, in both modes."""
     rows: dict[Any, dict[str, Any]] = {}
-    for point in points:
-        rows.setdefault((point["network"], point["noise_v"]), dict(point))[point["mode"]] = point | {
-            "interval": point["wilson_95"]
-        }
-    one = "{X:%0} | {X[rate_hz]:,.0f} | {X[power_w][total]:1e6*#3}"
-    table(
-        "network | noise | images" + "".join(f" | {mode}: accuracy | {mode}: events/s | {mode}: uW" for mode in modes),
-        rows.values(),
-        " | ".join(["`{network}` | {noise_v:1e3*g} mV | {images}", *(one.replace("X", mode) for mode in modes)]),
-    )
+    for point in read(f"{TEXTURES}noise_power.json")["points"]:
+        row = rows.setdefault((point["network"], point["noise_v"]), dict(point))
+        row[point["mode"]] = point | {"interval": point["wilson_95"]}
+    return rows.values()
 
 
 def touch() -> Rows:

@@ -5,10 +5,8 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from docs.tables.write import ROOT, Rows, digits, filled, read, table
+from docs.tables.write import ROOT, Rows, digits, filled, read
 from eskin.skin.figures.readouts import LOOKS
-
-SCENARIOS = {"saturated": "event in every clock", "lone": "single event", "texture": "texture"}
 
 CLOCKS_AN_EVENT = 7
 """Clocks per event of the four-phase link, with a receiver that answers at once."""
@@ -75,16 +73,14 @@ def intuitive() -> Rows:
             yield report | {"fastest_ns": CLOCKS_AN_EVENT / report["fmax_hz"]["typical"] * 1e9}
 
 
-def asic_glitches() -> None:
-    """Print the energy of an event with and without cell delays."""
-    rows = []
+def asic_glitches() -> Rows:
+    """Yield the energy of an event with and without cell delays, for each scenario."""
     for report in reports("asic/glitches").values():
-        costs = [f"{1e12 * report[way][name]:.2f}" for name in SCENARIOS for way in ("no_delay", "delay")]
-        added = [f"{report['added'][name]:.0%}" for name in SCENARIOS]
-        cells = [word for pair in zip(costs[::2], costs[1::2], added, strict=True) for word in pair]
-        rows.append([*(named(report)[key] for key in ("name", "array", "cells")), *cells, report["commit"]])
-    titles = [f"{name}: pJ without delays | pJ with delays | increase" for name in SCENARIOS.values()]
-    table(f"readout | array | cells | {' | '.join(titles)} | commit", rows)
+        costs = [
+            filled(f"{{no_delay[{name}]:1e12*.2f}} | {{delay[{name}]:1e12*.2f}} | {{added[{name}]:.0%}}", report)
+            for name in ("saturated", "lone", "texture")
+        ]
+        yield filled("{name} | {array} | {cells} | ", named(report)) + " | ".join([*costs, report["commit"]])
 
 
 def asic_targets() -> Rows:

@@ -25,14 +25,12 @@ def array_hz(dataset: str, preset: str, encoding: str, resolution: int) -> float
     return float(sum(of_encoding[rates["resolutions"].index(resolution)]))
 
 
-def other_rates() -> None:
-    """Print the event rates of the other presets and textures."""
-    scans = [("kylberg", "physical"), ("embedded", "paper"), ("embedded", "physical")]
-    rows = []
+def other_rates() -> Rows:
+    """Yield the event rates of the other presets and textures."""
     for encoding, bits in (("lcs", 2), ("lcs", 4), ("lcs", 6), ("nlcs", 4), ("nlcs", 8)):
+        scans = [("kylberg", "physical"), ("embedded", "paper"), ("embedded", "physical")]
         cells = (f"{array_hz(*scan, encoding, bits):,.0f}" for scan in scans)
-        rows.append([filled("{e:E} {bits} b", {"e": encoding, "bits": bits}), *cells])
-    table(["readout", *(f"{dataset.capitalize()}, `{preset}`" for dataset, preset in scans)], rows)
+        yield [filled("{e:E} {bits} b", {"e": encoding, "bits": bits}), *cells]
 
 
 def power_parts() -> Rows:

@@ -43,13 +43,12 @@ def speed_encoders() -> Rows:
 
 
 def speed_layer() -> None:
-    """Print CPU time in ms and memory in MiB of one training step, for every candidate."""
+    """Print CPU time in ms of one training step, for every candidate."""
     results = sorted(bench("network"), key=lambda r: (r["rate"], r["steps"]))
     rows = []
     for name in results[0]["candidates"]:
         found = [r["candidates"][name] for r in results]
-        one = ["{cpu_s[median]:1e3*.1f}" + ("" if c["peak_mib"] is None else ", {peak_mib:.0f}") for c in found]
-        rows.append([name, *(filled(text, c) for text, c in zip(one, found, strict=True))])
+        rows.append([name, *(filled("{cpu_s[median]:1e3*.1f}", one) for one in found)])
     kernels = [r["candidates"]["this project, kernel"]["cpu_s"]["median"] for r in results]
     others = [min(c["cpu_s"]["median"] for c in r["candidates"].values() if c["library"]) for r in results]
     limits = [r["limit_cpu_s"]["median"] for r in results]
@@ -68,16 +67,9 @@ def speed_touch() -> dict[str, Any]:
     return report | found | {"before_s": one["before"], "now_s": one["now"]}
 
 
-def leak() -> None:
-    """Print the error of the integer leak of N-LCS against floating point, in % of the event rate."""
-    fractions = ("4", "6", "8", "10", "12")
-    rows = [row | {f"F = {f}": row["fractions"][f] for f in fractions} for row in bench("leak")]
-    table(
-        ["N", "k", *(f"F = {f}" for f in fractions), "exponential", "moving"],
-        rows,
-        " | ".join(["{resolution} | {leak_shift}", *(f"{{F = {f}:.2f}}" for f in fractions)])
-        + " | {exponential[0]:+.2f} to {exponential[1]:+.2f} | {moving:+.2f}",
-    )
+def leak() -> Rows:
+    """Return the error of the integer leak of N-LCS against floating point, in % of the event rate."""
+    return [row | {"by_bits": list(row["fractions"].values())} for row in bench("leak")]
 
 
 def load() -> Rows:
