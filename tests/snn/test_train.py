@@ -99,37 +99,25 @@ def test_the_selected_epoch_is_that_of_the_held_out_images_not_of_the_test() -> 
     assert len(made.best["predictions"]) == 9
 
 
-def test_a_killed_command_goes_on_and_ends_in_the_same_bits(tmp_path: Path) -> None:
-    (tmp_path / "small.json").write_text(json.dumps({"rows": 2, "columns": 2, "resolution": 4}))
-    epochs = 100
-    command = [sys.executable, "-m", "eskin", "train", "--dataset", "embedded", "--bin", "0.02", "--set", "hidden=32"]
-    command += ["--config", str(tmp_path / "small.json"), "--epochs", str(epochs), "--checkpoint-every", "1", "--out"]
-
-    def start(name: str) -> subprocess.Popen[bytes]:
-        out = [str(tmp_path / name)]
-        return subprocess.Popen(command + out, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-
-    killed = start("killed")
-    whole = start("whole")
-    checkpoint = tmp_path / "killed" / "checkpoint.pt"
-    deadline = time.monotonic() + 120
-    while not checkpoint.exists() and time.monotonic() < deadline:
+def test_a_killed_command_goes_on_and_ends_in_the_same_bits(call: Any, folder: Path) -> None:
+    (folder / "small.json").write_text(json.dumps({"rows": 2, "columns": 2, "resolution": 4}))
+    command = f"train --dataset embedded --bin 0.02 --set hidden=32 --config {folder / 'small.json'} --epochs 100"
+    command += f" --checkpoint-every 1 --out {folder}/"
+    words = [sys.executable, "-m", "eskin", *f"{command}killed".split()]
+    killed = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    checkpoints = [folder / name / "checkpoint.pt" for name in ("killed", "whole")]
+    while not checkpoints[0].exists() and killed.poll() is None:
         time.sleep(0.01)
     killed.kill()
     killed.wait()
-    found = len(read_checkpoint(checkpoint)["history"])
-    assert 1 <= found < epochs
-    resumed = start("killed")
-    for process in (whole, resumed):
-        _, error = process.communicate(timeout=200)
-        assert process.returncode == 0, error
-        continued = f"continuing after epoch {found} of {epochs}".encode()
-        assert (continued in error.splitlines()) is (process is resumed)
-    results = [json.loads((tmp_path / name / "result.json").read_text()) for name in ("whole", "killed")]
-    assert results[0] == results[1]
-    states = [read_checkpoint(tmp_path / name / "checkpoint.pt") for name in ("whole", "killed")]
-    for name, tensor in states[0]["network"].items():
-        assert torch.equal(tensor, states[1]["network"][name])
+    found = len(read_checkpoint(checkpoints[0])["history"])
+    assert 1 <= found < 100
+    for name, continues in (("killed", True), ("whole", False)):
+        code, _, error = call(f"{command}{name}")
+        assert (code, f"continuing after epoch {found} of 100\n" in error) == (0, continues), error
+    assert (folder / "killed/result.json").read_text() == (folder / "whole/result.json").read_text()
+    states = [read_checkpoint(path)["network"] for path in checkpoints]
+    assert all(torch.equal(tensor, states[1][name]) for name, tensor in states[0].items())
 
 
 def test_signs_of_divergence_are_named() -> None:
