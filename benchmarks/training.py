@@ -23,7 +23,7 @@ from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.recipes import RECIPES
 from eskin.snn.experiments.single import Fold
 from eskin.snn.kernels import cpu
-from eskin.snn.kernels.sparse import SparseLayer
+from eskin.snn.kernels.layer import SparseLayer
 from eskin.snn.train import train
 from eskin.snn.training import TrainConfig, parted
 
