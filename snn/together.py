@@ -65,7 +65,7 @@ def train_together(
         calibrate(network, data.batch(one[:: -(-len(one) // CALIBRATION_SCANS)]))
         assert isinstance(network, ConvolutionalNetwork)
         networks.append(network)
-    stacked, _ = torch.func.stack_module_state(networks)  # type: ignore[arg-type]  # a list of modules
+    stacked, _ = torch.func.stack_module_state(networks)
     weights = {name: nn.Parameter(value.detach().to(device)) for name, value in stacked.items()}
     scale, offset = (
         torch.tensor([getattr(network.config, name) for network in networks], device=device).view(-1, 1, 1, 1)

@@ -76,8 +76,12 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
     decay, output_decay = (tensor.detach().cpu().numpy() for tensor in network.decays())
     synapse, output_synapse = config.synapse_decay, config.output_synapse_decay
     gain, output_gain = _gain(decay, synapse), _gain(output_decay, output_synapse)
-    neuron = {"floor": config.floor, "reset": config.reset}
+    neuron: dict[str, Any] = {"floor": config.floor, "reset": config.reset}
     fires = config.readout == "spikes"
+    read = dict(neuron) if fires else {}
+    if config.learn_decay:
+        neuron = neuron | {"raw_decay": arrays["raw_decay"]}
+        read = read | {"raw_decay": arrays["raw_output_decay"]}
     if (synapse and (decay == 1).any()) or (output_synapse and (not fires or (output_decay == 1).any())):
         raise InputError("NIR has synaptic currents only in neurons that leak and fire; export it as .npz")
     nodes: dict[str, nir.NIRNode] = {
@@ -87,16 +91,10 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
             bias=arrays["b_hidden"] * gain,
             metadata={FOLDED: config.input_scale},
         ),
-        HIDDEN: _neurons(decay, synapse, weights.step_s, True, neuron | _raw(arrays, "raw_decay")),
+        HIDDEN: _neurons(decay, synapse, weights.step_s, True, neuron),
         RECURRENT: nir.Linear(weight=arrays["w_rec"] * gain[:, None]),
         READOUT_IN: nir.Affine(weight=arrays["w_out"] * output_gain[:, None], bias=arrays["b_out"] * output_gain),
-        READOUT: _neurons(
-            output_decay,
-            output_synapse,
-            weights.step_s,
-            fires,
-            (neuron if fires else {}) | _raw(arrays, "raw_output_decay"),
-        ),
+        READOUT: _neurons(output_decay, output_synapse, weights.step_s, fires, read),
         OUTPUT: nir.Output(output_type={"output": np.array([config.classes])}),
     }
     header = {"network": config.to_dict(), "class_names": list(weights.class_names), "step_s": weights.step_s}
@@ -149,11 +147,6 @@ def _gain(decay: NDArray[Any], synapse: float = 0.0) -> NDArray[np.float64]:
     if (decay == 1).all() or synapse:
         return np.ones(len(decay))
     return 1.0 / np.maximum(1.0 - decay.astype(np.float64), SMALLEST_LOSS)
-
-
-def _raw(arrays: dict[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
-    """Return learned decays before the logistic function by name; empty without learned decays."""
-    return {"raw_decay": arrays[name]} if name in arrays else {}
 
 
 def load_nir(
@@ -221,17 +214,21 @@ def from_nir(
     return Weights(network, class_names, dt)
 
 
+def _number(metadata: dict[str, Any], name: str, default: Any) -> Any:
+    """Return a value of the metadata, as plain Python if it is a number of NumPy."""
+    value = metadata.get(name, default)
+    return value.item() if isinstance(value, np.generic) else value
+
+
 def _time_step(graph: nir.NIRGraph, step_s: float | None) -> float:
     """Return the time step of a graph in seconds, or the given time step if the graph has none."""
-    stated = graph.metadata.get("dt")
-    if step_s is None and stated is None:
+    own = _number(graph.metadata, "dt", None)
+    steps = [check_step(step) for step in (own, step_s) if step is not None]
+    if not steps:
         raise InputError("the graph has no time step; give it in seconds (--step)")
-    own = None if stated is None else check_step(stated.item() if isinstance(stated, np.generic) else stated)
-    if step_s is not None:
-        check_step(step_s)
-    if own is not None and step_s is not None and not math.isclose(step_s, own):
+    if not math.isclose(steps[0], steps[-1]):
         raise InputError(f"the graph has a time step of {own:g} s, not {step_s:g} s; leave --step out")
-    return float(step_s) if own is None else own  # type: ignore[arg-type]
+    return steps[0]
 
 
 def _layers(graph: nir.NIRGraph, dt: float, reset: str | None) -> tuple[Layer, Layer, NDArray[np.float64], float]:
@@ -266,9 +263,7 @@ def _layers(graph: nir.NIRGraph, dt: float, reset: str | None) -> tuple[Layer, L
 
 def _folded(node: nir.NIRNode) -> float:
     """Return the input scale contained in the weights of the first node, 1 by default."""
-    value = node.metadata.get(FOLDED, 1.0)
-    if isinstance(value, np.generic):
-        value = value.item()
+    value = _number(node.metadata, FOLDED, 1.0)
     if type(value) not in (int, float) or not (math.isfinite(value) and value > 0):
         raise InputError(f"the weights of the first node hold an {FOLDED} of {value!r}, which is not a positive number")
     return float(value)
@@ -308,18 +303,13 @@ def _config_of(
 
 def _decay_fields(hidden: Layer, readout: Layer) -> dict[str, Any]:
     """Return the decay fields of NetworkConfig; decays that vary within a layer become learned ones."""
-    differ = [layer for layer in (hidden, readout) if (layer.decay != layer.decay[0]).any()]
-    if differ:
-        for layer in (hidden, readout):
-            if (layer.decay == 1).any():
-                raise InputError(
-                    f"node {layer.name!r} has no leak, while those of {differ[0].name!r} differ; give it a long tau"
-                )
-    return {
-        "decay": float(hidden.decay[0]),
-        "output_decay": float(readout.decay[0]),
-        "learn_decay": bool(differ),
-    }
+    differ = [layer for layer in (hidden, readout) if np.ptp(layer.decay)]
+    for layer in (hidden, readout) if differ else ():
+        if (layer.decay == 1).any():
+            raise InputError(
+                f"node {layer.name!r} has no leak, while those of {differ[0].name!r} differ; give it a long tau"
+            )
+    return {"decay": float(hidden.decay[0]), "output_decay": float(readout.decay[0]), "learn_decay": bool(differ)}
 
 
 def _header(graph: nir.NIRGraph) -> dict[str, Any] | None:
