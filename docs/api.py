@@ -15,6 +15,8 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
+from docs.tutorial_page import source
+
 ROOT = Path(__file__).parents[1]
 FIRST = (
     "eskin/api.py",
@@ -90,16 +92,17 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     files.append(File.generated(config, f"{API}/index.md", content=list_of_modules()))
     for path in [ROOT / FIRST[0], *(path for paths in rooms().values() for path in paths)]:
         name = imported_as(path)
-        source = "eskin.api" if name == "eskin" else name
-        text = f"{AFTER_GUIDES}# {name}\n\n`{path.relative_to(ROOT)}`\n\n::: {source}\n"
+        module = "eskin.api" if name == "eskin" else name
+        text = f"{AFTER_GUIDES}# {name}\n\n`{path.relative_to(ROOT)}`\n\n::: {module}\n"
         files.append(File.generated(config, f"{API}/{name}.md", content=text))
     for name in AT_THE_TOP:
         text = (ROOT / name).read_text().replace("](docs/", "](")
         for other in AT_THE_TOP:
             text = text.replace(f"]({other}", f"]({other.lower()}")
         files.append(File.generated(config, name.lower(), content=text))
-    notebook = jupytext.writes(jupytext.read(ROOT / "docs" / "tutorial.py"), fmt="ipynb")
-    files.append(File.generated(config, "tutorial.ipynb", content=notebook))
+    notebook = jupytext.reads(source(), fmt="md")
+    notebook.metadata["kernelspec"] = {"display_name": "Python 3", "language": "python", "name": "python3"}
+    files.append(File.generated(config, "tutorial.ipynb", content=jupytext.writes(notebook, fmt="ipynb")))
     return files
 
 
