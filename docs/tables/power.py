@@ -43,21 +43,12 @@ def power_parts() -> Rows:
     ]
 
 
-def _by_resolution(values: dict[str, Any], cell: str) -> None:
-    """Print values of LCS, and of N-LCS for each time constant, by resolution."""
+def by_resolution(mode: str, value: str, cell: str) -> Rows:
+    """Yield a value of Fig. 7 at each resolution: of LCS, and of N-LCS for each time constant."""
+    values = read("docs/data/fig7.json")["modes"][mode][value]
     by_name = {"LCS": values["lcs"]} | {f"N-LCS {1e3 * float(tau):.0f} ms": row for tau, row in values["nlcs"].items()}
-    rows = [[name, *(filled(cell, {"v": value}) for value in row)] for name, row in by_name.items()]
-    table(["N", *map(str, range(1, 11))], rows)
-
-
-def power_crossover() -> None:
-    """Print the crossover in mV in mode ``paper``."""
-    _by_resolution(read("docs/data/fig7.json")["modes"]["paper"]["crossover"], "{v:1e3*#4}")
-
-
-def power_ratio() -> None:
-    """Print the ratio of spiking to frame power at 1 mV in mode ``consistent``."""
-    _by_resolution(read("docs/data/fig7.json")["modes"]["consistent"]["ratio"], "{v:#3}")
+    for name, row in by_name.items():
+        yield [name, *(filled(cell, {"v": one}) for one in row)]
 
 
 def sensitivity(case: str) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import groupby
 from typing import Any
 
-from docs.tables.write import Rows, filled, read, source, table
+from docs.tables.write import Rows, read, source, table
 
 EVIDENCE = {
     "proved": ("formal", "properties of the RTL, for any number of clocks"),
@@ -108,12 +108,6 @@ def unreached() -> Rows:
     """Return the reasons for uncovered Verilog."""
     reasons = sorted(evidence("coverage")["reasons"].items(), key=lambda item: -item[1]["constructs"])
     return [[reason, f"{one['constructs']:,}", "proved" if one["proved"] else "argued"] for reason, one in reasons]
-
-
-def points() -> Rows:
-    """Return functional coverage points by group."""
-    groups = evidence("coverage")["points"]
-    return [[name, filled("{reached:,} of {points:,}", one)] for name, one in groups.items()]
 
 
 def mutants() -> Rows:
