@@ -93,8 +93,9 @@ class NetworkConfig:
                 raise InputError(f"{name} must be above 0 and at most 1, not {value!r}")
             if self.learn_decay and value == 1:
                 raise InputError(f"{name} must be below 1 to be learned; give a start value such as 0.95")
-        below_1 = {"synapse_decay": "", "output_synapse_decay": ""}
-        for name, unit in (below_1 | dict.fromkeys(("hidden_rate", "output_rate"), " spikes per step")).items():
+        spikes = " spikes per step"
+        units = {"synapse_decay": "", "output_synapse_decay": "", "hidden_rate": spikes, "output_rate": spikes}
+        for name, unit in units.items():
             if not 0 <= getattr(self, name) < 1:
                 raise InputError(f"{name} must be from 0 to below 1{unit}, not {getattr(self, name)!r}")
         if self.weight_bits != 0 and not 2 <= self.weight_bits <= 8:

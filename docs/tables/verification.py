@@ -91,17 +91,12 @@ def stages() -> Rows:
         yield [block.replace("_", " "), stage, f"{proved} of {len(properties)}", str(mutants), *tried]
 
 
-def coverage() -> None:
-    """Print the coverage of the Verilog by kind."""
-    report = evidence("coverage")
+def coverage() -> Rows:
+    """Yield the coverage of the Verilog by kind."""
     words = {"line": "lines", "branch": "branches", "toggle": "toggles", "condition": "terms of conditions"}
-    kinds = [report["constructs"][kind] | {"word": word} for kind, word in words.items()]
-    table(
-        "part of the Verilog | number | reached | with a reason | neither",
-        [one | {"left": one["total"] - one["reached"] - one["explained"]} for one in kinds],
-        "{word} | {total:,} | {reached:,} | {explained:,} | {left}",
-    )
-    source(report, f": {{result}}; {len(report['runs'])} runs")
+    for kind, word in words.items():
+        one = evidence("coverage/constructs")[kind]
+        yield one | {"word": word, "left": one["total"] - one["reached"] - one["explained"]}
 
 
 def unreached() -> Rows:
