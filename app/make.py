@@ -72,7 +72,7 @@ STEPS: dict[str, tuple[str, tuple[str, ...]]] = {
                 for n in ("encoder", "cosim", "training", "player", "udp", "leak", "load")
             ),
             f"benchmarks/encoder.py --signals 64 --samples 200000 --json {MEASURED}/encoder_64.json",
-            f"benchmarks/network.py --steps 200 --no-memory --json {MEASURED}/network.json",
+            f"benchmarks/network.py --steps 200 --json {MEASURED}/network.json",
             *(
                 f"benchmarks/scale.py {n} --json {MEASURED}/scale_{n}.json"
                 for n in ("encoders", "tiles", "arrays", "skins")

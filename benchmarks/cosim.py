@@ -10,7 +10,6 @@ import json
 import os
 import statistics
 import subprocess
-import tempfile
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,13 +19,13 @@ import numpy as np
 import typer
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
-from measure import RESULTS, JsonFile, spread, versions, write
+from measure import JOB, MEASURED, RESULTS, JsonFile, in_simulator, spread, timed, versions, write
 
 from eskin.cocotb_tests.bench.readout import Bench
 from eskin.cocotb_tests.bench.textures import scan
 from eskin.cocotb_tests.runner.build_cache import BUILD, digest
 from eskin.cocotb_tests.runner.cocotb_runners import VERILATOR_FLAGS, build_environment
-from eskin.cocotb_tests.runner.simulator import Build, build
+from eskin.cocotb_tests.runner.simulator import build
 from eskin.model.config import ReadoutConfig
 from eskin.model.readout import Stimulus, simulate
 
@@ -39,9 +38,6 @@ BARE, ALL, SKIPPING, EVERY, MODEL = (
     "testbench waking every clock",
     "cycle-accurate model",
 )
-JOB = "ESKIN_BENCHMARK"
-"""Environment variable with encoder, rounds, and the command of the bare loop without its samples."""
-
 BARE_LOOP = Path(__file__).with_name("bare_loop.cpp").read_text()
 
 
@@ -79,14 +75,13 @@ async def whole_runs(dut: Any) -> None:
                 start = time.process_time()
                 events, _ = await bench.play(stimulus, skip)
                 took[name] = (len(events), time.process_time() - start)
-            start = time.process_time()
-            events = simulate(config, stimulus)
-            took[MODEL] = (len(events), time.process_time() - start)
+            events, seconds = timed(simulate, config, stimulus)
+            took[MODEL] = (len(events), seconds)
             if len({count for count, _ in took.values()}) > 1:
                 raise AssertionError(f"different numbers of events: {took}")
             clocks = {name: stimulus.clocks / seconds for name, (_, seconds) in took.items()}
             found.append({"scene": scene, "events": len(events), "clocks": stimulus.clocks, "per_second": clocks})
-    Path("measured.json").write_text(json.dumps(found))
+    MEASURED.write_text(json.dumps(found))
 
 
 @cocotb.test()
@@ -117,7 +112,7 @@ async def every_clock(dut: Any) -> None:
     seconds = time.process_time() - start
     if events != len(simulate(config, stimulus)):
         raise AssertionError(f"the usual testbench counted {events} events, the model a different number")
-    Path("measured.json").write_text(json.dumps(stimulus.clocks / seconds))
+    MEASURED.write_text(json.dumps(stimulus.clocks / seconds))
 
 
 # -- outside -----------------------------------------------------------------------------------------
@@ -150,12 +145,6 @@ def _bare_program(config: ReadoutConfig) -> list[str]:
     return [str(executable), str(words), str(config.clocks_per_sample)]
 
 
-def _measured(program: Build, testcase: str, job: dict[str, Any]) -> Any:
-    with tempfile.TemporaryDirectory() as folder:
-        program.test("cosim", Path(folder), testcase, {JOB: json.dumps(job)})
-        return json.loads((Path(folder) / "measured.json").read_text())
-
-
 def _row(encoding: str, scene: str, name: str, rates: list[float], reference: list[float]) -> dict[str, Any]:
     of_bare = spread([a / b for a, b in zip(rates, reference, strict=True)])
     print(f"{encoding:7} {scene:8} {name:46} " + "{median:7.3f} ({least:.3f}..{most:.3f})".format(**of_bare))
@@ -172,13 +161,13 @@ def main(
     for encoding in ENCODERS:
         config = _config(encoding)
         job = {"encoding": encoding, "rounds": rounds, "bare": _bare_program(config)}
-        found = _measured(build(config, "verilator"), "whole_runs", job)
+        found = in_simulator(build(config, "verilator"), "cosim", "whole_runs", job)
         for scene in ("texture", "rest"):
             runs = [run for run in found if run["scene"] == scene]
             rates = {name: [run["per_second"][name] for run in runs] for name in runs[0]["per_second"]}
             if (encoding, scene) == ("lcs", "texture"):
                 program = build(config, "verilator", top="eskin_readout", bare=True)
-                rates[EVERY] = [_measured(program, "every_clock", job) for _ in runs]
+                rates[EVERY] = [in_simulator(program, "cosim", "every_clock", job) for _ in runs]
             rows += [_row(encoding, scene, name, values, rates[BARE]) for name, values in rates.items()]
             played.append({"encoding": encoding, "scene": scene} | {key: runs[0][key] for key in ("clocks", "events")})
     content = {"rounds": rounds, "played": played, "config": _config("lcs").to_dict(), "versions": versions("numpy")}

@@ -15,14 +15,13 @@ from __future__ import annotations
 import os
 import statistics
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
 import typer
-from measure import JsonFile, spread, versions, write
+from measure import JsonFile, spread, timed, versions, write
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt
 
@@ -158,19 +157,17 @@ def main(
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     config = ReadoutConfig(encoding="lcs")
     codes = texture_like(samples, signals, config, seed)
-    timed = candidates(config, codes)
-    if timed[-1].name != "snntorch delta":
+    tried = candidates(config, codes)
+    if tried[-1].name != "snntorch delta":
         print("snnTorch is not installed: spikegen.delta is left out.")
     events: dict[str, int | None] = {}
-    for candidate in timed:  # compiles, and touches all memory
+    for candidate in tried:  # compiles, and touches all memory
         candidate.call()
         events[candidate.name] = candidate.events() if candidate.events else None
     for _ in range(rounds):
-        for candidate in timed:
-            start = time.process_time()
-            candidate.call()
-            candidate.seconds.append(time.process_time() - start)
-    results = [summary(candidate, timed[0], events[candidate.name]) for candidate in timed]
+        for candidate in tried:
+            candidate.seconds.append(timed(candidate.call)[1])
+    results = [summary(candidate, tried[0], events[candidate.name]) for candidate in tried]
 
     print(f"{signals} signals x {samples} samples, {config.sample_bits} bits, N = {config.resolution}, one core")
     print(f"{'':28}{'M samples/s':>12}{'times the copy (least..most)':>32}{'events':>14}")

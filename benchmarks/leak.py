@@ -1,6 +1,6 @@
 """Measure the difference between the integer leak of N-LCS and float models, in % of the event rate.
 
-``python benchmarks/leak.py --json benchmarks/results/leak.json`` prints the tables of docs/reference/encoders.md.
+``python benchmarks/leak.py --json benchmarks/results/leak.json`` measures the table of docs/reference/encoders.md.
 
 ``fractions``: constant inputs, integers with F fraction bits against the same leak ticks in floating point;
 the worst of many inputs from 1.5 D to full scale. ``exponential``: the same inputs, the leak ticks in float
@@ -10,6 +10,7 @@ signals, the default fraction bits against a float model that leaks at every sam
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Annotated, Any
 
@@ -83,17 +84,13 @@ def main(
 ) -> None:
     """Compare the event rates of integer N-LCS with those of float models."""
     results = []
-    print("| N | k | " + " | ".join(f"F = {bits}" for bits in FRACTIONS) + " | exponential | moving |")
-    print("|---" * (len(FRACTIONS) + 4) + "|")
     for resolution in RESOLUTIONS:
         for shift, period in LEAKS:
             found = constant_inputs(resolution, shift, ticks)
             found |= {"resolution": resolution, "leak_shift": shift, "leak_period": period}
             found["moving"] = moving_inputs(resolution, shift, period, ticks)
             results.append(found)
-            cells = [f"{found['fractions'][bits]:.2f}" for bits in FRACTIONS]
-            cells.append("{:+.2f} .. {:+.2f}".format(*found["exponential"]))
-            print(f"| {resolution} | {shift} | " + " | ".join(cells) + f" | {found['moving']:+.2f} |")
+            print(json.dumps(found), flush=True)
     write(json_file, "leak", f"--ticks {ticks}", {"ticks": ticks, "sample_bits": 12, "results": results})
 
 

@@ -1,6 +1,6 @@
 """Measure throughput, waiting time and fairness of five arbiters at equal loads.
 
-``python benchmarks/load.py --json benchmarks/results/load.json`` prints the table of docs/results/load.md.
+``python benchmarks/load.py --json benchmarks/results/load.json`` measures the table of docs/results/load.md.
 
 Ours is ``eskin.model.arbiter``, the one that the RTL equals. The others are written for comparison: a tree with fixed
 priority (the lowest index first), a flat round robin over all taxels, a binary AER tree whose nodes of two toggle
@@ -18,6 +18,7 @@ same share. ``by_address`` is the mean wait of the address that waits least, and
 
 from __future__ import annotations
 
+import json
 from typing import Annotated, Any
 
 import numpy as np
@@ -198,17 +199,11 @@ def main(
 ) -> None:
     """Compare five arbiters at equal loads."""
     results = []
-    print("| load | arbiter | events per clock | mean | 99 % | worst | Jain | mean by address |")
-    print("|---" * 8 + "|")
     for load in loads(side, clocks, seed):
         for kind in range(len(ARBITERS)):
             found = run(load, kind, side, clocks)
             results.append({name: round(v, 4) if isinstance(v, float) else v for name, v in found.items()})
-            print(
-                f"| {found['load']}, {found['asked']:.0%} | {found['arbiter']} | {found['throughput']:.3f} "
-                f"| {found['mean_wait']:.1f} | {found['wait_99']:.0f} | {found['worst_wait']} | {found['jain']:.3f} "
-                f"| {found['by_address'][0]:.1f} to {found['by_address'][1]:.1f} |"
-            )
+            print(json.dumps(results[-1]), flush=True)
     content = {"rows": side, "columns": side, "clocks": clocks, "seed": seed, "bound": (side + 1) * side + 2}
     write(json_file, "load", f"--clocks {clocks} --side {side} --seed {seed}", content | {"results": results})
 

@@ -1,16 +1,19 @@
-"""Common parts of the benchmarks: result file, spread of ratios, versions, and processor time of other programs."""
+"""Common parts of the benchmarks: result file, spread of ratios, versions, processor time, and jobs in a simulator."""
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import resource
 import statistics
-from collections.abc import Iterator, Sequence
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,7 +21,16 @@ from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
 from eskin.base.outputs import check_file
 
+if TYPE_CHECKING:
+    from eskin.cocotb_tests.runner.simulator import Build
+
 RESULTS = Path(__file__).parent / "results"
+
+JOB = "ESKIN_BENCHMARK"
+"""Environment variable with the job of a cocotb test as JSON."""
+
+MEASURED = Path("measured.json")
+"""File in which the test leaves its result, in its own folder."""
 
 
 def _writable(path: Path | None) -> Path | None:
@@ -56,6 +68,20 @@ def versions(*libraries: str) -> dict[str, Any]:
 def spread(ratios: Sequence[float]) -> dict[str, float]:
     """Return the median, the smallest and the largest of several ratios."""
     return {"median": statistics.median(ratios), "least": min(ratios), "most": max(ratios)}
+
+
+def in_simulator(program: Build, module: str, test: str, job: Any) -> Any:
+    """Run a cocotb test of a benchmark, and return the content of its ``MEASURED``."""
+    with tempfile.TemporaryDirectory() as folder:
+        program.test(module, Path(folder), test, {JOB: json.dumps(job)})
+        return json.loads((Path(folder) / MEASURED).read_text())
+
+
+def timed(call: Callable[..., Any], *arguments: Any) -> tuple[Any, float]:
+    """Return the result of a call, and its processor seconds."""
+    start = time.process_time()
+    found = call(*arguments)
+    return found, time.process_time() - start
 
 
 def children_s() -> float:

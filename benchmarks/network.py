@@ -10,24 +10,20 @@ are not installed are left out.
 
 The limit is the time of the dense products of such a step alone: one per step and direction with the recurrent
 weights, all others as one product for the whole sequence. Work over events does less than that, so the limit can be
-beaten. In every round all candidates run once, one after the other; times are CPU time of the process. Peak memory is
-measured in a process of its own for each.
+beaten. In every round all candidates run once, one after the other; times are CPU time of the process.
 """
 
 from __future__ import annotations
 
 import statistics
-import subprocess
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Annotated, Any
 
 import torch
 import typer
-from measure import JsonFile, versions, write
+from measure import JsonFile, timed, versions, write
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -195,14 +191,11 @@ class Step:
         loss.backward()
         self.adam.step()
 
-    def timed(self) -> None:
-        """Run one training step from the initial weights."""
+    def restart(self) -> None:
+        """Set the weights to their initial values."""
         with torch.no_grad():
             for weight, first in zip(self.weights, make_weights(), strict=True):
                 weight.copy_(first)
-        start = time.process_time()
-        self.run()
-        self.seconds.append(time.process_time() - start)
 
 
 def make_weights() -> list[Tensor]:
@@ -249,35 +242,7 @@ def product_limit(steps: int, batch: int) -> Callable[[], None]:
     return products
 
 
-def peak_mib(name: str, steps: int, batch: int, rate: float) -> float | None:
-    """Return the increase of peak memory by a candidate's training in a new process, in MiB."""
-    if sys.platform != "linux":
-        return None
-    command = [sys.executable, __file__, "--memory-of", name, "--steps", str(steps)]
-    command += ["--batch", str(batch), "--rate", str(rate)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    return float(done.stdout.split()[-1])
-
-
-def print_memory(name: str, steps: int, batch: int, rate: float) -> None:
-    """Print the increase of peak memory over three training steps in MiB (Linux)."""
-    small = Step(CANDIDATES[name][0](), *make_input(2, batch, rate))
-    small.run()  # libraries are loaded
-    step = Step(CANDIDATES[name][0](), *make_input(steps, batch, rate))
-    Path("/proc/self/clear_refs").write_text("5")  # forget the peak so far
-    before = resident_kib("VmRSS")
-    for _ in range(3):
-        step.run()
-    print((resident_kib("VmHWM") - before) / 1024)
-
-
-def resident_kib(name: str) -> int:
-    """Return a number of kibibytes from the status of this process."""
-    lines = Path("/proc/self/status").read_text().splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith(name + ":"))
-
-
-def measure(steps: int, batch: int, rate: float, rounds: int, memory: bool) -> dict[str, Any]:
+def measure(steps: int, batch: int, rate: float, rounds: int) -> dict[str, Any]:
     """Return the results of all installed candidates for one sequence length."""
     x, labels = make_input(steps, batch, rate)
     made: dict[str, Step] = {}
@@ -300,16 +265,14 @@ def measure(steps: int, batch: int, rate: float, rounds: int, memory: bool) -> d
     products()
     for _ in range(rounds):
         for step in made.values():
-            step.timed()
-        start = time.process_time()
-        products()
-        limit.append(time.process_time() - start)
+            step.restart()
+            step.seconds.append(timed(step.run)[1])
+        limit.append(timed(products)[1])
     for name, step in made.items():
         ratios = [a / b for a, b in zip(step.seconds, limit, strict=True)]
         results[name] |= {
             "cpu_s": {"median": statistics.median(step.seconds), "least": min(step.seconds), "all": step.seconds},
             "times_the_limit": statistics.median(ratios),
-            "peak_mib": peak_mib(name, steps, batch, rate) if memory else None,
         }
     return {
         "steps": steps,
@@ -326,11 +289,9 @@ def print_table(report: dict[str, Any]) -> None:
         f"{report['steps']} steps, {report['input_density']:.0%} of the inputs not zero, "
         f"{report['spikes_per_step']:.1%} of the hidden neurons fire in a step"
     )
-    print(f"{'':36}{'CPU ms':>10}{'x limit':>10}{'peak MiB':>10}  equal")
+    print(f"{'':36}{'CPU ms':>10}{'x limit':>10}  equal")
     for name, found in report["candidates"].items():
-        memory = "" if found["peak_mib"] is None else f"{found['peak_mib']:.0f}"
-        median = 1e3 * found["cpu_s"]["median"]
-        print(f"{name:36}{median:10.1f}{found['times_the_limit']:10.2f}{memory:>10}  {found['equal']}")
+        print(f"{name:36}{1e3 * found['cpu_s']['median']:10.1f}{found['times_the_limit']:10.2f}  {found['equal']}")
     print(f"{'matrix products alone':36}{1e3 * report['limit_cpu_s']['median']:10.1f}{1:10.2f}")
 
 
@@ -340,33 +301,21 @@ def main(
     batch: Annotated[int, typer.Option(min=1, help="sequences")] = 32,
     rate: Annotated[list[float] | None, typer.Option(help="events per input and step, repeatable [0.1, 0.5]")] = None,
     rounds: Annotated[int, typer.Option(min=1, help="how often everything is timed")] = 9,
-    memory: Annotated[bool, typer.Option(help="measure peak memory")] = True,
-    memory_of: Annotated[str | None, typer.Option(hidden=True)] = None,
 ) -> None:
     """Time a training step on one core."""
     torch.set_num_threads(1)
-    if memory_of is not None:
-        print_memory(memory_of, (steps or [200])[0], batch, (rate or [0.1])[0])
-        return
     if not kernel.available():
         print("The kernel cannot be compiled here: install g++.", file=sys.stderr)
         raise typer.Exit(2)
     reports = []
     for one_rate in rate or [0.1, 0.5]:
         for length in steps or [200, 400]:
-            reports.append({"rate": one_rate} | measure(length, batch, one_rate, rounds, memory))
+            reports.append({"rate": one_rate} | measure(length, batch, one_rate, rounds))
             print_table(reports[-1])
-    words = [f"--batch {batch} --rounds {rounds}", *([] if memory else ["--no-memory"])]
+    words = [f"--batch {batch} --rounds {rounds}"]
     words += [f"--steps {length}" for length in steps or []] + [f"--rate {one}" for one in rate or []]
     capability = {"cpu_capability": torch.backends.cpu.get_cpu_capability()}
-    content: dict[str, Any] = {
-        "inputs": INPUTS,
-        "hidden": HIDDEN,
-        "classes": CLASSES,
-        "batch": batch,
-        "rounds": rounds,
-        "threads": 1,
-    }
+    content = {"inputs": INPUTS, "hidden": HIDDEN, "classes": CLASSES, "batch": batch, "rounds": rounds, "threads": 1}
     content |= {"versions": versions("torch", "norse", "spikingjelly", "snntorch") | capability, "results": reports}
     write(json_file, "network", " ".join(words), content)
     if not all(found["equal"] for report in reports for found in report["candidates"].values()):

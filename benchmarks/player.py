@@ -24,7 +24,7 @@ import typer
 from cocotb.clock import Clock
 from cocotb.triggers import Timer
 from cocotb.utils import get_sim_time
-from measure import RESULTS, JsonFile, write
+from measure import JOB, MEASURED, RESULTS, JsonFile, in_simulator, write
 
 from eskin.board.bitstream.build import NETWORK
 from eskin.board.config import BoardConfig, SerialConfig
@@ -38,7 +38,6 @@ from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
 
-JOB = "ESKIN_PLAYER"
 BAUD, RESOLUTION = 3_000_000, 6
 CASES: dict[str, tuple[int, list[str]]] = {
     "`brick-03`": (1500, ["--only", "brick/brick-03"]),
@@ -75,7 +74,7 @@ async def play(dut: Any) -> None:
         said, _ = host.communicate()
     if host.returncode:
         raise AssertionError(f"the host program failed: {said}")
-    Path("bytes.json").write_text(json.dumps([sent, returned]))
+    MEASURED.write_text(json.dumps([sent, returned]))
 
 
 def signals(readout: ReadoutConfig, folder: Path) -> None:
@@ -102,8 +101,7 @@ def measured(program: Build, chip: ChipConfig, name: str, folder: Path) -> dict[
     command = [sys.executable, "-m", "eskin", "play", str(folder / "network.npz"), "--baud", str(BAUD)]
     command += ["--limit", str(ticks), "--patience", "600", "--out", str(folder / "played.npz")]
     command += [str(folder / word) if word.endswith(".npy") else word for word in options]
-    program.test("player", folder, "play", {JOB: json.dumps(command)})
-    sent, returned = json.loads((folder / "bytes.json").read_text())
+    sent, returned = in_simulator(program, "player", "play", command)
     begun = last_sample = last_event = 0
     for at, frame in frames(sent):
         if frame.kind == Kind.RESTART:

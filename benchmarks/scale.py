@@ -9,7 +9,6 @@ of the programs, so that other work on the machine counts little; Verilator's ow
 
 from __future__ import annotations
 
-import functools
 import json
 import math
 import multiprocessing
@@ -19,21 +18,19 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import cocotb
 import numpy as np
 import typer
-from measure import RESULTS, measured, write
+from measure import JOB, MEASURED, RESULTS, JsonFile, in_simulator, measured, timed, write
 
 from eskin.cocotb_tests.bench.readout import Bench
 from eskin.cocotb_tests.bench.textures import large_enough, scan
 from eskin.cocotb_tests.runner import simulator as programs
 from eskin.cocotb_tests.runner.cocotb_runners import Simulator, build_environment
 from eskin.cocotb_tests.runner.simulator import build
-from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
 from eskin.model.readout import Stimulus, simulate
 from eskin.model.taxel import encode
@@ -45,15 +42,13 @@ from eskin.skin.textures.physical import PhysicalScan
 SIDES = "8,16,32,64"
 FLAT, SLOW = 16, 32
 """Largest side of arrays that are also built flat, and largest side of arrays that Icarus simulates."""
-CONFIG, TICKS, SLOW_TICKS = "ESKIN_SCALE", 100, 6
+TICKS, SLOW_TICKS = 100, 6
 RELAYS = 2
 """Relay stations on the line of each tile."""
 LARGEST_SKIN = 4096
 """Taxels of the largest skin in one module; the number of input bits of a module is limited."""
 TRAVEL_PX = 15
 """Distance in pixels that the skin slides over the image."""
-
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 # -- inside the simulator ----------------------------------------------------------------------------
@@ -62,7 +57,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @cocotb.test()
 async def play(dut: Any) -> None:
     """Play a scan, compare it with the model, and time it again."""
-    fields = json.loads(os.environ[CONFIG])
+    fields = json.loads(os.environ[JOB])
     config, ticks = ReadoutConfig.from_dict(fields["config"]), fields["ticks"]
     stimulus = Stimulus.from_samples(config, scan(config.rows, config.columns, config.sample_bits, 0)[:ticks])
     bench = Bench(dut, config, Path.cwd())
@@ -72,7 +67,7 @@ async def play(dut: Any) -> None:
     written = time.process_time()
     await bench._go()
     told = {"events": len(events), "clocks": stimulus.clocks, "write_s": written - start}
-    Path("measured.json").write_text(json.dumps(told | {"simulation_s": time.process_time() - written}))
+    MEASURED.write_text(json.dumps(told | {"simulation_s": time.process_time() - written}))
 
 
 # -- outside -----------------------------------------------------------------------------------------
@@ -89,9 +84,7 @@ def _speed(config: ReadoutConfig, simulator: Simulator, ticks: int, hierarchical
                 program = build(config, simulator, hierarchical=hierarchical)
         finally:
             programs.BUILD = kept
-        job = json.dumps({"config": config.to_dict(), "ticks": ticks})
-        program.test("scale", Path(folder) / "run", "play", {CONFIG: job})
-        told = json.loads((Path(folder) / "run" / "measured.json").read_text())
+        told = in_simulator(program, "scale", "play", {"config": config.to_dict(), "ticks": ticks})
     result["clocks_per_second"] = told["clocks"] / told["simulation_s"]
     result["stimulus_share"] = told["write_s"] / (told["write_s"] + told["simulation_s"])
     return result | {"clocks": told["clocks"], "events": told["events"]}
@@ -118,16 +111,19 @@ def array(side: int) -> dict[str, Any]:
     return result
 
 
+def _scanned(config: TilesConfig) -> list[Stimulus]:
+    """Return the stimulus of every tile for the start of a scan over an embedded photograph."""
+    width = math.ceil(PhysicalScan().taxel_pitch_px * (config.columns - 1)) + TRAVEL_PX
+    image = large_enough(embedded_dataset()[0].load(), config)[:, :width]
+    return scan_skin(config, PhysicalScan(), image)
+
+
 def skin(resolution: int, clocks_per_sample: int) -> dict[str, Any]:
     """Return the results of 16 tiles of 64 x 64 taxels with one merge."""
     tile = ReadoutConfig(rows=64, columns=64, resolution=resolution, clocks_per_sample=clocks_per_sample)
     config = TilesConfig.of(tile, 4, 4)
-    width = math.ceil(PhysicalScan().taxel_pitch_px * (config.columns - 1)) + TRAVEL_PX
-    image = large_enough(embedded_dataset()[0].load(), config)[:, :width]
-    stimuli = scan_skin(config, PhysicalScan(), image)
-    start = time.process_time()
-    events = simulate_skin(config, stimuli)
-    seconds = time.process_time() - start
+    stimuli = _scanned(config)
+    events, seconds = timed(simulate_skin, config, stimuli)
     alone = [len(simulate(tile, stimulus)) for stimulus in stimuli]
     counts = np.bincount(config.in_tiles(events)[0], minlength=config.tiles)
     clocks = stimuli[0].clocks
@@ -142,7 +138,7 @@ def skin(resolution: int, clocks_per_sample: int) -> dict[str, Any]:
         "events_per_clock": len(events) / clocks,
         "fewest_of_a_tile": int(counts.min()),
         "most_of_a_tile": int(counts.max()),
-        "bubbles_while_busy": _bubbles(events),
+        "bubbles_while_busy": int(events["t"][-1] - events["t"][0]) + 1 - len(events),
         "model_s": round(seconds, 2),
     }
 
@@ -165,13 +161,10 @@ def tiles_of(side: int, rows: int, columns: int) -> dict[str, Any]:
             for more in ([*skin, "--relays", str(RELAYS)],) if whole else ([], [*skin, "--merge"]):
                 subprocess.run([*command, *more], check=True, stdout=subprocess.DEVNULL)
         result["verilog_bytes"] = sum(text.stat().st_size for text in Path(folder).glob("*.v"))
-    width = math.ceil(PhysicalScan().taxel_pitch_px * (config.columns - 1)) + TRAVEL_PX
-    image = large_enough(embedded_dataset()[0].load(), config)[:, :width]
-    stimuli = scan_skin(config, PhysicalScan(), image)
+    stimuli = _scanned(config)
     simulate_skin(config, stimuli)
-    start = time.process_time()
-    events = simulate_skin(config, stimuli)
-    result["model_s"] = round(time.process_time() - start, 3)
+    events, seconds = timed(simulate_skin, config, stimuli)
+    result["model_s"] = round(seconds, 3)
     clocks = stimuli[0].clocks
     result["model_ns_per_taxel_tick"] = 1e9 * result["model_s"] / (config.taxels * clocks / tile.clocks_per_sample)
     return result | {"clocks": clocks, "events": len(events)}
@@ -195,12 +188,7 @@ def _encode(job: tuple[ReadoutConfig, list[str]]) -> tuple[float, int]:
     seconds, events = 0.0, 0
     for name in names:
         samples = _second(config, large_enough(images[name].load(), config))
-        times = []
-        for _ in range(3):
-            start = time.process_time()
-            encode(config, samples, counts)
-            times.append(time.process_time() - start)
-        seconds += statistics.median(times)
+        seconds += statistics.median(timed(encode, config, samples, counts)[1] for _ in range(3))
         events += int(np.abs(counts.astype(np.int64)).sum())
     return seconds, events
 
@@ -224,56 +212,36 @@ def functional(tiles: int, side: int) -> dict[str, Any]:
     }
 
 
-def _bubbles(events: Events) -> int:
-    """Return the number of clocks without an event between the first and the last event."""
-    return int(events["t"][-1] - events["t"][0]) + 1 - len(events)
+SKINS = ((6, 64), (6, 5000), (2, 5000))
+TILES = ((8, 1, 1), (8, 2, 2), (8, 4, 4), (8, 8, 8), (32, 1, 1), (32, 2, 2), (32, 4, 4), (32, 8, 8))
+ENCODED = ((1, 8), (4, 8), (1, 32), (4, 32), (16, 32), (64, 32))
+"""Arguments of ``skin``, ``tiles_of`` and ``functional`` for every measurement."""
 
 
-def _measure(name: str, command: str, out: Path, parts: list[tuple[str, Callable[[], dict[str, Any]]]]) -> None:
-    """Measure several parts, and write the JSON file after each."""
-    found: list[dict[str, Any]] = []
-    for part, measure in parts:
-        print(part, flush=True)
-        found.append(measure())
-        print(json.dumps(found[-1]), flush=True)
-        write(out, "scale", command, {"benchmark": name, "cpus": os.cpu_count(), "results": found})
-
-
-@app.command()
-def arrays(
+def main(
+    part: Annotated[Literal["arrays", "skins", "tiles", "encoders"], typer.Argument(help="part to measure")],
     sides: Annotated[str, typer.Option(help="sides of the arrays, separated by commas")] = SIDES,
-    out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS / "scale_arrays.json",
+    out: JsonFile = None,
 ) -> None:
-    """Measure generation, lint, build and simulation of several arrays."""
-    parts = [(f"{side} x {side}", functools.partial(array, int(side))) for side in sides.split(",")]
-    _measure("scale of arrays", f"arrays --sides {sides}", out, parts)  # type: ignore[arg-type]
+    """Measure square arrays, a skin of 65,536 taxels, skins of tiles, or the functional model.
 
-
-@app.command()
-def skins(out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS / "scale_skins.json") -> None:
-    """Measure a skin of 65,536 taxels at several clock frequencies and event rates."""
-    parts = [(f"{bits} b", functools.partial(skin, bits, clocks)) for bits, clocks in ((6, 64), (6, 5000), (2, 5000))]
-    _measure("scale of skins", "skins", out, parts)  # type: ignore[arg-type]
-
-
-@app.command()
-def tiles(out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS / "scale_tiles.json") -> None:
-    """Measure generation and cycle-accurate model of skins of tiles, from 64 to 65,536 taxels."""
-    sizes = ((8, 1, 1), (8, 2, 2), (8, 4, 4), (8, 8, 8), (32, 1, 1), (32, 2, 2), (32, 4, 4), (32, 8, 8))
-    parts = [(f"{rows} x {columns} tiles of {side}", functools.partial(tiles_of, side, rows, columns))
-             for side, rows, columns in sizes]  # fmt: skip
-    _measure("scale of tiles", "tiles", out, parts)  # type: ignore[arg-type]
-
-
-@app.command()
-def encoders(
-    out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS / "scale_encoders.json",
-) -> None:
-    """Measure the functional model on a second of texture, from 64 to 65,536 taxels."""
-    sizes = ((1, 8), (4, 8), (1, 32), (4, 32), (16, 32), (64, 32))
-    parts = [(f"{tiles} tiles of {side} x {side}", functools.partial(functional, tiles, side)) for tiles, side in sizes]
-    _measure("scale of encoders", "encoders", out, parts)
+    The result file is benchmarks/results/scale_PART.json by default, and is written after each measurement.
+    """
+    measure, sizes = {
+        "arrays": (array, [(int(side),) for side in sides.split(",")]),
+        "skins": (skin, SKINS),
+        "tiles": (tiles_of, TILES),
+        "encoders": (functional, ENCODED),
+    }[part]
+    command = f"arrays --sides {sides}" if part == "arrays" else part
+    found: list[dict[str, Any]] = []
+    for size in sizes:
+        print(part, *size, flush=True)
+        found.append(measure(*size))
+        print(json.dumps(found[-1]), flush=True)
+        content = {"benchmark": f"scale of {part}", "cpus": os.cpu_count(), "results": found}
+        write(out or RESULTS / f"scale_{part}.json", "scale", command, content)
 
 
 if __name__ == "__main__":
-    app()
+    typer.run(main)

@@ -22,11 +22,10 @@ from eskin.snn.data.scans import Split
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.recipes import RECIPES
 from eskin.snn.experiments.single import Fold
-from eskin.snn.flat import hints_of
 from eskin.snn.kernels import cpu
-from eskin.snn.kernels.sparse import SparseLayer
+from eskin.snn.kernels.layer import SparseLayer
 from eskin.snn.train import train
-from eskin.snn.training import TrainConfig
+from eskin.snn.training import TrainConfig, parted
 
 NAMES = {"kernel": "compiled functions alone", "layer": "hidden layer, forward and backward"}
 
@@ -63,12 +62,8 @@ def main(
 ) -> None:
     """Time the epochs of a training on one core."""
     torch.set_num_threads(1)
-    of_training = hints_of(TrainConfig)
-    tuned = RECIPES["tuned"] | {"epochs": epochs}
-    experiment = Experiment(
-        network={name: value for name, value in tuned.items() if name not in of_training},
-        train=TrainConfig.from_dict({name: value for name, value in tuned.items() if name in of_training}),
-    )
+    network, training = parted(RECIPES["tuned"] | {"epochs": epochs})
+    experiment = Experiment(network=network, train=TrainConfig.from_dict(training))
     data = experiment.data()
     count(cpu, "_call", "kernel")
     count(SparseLayer, "forward", "layer")

@@ -7,7 +7,6 @@ Command lines have no page: docs/reference/commands.md is theirs.
 from __future__ import annotations
 
 import ast
-import json
 import sys
 from pathlib import Path
 
@@ -16,11 +15,11 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
-ROOT = Path(__file__).parents[1]
-CALLED = {"eskin/api.py": "eskin"}
-"""Files that users import first, each with its import name if the file exists."""
+from docs.tutorial_page import source
 
+ROOT = Path(__file__).parents[1]
 FIRST = (
+    "eskin/api.py",
     "model/config.py",
     "rtl/readout.py",
     "rtl/verilog.py",
@@ -57,7 +56,7 @@ def rooms() -> dict[str, list[Path]]:
 def imported_as(path: Path) -> str:
     """Return the import name of a module."""
     place = path.relative_to(ROOT)
-    return CALLED.get(place.as_posix(), ".".join(("eskin", *place.with_suffix("").parts)))
+    return "eskin" if place.parts[0] == "eskin" else ".".join(("eskin", *place.with_suffix("").parts))
 
 
 def row_of(path: Path) -> str:
@@ -69,25 +68,10 @@ def row_of(path: Path) -> str:
     return f"| [{name}]({name}.md) | {shown} | {sentence} |"
 
 
-def order_of(path: Path) -> str:
-    """Return the order of the members on a module's page: classes, functions, then constants."""
-    body = ast.parse(path.read_text()).body
-    called = [n.name for kind in (ast.ClassDef, ast.FunctionDef) for n in body if isinstance(n, kind)]
-    targets = [
-        target
-        for node in body
-        if isinstance(node, (ast.Assign, ast.AnnAssign))
-        for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
-    ]
-    names = [name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)]
-    shown = [name for name in dict.fromkeys([*called, *names]) if not name.startswith("_")]
-    return f"    options:\n      group_by_category: false\n      members: {json.dumps(shown)}\n"
-
-
 def list_of_modules() -> str:
     """Return the page that lists all modules, those for users first."""
     head = "| module | classes | what it is |\n|---|---|---|\n"
-    called = [ROOT / place for place in (*CALLED, *FIRST) if (ROOT / place).exists()]
+    called = [ROOT / place for place in FIRST]
     parts = ["# Python modules", "## What users call", head + "\n".join(map(row_of, called))]
     for room, paths in rooms().items():
         rest = [path for path in paths if path not in called]
@@ -106,19 +90,19 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages to the site."""
     files.append(File.generated(config, f"{API}/index.md", content=list_of_modules()))
-    called = [ROOT / place for place in CALLED if (ROOT / place).exists()]
-    for path in [*called, *(path for paths in rooms().values() for path in paths)]:
+    for path in [ROOT / FIRST[0], *(path for paths in rooms().values() for path in paths)]:
         name = imported_as(path)
-        source = "eskin." + ".".join(path.relative_to(ROOT / "eskin" if path in called else ROOT).with_suffix("").parts)
-        text = f"{AFTER_GUIDES}# {name}\n\n`{path.relative_to(ROOT)}`\n\n::: {source}\n{order_of(path)}"
+        module = "eskin.api" if name == "eskin" else name
+        text = f"{AFTER_GUIDES}# {name}\n\n`{path.relative_to(ROOT)}`\n\n::: {module}\n"
         files.append(File.generated(config, f"{API}/{name}.md", content=text))
     for name in AT_THE_TOP:
         text = (ROOT / name).read_text().replace("](docs/", "](")
         for other in AT_THE_TOP:
             text = text.replace(f"]({other}", f"]({other.lower()}")
         files.append(File.generated(config, name.lower(), content=text))
-    notebook = jupytext.writes(jupytext.read(ROOT / "docs" / "tutorial.py"), fmt="ipynb")
-    files.append(File.generated(config, "tutorial.ipynb", content=notebook))
+    notebook = jupytext.reads(source(), fmt="md")
+    notebook.metadata["kernelspec"] = {"display_name": "Python 3", "language": "python", "name": "python3"}
+    files.append(File.generated(config, "tutorial.ipynb", content=jupytext.writes(notebook, fmt="ipynb")))
     return files
 
 

@@ -251,15 +251,12 @@ def train(
     from eskin.snn.data.scans import Split
     from eskin.snn.exchange.weights import Weights
     from eskin.snn.experiments.recipes import RECIPES
-    from eskin.snn.flat import hints_of
     from eskin.snn.network_config import NetworkConfig
-    from eskin.snn.training import TrainConfig
+    from eskin.snn.training import TrainConfig, parted
 
     if recipe not in RECIPES:
         raise InputError(f"recipe must be one of {', '.join(RECIPES)}, not {recipe!r}")
-    fields = {"epochs": 60} | RECIPES[recipe] | settings
-    of_training = {name: value for name, value in fields.items() if name in hints_of(TrainConfig)}
-    of_network = {name: value for name, value in fields.items() if name not in of_training}
+    of_network, of_training = parted({"epochs": 60} | RECIPES[recipe] | settings)
     shape = {"inputs": data.channels, "classes": len(data.class_names)}
     learned = range(len(data.names)) if recordings is None else _numbers(data, recordings)
     done = training.train(

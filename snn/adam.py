@@ -1,7 +1,7 @@
-"""Adam with decoupled weight decay (Kingma and Ba 2015; Loshchilov and Hutter 2019).
+"""Adam with decoupled weight decay (Kingma and Ba 2015; Loshchilov and Hutter 2019), without torch's compiler.
 
-Steps, bits and checkpoints equal those of ``torch.optim.AdamW``. That class loads torch's compiler before its first
-step, which takes as long as loading torch, or as some 20 epochs.
+Bits and checkpoints equal those of ``torch.optim.AdamW``. That class loads torch's compiler before its first step,
+which takes as long as loading torch, or as some 20 epochs; its function ``adamw`` does not.
 """
 
 from __future__ import annotations
@@ -11,8 +11,10 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
+from torch.optim.adamw import adamw
 
-BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-8
+OPTIONS: dict[str, Any] = {"beta1": 0.9, "beta2": 0.999, "eps": 1e-8}
+OPTIONS |= dict.fromkeys(("foreach", "amsgrad", "maximize"), False)
 
 
 class Adam:
@@ -40,31 +42,19 @@ class Adam:
     def step(self) -> None:
         """Update every parameter that has a gradient."""
         for number, parameter in enumerate(self.parameters):
-            if (grad := parameter.grad) is None:
+            if parameter.grad is None:
                 continue
             if number not in self.state:
-                first, second = torch.zeros_like(parameter), torch.zeros_like(parameter)
-                self.state[number] = {"step": torch.tensor(0.0), "exp_avg": first, "exp_avg_sq": second}
-            state = self.state[number]
-            state["step"] += 1
-            steps = state["step"].item()
-            parameter.mul_(1 - self.learning_rate * self.weight_decay)
-            mean = state["exp_avg"].lerp_(grad, 1 - BETA_1)
-            square = state["exp_avg_sq"].mul_(BETA_2).addcmul_(grad, grad, value=1 - BETA_2)
-            spread = square.sqrt().div_((1 - BETA_2**steps) ** 0.5).add_(EPSILON)
-            parameter.addcdiv_(mean, spread, value=-(self.learning_rate / (1 - BETA_1**steps)))
+                self.state[number] = {"step": torch.tensor(0.0)}
+                self.state[number] |= {name: torch.zeros_like(parameter) for name in ("exp_avg", "exp_avg_sq")}
+            steps, first, second = ([value] for value in self.state[number].values())
+            options = OPTIONS | {"lr": self.learning_rate, "weight_decay": self.weight_decay}
+            adamw([parameter], [parameter.grad], first, second, [], steps, **options)
 
-    def state_dict(self) -> dict[str, Any]:
-        """Return the optimiser state for a checkpoint."""
-        return {"state": self.state}
-
-    def load_state_dict(self, content: dict[str, Any]) -> None:
-        """Load the optimiser state from a checkpoint; raise ValueError if it belongs to other parameters."""
-        found = {}
-        for number, state in content["state"].items():
-            parameter = self.parameters[number]
-            moments = {name: state[name].to(parameter, copy=True) for name in ("exp_avg", "exp_avg_sq")}
-            if any(moment.shape != parameter.shape for moment in moments.values()):
-                raise ValueError("the optimizer's moments belong to other weights")
-            found[number] = {"step": torch.tensor(float(state["step"])), **moments}
-        self.state = found
+    def load_state(self, state: dict[int, dict[str, Tensor]]) -> None:
+        """Load the state from a checkpoint."""
+        self.state = {
+            number: {"step": torch.tensor(float(one["step"]))}
+            | {name: one[name].to(self.parameters[number], copy=True) for name in ("exp_avg", "exp_avg_sq")}
+            for number, one in state.items()
+        }

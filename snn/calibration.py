@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from eskin.snn.network import SpikingNetwork
-from eskin.snn.network_config import BaselineConfig, NetworkConfig
+from eskin.snn.network_config import NetworkConfig
 
 ROUNDS = 30
 """Steps towards the rate of the hidden neurons, which excite each other; each halves the distance."""
@@ -29,23 +29,19 @@ def calibrate(network: nn.Module, scans: Tensor) -> None:
     """
     config = network.config
     assert isinstance(config, NetworkConfig)
-    offset, units = 0.0, config.units
-    if isinstance(units, BaselineConfig):
-        offset = float(scans.mean()) if units.input_center else units.input_offset
-        units = dataclasses.replace(units, input_offset=offset)
+    offset = float(scans.mean()) if config.input_center else config.input_offset
     scale = config.input_scale
     if config.input_rms:
         size = float((scans - offset).square().mean().sqrt())
         scale = config.input_rms / size if size else 1.0
-    network.config = dataclasses.replace(config, input_scale=scale, units=units)
+    network.config = dataclasses.replace(config, input_scale=scale, input_offset=offset)
     if not isinstance(network, SpikingNetwork):
         return
-    neurons = config.neurons
-    if neurons.hidden_rate:
+    if config.hidden_rate:
         drive = torch.einsum("tbi,hi->h", scans, network.w_in) * (scale / (scans.shape[0] * scans.shape[1]))
-        network.b_hidden.copy_(neurons.hidden_rate - drive)
+        network.b_hidden.copy_(config.hidden_rate - drive)
         for _ in range(ROUNDS):
-            network.b_hidden.add_(neurons.hidden_rate - network.spikes(scans).mean((0, 1)), alpha=0.5)
-    if neurons.output_rate:
+            network.b_hidden.add_(config.hidden_rate - network.spikes(scans).mean((0, 1)), alpha=0.5)
+    if config.output_rate:
         rates = network.spikes(scans).mean((0, 1))
-        network.b_out.copy_(neurons.output_rate - network.w_out @ rates)
+        network.b_out.copy_(config.output_rate - network.w_out @ rates)

@@ -15,7 +15,7 @@ from torch.nn import functional
 
 from eskin.base.errors import InputError
 from eskin.snn.kernels.layer import Backend, layer
-from eskin.snn.network_config import BaselineConfig, NetworkConfig
+from eskin.snn.network_config import NetworkConfig
 from eskin.snn.rounding import rounded_weights
 
 
@@ -64,30 +64,29 @@ class SpikingNetwork(nn.Module):
     def __init__(self, config: NetworkConfig, backend: Backend = "auto") -> None:
         super().__init__()
         self.config, self.backend = config, backend
-        neurons = config.neurons
         self.w_in = nn.Parameter(nn.init.xavier_uniform_(torch.empty(config.hidden, config.inputs)))
         self.w_rec = nn.Parameter(nn.init.orthogonal_(torch.empty(config.hidden, config.hidden)))
         self.w_out = nn.Parameter(nn.init.xavier_uniform_(torch.empty(config.classes, config.hidden)))
         self.b_hidden = nn.Parameter(torch.zeros(config.hidden))
         self.b_out = nn.Parameter(torch.zeros(config.classes))
         for name, size, value in (
-            ("raw_decay", config.hidden, neurons.decay),
-            ("raw_output_decay", config.classes, neurons.output_decay),
+            ("raw_decay", config.hidden, config.decay),
+            ("raw_output_decay", config.classes, config.output_decay),
         ):
-            if neurons.learn_decay:
+            if config.learn_decay:
                 setattr(self, name, nn.Parameter(torch.full((size,), math.log(value / (1 - value)))))
             else:
                 self.register_buffer(name, torch.full((size,), value), persistent=False)
 
     def decays(self) -> tuple[Tensor, Tensor]:
         """Return the decays of hidden and output neurons, shapes (hidden,) and (classes,)."""
-        if self.config.neurons.learn_decay:
+        if self.config.learn_decay:
             return torch.sigmoid(self.raw_decay), torch.sigmoid(self.raw_output_decay)
         return self.raw_decay, self.raw_output_decay
 
     def weights(self) -> tuple[Tensor, Tensor, Tensor]:
         """Return w_in, w_rec and w_out, rounded if ``weight_bits`` is set."""
-        bits, scale = self.config.neurons.weight_bits, self.config.input_scale
+        bits, scale = self.config.weight_bits, self.config.input_scale
         if not bits:
             return self.w_in, self.w_rec, self.w_out
         w_in, w_rec, w_out = rounded_weights((self.w_in * scale, self.w_rec, self.w_out), bits)
@@ -100,28 +99,27 @@ class SpikingNetwork(nn.Module):
 
     def _hidden(self, x: Tensor, w_in: Tensor, w_rec: Tensor) -> Tensor:
         decay, _ = self.decays()
-        x = _scaled(self.config, x)
-        neurons = self.config.neurons
-        return layer(neurons.rule, x, w_in, self.b_hidden, decay, w_rec, self.backend, neurons.synapse_decay)
+        x, config = _scaled(self.config, x), self.config
+        return layer(config.rule, x, w_in, self.b_hidden, decay, w_rec, self.backend, config.synapse_decay)
 
     def forward(self, x: Tensor) -> Output:
         """Return logits, penalty and spike rate for scans of shape (steps, scans, inputs)."""
-        config, neurons = self.config, self.config.neurons
+        config = self.config
         w_in, w_rec, w_out = self.weights()
         s = self._hidden(x, w_in, w_rec)
         penalty = s.new_zeros(())
-        if neurons.rate_weight:
-            excess = (s.mean((0, 1)) - neurons.rate_limit).clamp_min(0.0)
-            penalty = neurons.rate_weight * excess.square().mean()
+        if config.rate_weight:
+            excess = (s.mean((0, 1)) - config.rate_limit).clamp_min(0.0)
+            penalty = config.rate_weight * excess.square().mean()
         rate = float(s.detach().mean())
         kept = s.new_ones(s.shape[1:])
         if config.dropout and self.training:
             kept = functional.dropout(kept, config.dropout)
-        if neurons.readout == "spikes":
+        if config.readout == "spikes":
             s = s * kept if config.dropout and self.training else s
             _, decay = self.decays()
-            currents = neurons.output_synapse_decay
-            out = layer(neurons.rule, s, w_out, self.b_out, decay, None, self.backend, currents).sum(0)
+            currents = config.output_synapse_decay
+            out = layer(config.rule, s, w_out, self.b_out, decay, None, self.backend, currents).sum(0)
         else:
             out = self._mean_membrane(s, kept, w_out)
         return Output(out * config.output_scale, penalty, rate)
@@ -132,11 +130,10 @@ class SpikingNetwork(nn.Module):
         A current counts in all later steps, with weights that depend on time alone. The spikes ``s`` (steps, scans,
         hidden) are therefore summed over time before the product with ``w_out``; ``kept`` has their factors.
         """
-        neurons = self.config.neurons
         _, decay = self.decays()
-        different = decay if neurons.learn_decay else decay[:1]
+        different = decay if self.config.learn_decay else decay[:1]
         powers = different ** torch.arange(len(s), device=s.device)[:, None]
-        reach = synaptic(torch.cumsum(powers, 0), neurons.output_synapse_decay).flip(0) / len(s)
+        reach = synaptic(torch.cumsum(powers, 0), self.config.output_synapse_decay).flip(0) / len(s)
         summed = torch.mm(reach.t(), s.reshape(len(s), -1)).view(-1, *s.shape[1:]) * kept
         if len(summed) == 1:
             return functional.linear(summed[0], w_out) + self.b_out * reach.sum(0)
@@ -208,6 +205,6 @@ def _scaled(config: NetworkConfig, x: Tensor) -> Tensor:
             f"the network has {config.inputs} input channels, but the scans have {x.shape[-1]}; "
             f"use scans with the same array, encoding and time step"
         )
-    if isinstance(config.units, BaselineConfig) and config.units.input_offset:
-        x = x - config.units.input_offset
+    if config.input_offset:
+        x = x - config.input_offset
     return x if config.input_scale == 1 else x * config.input_scale

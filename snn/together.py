@@ -8,8 +8,7 @@ Every network gets the scans, shifts and learning rates of ``eskin.snn.train.tra
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import torch
@@ -19,10 +18,9 @@ from torch.nn import functional
 
 from eskin.snn.adam import Adam
 from eskin.snn.calibration import calibrate
-from eskin.snn.data.augment import AugmentConfig
 from eskin.snn.data.scans import ScanData
 from eskin.snn.network import ConvolutionalNetwork, build
-from eskin.snn.network_config import BaselineConfig, NetworkConfig
+from eskin.snn.network_config import NetworkConfig
 from eskin.snn.train import CALIBRATION_SCANS
 from eskin.snn.training import DivergedError, TrainConfig
 
@@ -56,8 +54,8 @@ def train_together(
     DivergedError
         If a weight is not finite at the end.
     """
-    shifts_alone = AugmentConfig(shift_steps=train_config.augment.shift_steps)
-    supported = dataclasses.replace(train_config, window_steps=0, windows=1, balanced=False, augment=shifts_alone)
+    others = ("window_steps", "windows", "balanced", "speed_spread", "drop_taxels")
+    supported = dataclasses.replace(train_config, **{name: getattr(TrainConfig, name) for name in others})
     if network_config.kind != "cnn" or train_config != supported:
         raise NotImplementedError("only convolutional networks with shifted whole scans are trained together")
     scans = np.stack([data.scans_of(images) for images in learned])
@@ -67,8 +65,13 @@ def train_together(
         calibrate(network, data.batch(one[:: -(-len(one) // CALIBRATION_SCANS)]))
         assert isinstance(network, ConvolutionalNetwork)
         networks.append(network)
-    stack = _Stack(networks, device)
-    optimizer = Adam(stack.parameters, train_config.learning_rate, train_config.weight_decay)
+    stacked, _ = torch.func.stack_module_state(networks)
+    weights = {name: nn.Parameter(value.detach().to(device)) for name, value in stacked.items()}
+    scale, offset = (
+        torch.tensor([getattr(network.config, name) for network in networks], device=device).view(-1, 1, 1, 1)
+        for name in ("input_scale", "input_offset")
+    )
+    optimizer = Adam(weights.values(), train_config.learning_rate, train_config.weight_decay)
     values = torch.from_numpy(data.values).to(device)
     targets = torch.from_numpy(data.labels).to(device)
     for epoch in range(train_config.epochs):
@@ -77,13 +80,15 @@ def train_together(
         for start in range(0, order.shape[1], train_config.batch):
             part = slice(start, start + train_config.batch)
             chosen = order[:, part].to(device)
-            logits = stack(_moved(values[chosen], shifts[:, part].to(device), data.frames))
+            moved = _moved(values[chosen], shifts[:, part].to(device), data.frames)
+            logits = _logits(network_config, weights, (moved - offset) * scale)
             losses = functional.cross_entropy(logits.flatten(0, 1), targets[chosen].flatten(), reduction="none")
             optimizer.zero_grad()
             losses.view(chosen.shape).mean(1).sum().backward()
-            _clip_each(stack.parameters, train_config.clip)
+            _clip_each(optimizer.parameters, train_config.clip)
             optimizer.step()
-    stack.unstack(networks)
+    for number, network in enumerate(networks):
+        network.load_state_dict({name: weight[number] for name, weight in weights.items()})
     if not all(torch.isfinite(p).all() for network in networks for p in network.parameters()):
         raise DivergedError("a training diverged: a weight is not a number; lower the learning rate")
     return networks
@@ -96,7 +101,7 @@ def _drawn(scans: NDArray[np.int64], seeds: Sequence[int], epoch: int, config: T
         generator = np.random.default_rng([seed, epoch])
         generator.integers(2**62)  # the seed of the dropout in ``train``
         orders.append(generator.permutation(one))
-        most, starts = config.augment.shift_steps, range(0, len(one), config.batch)
+        most, starts = config.shift_steps, range(0, len(one), config.batch)
         sizes = [min(config.batch, len(one) - start) for start in starts]
         drawn = [generator.integers(-most, most + 1, size) if most else np.zeros(size, np.int64) for size in sizes]
         shifts.append(np.concatenate(drawn))
@@ -121,44 +126,20 @@ def _clip_each(parameters: Sequence[nn.Parameter], most: float) -> None:
         gradient.mul_(factors.view(-1, *[1] * (gradient.ndim - 1)))
 
 
-class _Stack:
-    """Convolutional networks of one shape with stacked weights."""
+def _logits(config: NetworkConfig, weights: Mapping[str, Tensor], x: Tensor) -> Tensor:
+    """Return logits, shape (networks, scans, classes), of scaled scans of shape (networks, scans, steps, channels).
 
-    def __init__(self, networks: Sequence[ConvolutionalNetwork], device: str) -> None:
-        states = [dict(network.named_parameters()) for network in networks]
-        self._names = list(states[0])
-        self.parameters = [
-            nn.Parameter(torch.stack([state[name].detach() for state in states]).to(device)) for name in self._names
-        ]
-        configs = [network.config for network in networks]
-        self._scale = torch.tensor([config.input_scale for config in configs], device=device).view(-1, 1, 1, 1)
-        offsets = [_offset(config.units) for config in configs]
-        self._offset = torch.tensor(offsets, device=device).view(-1, 1, 1, 1)
-        self._config = configs[0]
-
-    def __call__(self, x: Tensor) -> Tensor:
-        """Return logits, shape (networks, scans, classes), of scans of shape (networks, scans, steps, channels)."""
-        found = dict(zip(self._names, self.parameters, strict=True))
-        h = ((x - self._offset) * self._scale).transpose(2, 3)
-        for number in range(0, 9, 3):
-            h = _convolved(h, found[f"layers.{number}.weight"], found[f"layers.{number}.bias"])
-            h = functional.layer_norm(h, h.shape[-2:])  # GroupNorm with one group
-            scale, offset = (found[f"layers.{number + 1}.{name}"][:, None, :, None] for name in ("weight", "bias"))
-            h = torch.relu(h * scale + offset)
-        features = functional.dropout(h.mean(3), self._config.dropout)
-        logits = torch.baddbmm(found["out.bias"][:, None], features, found["out.weight"].transpose(1, 2))
-        return logits * self._config.output_scale
-
-    @torch.no_grad()
-    def unstack(self, networks: Sequence[ConvolutionalNetwork]) -> None:
-        """Copy the weights into the networks."""
-        for number, network in enumerate(networks):
-            for parameter, (_, own) in zip(self.parameters, network.named_parameters(), strict=True):
-                own.copy_(parameter[number])
-
-
-def _offset(units: Any) -> float:
-    return units.input_offset if isinstance(units, BaselineConfig) else 0.0
+    ``weights`` has the stacked parameters of ``ConvolutionalNetwork`` by name.
+    """
+    h = x.transpose(2, 3)
+    for number in range(0, 9, 3):
+        h = _convolved(h, weights[f"layers.{number}.weight"], weights[f"layers.{number}.bias"])
+        h = functional.layer_norm(h, h.shape[-2:])  # GroupNorm with one group
+        scale, offset = (weights[f"layers.{number + 1}.{name}"][:, None, :, None] for name in ("weight", "bias"))
+        h = torch.relu(h * scale + offset)
+    features = functional.dropout(h.mean(3), config.dropout)
+    logits = torch.baddbmm(weights["out.bias"][:, None], features, weights["out.weight"].transpose(1, 2))
+    return logits * config.output_scale
 
 
 def _convolved(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:

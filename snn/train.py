@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
@@ -129,7 +129,7 @@ def _epoch(
     for start in range(0, len(order), config.batch):
         chosen = order[start : start + config.batch]
         batch = _inputs(data, chosen, config, generator)
-        batch = augment(batch, data.taxels, config.augment, generator, data.frames).to(device)
+        batch = augment(batch, data.taxels, config, generator, data.frames).to(device)
         labels = torch.from_numpy(data.labels[chosen]).to(device)
         output: Output = network(batch)
         loss = _loss(output.logits, labels, weights) + output.penalty
@@ -141,7 +141,7 @@ def _epoch(
             )
         training.optimizer.zero_grad()
         loss.backward()
-        norm = _clip(network.parameters(), config.clip)
+        norm = float(nn.utils.clip_grad_norm_(network.parameters(), config.clip))
         training.optimizer.step()
         seen = torch.maximum(seen, output.logits.detach().abs().amax(0))
         loss_sum += value * len(chosen)
@@ -155,20 +155,6 @@ def _epoch(
     count = len(order)
     silent = int((seen == 0).sum())
     return Epoch(number + 1, loss_sum / count, correct / count, None, rate / count, largest, silent)
-
-
-def _clip(parameters: Iterable[nn.Parameter], most: float) -> float:
-    """Scale gradients to a norm of at most ``most``, and return their original norm.
-
-    The result equals torch's ``clip_grad_norm_``.
-    """
-    gradients = [parameter.grad for parameter in parameters if parameter.grad is not None]
-    norm = torch.linalg.vector_norm(torch.stack([torch.linalg.vector_norm(gradient) for gradient in gradients]))
-    factor = most / (norm + 1e-6)
-    if factor < 1:
-        for gradient in gradients:
-            gradient.mul_(factor)
-    return float(norm)
 
 
 def _inputs(data: ScanData, scans: NDArray[np.int64], config: TrainConfig, generator: np.random.Generator) -> Tensor:

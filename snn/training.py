@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, get_type_hints
 
 from torch import nn
 
 from eskin.base.errors import InputError
 from eskin.snn.adam import Adam
 from eskin.snn.data.augment import AugmentConfig
-from eskin.snn.flat import flatten, hints_of, refuse_unknown, takes_flat_fields, unflatten
+from eskin.snn.fields import check_types, refuse_unknown
 
 LARGE_GRADIENT = 1e4
 """Norm of the gradient, before clipping, that is reported as a sign of divergence."""
@@ -28,9 +28,8 @@ SILENT, SATURATED = 1e-4, 0.5
 """Range of the mean spikes per step and hidden neuron; outside this range, the network learns little."""
 
 
-@takes_flat_fields
 @dataclass(frozen=True, kw_only=True)
-class TrainConfig:
+class TrainConfig(AugmentConfig):
     """Settings of a training; the paper uses Adam 1e-3, batches of 32, and up to 500 epochs."""
 
     epochs: int = 100
@@ -48,10 +47,10 @@ class TrainConfig:
     """Number of windows of each scan in an epoch, for any length of the scan."""
     balanced: bool = False
     """Every class has an equal weight in the loss, for any number of scans."""
-    augment: AugmentConfig = field(default_factory=AugmentConfig)
-    """Random changes of every scan."""
 
     def __post_init__(self) -> None:
+        check_types(self)
+        super().__post_init__()
         for name, least in (("epochs", 1), ("batch", 1), ("windows", 1), ("window_steps", 0)):
             if getattr(self, name) < least:
                 raise InputError(f"{name} must be at least {least}, not {getattr(self, name)}")
@@ -66,18 +65,18 @@ class TrainConfig:
             raise InputError(f"weight_decay must be from 0 to 1 / learning_rate, not {self.weight_decay!r}")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as one flat dictionary.
+        """Return all fields as a dictionary, those of the augmentation last.
 
         Fields of windows are left out where they have their default, so files of trainings on whole scans stay equal.
         """
-        found = flatten(self)
+        found = {name: getattr(self, name) for name in (*type(self).__annotations__, *AugmentConfig.__annotations__)}
         return {name: value for name, value in found.items() if name not in _OF_WINDOWS or value != _OF_WINDOWS[name]}
 
     @classmethod
     def from_dict(cls, fields: Any) -> TrainConfig:
-        """Return the training settings for flat fields; raise an error for unknown fields and wrong types."""
-        refuse_unknown(fields, hints_of(cls), "training")
-        return unflatten(cls, fields)
+        """Return the training settings for a dictionary; raise an error for unknown fields and wrong types."""
+        refuse_unknown(fields, get_type_hints(cls), "training")
+        return cls(**fields)
 
     def rate_at(self, epoch: int) -> float:
         """Return the learning rate of an epoch, counted from 0."""
@@ -86,7 +85,7 @@ class TrainConfig:
 
 def parted(fields: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the fields of a network, and the fields of a training."""
-    known = hints_of(TrainConfig)
+    known = get_type_hints(TrainConfig)
     network = {name: value for name, value in fields.items() if name not in known}
     return network, {name: value for name, value in fields.items() if name in known}
 

@@ -8,7 +8,7 @@ from docs.tables.finger import finger_played, finger_reached
 from docs.tables.frontier import BIPOLAR_LEAKY, FRAMES_LEAKY, LCS_LEAKY, at
 from docs.tables.power import power_rows
 from docs.tables.verification import replayed
-from docs.tables.write import filled, only, read, source, table
+from docs.tables.write import Rows, filled, only, read, table
 
 TEXTURES = "docs/data/classifier/"
 
@@ -20,24 +20,10 @@ def sweep(name: str) -> list[dict[str, Any]]:
     return [p | {"published": fig9.get((p["readout"], p["resolution"]))} for p in points]
 
 
-def accuracy_paper() -> None:
-    """Print accuracies of the paper's network on scans of preset ``paper``."""
-    table(
-        "encoder | normalised rate | published | last epoch | selected epoch",
-        sweep("paper-network"),
-        "{readout:E} {resolution} b | {normalised_rate:r} | {published:100*.2f} % | {last:%}"
-        " | {selected[accuracy]:100*.1f} %",
-    )
-
-
-def accuracy_physical() -> None:
-    """Print accuracies of the tuned network on scans of preset ``physical``."""
+def accuracy_physical() -> Rows:
+    """Return accuracies of the tuned network on scans of preset ``physical``."""
     points = [p | {"bins": ""} for p in sweep("tuned")] + [p | {"bins": ", bins of 2 ms"} for p in sweep("tuned-2ms")]
-    table(
-        "encoder | normalised rate | last epoch | selected epoch",
-        sorted(points, key=lambda p: (p["readout"], p["resolution"])),
-        "{readout:E} {resolution} b{bins} | {normalised_rate:r} | {last:%} | {selected[accuracy]:100*.1f} %",
-    )
+    return sorted(points, key=lambda p: (p["readout"], p["resolution"]))
 
 
 def frame_points() -> dict[str, dict[str, Any]]:
@@ -50,14 +36,8 @@ def frame_points() -> dict[str, dict[str, Any]]:
     }
 
 
-def accuracy_frames() -> None:
-    """Print accuracies of both baselines on frames."""
-    cells = "{text} | {theirs} | {last:%} | {selected[accuracy]:100*.1f} %"
-    table("network | published | last epoch | selected epoch", frame_points().values(), cells)
-
-
-def nlcs_explained() -> None:
-    """Print accuracies of N-LCS with other constants or OFF events, of LCS without OFF events, and of the paper."""
+def nlcs_explained() -> Rows:
+    """Return accuracies of N-LCS with other constants or OFF events, of LCS without OFF events, and of the paper."""
     texts = {
         "tau-0.02": "N-LCS 6 b, tau 20 ms",
         "start": "N-LCS 6 b, counted from 10 ms on",
@@ -68,25 +48,18 @@ def nlcs_explained() -> None:
     for point in sweep("paper-network"):
         if (point["readout"], point["resolution"]) in (("nlcs", 6), ("nlcs", 8), ("lcs", 4), ("lcs", 6)):
             points.append(point | {"text": filled("{readout:E} {resolution} b, as above", point)})
-    table(
-        "readout | normalised rate | last epoch | selected epoch | seeds x folds",
-        sorted(points, key=lambda p: p["normalised_rate"]),
-        "{text} | {normalised_rate:r} | {last:%} | {selected[accuracy]:100*.1f} % | {cells[whole_seeds]} x 6",
-    )
+    return sorted(points, key=lambda p: p["normalised_rate"])
 
 
-def nlcs_epochs() -> None:
-    """Print fold accuracies of N-LCS 8 b: published, last epoch, and best test epoch."""
+def nlcs_epochs() -> Rows:
+    """Yield fold accuracies of N-LCS 8 b, in percent: published, last epoch, and best test epoch."""
     folds = read(f"{TEXTURES}nlcs/test-epochs.json")["folds"]
-    rows = {
-        "published": [62.5, 82.5, 85.0, 87.5, 65.0, 75.0],
-        "here, last epoch": [100 * fold["last"] for fold in folds],
-        "here, best test epoch (no result)": [100 * fold["best"] for fold in folds],
-    }
-    table(
-        ["%", *(f"fold {n}" for n in range(6)), "mean"],
-        [[text, *(f"{value:g}" for value in values), f"{sum(values) / 6:.1f}"] for text, values in rows.items()],
-    )
+    for text, values in (
+        ("published", [62.5, 82.5, 85.0, 87.5, 65.0, 75.0]),
+        ("here, last epoch", [100 * fold["last"] for fold in folds]),
+        ("here, best test epoch (no result)", [100 * fold["best"] for fold in folds]),
+    ):
+        yield [text, *(f"{value:g}" for value in values), f"{sum(values) / 6:.1f}"]
 
 
 def precision() -> None:
@@ -125,79 +98,44 @@ def nir_networks() -> None:
     )
 
 
-def robustness() -> None:
-    """Print the accuracy of both networks under every disturbance, in %."""
+def robustness() -> Rows:
+    """Return the accuracy of both networks under every disturbance, in %."""
     rows: dict[str, dict[str, Any]] = {}
     for point in read(f"{TEXTURES}robustness.json")["points"]:
         name = point["disturbance"]
         name += "" if name == "clean" else f" {point['strength']:g}"
         rows.setdefault(name, {"name": name})[point["network"]] = point
-    one = "{NETWORK[accuracy]:100*.1f} ({NETWORK[bootstrap_95][0]:100*.0f} to {NETWORK[bootstrap_95][1]:100*.0f})"
-    both = " | ".join(one.replace("NETWORK", network) for network in ("clean", "robust"))
-    table(
-        "disturbance, strength | clean network, % | robust network, % | events/s",
-        rows.values(),
-        "{name} | " + both + " | {clean[rate_hz]:,.0f}",
-    )
+    return rows.values()
 
 
-def merits_latency() -> None:
-    """Print the accuracy of two networks against the time since the touch."""
+def merits_latency() -> Rows:
+    """Yield the accuracy of two networks against the time since the touch."""
     data = read(f"{TEXTURES}merits.json")
-    rows = []
     for pair in data["latency_pairs"]:
         a, b = (only(data["latency"], time_s=pair["time_s"], network=pair[name]) for name in ("first", "second"))
-        rows.append(pair | {"a": a, "b": b})
-    one = "{X[accuracy]:100*.1f} % ({X[bootstrap_95][0]:100*.0f} to {X[bootstrap_95][1]:100*.0f})"
-    table(
-        filled("time since the touch | {first} | {second}", rows[0])
-        + " | images right with only the first, only the second | McNemar p",
-        rows,
-        " | ".join(["{time_s:1e3*.0f} ms", one.replace("X", "a"), one.replace("X", "b")])
-        + " | {only_first}, {only_second} | {p:p}",
-    )
+        yield pair | {"a": a, "b": b}
 
 
-def merits_rest() -> None:
-    """Print the data rate during a moving and a resting touch, as sent and compressed."""
+def merits_rest() -> Rows:
+    """Yield the data rate during a moving and a resting touch, as sent and compressed."""
     data = read(f"{TEXTURES}merits.json")["rest"]
     columns = (("moving", 0.0), ("resting", 0.0), ("resting", 0.001), ("resting", 0.01))
-    rows = []
     for readout in dict.fromkeys(row["readout"] for row in data):
         found = (only(data, readout=readout, phase=phase, noise_v=noise) for phase, noise in columns)
-        rows.append([f"`{readout}`", *(filled("{sent_bps:1e-3*.2f} / {coded_bps:1e-3*.2f}", row) for row in found)])
-    table("sent / coded, kb/s | moving | resting | resting, 1 mV of noise | resting, 10 mV of noise", rows)
+        yield [f"`{readout}`", *(filled("{sent_bps:1e-3*.2f} / {coded_bps:1e-3*.2f}", row) for row in found)]
 
 
-def merits_timing() -> None:
-    """Print the timing error of level crossings for events and frames."""
-    rows = read(f"{TEXTURES}merits.json")["timing"]
-    table(
-        "crossing time from | data rate / 640 kb/s | crossings found | median error, us"
-        " | 95th percentile of the error, us",
-        [row | {"rate": row["sent_bps"] / 640e3} for row in rows],
-        "{known_from}, {rate_hz:g} Hz | {rate:.2f} | {found:100*.1f} % | {median_s:1e6*.0f} | {p95_s:1e6*.0f}",
-    )
-
-
-def noise_power() -> None:
-    """Print accuracy, rate and power at one noise level, in both modes."""
-    points = read(f"{TEXTURES}noise_power.json")["points"]
-    modes = ("paper", "consistent")
+def noise_power() -> Rows:
+    """Return accuracy, rate and power at one noise level, in both modes."""
     rows: dict[Any, dict[str, Any]] = {}
-    for point in points:
-        rows.setdefault((point["network"], point["noise_v"]), dict(point))[point["mode"]] = point
-    one = "{X[accuracy]:100*.1f} % ({X[wilson_95][0]:100*.0f} to {X[wilson_95][1]:100*.0f}) | {X[rate_hz]:,.0f}"
-    one += " | {X[power_w][total]:1e6*#3}"
-    table(
-        "network | noise | images" + "".join(f" | {mode}: accuracy | {mode}: events/s | {mode}: uW" for mode in modes),
-        rows.values(),
-        " | ".join(["`{network}` | {noise_v:1e3*g} mV | {images}", *(one.replace("X", mode) for mode in modes)]),
-    )
+    for point in read(f"{TEXTURES}noise_power.json")["points"]:
+        row = rows.setdefault((point["network"], point["noise_v"]), dict(point))
+        row[point["mode"]] = point | {"interval": point["wilson_95"]}
+    return rows.values()
 
 
-def touch() -> None:
-    """Print data rate and data volume of each step from touch to class."""
+def touch() -> Rows:
+    """Return data rate and data volume of each step from touch to class."""
     report = read("docs/data/touch.json")
     chip = report["chip"]
     taxels = chip["rows"] * chip["columns"]
@@ -222,63 +160,49 @@ network | {classifier_hidden} neurons, weights of {classifier_rec_bits} b | {add
 class | one class every {classifier_bin_s:1e3*g} ms | latency: at most {late:1e6*.0f} us after the end of the time bin
 images right | {right} of {labelled} in the RTL, one network per fold | {right_float} of {labelled} before rounding
 stalls | the readout waits for the classifier in {waiting:.0%} of the clocks | """
-    table("from touch to class |  | ", [filled(line, values) for line in lines.splitlines()])
-    source(report, ": {images} images, {clocks:,} clocks, {events:,} events, {mismatches} mismatches")
+    return [filled(line, values) for line in lines.splitlines()]
 
 
-def headline() -> None:
-    """Print the result table of the README."""
+def headline() -> Rows:
+    """Yield the main results, for the README."""
+    chip = read("docs/data/touch.json")
+    yield filled("equal events of RTL and model ({images} scans, four encoders) |  | {events:,}", replayed())
     paper = only(sweep("paper-network"), readout="lcs", resolution=6)
-    replays, chip = replayed(), read("docs/data/touch.json")
-    rows = [
-        filled("equal events of RTL and model ({images} scans, four encoders) |  | {events:,}", replays),
-        filled("the paper's network, LCS 6 b | {published:100*.2f} % | {last:%}", paper),
-    ]
-    kind = frame_points()["rnn"]
-    rows.append(["the paper's ReLU network, frames, 3,200 kb/s", kind["theirs"], filled("{last:%}", kind)])
-    few = "leaky network, {count} taxels, {words} ({bits_per_s:1e-3*.1f} kb/s) | {?theirs} | {accuracy:100*.1f} %"
-    few += " ({interval[0]:100*.1f} to {interval[1]:100*.1f})"
+    yield filled("the paper's network, LCS 6 b | {published:100*.2f} % | {last:%}", paper)
+    yield filled("the paper's ReLU network, frames, 3,200 kb/s | {theirs} | {last:%}", frame_points()["rnn"])
     for name, words, theirs in (
         (BIPOLAR_LEAKY, "bipolar N-LCS 2 b, {rate_hz:,.0f} events/s", "97.15 % at 2,200 events/s (INTUITIVE chip)"),
         (LCS_LEAKY, "LCS 2 b, {rate_hz:,.0f} events/s", ""),
         (FRAMES_LEAKY, "frames", ""),
     ):
-        point = at(name)
-        more = {"count": len(point["taxels"]), "theirs": theirs}
-        rows.append(filled(few, point | more | {"words": filled(words, point)}))
-    finger = "[finger](docs/results/finger.md) at new speeds, {of} ({kbps:.2f} kb/s) |  | {speeds:.1f} %"
-    reached = finger_reached()
+        few = f"leaky network, {{count}} taxels, {words} ({{bits_per_s:1e-3*.1f}} kb/s) | {theirs} | {{row:%}}"
+        yield filled(few, at(name) | {"count": len(at(name)["taxels"])})
+    finger = "[finger](docs/results/finger.md)"
     for name, of in (("lcs_6", "LCS 6 b"), ("nlcs_bipolar_5", "bipolar N-LCS 5 b"), ("frame_12_22_9", "frames")):
-        rows.append(filled(finger, reached[name] | {"of": of}))
-    played = "[finger](docs/results/finger.md), other repetition, {name}, classified by the RTL |  | "
-    played += "{right} of {labelled} (float: {right_float}), {mismatches} mismatches"
-    rows.append(filled(played, finger_played()))
-    rtl = "classified by the [RTL](docs/reference/classifier.md#from-touch-to-class)"
-    rows.append(filled(f"{rtl}, weights of {{classifier_rec_bits}} b, one network per fold |  | ", chip["chip"]))
-    more = {"stalled": chip["stalls"] / chip["clocks"]}
-    rows[-1] += filled("{right} of {labelled}, {mismatches} mismatches; ", chip)
-    rows[-1] += filled("stalls in {stalled:.0%} of the clocks", more)
-    rows += power_rows()[:2]
-    table(" | published | here", rows)
+        words = f"{finger} at new speeds, {of} ({{kbps:.2f}} kb/s) |  | {{speeds:.1f}} %"
+        yield filled(words, finger_reached()[name])
+    played = f"{finger}, other repetition, {{name}}, classified by the RTL |  | "
+    yield filled(played + "{right} of {labelled} (float: {right_float}), {mismatches} mismatches", finger_played())
+    rtl = "classified by the [RTL](docs/reference/classifier.md#from-touch-to-class), weights of"
+    rtl += " {chip[classifier_rec_bits]} b, one network per fold |  | {right} of {labelled}, {mismatches} mismatches;"
+    rtl += " stalls in {stalled:.0%} of the clocks"
+    yield filled(rtl, chip | {"stalled": chip["stalls"] / chip["clocks"]})
+    yield from power_rows()[:2]
 
 
-def results() -> None:
-    """Print our results beside the published ones."""
-    points = {(p["readout"], p["resolution"]): p for p in sweep("paper-network")}
-    frames = frame_points()
-    (best,) = sweep("tuned-2ms")
-    rows = [
-        filled("events/s, {encoding:E} {resolution} b | {published_hz:,.1f} | {here_hz:,.1f}", p)
-        for p in read("docs/data/event_rates.json")["points"]
-        if (p["encoding"], p["resolution"]) in (("lcs", 2), ("lcs", 6), ("lcs", 8), ("nlcs", 8))
-    ]
+def results() -> Rows:
+    """Yield our results beside the published ones."""
+    for rate in read("docs/data/event_rates.json")["points"]:
+        if (rate["encoding"], rate["resolution"]) in (("lcs", 2), ("lcs", 6), ("lcs", 8), ("nlcs", 8)):
+            yield filled("events/s, {encoding:E} {resolution} b | {published_hz:,.1f} | {here_hz:,.1f}", rate)
     network = "six textures, the paper's network, {readout:E} {resolution} b | {published:100*.2f} % | {last:%}"
-    rows += [filled(network, points[key]) for key in (("lcs", 6), ("lcs", 8), ("nlcs", 8))]
+    for point in sweep("paper-network"):
+        if (point["readout"], point["resolution"]) in (("lcs", 6), ("lcs", 8), ("nlcs", 8)):
+            yield filled(network, point)
     leaky = "six textures, a leaky network, LCS 3 b, {data_rate_bps:1e-3*.0f} kb/s |  | {last:%}"
-    rows.append(filled(leaky, best))
+    yield filled(leaky, only(sweep("tuned-2ms")))
     for kind, text in (("rnn", "ReLU units"), ("cnn", "convolutions")):
-        rows.append([f"six textures from frames, {text}", frames[kind]["theirs"], filled("{last:%}", frames[kind])])
-    rows += power_rows()
+        yield filled(f"six textures from frames, {text} | {{theirs}} | {{last:%}}", frame_points()[kind])
+    yield from power_rows()
     known = only(read(f"{TEXTURES}merits.json")["timing"], known_from="events")
-    rows.append(["time of a level crossing from events, median error", "", f"{1e6 * known['median_s']:.0f} us"])
-    table(" | published | here", rows)
+    yield filled("time of a level crossing from events, median error |  | {median_s:1e6*.0f} us", known)

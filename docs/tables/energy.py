@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from docs.tables.write import digits, filled, read, table
+from docs.tables.write import Rows, digits, filled, read
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.run import work_clocks
@@ -101,23 +101,17 @@ def _part(events_j: float, ends_j: float, idle_w: float, events: float, second: 
     return found | {"decision_j": sum(found.values()), "event_j": events_j / events}
 
 
-def energy_parts() -> None:
-    """Print the parts of the energy of a decision."""
-    table(
-        "cells | part | pJ an event | uJ a decision: events | ends of bins | idle and leakage | together",
-        [
-            {"cells": name, "part": part} | {key: joules or None for key, joules in value.items()}
-            for cells, name in CHIPS.items()
-            for part, value in chain(cells)["parts"].items()
-        ],
-        "{cells} | {part} | {event_j:1e12*#3} | {events_j:1e6*#3} | {ends_j:1e6*#3} | {idle_j:1e6*#3}"
-        " | {decision_j:1e6*#3}",
-    )
+def energy_parts() -> Rows:
+    """Return the parts of the energy of a decision."""
+    return [
+        {"cells": name, "part": part} | {key: joules or None for key, joules in value.items()}
+        for cells, name in CHIPS.items()
+        for part, value in chain(cells)["parts"].items()
+    ]
 
 
-def energy_peers() -> None:
-    """Print energies a decision beside published ones, each with task and contents."""
-    rows: list[Any] = []
+def energy_peers() -> Rows:
+    """Yield energies a decision beside published ones, each with task and contents."""
     for cells, name in CHIPS.items():
         found = chain(cells)
         more = {"chip": name, "share": found["right"] / found["scans"]}
@@ -125,18 +119,17 @@ def energy_peers() -> None:
         text = "this project | {chip}, gates | texture of 6, {second:.2f} s, {events:,.0f} events | {share:.1%}"
         text += " | readout and 128-128-6 network, {memory}; no wires, clock tree, converters, pads"
         text += " | {decision_j:1e6*.1f} | {event_j:1e12*,.0f} pJ an event | this page"
-        rows.append(filled(text, found | more))
+        yield filled(text, found | more)
     board, touch = read("docs/data/fpga/player-embedded-ulx3s.json"), read("docs/data/touch.json")
     used = f"{board['luts']:,} LUT4, {board['block_rams']} block RAMs"
     contents = f"readout, serial link and a smaller network (128-64-3): {used}"
     clocks = f"{touch['clocks'] / touch['images']:,.0f} clocks a decision"
-    rows.append(["this project", "ECP5 FPGA", *["the same"] * 2, contents, "no open power model", clocks, "this page"])
+    yield ["this project", "ECP5 FPGA", *["the same"] * 2, contents, "no open power model", clocks, "this page"]
     for peer in read("docs/data/classifier/peers.json")["peers"]:
         energy = "not given" if peer["decision_j"] is None else digits(1e6 * peer["decision_j"], 3)
         link = f"[{peer['source'].split('/')[2].removeprefix('www.')}]({peer['source']})"
         facts = (peer[key] or "-" for key in ("name", "process", "task", "accuracy", "contents"))
-        rows.append([*facts, energy, peer["given"], link])
-    table("design | process | task | accuracy | contents | uJ a decision | stated as | source", rows)
+        yield [*facts, energy, peer["given"], link]
 
 
 def energy_clocks() -> dict[str, Any]:

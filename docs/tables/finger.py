@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from docs.tables.energy import at_rates
-from docs.tables.write import filled, only, read, source, table
+from docs.tables.write import Rows, filled, only, read, source, table
 from eskin.snn.experiments.pairs import compare, right_of
 from eskin.snn.reference import score
 
@@ -107,10 +107,9 @@ def finger_statistics() -> None:
     table(["test recordings", *titles], _rows(report, columns))
 
 
-def finger_rates() -> None:
-    """Print data rate, power and energy of each readout beside its accuracy."""
+def finger_rates() -> Rows:
+    """Yield data rate, power and energy of each readout beside its accuracy."""
     report = finger_report()
-    rows = []
     for point in report["points"]:
         reached, events = accuracies(report, point["network"]), point["readout"] != "frame"
         labels, words = _words([only(report["folds"], fold=REPETITION)], point["network"])
@@ -125,15 +124,7 @@ def finger_rates() -> None:
             "seeds": len(words),
             "others": min(len(_words([one], point["network"])[1]) for one in report["folds"]),
         }
-        rows.append(point | reached | more)
-    table(
-        "readout | events/s | kbit/s | readout, nW | chip, uW | chip, uJ a decision | repetition (balanced) | "
-        "one speed left out | one pressure left out | seeds: repetition, others",
-        rows,
-        "{name} | {events:.0f} | {bits_per_s:1e-3*.2f} | {readout_w:1e9*#2} | {watts:1e6*.2f} | {joules:1e6*.0f}"
-        " | {repetition:100*.1f} % ({balanced:100*.1f} %) | {mean of six speeds:100*.1f} %"
-        " | {mean of five pressures:100*.1f} % | {seeds}, {others}",
-    )
+        yield point | reached | more
 
 
 def _classes(word: str) -> NDArray[np.int64]:
@@ -165,11 +156,10 @@ def finger_energy() -> dict[str, Any]:
     }
 
 
-def finger_pairs() -> None:
-    """Print the differences in accuracy between events and frames, recording by recording."""
+def finger_pairs() -> Rows:
+    """Yield the differences in accuracy between events and frames, recording by recording."""
     report = finger_report()
     encoders, frames = _kinds(report)
-    rows = []
     for point in encoders:
         other = min(frames, key=lambda one: abs(one["bits_per_s"] - point["bits_per_s"]))
         cells = [name_of(other)]
@@ -177,10 +167,8 @@ def finger_pairs() -> None:
             folds = [fold for fold in report["folds"] if part in fold["fold"]]
             labels, predicted = _words(folds, point["network"])
             pair = compare(labels, predicted, _words(folds, other["network"])[1])
-            words = "{difference:100*+.1f} ({interval[0]:100*+.1f} to {interval[1]:100*+.1f}), p {p:p}"
-            cells.append(filled(words, vars(pair)))
-        rows.append([name_of(point), *cells])
-    table("events | frames | repetition | one speed left out | one pressure left out", rows)
+            cells.append(filled("{row:+%}, p {p:p}", vars(pair)))
+        yield [name_of(point), *cells]
 
 
 def _kinds(report: dict[str, Any]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -189,12 +177,11 @@ def _kinds(report: dict[str, Any]) -> tuple[list[dict[str, Any]], list[dict[str,
     return [point for point in report["points"] if point["readout"] != "frame"], frames
 
 
-def finger_targets() -> None:
-    """Print each target with the best encoder, and with the best frames."""
+def finger_targets() -> Rows:
+    """Yield each target with the best encoder, and with the best frames."""
     report = finger_report()
     encoders, frames = _kinds(report)
     tuned = report["tuned"]
-    rows = []
     for text, (kind, wanted) in TARGETS.items():
         cells = []
         for points in ([*encoders, tuned], frames):
@@ -202,30 +189,26 @@ def finger_targets() -> None:
             reached = [(of_folds[kind], name) for of_folds, name in found if kind in of_folds]
             best, name = max(reached)
             cells.append(f"{'met' if best >= wanted else 'missed'}: {100 * best:.1f} % ({name})")
-        rows.append([text, *cells])
-    table("target | best encoder | best frames", rows)
+        yield [text, *cells]
 
 
-def finger_candidates() -> None:
-    """Print the candidates among which inner validation chose, on training recordings alone."""
+def finger_candidates() -> Rows:
+    """Return the candidates among which inner validation chose, on training recordings alone."""
     found: dict[str, dict[str, Any]] = {}
     for one in finger_report()["candidates"]:
         row = found.setdefault(one["point"], {"readout": one["point"].partition("@")[0]} | one)
         row[one["how"]] = f"{one['right']} of {one['of']}"
-    cells = "`{readout}` | {bin_s:1e3*.0f} | {bits_per_s:1e-3*.2f} | {?regression} | {?network}"
-    table("readout | bin or frame, ms | kbit/s | regression | network", found.values(), cells)
+    return found.values()
 
 
-def finger_tuning() -> None:
-    """Print the settings among which inner validation chose for the other repetition, on repetition 0 alone."""
-    rows = []
+def finger_tuning() -> Rows:
+    """Yield the settings among which inner validation chose for the other repetition, on repetition 0 alone."""
     for settings, runs in _tuned_on().items():
         folds = [[run for run in runs if run["fold"] == fold] for fold in range(INNER_FOLDS)]
         cells = [
             "{} of {}".format(", ".join(str(run["right"]) for run in of), of[0]["of"]) if of else "-" for of in folds
         ]
-        rows.append([settings, *cells, f"{np.mean([run['log_loss'] for run in folds[0]]):.2f}"])
-    table("setting | inner fold 0 | inner fold 1 | inner fold 2 | log loss, fold 0", rows)
+        yield [settings, *cells, f"{np.mean([run['log_loss'] for run in folds[0]]):.2f}"]
 
 
 def _tuned_on() -> dict[str, list[dict[str, Any]]]:
@@ -236,10 +219,10 @@ def _tuned_on() -> dict[str, list[dict[str, Any]]]:
     return found
 
 
-def finger_tuned() -> None:
-    """Print the accuracy on the other repetition of the chosen network, for each seed and for their mean logits."""
+def finger_tuned() -> Rows:
+    """Yield the accuracy on the other repetition of the chosen network, for each seed and for their mean logits."""
     report = finger_report()
-    tuned, rows = report["tuned"], []
+    tuned = report["tuned"]
     labels = only(report["folds"], fold=REPETITION)["labels"]
     words = {f"seed {seed}": of_seed[REPETITION] for seed, of_seed in enumerate(tuned["network"])}
     for name, word in (words | {"mean logits of the three seeds": tuned["vote"]}).items():
@@ -247,9 +230,7 @@ def finger_tuned() -> None:
         right, cottons = found["accuracy"], sum(_of_cottons(a, b) for a, b in zip(labels, word, strict=True))
         cells = f"{name} | {round(right * len(labels))} of {len(labels)} | {100 * right:.1f} % | "
         cells += f"{100 * found['balanced_accuracy']:.1f} % | {cottons} | {'met' if right >= 0.99 else 'missed'}"
-        rows.append(cells)
-    table("network | correct | accuracy | balanced accuracy | cottons confused | at least 99 %", rows)
-    source(tuned, "")
+        yield cells
 
 
 def _of_cottons(label: str, predicted: str) -> bool:
@@ -291,20 +272,18 @@ def finger_tuning_values() -> dict[str, Any]:
     )
 
 
-def finger_chip() -> None:
-    """Print the number of correct finger recordings in float, in integers and in RTL, for each training."""
+def finger_chip() -> Rows:
+    """Yield the number of correct finger recordings in float, in integers and in RTL, for each training."""
     report = finger_report()
-    total, rtl, rows = len(only(report["folds"], fold=REPETITION)["labels"]), report["rtl"], []
+    total, rtl = len(only(report["folds"], fold=REPETITION)["labels"]), report["rtl"]
     one = report["integer"]
     while one:
         right = {bits["bits"]: bits["right"] for bits in one["bits"]}
         cells = [f"{right[bits]} of {total}" if bits in right else "-" for bits in (8, 4)]
         name = filled("{readout:E} {resolution} b, commit {commit}", one)
         played = filled("{right} of {labelled}", rtl) if one["commit"] == rtl["commit"] else "-"
-        rows.append([name, f"{one['right_float']} of {total}", *cells, played])
+        yield [name, f"{one['right_float']} of {total}", *cells, played]
         one = one.get("earlier")
-    table("training | float | integers, weights of 8 b | weights of 4 b | RTL, weights of 8 b", rows)
-    source(rtl, ": {images} recordings, {clocks:,} clocks, {events:,} events, {mismatches} mismatches")
 
 
 def finger_played() -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from docs.tables.write import filled, only, read, table
+from docs.tables.write import Rows, filled, only, read, table
 from eskin.snn.experiments.pairs import compare
 
 LCS_LEAKY = "physical/leaky-2ms/lcs:2/12x16:across:12"
@@ -75,32 +75,25 @@ def frontier_pairs(preset: str, network: str) -> None:
     def cell(found: Any, kind: str, budget: int) -> str:
         pair = only(pairs, first=found["lcs", budget]["name"], second=found[kind, budget]["name"])
         low, high = pair["interval"]
-        words = "{difference:100*+.1f} ({interval[0]:100*+.1f} to {interval[1]:100*+.1f})"
-        return f"**{filled(words, pair)}**" if low * high > 0 else filled(words, pair)
+        return filled("**{row:+%}**" if low * high > 0 else "{row:+%}", pair)
 
     kinds = list(dict.fromkeys(kind for kind, _ in chosen(preset, network)))
     _by_budget(preset, network, kinds[1:], cell)
 
 
-def frontier_seeds() -> None:
-    """Print every point with three seeds: the accuracy of each seed and the interval."""
+def frontier_seeds() -> Rows:
+    """Return every point with three seeds: the accuracy of each seed and the interval."""
     points = [point for point in read("docs/data/frontier.json")["points"] if point["seeds"] >= 3]
-    table(
-        "scan | network | readout | events or values/s | kb/s (after coding) | accuracy | each seed, %"
-        " | without time, %",
-        [
-            point
-            | {
-                "of": NETWORKS[point["network"]] + (", bins of 4 ms" if point["network"] == "leaky" else ""),
-                "settings": _settings(point),
-                "kind": _kind(point["name"]),
-                "each": ", ".join(f"{100 * value:.1f}" for value in point["accuracy_of_seeds"]),
-            }
-            for point in points
-        ],
-        "{preset} | {of} | {kind:E} {settings} | {rate_hz:,.0f} | {bits_per_s:1e-3*#3} ({coded_bits_per_s:1e-3*#3})"
-        " | {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f}) | {each} | {?trivial:100*.1f}",
-    )
+    return [
+        point
+        | {
+            "of": NETWORKS[point["network"]] + (", bins of 4 ms" if point["network"] == "leaky" else ""),
+            "settings": _settings(point),
+            "kind": _kind(point["name"]),
+            "each": ", ".join(f"{100 * value:.1f}" for value in point["accuracy_of_seeds"]),
+        }
+        for point in points
+    ]
 
 
 def frontier_latency(network: str, *budgets: int) -> None:
@@ -156,11 +149,9 @@ def best(preset: str, most_hz: int, network: str = "") -> Data:
     return max(found, key=lambda point: point["accuracy"])
 
 
-def frontier_targets() -> None:
-    """Print targets and results of the frontier."""
-    reached = "{verdict}: {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f})"
-    reached += ", {what}, {rate_hz:,.0f} events/s"
-    rows = []
+def frontier_targets() -> Rows:
+    """Yield targets and results of the frontier."""
+    reached = "{verdict}: {row:%}, {what}, {rate_hz:,.0f} events/s"
     for words, point, least in (
         ("97.15 % at 2,200 events/s with at most 256 spiking neurons", best("physical", 2200, "leaky-2ms"), 0.9715),
         ("99 % at 2,200 events/s with the best network", best("physical", 2200), 0.99),
@@ -170,16 +161,13 @@ def frontier_targets() -> None:
         what = filled("{kind:E} {settings}", {"kind": _kind(point["name"]), "settings": _settings(point)})
         what += f", {NETWORKS[point['network']]}"
         verdict = "met" if point["accuracy"] >= least else "missed"
-        rows.append([words, filled(reached, point | {"verdict": verdict, "what": what})])
+        yield [words, filled(reached, point | {"verdict": verdict, "what": what})]
     chip = frontier_chip()
     verdict = "met" if chip["accuracy"] >= at(LCS_LEAKY)["accuracy"] - 0.01 else "missed"
-    rows.append(
-        [
-            "in the RTL chip with weights of 4 b, at most 1 point less than in float",
-            filled(reached, chip | {"verdict": verdict, "what": "LCS 12 x 2 b"}),
-        ]
-    )
-    table("target: `physical` scan if not named, three seeds, last epoch | best encoder", rows)
+    yield [
+        "in the RTL chip with weights of 4 b, at most 1 point less than in float",
+        filled(reached, chip | {"verdict": verdict, "what": "LCS 12 x 2 b"}),
+    ]
 
 
 def frontier_chip() -> Data:
@@ -190,13 +178,8 @@ def frontier_chip() -> Data:
     return found | sums | {"lead": pair.difference, "low": pair.interval[0], "high": pair.interval[1]}
 
 
-def frontier_whole_arrays() -> None:
-    """Print the points with all taxels, from sweeps of the paper's scan."""
+def frontier_whole_arrays() -> Rows:
+    """Return the points with all taxels, from sweeps of the paper's scan."""
     points = [p for p in read("docs/data/frontier.json")["points"] if p["choice"] == "all" and p["network"] != "leaky"]
     earlier = [point for point in points if "trivial" not in point]
-    table(
-        "network | readout | kb/s (after coding) | power, uW | accuracy | seeds",
-        [point | {"of": NETWORKS[point["network"]]} for point in earlier],
-        "{of} | `{readout}` | {bits_per_s:1e-3*#3} ({coded_bits_per_s:1e-3*#3}) | {power_w:1e6*#3}"
-        " | {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f}) | {seeds}",
-    )
+    return [point | {"of": NETWORKS[point["network"]]} for point in earlier]

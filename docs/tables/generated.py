@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from docs.tables.write import table
+from docs.tables.write import Rows
 from eskin.app.catalogue import GROUPS, words_of
 from eskin.app.cli import Commands, app
 
@@ -33,15 +33,13 @@ def registers() -> None:
     print(f"\n{page_of_all(ReadoutConfig(registers='spi'))}")
 
 
-def classifier_fields() -> None:
-    """Print every field of the classifier's configuration."""
+def classifier_fields() -> Rows:
+    """Yield every field of the classifier's configuration."""
     import dataclasses
 
     from eskin.model.classifier.config import ClassifierConfig
 
-    rows = []
     for field in dataclasses.fields(ClassifierConfig):
         unit = f" ({field.metadata['unit']})" if field.metadata["unit"] else ""
         default = "none" if field.default is None else str(field.default)
-        rows.append([f"`{field.name}`", default, field.metadata["meaning"] + unit])
-    table("field | default | meaning", rows)
+        yield [f"`{field.name}`", default, field.metadata["meaning"] + unit]

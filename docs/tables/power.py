@@ -5,22 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 from docs.tables.netlists import netlists
-from docs.tables.write import ROOT, digits, filled, only, read, table
+from docs.tables.write import ROOT, Rows, digits, filled, only, read, table
 from eskin.power.readouts import READOUT_NAMES, READOUTS, SPIKING, published
 from eskin.skin.figures.readouts import FRAME, look
 
 EVENT_RATES = "power/event_rates.json"
 
 
-def event_rates() -> None:
-    """Print event rates: published, from float samples, and ours."""
+def event_rates() -> Rows:
+    """Return event rates: published, from float samples, and ours."""
     points = read("docs/data/event_rates.json")["points"]
-    table(
-        "readout | published | float samples | here (integer) | difference",
-        [point | {"more": point["here_hz"] / point["published_hz"] - 1} for point in points],
-        "{encoding:E} {resolution} b | {published_hz:,.1f} | {float_samples_hz:,.1f} | {here_hz:,.1f}"
-        " | {more:100*+.2f} %",
-    )
+    return [point | {"more": point["here_hz"] / point["published_hz"] - 1} for point in points]
 
 
 def array_hz(dataset: str, preset: str, encoding: str, resolution: int) -> float:
@@ -30,43 +25,30 @@ def array_hz(dataset: str, preset: str, encoding: str, resolution: int) -> float
     return float(sum(of_encoding[rates["resolutions"].index(resolution)]))
 
 
-def other_rates() -> None:
-    """Print the event rates of the other presets and textures."""
-    scans = [("kylberg", "physical"), ("embedded", "paper"), ("embedded", "physical")]
-    rows = []
+def other_rates() -> Rows:
+    """Yield the event rates of the other presets and textures."""
     for encoding, bits in (("lcs", 2), ("lcs", 4), ("lcs", 6), ("nlcs", 4), ("nlcs", 8)):
+        scans = [("kylberg", "physical"), ("embedded", "paper"), ("embedded", "physical")]
         cells = (f"{array_hz(*scan, encoding, bits):,.0f}" for scan in scans)
-        rows.append([filled("{e:E} {bits} b", {"e": encoding, "bits": bits}), *cells])
-    table(["readout", *(f"{dataset.capitalize()}, `{preset}`" for dataset, preset in scans)], rows)
+        yield [filled("{e:E} {bits} b", {"e": encoding, "bits": bits}), *cells]
 
 
-def power_parts() -> None:
-    """Print Fig. 6 in mode ``paper`` at the lowest and the highest noise."""
+def power_parts() -> Rows:
+    """Return Fig. 6 in mode ``paper`` at the lowest and the highest noise."""
     data = read("docs/data/fig6.json")
-    rows = [
+    return [
         data["modes"]["paper"][i][readout] | {"noise": data["noise_v_rms"][i], "name": READOUT_NAMES[readout]}
         for i in (0, 2)
         for readout in READOUTS
     ]
-    cells = "{noise:1e3*g} mV | {name} | {afe:.3e} | {converter:.3e} | {io:.3e} | {total:.3e}"
-    table("v_n | readout | AFE | converter | I/O | total", rows, cells)
 
 
-def _by_resolution(values: dict[str, Any], cell: str) -> None:
-    """Print values of LCS, and of N-LCS for each time constant, by resolution."""
+def by_resolution(mode: str, value: str, cell: str) -> Rows:
+    """Yield a value of Fig. 7 at each resolution: of LCS, and of N-LCS for each time constant."""
+    values = read("docs/data/fig7.json")["modes"][mode][value]
     by_name = {"LCS": values["lcs"]} | {f"N-LCS {1e3 * float(tau):.0f} ms": row for tau, row in values["nlcs"].items()}
-    rows = [[name, *(filled(cell, {"v": value}) for value in row)] for name, row in by_name.items()]
-    table(["N", *map(str, range(1, 11))], rows)
-
-
-def power_crossover() -> None:
-    """Print the crossover in mV in mode ``paper``."""
-    _by_resolution(read("docs/data/fig7.json")["modes"]["paper"]["crossover"], "{v:1e3*#4}")
-
-
-def power_ratio() -> None:
-    """Print the ratio of spiking to frame power at 1 mV in mode ``consistent``."""
-    _by_resolution(read("docs/data/fig7.json")["modes"]["consistent"]["ratio"], "{v:#3}")
+    for name, row in by_name.items():
+        yield [name, *(filled(cell, {"v": one}) for one in row)]
 
 
 def sensitivity(case: str) -> dict[str, Any]:
@@ -110,9 +92,9 @@ def by_frames(readout: str, library: str = "") -> str:
     return digits(parts[readout]["total"] / parts["frame"]["total"], 3)
 
 
-def power_measured() -> None:
-    """Print the power comparison with measured logic."""
-    before, rows = breakdown(), []
+def power_measured() -> Rows:
+    """Yield the power comparison with measured logic."""
+    before = breakdown()
     for library, cells in measured_libraries().items():
         for readout in (*sorted(SPIKING), FRAME):
             old, new = before[readout], breakdown(library)[readout]
@@ -122,13 +104,7 @@ def power_measured() -> None:
             before_w = "none" if frames else digits(1e6 * old["converter_parts"]["logic"], 3)
             ratios = ["", ""] if frames else [by_frames(readout), by_frames(readout, library)]
             after = [digits(1e6 * watts, 3) for watts in parts]
-            rows.append([f"{look(readout).title}, {cells}", before_w, *after, *ratios])
-    table(
-        "6 b, 0.92 mV of noise, in uW | logic at 435 fJ per event | logic, measured | of which leakage"
-        " | total with 435 fJ per event | total with measured logic | total / frames, 435 fJ"
-        " | total / frames, measured",
-        rows,
-    )
+            yield [f"{look(readout).title}, {cells}", before_w, *after, *ratios]
 
 
 def power_rows() -> list[list[str]]:
@@ -150,8 +126,3 @@ def power_rows() -> list[list[str]]:
             ends.append(f"{wins['spikes_win']}{noise} ({READOUT_NAMES[readout]})")
         rows.append([f"range of noise in which spikes take less power than frames (6 b): {text}", "", ", ".join(ends)])
     return rows
-
-
-def power_outcome() -> None:
-    """Print the main result of the power model."""
-    table(" | here", [[text, here] for text, _, here in power_rows()])

@@ -5,10 +5,9 @@ from __future__ import annotations
 import statistics
 from typing import Any
 
-from docs.tables.write import digits, filled, only, read, source, table
+from docs.tables.write import Rows, digits, filled, only, read, source, table
 from eskin.model.encoders import registry
 
-TIMES = "{X[median]:#3} ({X[least]:#3} to {X[most]:#3})"
 SCALE = "docs/data/asic/scale-{}lcs-digital-ihp.json"
 
 
@@ -21,8 +20,7 @@ def speed_cosim() -> None:
     """Print the speed of co-simulation and model relative to a bare Verilator loop, for every encoder and scene."""
     rows: dict[str, dict[str, str]] = {}
     for found in bench("cosim"):
-        ratio = found["of_bare_loop"]
-        cell = f"{digits(ratio['median'], 3)} ({digits(ratio['least'], 3)} to {digits(ratio['most'], 3)})"
+        cell = filled("{of_bare_loop:x}", found)
         rows.setdefault(found["contender"], {})[f"{found['encoding']} {found['scene']}"] = cell
     columns = list(dict.fromkeys(column for row in rows.values() for column in row))
     titles = {encoder.name: encoder.title for encoder in registry.ENCODERS}
@@ -31,35 +29,26 @@ def speed_cosim() -> None:
     source(read("benchmarks/results/cosim.json"), "")
 
 
-def speed_encoders() -> None:
-    """Print the speed of encoders relative to a plain copy."""
+def speed_encoders() -> Rows:
+    """Yield the speed of encoders relative to a plain copy."""
     texts = {e.name: e.title + (" (4,096 signals)" if e.leaks else "") for e in registry.ENCODERS} | {
         "copy": "copy",
         "lcs, counts per taxel only": "LCS, events per taxel only",
         "lcs, numpy over time": "LCS, NumPy over the taxels, Python over time",
         "snntorch delta": "snnTorch `spikegen.delta` (1,024 signals)",
     }
-    rows = []
     for many in bench("encoder"):
         one = only(bench("encoder_64"), name=many["name"])
-        rows.append(many | {"text": texts[many["name"]], "one": one["times_the_copy"]})
-    cells = (
-        "{text} | {taxel_samples_per_second:1e-6*,.0f} | "
-        + TIMES.replace("X", "times_the_copy")
-        + " | {one[median]:#3}"
-    )
-    table(" | million taxel-samples/s | time / copy | time / copy, 64 taxels", rows, cells)
-    source(read("benchmarks/results/encoder.json"), "")
+        yield many | {"text": texts[many["name"]], "one": one["times_the_copy"]}
 
 
 def speed_layer() -> None:
-    """Print CPU time in ms and memory in MiB of one training step, for every candidate."""
+    """Print CPU time in ms of one training step, for every candidate."""
     results = sorted(bench("network"), key=lambda r: (r["rate"], r["steps"]))
     rows = []
     for name in results[0]["candidates"]:
         found = [r["candidates"][name] for r in results]
-        one = ["{cpu_s[median]:1e3*.1f}" + ("" if c["peak_mib"] is None else ", {peak_mib:.0f}") for c in found]
-        rows.append([name, *(filled(text, c) for text, c in zip(one, found, strict=True))])
+        rows.append([name, *(filled("{cpu_s[median]:1e3*.1f}", one) for one in found)])
     kernels = [r["candidates"]["this project, kernel"]["cpu_s"]["median"] for r in results]
     others = [min(c["cpu_s"]["median"] for c in r["candidates"].values() if c["library"]) for r in results]
     limits = [r["limit_cpu_s"]["median"] for r in results]
@@ -70,12 +59,6 @@ def speed_layer() -> None:
     source(read("benchmarks/results/network.json"), "")
 
 
-def speed_training() -> None:
-    """Print whole epochs of a training against their kernel."""
-    table("CPU time of an epoch / CPU time in | ratio", bench("training"), "{name} | " + TIMES.replace("X", "times"))
-    source(read("benchmarks/results/training.json"), "")
-
-
 def speed_touch() -> dict[str, Any]:
     """Return the processor time of ``touch`` at two commits."""
     report = read("benchmarks/results/touch.json")
@@ -84,41 +67,17 @@ def speed_touch() -> dict[str, Any]:
     return report | found | {"before_s": one["before"], "now_s": one["now"]}
 
 
-def player() -> None:
-    """Print the ticks per second that the board's player takes."""
-    table(
-        "samples | ticks/s | bytes per tick, to the board | bytes per tick, to the host",
-        bench("player"),
-        "{samples}, {ticks:,} ticks | {ticks_per_second:,.0f} | {bytes_to_board:.1f} | {bytes_to_host:.1f}",
-    )
-    source(read("benchmarks/results/player.json"), "")
+def leak() -> Rows:
+    """Return the error of the integer leak of N-LCS against floating point, in % of the event rate."""
+    return [row | {"by_bits": list(row["fractions"].values())} for row in bench("leak")]
 
 
-def leak() -> None:
-    """Print the error of the integer leak of N-LCS against floating point, in % of the event rate."""
-    fractions = ("4", "6", "8", "10", "12")
-    rows = [row | {f"F = {f}": row["fractions"][f] for f in fractions} for row in bench("leak")]
-    table(
-        ["N", "k", *(f"F = {f}" for f in fractions), "exponential", "moving"],
-        rows,
-        " | ".join(["{resolution} | {leak_shift}", *(f"{{F = {f}:.2f}}" for f in fractions)])
-        + " | {exponential[0]:+.2f} to {exponential[1]:+.2f} | {moving:+.2f}",
-    )
-
-
-def load() -> None:
-    """Print the results of five arbiters at equal loads."""
+def load() -> Rows:
+    """Return the results of five arbiters at equal loads."""
     report = read("benchmarks/results/load.json")
     for line in report["results"]:
         line["title"] = f"{line['load']}, {line['asked']:.0%}" if line["arbiter"].endswith("(ours)") else ""
-    table(
-        "requests | arbiter | events per clock | mean wait | 99th percentile | longest wait | Jain's index"
-        " | mean wait, best to worst address",
-        report["results"],
-        "{title} | {arbiter} | {throughput:.3f} | {mean_wait:.1f} | {wait_99:.0f} | {worst_wait:,} | {jain:.3f}"
-        " | {by_address[0]:,.1f} to {by_address[1]:,.1f}",
-    )
-    source(report, "")
+    return report["results"]
 
 
 def udp() -> dict[str, Any]:
@@ -128,10 +87,9 @@ def udp() -> dict[str, Any]:
     return report | report["result"] | {"median": latency["median"], "late": latency["99 %"]}
 
 
-def scale_arrays() -> None:
-    """Print time for generation, lint and simulation of square arrays."""
+def scale_arrays() -> Rows:
+    """Yield time for generation, lint and simulation of square arrays."""
     made = {array["taxels"]: array["synthesis_s"] for array in read(SCALE.format(""))["results"]}
-    rows = []
     for array in bench("scale_arrays"):
         runs = {(r["simulator"], r["row_by_row"]): r for r in array["simulations"]}
         whole, flat, slow = (runs.get(run) for run in (("verilator", True), ("verilator", False), ("icarus", False)))
@@ -148,13 +106,7 @@ def scale_arrays() -> None:
             "slow": filled("{clocks_per_second:,.0f}", slow) if slow else "",
         }
         text = "{side} x {side} | {generated} | {made} | {verilog_bytes:1e-3*,.0f} | {lint_s:.1f} | {built}"
-        rows.append(filled(text + " | {flat} | {slow}", array | more))
-    table(
-        "taxels | generation, s (ms per taxel) | synthesis, s (ms per taxel) | Verilog, kB | lint, s"
-        " | Verilator build row by row, s | clocks/s (million taxel-clocks/s) | flat build, s; clocks/s"
-        " | Icarus, clocks/s",
-        rows,
-    )
+        yield filled(text + " | {flat} | {slow}", array | more)
 
 
 def _ends(path: list[str]) -> str:
@@ -168,9 +120,8 @@ def _ends(path: list[str]) -> str:
     return f"{word(path[0])} to {word(path[-1])}"
 
 
-def scale_wires() -> None:
-    """Print area and highest clock frequency of arrays with and without wires."""
-    rows = []
+def scale_wires() -> Rows:
+    """Yield area and highest clock frequency of arrays with and without wires."""
     for array in read(SCALE.format(""))["results"]:
         wired = array["with_wires"]
         more = {
@@ -179,24 +130,13 @@ def scale_wires() -> None:
             "share": (wired["path_in_repeaters_s"] + wired["path_in_wires_s"]) / wired["path_s"],
             "ends": _ends(wired["path"]),
         }
-        rows.append(array | more)
-    mhz = "{X[fmax_hz]:1e-6*.0f} ({X[logic_depth]})"
-    table(
-        "taxels | um2 per taxel, cells | with repeaters (repeaters per taxel) | lines, mm per taxel"
-        " | MHz without wires (cells in the path) | MHz with wires"
-        " | share of the longest path in lines and repeaters | longest path",
-        rows,
-        "{rows} x {columns} | {cells_um2_per_taxel:,.0f} | {with_wires[area_um2_per_taxel]:,.0f} ({repeaters})"
-        f" | {{lines}} | {mhz.replace('X', 'without_wires')} | {mhz.replace('X', 'with_wires')}"
-        " | {share:100*.0f} % | {ends}",
-    )
+        yield array | more
 
 
-def scale_tiles() -> None:
-    """Print area and highest clock frequency of 4,096 taxels as one array and as tiles."""
+def scale_tiles() -> Rows:
+    """Yield area and highest clock frequency of 4,096 taxels as one array and as tiles."""
     arrays = read(SCALE.format(""))["results"]
     small, large = only(arrays, rows=8, columns=8), only(arrays, rows=64, columns=64)
-    rows = []
     for array in [small, large, *read(SCALE.format("tiles-"))["results"]]:
         more = {"cut": "one array", "relays": ""}
         if "relays" in array:
@@ -204,48 +144,4 @@ def scale_tiles() -> None:
             more = {"cut": f"{array['tile_rows'] * array['tile_columns']} tiles of {down} x {across}"}
         for name in ("fmax_hz", "area_um2_per_taxel"):
             more[name] = array["with_wires"][name] / small["with_wires"][name]
-        rows.append(
-            array | more | {"more_area": more["area_um2_per_taxel"] - 1, "ends": _ends(array["with_wires"]["path"])}
-        )
-    table(
-        "taxels | tiles | stations per line | um2 per taxel, cells | with repeaters (change from 8 x 8)"
-        " | MHz without wires"
-        " | MHz with wires (in % of the 8 x 8 array) | longest path | MHz with wires, only paths between flops",
-        rows,
-        "{rows} x {columns} | {cut} | {relays} | {cells_um2_per_taxel:,.0f} | {with_wires[area_um2_per_taxel]:,.0f}"
-        " ({more_area:100*+.1f} %) | {without_wires[fmax_hz]:1e-6*.0f} | {with_wires[fmax_hz]:1e-6*.0f}"
-        " ({fmax_hz:100*.0f} %) | {ends} | {with_wires[between_flops_hz]:1e-6*.0f}",
-    )
-
-
-def scale_encoders() -> None:
-    """Print the time of the functional model for one second of texture."""
-    table(
-        "taxels | tiles | samples | events | processor time of the slower process, s | ns per taxel and sample",
-        bench("scale_encoders"),
-        "{taxels:,} | {tiles} of {side} x {side} | {samples:,} | {events:,} | {slower_core_s:.3f}"
-        " | {ns_per_taxel_sample:.2f}",
-    )
-    source(read("benchmarks/results/scale_encoders.json"), "")
-
-
-def scale_costs() -> None:
-    """Print time for generation and cycle-accurate model of skins of tiles."""
-    table(
-        "taxels | tiles | generation, s | Verilog, kB | clocks | events | model, s | model, ns per taxel and sample",
-        bench("scale_tiles"),
-        "{taxels:,} | {tiles} of {side} x {side} | {generate_s:.1f} | {verilog_bytes:1e-3*,.0f} | {clocks:,}"
-        " | {events:,} | {model_s:.3f} | {model_ns_per_taxel_tick:.1f}",
-    )
-    source(read("benchmarks/results/scale_tiles.json"), "")
-
-
-def scale_skins() -> None:
-    """Print results of a skin of 65,536 taxels with one output."""
-    table(
-        "LCS | clock | clocks | one output per tile: events (per clock) | one output: events (per clock)"
-        " | events per tile | time of the model, s",
-        bench("scale_skins"),
-        "{resolution} b | {clock_hz:1e-6*,.4g} MHz | {clocks:,} | {events_of_tiles_alone:,} ({offered_per_clock:.2f})"
-        " | {events:,} ({events_per_clock:.2f}) | {fewest_of_a_tile:,} to {most_of_a_tile:,} | {model_s:.1f}",
-    )
+        yield array | more | {"more_area": more["area_um2_per_taxel"] - 1, "ends": _ends(array["with_wires"]["path"])}

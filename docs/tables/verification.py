@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import groupby
 from typing import Any
 
-from docs.tables.write import filled, read, source, table
+from docs.tables.write import Rows, read, source, table
 
 EVIDENCE = {
     "proved": ("formal", "properties of the RTL, for any number of clocks"),
@@ -39,20 +39,14 @@ ATTACKS = {
 """Attacks of the fuzz campaign, by their name in its data."""
 
 
-def signoff() -> None:
-    """Print every kind of evidence with its latest result."""
-    rows = []
+def signoff() -> Rows:
+    """Yield every kind of evidence with its latest result."""
     for kind, (name, what) in EVIDENCE.items():
         report = evidence(name)
         if name == "fuzz":
             cases, wrong = (sum(report[of][key] for of in ATTACKS if of in report) for key in ("cases", "wrong"))
             report["result"] = f"fuzz: {cases:,} cases, {wrong} wrong"
-        rows.append(report | {"kind": kind, "what": what})
-    table(
-        "kind | what was tested | last result | command | commit | date",
-        rows,
-        "{kind} | {what} | {result} | `{command}` | {commit} | {date}",
-    )
+        yield report | {"kind": kind, "what": what}
 
 
 def proofs() -> None:
@@ -83,10 +77,9 @@ UPSET = {"decay": ("decay_ticks", "settable_ticks")}
 """Modules of a block in the report of upsets, if their names differ from that of the block."""
 
 
-def stages() -> None:
-    """Print the verification state of every block."""
+def stages() -> Rows:
+    """Yield the verification state of every block."""
     faults_of = evidence("faults")["blocks"]
-    rows = []
     for block, found in groupby(evidence("formal")["properties"], key=lambda row: row["block"]):
         properties = list(found)
         proved = sum(row["unbounded"] and not row["problems"] for row in properties)
@@ -95,72 +88,41 @@ def stages() -> None:
         upsets, never = (sum(one[key] for one in upset) for key in ("upsets", "never recovers"))
         stage = "V1" if proved < len(properties) or mutants < 3 else "V3" if upset and not never else "V2"
         tried = [f"{upsets:,}", f"{never:,}"] if upsets else ["no flops" if upset else "not yet", ""]
-        rows.append([block.replace("_", " "), stage, f"{proved} of {len(properties)}", str(mutants), *tried])
-    table(
-        "block | stage | properties proved | fewest mutants that violate a property | upsets simulated"
-        " | never recovers",
-        rows,
-    )
+        yield [block.replace("_", " "), stage, f"{proved} of {len(properties)}", str(mutants), *tried]
 
 
-def coverage() -> None:
-    """Print the coverage of the Verilog by kind."""
-    report = evidence("coverage")
+def coverage() -> Rows:
+    """Yield the coverage of the Verilog by kind."""
     words = {"line": "lines", "branch": "branches", "toggle": "toggles", "condition": "terms of conditions"}
-    kinds = [report["constructs"][kind] | {"word": word} for kind, word in words.items()]
-    table(
-        "part of the Verilog | number | reached | with a reason | neither",
-        [one | {"left": one["total"] - one["reached"] - one["explained"]} for one in kinds],
-        "{word} | {total:,} | {reached:,} | {explained:,} | {left}",
-    )
-    source(report, f": {{result}}; {len(report['runs'])} runs")
+    for kind, word in words.items():
+        one = evidence("coverage/constructs")[kind]
+        yield one | {"word": word, "left": one["total"] - one["reached"] - one["explained"]}
 
 
-def unreached() -> None:
-    """Print the reasons for uncovered Verilog."""
+def unreached() -> Rows:
+    """Return the reasons for uncovered Verilog."""
     reasons = sorted(evidence("coverage")["reasons"].items(), key=lambda item: -item[1]["constructs"])
-    rows = [[reason, f"{one['constructs']:,}", "proved" if one["proved"] else "argued"] for reason, one in reasons]
-    table("reason why no simulation reaches them | parts | reason proved or argued", rows)
+    return [[reason, f"{one['constructs']:,}", "proved" if one["proved"] else "argued"] for reason, one in reasons]
 
 
-def points() -> None:
-    """Print functional coverage points by group."""
-    groups = evidence("coverage")["points"]
-    table(
-        "functional points of | reached",
-        [[name, filled("{reached:,} of {points:,}", one)] for name, one in groups.items()],
-    )
-
-
-def mutants() -> None:
-    """Print the verdicts on RTL mutants by block."""
+def mutants() -> Rows:
+    """Return the verdicts on RTL mutants by block."""
     report = evidence("mutants")
     rows = [counts | {"block": block} for block, counts in report["per_block"].items()] + [report | {"block": "all"}]
     for row in rows:
         rest = row["total"] - row["equivalent"] - row["argued"]
         row["share"], row["quick"] = (f"{row[name] / rest:.1%}" for name in ("killed", "killed_quick"))
-    table(
-        "block | mutants | proved equivalent | argued | killed, of the others | killed by the quick check | surviving",
-        rows,
-        "{block} | {total:,} | {equivalent:,} | {argued:,} | {share} | {quick} | {alive}",
-    )
-    source(
-        report, ": {result}. Mutants that a property of `make formal` killed before a test did: {by_a_property_alone}"
-    )
+    return rows
 
 
-def model_mutants() -> None:
-    """Print the verdicts on the sampled mutants of model/ and snn/ by file."""
+def model_mutants() -> Rows:
+    """Return the verdicts on the sampled mutants of model/ and snn/ by file."""
     report = evidence("mutants/model_and_snn")
-    rows = [counts | {"file": file} for file, counts in report["per_file"].items()] + [report | {"file": "all"}]
-    cells = "{file} | {places:,} | {total} | {argued} | {killed} | {alive}"
-    table("file | possible edits | mutants | argued | killed | surviving", rows, cells)
-    source(report)
+    return [counts | {"file": file} for file, counts in report["per_file"].items()] + [report | {"file": "all"}]
 
 
-def fresh_mutants() -> None:
-    """Print the results of new mutants, before and after we added tests for the surviving mutants."""
-    rows = []
+def fresh_mutants() -> Rows:
+    """Yield the results of new mutants, before and after we added tests for the surviving mutants."""
     for part, name in (("rtl", "RTL"), ("model", "model, network, commands")):
         report = evidence(f"mutants_fresh/{part}")
         first = report["first_pass"]
@@ -173,49 +135,32 @@ def fresh_mutants() -> None:
             "later": report["argued"] - first["argued"],
             "removed": sum(one["verdict"] == "removed" for one in report["mutants"]),
         }
-        rows.append(
-            report | left | {"name": name, "share": first["killed"] / rest, "quick": first["killed_quick"] / rest}
-        )
-    table(
-        "mutants of | drawn | not tested | proved equivalent | argued at first | others | killed at first | "
-        "by quick check | killed in the end | argued later | in removed code | surviving",
-        rows,
-        "{name} | {planned} | {left} | {equivalent} | {before} | {rest} | {first} ({share:.1%}) | {quick:.1%} | "
-        "{killed} | {later} | {removed} | {alive}",
-    )
-    for part in ("rtl", "model"):
-        source(evidence(f"mutants_fresh/{part}"))
+        yield report | left | {"name": name, "share": first["killed"] / rest, "quick": first["killed_quick"] / rest}
 
 
-def fresh_survivors() -> None:
-    """Print every new mutant that survived at first, and the test that kills it now."""
+def fresh_survivors() -> Rows:
+    """Return every new mutant that survived at first, and the test that kills it now."""
     parts = [evidence("mutants_fresh/rtl"), evidence("mutants_fresh/model")]
     found = [one for part in parts for one in part["mutants"] if one["verdict"] == "alive" or "first" in one]
-    rows = [[f"`{one['edit']}`", f"`{one['by']}`" if one["by"] else one["verdict"]] for one in found]
-    table(
-        "mutant | test that kills it now, argued, removed (the code was not needed), or alive (survives)",
-        [[cell.replace("|", "\\|") for cell in row] for row in rows],
-    )
+    return [[f"`{one['edit']}`", f"`{one['by']}`" if one["by"] else one["verdict"]] for one in found]
 
 
-def survivors() -> None:
-    """Print the surviving mutants, and the mutants excluded by a written argument."""
+def survivors() -> Rows:
+    """Return the surviving mutants, and the mutants excluded by a written argument."""
     parts = [evidence("mutants"), evidence("mutants/model_and_snn")]
     alive = [[one["name"], "alive"] for part in parts for one in part["survivors"]]
     argued = [[one["name"], one["why"]] for part in parts for one in part["argued_one_by_one"]]
-    rows = [[f"`{name}`".replace("|", "\\|"), why.replace("|", "\\|")] for name, why in [*alive, *argued]]
-    table("mutant | argument, or alive (survives)", rows)
+    return [[f"`{name}`", why] for name, why in [*alive, *argued]]
 
 
-def faults() -> None:
-    """Print the outcomes of bit flips by block and stimulus."""
+def faults() -> Rows:
+    """Yield the outcomes of bit flips by block and stimulus."""
     report = evidence("faults")
     outcomes = ("nothing", "own events", "others moved", "others changed", "until written")
     by: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for line in (line for line in report["blocks"] if line["upsets"]):
         by.setdefault((line["block"], line["trial"].split(", ")[-1]), []).append(line)
     blocks = list(dict.fromkeys(line["block"] for line in report["blocks"]))
-    rows = []
     for (block, course), lines in sorted(by.items(), key=lambda item: blocks.index(item[0][0])):
         total, never = (sum(line[name] for line in lines) for name in ("upsets", "never recovers"))
         shares = [f"{sum(line.get(name, 0) for line in lines) / total:.1%}" for name in outcomes]
@@ -223,25 +168,16 @@ def faults() -> None:
         counted = course in ("calm", "loaded")  # other courses compare events and do not count them
         off = max((line.get("off", -1) for line in lines), default=-1)
         more = [worst if counted else "", str(off) if off >= 0 else ""]
-        rows.append([block.replace("_", " "), course, f"{total:,}", *shares, *more, str(never)])
-    table(
-        "upset in | stimulus | upsets | no effect | own events wrong | other taxels' events moved"
-        " | other taxels' events changed | until written | most events lost, added | steps off for good"
-        " | never recovers",
-        rows,
-    )
-    source(report)
+        yield [block.replace("_", " "), course, f"{total:,}", *shares, *more, str(never)]
 
 
-def hostile() -> None:
-    """Print the tests with hostile inputs, and the number of runs that confirm the expected effect."""
-    rows = []
+def hostile() -> Rows:
+    """Yield the tests with hostile inputs, and the number of runs that confirm the expected effect."""
     cases = evidence("faults")["cases"]
     for name in dict.fromkeys(line["case"] for line in cases):
         lines = [line for line in cases if line["case"] == name]
         good, runs = (sum(line[key] for line in lines) for key in ("as stated", "runs"))
-        rows.append([name, lines[0]["stated"], str(len(lines)), f"{good} of {runs}"])
-    table("hostile input | expected behaviour | readouts | simulations as expected", rows)
+        yield [name, lines[0]["stated"], str(len(lines)), f"{good} of {runs}"]
 
 
 def soak() -> None:
@@ -273,12 +209,3 @@ def replayed() -> dict[str, int]:
     runs = evidence("replay")["runs"]
     (images,) = {run["images"] for run in runs}
     return {"images": images, "events": sum(run["events"] for run in runs)}
-
-
-def replay() -> None:
-    """Print the replays through the whole RTL by encoder."""
-    table(
-        "encoder | scans | clocks | events | mismatches | commit | date",
-        evidence("replay")["runs"],
-        "{configuration[encoding]:E} | {images:,} | {clocks:,} | {events:,} | {mismatches:,} | {commit} | {date}",
-    )

@@ -12,7 +12,8 @@ from eskin.skin.figures.readouts import look
 
 ROOT = Path(__file__).parents[2]
 
-Row = Mapping[str, Any] | Sequence[str] | str
+Rows = Iterable[Mapping[str, Any] | Sequence[str] | str]
+"""Rows of ``table``: mappings, which it formats, or the cells themselves, as a list or between `` | ``."""
 
 
 def read(path: str) -> Any:
@@ -26,17 +27,35 @@ def only(rows: Iterable[Mapping[str, Any]], /, **values: Any) -> dict[str, Any]:
     return dict(found)
 
 
+SHORT = {
+    "%": "{accuracy:100*.1f} % ({low:100*.1f} to {high:100*.1f})",
+    "%0": "{accuracy:100*.1f} % ({low:100*.0f} to {high:100*.0f})",
+    "+%": "{difference:100*+.1f} ({low:100*+.1f} to {high:100*+.1f})",
+    "x": "{median:#3} ({least:#3} to {most:#3})",
+}
+"""Templates by the format of a value that has these fields: an accuracy or a difference with its interval, a median
+with the least and the most."""
+
+
+def by_name(values: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return the values of a mapping, each with its key as ``name``."""
+    return [{"name": name, **value} for name, value in values.items()]
+
+
 class _Cells(Template):
     """Template with values of this project.
 
-    ``%`` is an accuracy with its interval; ``E`` the title of a readout; ``p`` a p value, or several; ``r`` a
-    normalised data rate.
+    Formats are the names of ``SHORT``; ``E`` the title of a readout; ``p`` a p value, or several; ``r`` a normalised
+    data rate. ``{row}`` is the row itself.
     """
 
+    def filled(self, template: str, row: Mapping[str, Any]) -> str:
+        return super().filled(template, {"row": row, **row})
+
     def format_value(self, value: Any, spec: str) -> str:
-        if spec == "%":
-            low, high = (100 * bound for bound in value["bootstrap_95"])
-            return f"{100 * value['accuracy']:.1f} % ({low:.1f} to {high:.1f})"
+        if spec in SHORT:
+            bounds = (value[key] for key in ("interval", "bootstrap_95") if key in value)
+            return self.filled(SHORT[spec], value | dict(zip(("low", "high"), next(bounds, ()), strict=False)))
         if spec == "E":
             return look(value).title
         if spec == "p":
@@ -62,11 +81,10 @@ def source(report: Mapping[str, Any], more: str = ": {result}") -> None:
     print(filled("`{command}`, commit {commit}, {date}" + more + ".\n", report))
 
 
-def table(head: str | Iterable[str], rows: Iterable[Row], cells: str = "") -> None:
+def table(head: str | Iterable[str], rows: Rows, cells: str = "") -> None:
     """Print a table.
 
     ``head``: titles of the columns, as a list or between `` | ``.
-    ``rows``: mappings, which ``cells`` formats, or the cells themselves: as a list or between `` | ``.
     ``cells``: templates of the columns between `` | ``.
     """
     titles = head.split(" | ") if isinstance(head, str) else list(head)
@@ -75,7 +93,7 @@ def table(head: str | Iterable[str], rows: Iterable[Row], cells: str = "") -> No
         if isinstance(row, Mapping):
             made = CELLS.cells(cells, row)
         else:
-            made = row.split(" | ") if isinstance(row, str) else list(row)
+            made = row.split(" | ") if isinstance(row, str) else [cell.replace("|", "\\|") for cell in row]
         if len(made) != len(titles):
             raise ValueError(f"{len(titles)} titles, {len(made)} cells: {made}")
         lines.append(made)

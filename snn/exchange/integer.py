@@ -89,12 +89,12 @@ def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
     network = weights.network
     if not isinstance(network, SpikingNetwork):
         raise InputError(f"the hardware needs a spiking network, not kind {config_of(network).kind}")
-    config, neurons = network.config, network.config.neurons
+    config = network.config
     arrays = {name: value.detach().cpu().double().numpy() for name, value in network.named_parameters()}
     _check(network, arrays)
     notes: dict[str, Any] = {}
     decays = [values.detach().cpu().double().numpy() for values in network.decays()]
-    synapses = [np.array([value]) for value in (neurons.synapse_decay, neurons.output_synapse_decay)]
+    synapses = [np.array([value]) for value in (config.synapse_decay, config.output_synapse_decay)]
     decay_bits = SYNAPTIC_DECAY_BITS if precision.decay_bits is None and any(synapses) else precision.decay_bits
     leaks: dict[str, int] = {}
     for (name, place), values in zip(DECAYS.items(), [*decays, *synapses], strict=True):
@@ -127,12 +127,12 @@ def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
         "out_shift": outputs.shifts[0],
         "out_bias_shift": outputs.bias_shift,
         "threshold": hidden.threshold,
-        "floor": _floor(neurons.rule.floor, hidden.unit),
-        "neuron_reset": neurons.rule.reset,
+        "floor": _floor(config.floor, hidden.unit),
+        "neuron_reset": config.reset,
         **leaks,
-        "readout": neurons.readout,
+        "readout": config.readout,
         "out_threshold": outputs.threshold,
-        "out_floor": _floor(neurons.rule.floor, outputs.unit),
+        "out_floor": _floor(config.floor, outputs.unit),
         "membrane_bits": 32,
         "output_bits": 32,
     }
@@ -161,7 +161,7 @@ def _check(network: SpikingNetwork, arrays: dict[str, NDArray[np.float64]]) -> N
     for name, values in arrays.items():
         if not np.isfinite(values).all():
             raise InputError(f"{name} has values that are not finite; train again")
-    floor = network.config.neurons.rule.floor
+    floor = network.config.floor
     if floor > 0:
         raise InputError(f"the hardware needs a floor of at most 0, but the network has {floor:g}")
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import nir
 import numpy as np
@@ -20,9 +20,8 @@ _FIRING = (nir.IF, nir.LIF, nir.CubaLIF)
 _NEURONS = (*_FIRING, nir.I, nir.LI)
 
 
-@dataclass(frozen=True)
-class Chain:
-    """Names of the nodes of a graph, from input to output."""
+class Chain(NamedTuple):
+    """Names of the nodes of a graph, from input to output; None for a node that it lacks."""
 
     scale: str | None
     hidden_in: str
@@ -103,14 +102,16 @@ def broadcast(name: str, values: Any, size: int) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Layer:
-    """Neurons of a NIR node in discrete time, scaled to threshold 1."""
+    """Neurons of a NIR node in discrete time, scaled to threshold 1, with the weights and biases before them."""
 
     name: str
     fires: bool
     decay: NDArray[np.float64]
     gain: NDArray[np.float64]
-    drive: NDArray[np.float64]
-    """v <- decay v + gain I + drive. Shape (neurons,)."""
+    """v <- decay v + gain I + drive, the drive being part of the bias. Shape (neurons,)."""
+    weight: NDArray[np.float64]
+    bias: NDArray[np.float64]
+    """Input weights and biases, times the gain. Shapes (neurons, inputs) and (neurons,)."""
     synapse_decay: float
     """With a synaptic current J: J <- synapse_decay J + gain I, v <- decay v + J; else 0."""
     floor: float
@@ -118,23 +119,29 @@ class Layer:
     raw: NDArray[np.float64] | None
     """Learned decays before the logistic function, if the file has them."""
 
-    @property
-    def size(self) -> int:
-        return len(self.decay)
-
     @classmethod
-    def of(cls, name: str, node: nir.NIRNode, dt: float, size: int, reset: str | None = None) -> Layer:
+    def of(
+        cls,
+        name: str,
+        node: nir.NIRNode,
+        dt: float,
+        weight: NDArray[np.float64],
+        bias: NDArray[np.float64],
+        reset: str | None,
+    ) -> Layer:
         """Return the neurons of a NIR node; raise InputError for an unsupported neuron type.
 
         ``reset`` is the reset of neurons whose metadata have none, zero by default.
         """
-        raw = None
-        if "raw_decay" in node.metadata:
-            raw = broadcast(name, node.metadata["raw_decay"], size)
-        part, leak, decay = np.ones(size), np.zeros(size), np.ones(size)
-        synapse = np.ones(size)
+        size = len(weight)
+
+        def values(parameter: str, default: float = 0.0) -> NDArray[np.float64]:
+            return broadcast(name, getattr(node, parameter, default), size)
+
+        raw = broadcast(name, node.metadata["raw_decay"], size) if "raw_decay" in node.metadata else None
+        part, decay, synapse = np.ones(size), np.ones(size), np.ones(size)
         if isinstance(node, nir.CubaLIF):
-            synapse = dt / broadcast(name, node.tau_syn, size)
+            synapse = dt / values("tau_syn")
             if not ((synapse > 0) & (synapse <= 1)).all():
                 raise InputError(f"node {name!r} has a tau_syn below {dt:g} s; choose a shorter time step")
             if np.ptp(synapse) > 1e-6:
@@ -142,32 +149,26 @@ class Layer:
             if np.any(node.v_leak):
                 raise InputError(f"node {name!r} has a synaptic current and a v_leak other than 0; the network has 0")
         if isinstance(node, (nir.LIF, nir.LI, nir.CubaLIF)):
-            part = dt / broadcast(name, node.tau_mem if isinstance(node, nir.CubaLIF) else node.tau, size)
-            leak = broadcast(name, node.v_leak, size)
+            part = dt / values("tau_mem" if isinstance(node, nir.CubaLIF) else "tau")
             decay = 1.0 - part
             if not ((part > 0) & ((part < 1) | ((part == 1) & (raw is not None)))).all():
                 raise InputError(f"node {name!r} has a tau that is not above {dt:g} s; choose a shorter time step")
-        threshold = np.ones(size)
-        fires = isinstance(node, _FIRING)
-        if fires:
-            threshold = broadcast(name, node.v_threshold, size)
-            if not (threshold > 0).all():
-                raise InputError(f"node {name!r} has a v_threshold that is not positive; the network needs one")
-            if np.any(node.v_reset):
-                raise InputError(f"node {name!r} has a v_reset other than 0; the network resets to 0")
+        threshold = values("v_threshold", 1.0)
+        if not (threshold > 0).all():
+            raise InputError(f"node {name!r} has a v_threshold that is not positive; the network needs one")
+        if np.any(values("v_reset")):
+            raise InputError(f"node {name!r} has a v_reset other than 0; the network resets to 0")
         floors = np.unique(float(node.metadata.get("floor", -math.inf)) / threshold)
         if len(floors) > 1:
             raise InputError(f"node {name!r} has a floor and different thresholds, but the network has one floor")
+        gain = synapse * values("w_in", 1.0) * part * values("r") / threshold
         return cls(
             name=name,
-            fires=fires,
+            fires=isinstance(node, _FIRING),
             decay=decay,
-            gain=synapse
-            * broadcast(name, getattr(node, "w_in", 1.0), size)
-            * part
-            * broadcast(name, node.r, size)
-            / threshold,
-            drive=part * leak / threshold,
+            gain=gain,
+            weight=weight * gain[:, None],
+            bias=bias * gain + part * values("v_leak") / threshold,
             synapse_decay=float(1.0 - synapse[0]),
             floor=float(floors[0]),
             reset=str(node.metadata.get("reset", reset or "zero")),

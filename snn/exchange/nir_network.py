@@ -21,7 +21,6 @@ import itertools
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
@@ -64,10 +63,9 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
     network, config = weights.network, config_of(weights.network)
     if not isinstance(network, SpikingNetwork):
         raise InputError(f"a network of kind {config.kind} has no NIR neurons; export it as .npz")
-    if config.neurons.weight_bits:
+    if config.weight_bits:
         raise InputError(
-            f"the network rounds its weights to {config.neurons.weight_bits} bits, which NIR cannot express; "
-            f"export it as .npz"
+            f"the network rounds its weights to {config.weight_bits} bits, which NIR cannot express; export it as .npz"
         )
     if not math.isfinite(weights.step_s / SMALLEST_LOSS):
         raise InputError(
@@ -76,10 +74,14 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
         )
     arrays = {name: tensor.detach().cpu().numpy() for name, tensor in network.state_dict().items()}
     decay, output_decay = (tensor.detach().cpu().numpy() for tensor in network.decays())
-    synapse, output_synapse = config.neurons.synapse_decay, config.neurons.output_synapse_decay
+    synapse, output_synapse = config.synapse_decay, config.output_synapse_decay
     gain, output_gain = _gain(decay, synapse), _gain(output_decay, output_synapse)
-    neuron = {"floor": config.neurons.rule.floor, "reset": config.neurons.rule.reset}
-    fires = config.neurons.readout == "spikes"
+    neuron: dict[str, Any] = {"floor": config.floor, "reset": config.reset}
+    fires = config.readout == "spikes"
+    read = dict(neuron) if fires else {}
+    if config.learn_decay:
+        neuron = neuron | {"raw_decay": arrays["raw_decay"]}
+        read = read | {"raw_decay": arrays["raw_output_decay"]}
     if (synapse and (decay == 1).any()) or (output_synapse and (not fires or (output_decay == 1).any())):
         raise InputError("NIR has synaptic currents only in neurons that leak and fire; export it as .npz")
     nodes: dict[str, nir.NIRNode] = {
@@ -89,16 +91,10 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
             bias=arrays["b_hidden"] * gain,
             metadata={FOLDED: config.input_scale},
         ),
-        HIDDEN: _neurons(decay, synapse, weights.step_s, True, neuron | _raw(arrays, "raw_decay")),
+        HIDDEN: _neurons(decay, synapse, weights.step_s, True, neuron),
         RECURRENT: nir.Linear(weight=arrays["w_rec"] * gain[:, None]),
         READOUT_IN: nir.Affine(weight=arrays["w_out"] * output_gain[:, None], bias=arrays["b_out"] * output_gain),
-        READOUT: _neurons(
-            output_decay,
-            output_synapse,
-            weights.step_s,
-            fires,
-            (neuron if fires else {}) | _raw(arrays, "raw_output_decay"),
-        ),
+        READOUT: _neurons(output_decay, output_synapse, weights.step_s, fires, read),
         OUTPUT: nir.Output(output_type={"output": np.array([config.classes])}),
     }
     header = {"network": config.to_dict(), "class_names": list(weights.class_names), "step_s": weights.step_s}
@@ -153,11 +149,6 @@ def _gain(decay: NDArray[Any], synapse: float = 0.0) -> NDArray[np.float64]:
     return 1.0 / np.maximum(1.0 - decay.astype(np.float64), SMALLEST_LOSS)
 
 
-def _raw(arrays: dict[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
-    """Return learned decays before the logistic function by name; empty without learned decays."""
-    return {"raw_decay": arrays[name]} if name in arrays else {}
-
-
 def load_nir(
     path: Path | str, step_s: float | None = None, class_names: Sequence[str] | None = None, reset: str | None = None
 ) -> Weights:
@@ -194,26 +185,28 @@ def from_nir(
     dt = _time_step(graph, step_s)
     if reset not in (None, *get_args(NeuronReset)):
         raise InputError(f"the reset must be zero or subtract, not {reset!r}")
-    parts = _Parts.of(graph, dt, reset)
-    if reset is not None and reset != parts.hidden.reset:
-        raise InputError(f"the graph already sets the reset {parts.hidden.reset}, not {reset}; leave --reset out")
-    config, names = _config_of(parts, header)
+    hidden, readout, w_rec, input_scale = _layers(graph, dt, reset)
+    if reset is not None and reset != hidden.reset:
+        raise InputError(f"the graph already sets the reset {hidden.reset}, not {reset}; leave --reset out")
+    config, names = _config_of(hidden, readout, input_scale, header)
     names = names if class_names is None else class_names
-    if isinstance(names, (list, tuple)) and len(names) != parts.readout.size:
+    if isinstance(names, (list, tuple)) and len(names) != config.classes:
         raise InputError(
-            f"node {parts.readout.name!r} has {parts.readout.size} outputs, not {len(names)}; "
-            f"give a class name for each output"
+            f"node {readout.name!r} has {config.classes} outputs, not {len(names)}; give a class name for each output"
         )
-    class_names = check_class_names(names, parts.readout.size)
+    class_names = check_class_names(names, config.classes)
     network = build(config, seed=0)
     assert isinstance(network, SpikingNetwork)
-    state = parts.state(config.neurons.learn_decay)
+    state = {"w_in": hidden.weight, "b_hidden": hidden.bias, "w_rec": w_rec}
+    state |= {"w_out": readout.weight, "b_out": readout.bias}
+    if config.learn_decay:
+        state |= {"raw_decay": hidden.logits(), "raw_output_decay": readout.logits()}
     with np.errstate(over="ignore"):
         arrays = {name: array.astype(np.float32) for name, array in state.items()}
     if wrong := [name for name, array in arrays.items() if not np.isfinite(array).all()]:
         raise InputError(f"the graph gives {wrong[0]} values beyond float32; export it again")
     network.load_state_dict({name: torch.from_numpy(array) for name, array in arrays.items()})
-    for layer, kept in zip((parts.hidden, parts.readout), network.decays(), strict=True):
+    for layer, kept in zip((hidden, readout), network.decays(), strict=True):
         if np.abs(kept.detach().numpy() - layer.decay).max() > MAX_DECAY_ERROR:
             raise InputError(
                 f"node {layer.name!r} has a tau that contradicts the decay in the metadata; remove the metadata"
@@ -221,118 +214,88 @@ def from_nir(
     return Weights(network, class_names, dt)
 
 
+def _number(metadata: dict[str, Any], name: str, default: Any) -> Any:
+    """Return a value of the metadata, as plain Python if it is a number of NumPy."""
+    value = metadata.get(name, default)
+    return value.item() if isinstance(value, np.generic) else value
+
+
 def _time_step(graph: nir.NIRGraph, step_s: float | None) -> float:
     """Return the time step of a graph in seconds, or the given time step if the graph has none."""
-    stated = graph.metadata.get("dt")
-    if step_s is None and stated is None:
+    own = _number(graph.metadata, "dt", None)
+    steps = [check_step(step) for step in (own, step_s) if step is not None]
+    if not steps:
         raise InputError("the graph has no time step; give it in seconds (--step)")
-    own = None if stated is None else check_step(stated.item() if isinstance(stated, np.generic) else stated)
-    if step_s is not None:
-        check_step(step_s)
-    if own is not None and step_s is not None and not math.isclose(step_s, own):
+    if not math.isclose(steps[0], steps[-1]):
         raise InputError(f"the graph has a time step of {own:g} s, not {step_s:g} s; leave --step out")
-    return float(step_s) if own is None else own  # type: ignore[arg-type]
+    return steps[0]
 
 
-@dataclass(frozen=True)
-class _Parts:
-    """Layers of a NIR graph with their weights, biases and input scale."""
+def _layers(graph: nir.NIRGraph, dt: float, reset: str | None) -> tuple[Layer, Layer, NDArray[np.float64], float]:
+    """Return hidden and output layer, recurrent weights and input scale of a graph.
 
-    hidden: Layer
-    readout: Layer
-    w_in: NDArray[np.float64]
-    b_hidden: NDArray[np.float64]
-    w_rec: NDArray[np.float64]
-    b_rec: NDArray[np.float64]
-    w_out: NDArray[np.float64]
-    b_out: NDArray[np.float64]
-    input_scale: float
-
-    @classmethod
-    def of(cls, graph: nir.NIRGraph, dt: float, reset: str | None) -> _Parts:
-        """Return the layers of a NIR graph; raise InputError for unsupported nodes."""
-        chain = follow(graph)
-        w_in, b_hidden = affine(graph, chain.hidden_in)
-        w_out, b_out = affine(graph, chain.readout_in)
-        hidden = Layer.of(chain.hidden, graph.nodes[chain.hidden], dt, len(w_in), reset)
-        readout = Layer.of(chain.readout, graph.nodes[chain.readout], dt, len(w_out), reset)
-        w_rec, b_rec = np.zeros((hidden.size, hidden.size)), np.zeros(hidden.size)
-        if chain.recurrent is not None:
-            w_rec, b_rec = affine(graph, chain.recurrent)
-        for name, weight in ((chain.recurrent, w_rec), (chain.readout_in, w_out)):
-            if weight.shape[1] != hidden.size or (weight is w_rec and len(w_rec) != hidden.size):
-                raise InputError(
-                    f"node {name!r} has weights of shape {weight.shape}, but node {hidden.name!r} has "
-                    f"{hidden.size} neurons"
-                )
-        input_scale = _folded(graph.nodes[chain.hidden_in])
-        w_in = w_in / input_scale
-        if chain.scale is not None:
-            scale = broadcast(chain.scale, graph.nodes[chain.scale].scale, w_in.shape[1])
-            if scale[0] > 0 and (scale == scale[0]).all():
-                input_scale *= float(scale[0])
-            else:
-                w_in = w_in * scale
-        if readout.fires and (readout.floor, readout.reset) != (hidden.floor, hidden.reset):
-            raise InputError(f"nodes {hidden.name!r} and {readout.name!r} differ in floor or reset; make them equal")
-        return cls(hidden, readout, w_in, b_hidden, w_rec, b_rec, w_out, b_out, input_scale)
-
-    def state(self, learned: bool) -> dict[str, NDArray[np.float64]]:
-        """Return the network parameters by name, including the gains of the neurons."""
-        hidden, readout = self.hidden, self.readout
-        state = {
-            "w_in": self.w_in * hidden.gain[:, None],
-            "w_rec": self.w_rec * hidden.gain[:, None],
-            "w_out": self.w_out * readout.gain[:, None],
-            "b_hidden": (self.b_hidden + self.b_rec) * hidden.gain + hidden.drive,
-            "b_out": self.b_out * readout.gain + readout.drive,
-        }
-        if learned:
-            state |= {"raw_decay": hidden.logits(), "raw_output_decay": readout.logits()}
-        return state
+    Raise InputError for unsupported nodes.
+    """
+    chain = follow(graph)
+    w_in, b_hidden = affine(graph, chain.hidden_in)
+    w_out, b_out = affine(graph, chain.readout_in)
+    size = len(w_in)
+    w_rec, b_rec = (np.zeros((size, size)), 0.0) if chain.recurrent is None else affine(graph, chain.recurrent)
+    for name, weight, rows in ((chain.recurrent, w_rec, size), (chain.readout_in, w_out, len(w_out))):
+        if weight.shape != (rows, size):
+            raise InputError(
+                f"node {name!r} has weights of shape {weight.shape}, but node {chain.hidden!r} has {size} neurons"
+            )
+    input_scale = _folded(graph.nodes[chain.hidden_in])
+    w_in = w_in / input_scale
+    if chain.scale is not None:
+        scale = broadcast(chain.scale, graph.nodes[chain.scale].scale, w_in.shape[1])
+        if scale[0] > 0 and (scale == scale[0]).all():
+            input_scale *= float(scale[0])
+        else:
+            w_in = w_in * scale
+    hidden = Layer.of(chain.hidden, graph.nodes[chain.hidden], dt, w_in, b_hidden + b_rec, reset)
+    readout = Layer.of(chain.readout, graph.nodes[chain.readout], dt, w_out, b_out, reset)
+    if readout.fires and (readout.floor, readout.reset) != (hidden.floor, hidden.reset):
+        raise InputError(f"nodes {hidden.name!r} and {readout.name!r} differ in floor or reset; make them equal")
+    return hidden, readout, w_rec * hidden.gain[:, None], input_scale
 
 
 def _folded(node: nir.NIRNode) -> float:
     """Return the input scale contained in the weights of the first node, 1 by default."""
-    value = node.metadata.get(FOLDED, 1.0)
-    if isinstance(value, np.generic):
-        value = value.item()
+    value = _number(node.metadata, FOLDED, 1.0)
     if type(value) not in (int, float) or not (math.isfinite(value) and value > 0):
         raise InputError(f"the weights of the first node hold an {FOLDED} of {value!r}, which is not a positive number")
     return float(value)
 
 
-def _config_of(parts: _Parts, header: dict[str, Any] | None) -> tuple[NetworkConfig, Sequence[str]]:
+def _config_of(
+    hidden: Layer, readout: Layer, input_scale: float, header: dict[str, Any] | None
+) -> tuple[NetworkConfig, Sequence[str]]:
     """Return configuration and class names from the metadata, after checking them against the nodes."""
-    hidden, readout = parts.hidden, parts.readout
-    found = {
-        "inputs": parts.w_in.shape[1],
-        "hidden": hidden.size,
-        "classes": readout.size,
-        "input_scale": parts.input_scale,
+    synapses = {"synapse_decay": hidden.synapse_decay, "output_synapse_decay": readout.synapse_decay}
+    found = synapses | {
+        "inputs": hidden.weight.shape[1],
+        "hidden": len(hidden.decay),
+        "classes": len(readout.decay),
+        "input_scale": input_scale,
         "floor": hidden.floor,
         "reset": hidden.reset,
         "readout": "spikes" if readout.fires else "membrane",
     }
     if header is None:
-        synapses = {"synapse_decay": hidden.synapse_decay, "output_synapse_decay": readout.synapse_decay}
-        config = NetworkConfig.from_dict(found | _decay_fields(hidden, readout) | synapses)
-        return config, [str(number) for number in range(readout.size)]
+        config = NetworkConfig.from_dict(found | _decay_fields(hidden, readout))
+        return config, [str(number) for number in range(config.classes)]
     try:
         config, names = NetworkConfig.from_dict(header["network"]), header["class_names"]
     except (KeyError, InputError):
         raise InputError("the metadata of the graph are damaged; export it again") from None
-    stated = config.to_dict()
-    for name, value in {"synapse_decay": hidden.synapse_decay, "output_synapse_decay": readout.synapse_decay}.items():
-        if abs(stated[name] - value) > MAX_DECAY_ERROR:
-            raise InputError(
-                f"the nodes of the graph give {name} = {value:g}, but its metadata give {stated[name]:g}; "
-                "remove the metadata of the graph"
-            )
     for name, value in found.items():
-        if stated[name] != value:
+        stated = getattr(config, name)
+        if abs(stated - value) > MAX_DECAY_ERROR if name in synapses else stated != value:
+            shown = [f"{number:g}" if name in synapses else str(number) for number in (value, stated)]
             raise InputError(
-                f"the nodes of the graph give {name} = {value}, but its metadata give {stated[name]}; "
+                f"the nodes of the graph give {name} = {shown[0]}, but its metadata give {shown[1]}; "
                 f"remove the metadata of the graph"
             )
     return config, names
@@ -340,18 +303,13 @@ def _config_of(parts: _Parts, header: dict[str, Any] | None) -> tuple[NetworkCon
 
 def _decay_fields(hidden: Layer, readout: Layer) -> dict[str, Any]:
     """Return the decay fields of NetworkConfig; decays that vary within a layer become learned ones."""
-    differ = [layer for layer in (hidden, readout) if (layer.decay != layer.decay[0]).any()]
-    if differ:
-        for layer in (hidden, readout):
-            if (layer.decay == 1).any():
-                raise InputError(
-                    f"node {layer.name!r} has no leak, while those of {differ[0].name!r} differ; give it a long tau"
-                )
-    return {
-        "decay": float(hidden.decay[0]),
-        "output_decay": float(readout.decay[0]),
-        "learn_decay": bool(differ),
-    }
+    differ = [layer for layer in (hidden, readout) if np.ptp(layer.decay)]
+    for layer in (hidden, readout) if differ else ():
+        if (layer.decay == 1).any():
+            raise InputError(
+                f"node {layer.name!r} has no leak, while those of {differ[0].name!r} differ; give it a long tau"
+            )
+    return {"decay": float(hidden.decay[0]), "output_decay": float(readout.decay[0]), "learn_decay": bool(differ)}
 
 
 def _header(graph: nir.NIRGraph) -> dict[str, Any] | None:

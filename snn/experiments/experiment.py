@@ -6,7 +6,7 @@ import dataclasses
 import itertools
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, get_args, get_type_hints
 
 from eskin.base.errors import InputError
 from eskin.base.files import plain
@@ -23,8 +23,8 @@ from eskin.snn.data.frames import frame_dataset, frames_of_recordings
 from eskin.snn.data.record import Tick, Variant, record_dataset
 from eskin.snn.data.recordings import event_files, read_recordings
 from eskin.snn.data.scans import ScanData, load_recordings
-from eskin.snn.flat import refuse_unknown
-from eskin.snn.network_config import FIELDS, HINTS, NetworkConfig
+from eskin.snn.fields import refuse_unknown
+from eskin.snn.network_config import FIELDS, NetworkConfig
 from eskin.snn.training import TrainConfig, parted
 
 
@@ -84,7 +84,7 @@ class Experiment:
     def _check_fit(self) -> None:
         """Check that the fields fit each other."""
         frames, recorded = self.frames is not None, self.events is not None
-        if frames and self.train.augment.speed_spread:
+        if frames and self.train.speed_spread:
             raise InputError("speed_spread moves events in time and cannot be used for frames; set it to 0")
         if self.taxels and (recorded or self.disturbed):
             raise InputError("chosen taxels need undisturbed scans of textures; leave taxels out")
@@ -244,7 +244,7 @@ class Experiment:
 
 def _number(name: str, value: Any) -> Any:
     """Convert a JSON value to float for float fields, including texts of infinities."""
-    return float(value) if HINTS.get(name) is float and isinstance(value, (int, str)) else value
+    return float(value) if get_type_hints(NetworkConfig).get(name) is float and isinstance(value, (int, str)) else value
 
 
 def _has_own_leak(readout: ReadoutConfig) -> bool:

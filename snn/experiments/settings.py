@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, get_args
+from typing import Any, get_args, get_type_hints
 
 from eskin.base.errors import InputError
 from eskin.model.encoders import registry
@@ -11,8 +11,7 @@ from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.frame_steps import FRAMES, FrameKind, FrameSteps
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.recipes import BASELINES, RECIPES
-from eskin.snn.flat import hints_of
-from eskin.snn.network_config import HINTS, NetworkConfig
+from eskin.snn.network_config import NetworkConfig, fields_of
 from eskin.snn.training import TrainConfig, parted
 
 VARIANTS = {encoder.name: ("", "on") if encoder.polarity else ("",) for encoder in registry.ENCODERS}
@@ -21,7 +20,7 @@ VARIANTS = {encoder.name: ("", "on") if encoder.polarity else ("",) for encoder 
 
 def parse_settings(texts: list[str], option: str = "--set") -> dict[str, Any]:
     """Return the network and training parameters for ``name=value`` texts."""
-    hints = hints_of(TrainConfig) | HINTS
+    hints = get_type_hints(TrainConfig) | get_type_hints(NetworkConfig)
     for name in ("inputs", "classes", "epochs"):
         del hints[name]
     found: dict[str, Any] = {}
@@ -57,7 +56,7 @@ def parse_grid(texts: list[str]) -> dict[str, list[Any]]:
 def idle_settings(made: Experiment, settings: list[str] | None) -> tuple[str, list[str]]:
     """Return the kind of network, and the given settings that have no effect on this kind."""
     config = NetworkConfig.from_dict({"inputs": 1, "classes": 1} | made.network)
-    known = {*hints_of(NetworkConfig), *hints_of(type(config.units)), *hints_of(TrainConfig), "kind"}
+    known = {*fields_of(config.kind), *get_type_hints(TrainConfig)}
     given = [("--set", name) for name in parse_settings(settings or [])]
     given += [("--grid", name) for name in made.grid or {}]
     return config.kind, [f"{option} {name}" for option, name in given if name not in known]

@@ -43,15 +43,15 @@ def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
     The spikes have the shape (steps, scans, hidden), the evidence (steps, scans, classes): output spikes so far; or the
     sum of the output membranes so far, divided by the number of all steps.
     """
-    config, neurons = network.config, network.config.neurons
+    config = network.config
     spikes = network.spikes(x)
     _, decay = network.decays()
-    if neurons.readout == "spikes":
-        currents = neurons.output_synapse_decay
-        parts = layer(neurons.rule, spikes, network.w_out, network.b_out, decay, None, network.backend, currents)
+    if config.readout == "spikes":
+        currents = config.output_synapse_decay
+        parts = layer(config.rule, spikes, network.w_out, network.b_out, decay, None, network.backend, currents)
     else:
         parts = functional.linear(spikes, network.w_out, network.b_out)
-        parts = synaptic(parts, neurons.output_synapse_decay).clone()
+        parts = synaptic(parts, config.output_synapse_decay).clone()
         for step in range(1, len(parts)):
             parts[step] += decay * parts[step - 1]
         parts /= len(parts)
@@ -115,7 +115,7 @@ def play(
         spikes=spikes[:, 0].numpy(),
         evidence=grown[:, 0].numpy(),
         class_names=weights.class_names,
-        meaning=MEANINGS[network.config.neurons.readout] + (f", times {scale:g}" if scale != 1 else ""),
+        meaning=MEANINGS[network.config.readout] + (f", times {scale:g}" if scale != 1 else ""),
         right=sum(result.right),
         tests=len(result.right),
     )

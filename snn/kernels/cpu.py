@@ -6,6 +6,7 @@ functions here need contiguous float32 CPU tensors and check nothing else.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import functools
 import hashlib
@@ -179,21 +180,18 @@ def _library() -> ctypes.CDLL | None:
         return None
     key = "\0".join((SOURCE.read_text(), compiler, *_FLAGS, platform.machine(), _instructions()))
     name = f"kernel-{hashlib.sha256(key.encode()).hexdigest()[:16]}.so"
-    try:
+    failures = (OSError, subprocess.CalledProcessError)
+    with contextlib.suppress(*failures):
         if (folder := cache.usable()) is not None:
             path = folder / name
             if not cache.is_private(path):
                 path.unlink(missing_ok=True)
                 _compile(compiler, path)
             return _load(path)
-    except (OSError, subprocess.CalledProcessError):
-        pass
-    try:
-        with tempfile.TemporaryDirectory() as own:  # private: no other process can have written there
-            _compile(compiler, Path(own) / name)
-            return _load(Path(own) / name)
-    except (OSError, subprocess.CalledProcessError):
-        return None
+    with contextlib.suppress(*failures), tempfile.TemporaryDirectory() as own:  # private: nobody else can write there
+        _compile(compiler, Path(own) / name)
+        return _load(Path(own) / name)
+    return None
 
 
 def _load(path: Path) -> ctypes.CDLL:

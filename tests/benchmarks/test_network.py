@@ -12,7 +12,7 @@ import pytest
 from eskin.snn.kernels import cpu as kernel
 
 NAME = "network"
-SMALL = ["--steps", "12", "--batch", "4", "--rate", "0.3", "--rounds", "1", "--no-memory"]
+SMALL = ["--steps", "12", "--batch", "4", "--rate", "0.3", "--rounds", "1"]
 
 pytestmark = pytest.mark.skipif(not kernel.available(), reason="no C++ compiler for the kernel")
 

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 import torch
 
-from eskin.base.errors import InputError
 from eskin.snn.calibration import calibrate
-from eskin.snn.exchange.weights import Weights, load_weights, save_weights
 from eskin.snn.network import SpikingNetwork, build
 from eskin.snn.network_config import NetworkConfig
 
@@ -78,19 +74,3 @@ def test_frames_are_centred_and_scaled() -> None:
     entering = (frames - config.to_dict()["input_offset"]) * config.input_scale
     assert float(entering.mean()) == pytest.approx(0.0, abs=1e-4)
     assert float(entering.std()) == pytest.approx(1.0, rel=1e-3)
-
-
-def test_the_numbers_found_travel_with_the_weights(tmp_path: Path) -> None:
-    counts = scans()
-    network = spiking(input_rms=3.0, hidden_rate=0.1, output_rate=0.1)
-    calibrate(network, counts)
-    save_weights(tmp_path / "w.npz", Weights(network, tuple("abcdef"), 0.004))
-    loaded = load_weights(tmp_path / "w.npz").network
-    assert torch.equal(loaded(counts).logits, network(counts).logits)
-
-
-def test_an_offset_of_counts_is_refused() -> None:
-    with pytest.raises(InputError, match="are for the kinds rnn, gru and cnn"):
-        NetworkConfig.from_dict({"inputs": 1, "classes": 1, "input_center": True})
-    with pytest.raises(InputError, match="hidden_rate must be from 0"):
-        NetworkConfig.from_dict({"inputs": 1, "classes": 1, "hidden_rate": 1.0})

@@ -151,13 +151,8 @@ def test_published_networks_are_bit_exact_in_the_rtl(tmp_path: Path, monkeypatch
     ],
 )
 def test_what_the_hardware_has_not_is_refused(fields: dict[str, Any], said: str) -> None:
-    config = NetworkConfig.from_dict({"inputs": 6, "classes": 3, "hidden": 24} | fields)
-    made = build(config, 0)
-    if isinstance(made, SpikingNetwork) and config.neurons.learn_decay:
-        with torch.no_grad():
-            made.raw_decay[0] += 1
     with pytest.raises(InputError, match=said):
-        quantise(Weights(made, ("a", "b", "c"), 0.004), Precision())
+        quantise(weights_of(network(**fields)), Precision())
 
 
 def test_a_network_that_has_diverged_is_refused() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import re
 from pathlib import Path
 from typing import Any
@@ -103,33 +102,14 @@ class Signals(Dataset[tuple[Tensor, int]]):
         return self.transform(self.data[:, index]), index
 
 
-class Compose:
-    """Composition of transforms, as ``torchvision.transforms.Compose``."""
-
-    def __init__(self, *transforms: Any) -> None:
-        self.transforms = transforms
-
-    def __call__(self, data: Tensor) -> Tensor:
-        for transform in self.transforms:
-            data = transform(data)
-        return data
-
-
 @pytest.mark.parametrize("workers", [0, 2])
 def test_a_loader_with_workers_gives_the_same(workers: int) -> None:
     transform, data = LevelCrossing(CONFIGS["nlcs"]), signals(6, 2, 3)
     expected = transform(data)
-    loader = DataLoader(Signals(data, Compose(torch.nn.Identity(), transform)), batch_size=3, num_workers=workers)
+    loader = DataLoader(Signals(data, transform), batch_size=3, num_workers=workers)
     batches = list(loader)
     assert torch.equal(torch.cat([index for _, index in batches]), torch.arange(6))
     assert torch.equal(torch.cat([events for events, _ in batches]).transpose(0, 1), expected)
-
-
-def test_it_survives_pickling() -> None:
-    transform = LevelCrossing(CONFIGS["cw-lcs"], polarity=True)
-    again = pickle.loads(pickle.dumps(transform))
-    assert again == transform
-    assert torch.equal(again(signals(6)), transform(signals(6)))
 
 
 def test_types_devices_and_gradients() -> None:

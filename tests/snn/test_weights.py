@@ -38,24 +38,6 @@ def test_a_network_comes_back_bit_exact(tmp_path: Path, fields: dict[str, Any]) 
     assert path.read_bytes() == first
 
 
-def test_the_documented_arrays_are_readable_by_numpy_alone(tmp_path: Path) -> None:
-    weights = made(decay=0.9, output_decay=0.8)
-    save_weights(tmp_path / "w.npz", weights)
-    with np.load(tmp_path / "w.npz") as file:
-        shapes = {name: file[name].shape for name in file.files}
-        assert np.unique(file["decay"]).tolist() == [np.float32(0.9)]
-    assert shapes == {
-        "w_in": (20, 6),
-        "w_rec": (20, 20),
-        "w_out": (3, 20),
-        "b_hidden": (20,),
-        "b_out": (3,),
-        "decay": (20,),
-        "output_decay": (3,),
-        "metadata": (),
-    }
-
-
 def test_eight_bit_weights_are_within_half_a_step(tmp_path: Path) -> None:
     weights = made()
     save_weights(tmp_path / "w.npz", weights, eight_bits=True)
