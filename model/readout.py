@@ -24,6 +24,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import compiled, fields
 from eskin.model.encoders.fields import ANALOG_RANGE
 from eskin.model.registers import pattern, settings
+from eskin.model.taxel_kernels import Parameters
 
 SOURCES = (*compiled.sources(), *(Path(str(m.__file__)) for m in (arbiter, link, pattern, settings, taxel)))
 """Files and folders with code that the compiled loop of this file contains."""
@@ -223,43 +224,6 @@ def state_at(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> State:
     )
 
 
-class Parameters(NamedTuple):
-    """The configuration as a tuple for the compiled loop.
-
-    ``reset``, ``top`` and ``bottom`` are the reference after reset and the ends of the scale in 2**-fraction_bits
-    codes. ``rule`` is the rule of the encoder, with a host's settings.
-    """
-
-    leaks: bool
-    per_sample: bool
-    digital: bool
-    four_phase: bool
-    columns: int
-    leak_period: int
-    reset: int
-    top: int
-    bottom: int
-    rule: Any
-
-    @classmethod
-    def of(cls, config: ReadoutConfig) -> Parameters:
-        """Return the loop parameters of a configuration."""
-        encoder = config.encoder
-        bits = encoder.fraction_bits(config)
-        return cls(
-            leaks=encoder.leaks,
-            per_sample=config.decide_every == "sample",
-            digital=config.chosen("frontend", digital=True, analog=False),
-            four_phase=config.handshake,
-            columns=config.columns,
-            leak_period=config.leak_period,
-            reset=config.reference_reset << bits,
-            top=(config.full_scale << bits) - 1,
-            bottom=-config.full_scale << bits,
-            rule=encoder.rule(config),
-        )
-
-
 class Inputs(NamedTuple):
     """The stimulus as a tuple for the compiled loop: the attributes of ``Stimulus``, and the leak phase of every row.
 
@@ -369,7 +333,7 @@ def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: 
             moved, testing = settings.apply(host, given_settings, t, ticks, rows, latch)
             if moved:
                 p = _set(p, given_settings[host[settings.NUMBER] - 1])
-                settings.set_phases(phases, p.leak_period)
+                settings.set_phases(phases, p.rule.leak_period)
 
         # A mask resets the disabled taxels. All taxels decide once more, which changes nothing for the others.
         masked = changes < len(enable_clock) and enable_clock[changes] == t
@@ -442,7 +406,6 @@ def _set(p: Parameters, now: Any) -> Parameters:
         p.digital,
         p.four_phase,
         p.columns,
-        now.leak_period,
         p.reset,
         p.top,
         p.bottom,

@@ -178,11 +178,12 @@ def decode(config: ReadoutConfig, counts: Counts, late: Flags | None = None) -> 
     """
     encoder = config.encoder
     counts, delay = _check_counts(config, counts, late, needed=encoder.timed)
-    bits = encoder.fraction_bits(config)
-    u = np.full(counts.shape[1], config.reference_reset << bits, np.int64)
-    ends = (-config.full_scale << bits, (config.full_scale << bits) - 1)
+    parameters = kernels.Parameters.of(config)
+    taxels = np.zeros(counts.shape[1], kernels.taxel_dtype(config))
+    taxels["u"] = parameters.reset
     reference = np.empty(counts.shape, np.float64)
-    kernels.decode(encoder.rule(config), counts, delay, _phases(config), ends, u, reference)
+    unit = 2.0 ** -encoder.fraction_bits(config)
+    kernels.decode(parameters, taxels, counts, delay, _phases(config), unit, reference)
     return reference
 
 

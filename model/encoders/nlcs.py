@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from eskin.base.errors import InputError
 from eskin.model.decay import leak_of, leaking
-from eskin.model.encoders.encoder import Encoder, log2
+from eskin.model.encoders.encoder import Constants, Encoder
 
 if TYPE_CHECKING:
     from eskin.model.config import ReadoutConfig
 
 
-class NlcsRule(NamedTuple):
-    """Constants of N-LCS: D in units of 2**-F codes, the leak k and P, F, and the most events per tick."""
-
-    step: int
-    built_step: int
-    leak_shift: int
-    leak_period: int
-    fraction_bits: int
-    step_log2: int
-    cap: int
+class NlcsRule(Constants):
+    """Constants of N-LCS."""
 
 
 class Nlcs(Encoder):
@@ -32,7 +24,7 @@ class Nlcs(Encoder):
     name, title, colour, marker, code = "nlcs", "N-LCS", "#d55e00", "^", 2
     fields = ("leak_shift", "leak_period", "fraction_bits")
     polarity, leaks, strict = False, True, True
-    Rule: ClassVar[type[Any]] = NlcsRule
+    Rule: ClassVar[type[Constants]] = NlcsRule
 
     def grid(self, config: ReadoutConfig) -> int:
         """Return one code; a leak may move the reference to any code."""
@@ -48,12 +40,6 @@ class Nlcs(Encoder):
                 f"leak_period must be at least the number of rows, {config.rows}, with registers={config.registers}, "
                 f"not {config.leak_period}"
             )
-
-    def rule(self, config: ReadoutConfig) -> Any:
-        """Return the constants of the encoder for a configuration."""
-        step = config.step << config.fraction_bits
-        leak = (config.leak_shift, config.leak_period, config.fraction_bits)
-        return self.Rule(step, step, *leak, log2(step), config.most_events_per_tick)
 
     def error_bound(self, config: ReadoutConfig) -> tuple[float, float]:
         """Return the bounds: x - u <= D plus a leak at one decision per tick, and a lower bound for slow falls.
@@ -91,11 +77,6 @@ class Nlcs(Encoder):
         return leaks
 
     @staticmethod
-    def with_settings(rule: Any, now: Any) -> Any:
-        """Return the rule for a coarser resolution and a leak set by the host."""
-        return NlcsRule(*changed_by_host(rule, now))
-
-    @staticmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
         """Write the event counts of every tick; u and D are in units of 2**-F codes.
 
@@ -126,21 +107,3 @@ class Nlcs(Encoder):
                 counts[i, j] = word(first + more)
                 if timed:
                     late[i, j] = first == 0 and more > 0
-
-    @staticmethod
-    def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
-        """Reconstruct the reference with the leak of the encoder."""
-        unit, top, shift = 2.0**-rule.fraction_bits, ends[1], rule.step_log2
-        for i in range(counts.shape[0]):
-            now = i % rule.leak_period
-            for j in range(counts.shape[1]):
-                if phase[j] == now:
-                    u[j] -= leak_of(u[j], rule.leak_shift)
-                u[j] += min(np.int64(counts[i, j]), (top - u[j]) >> shift) << shift
-                reference[i, j] = u[j] * unit
-
-
-def changed_by_host(rule: Any, now: Any) -> Any:
-    """Return the fields of a leaky rule for the settings of a host."""
-    leak = (now.leak_shift, now.leak_period, rule.fraction_bits)
-    return (rule.built_step << now.coarser, rule.built_step, *leak, rule.step_log2, rule.cap)

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eskin.model.decay import leak_of, leaking
-from eskin.model.encoders.encoder import stepped
-from eskin.model.encoders.nlcs import Nlcs, NlcsRule, changed_by_host
+from eskin.model.encoders.encoder import Constants
+from eskin.model.encoders.nlcs import Nlcs
 
 if TYPE_CHECKING:
     from eskin.model.config import ReadoutConfig
 
 
-class NlcsBipolarRule(NlcsRule):
+class NlcsBipolarRule(Constants):
     """Constants of bipolar N-LCS."""
 
 
@@ -51,11 +51,6 @@ class NlcsBipolar(Nlcs):
         leak = leak_of(taxel.u, rule.leak_shift) if leaks and not inward else 0
         taxel.u += (rule.step if on else -rule.step if off else 0) - leak
         return leaks
-
-    @staticmethod
-    def with_settings(rule: Any, now: Any) -> Any:
-        """Return the rule for a coarser resolution and a leak set by the host."""
-        return NlcsBipolarRule(*changed_by_host(rule, now))
 
     @staticmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
@@ -95,17 +90,3 @@ class NlcsBipolar(Nlcs):
                 counts[i, j] = word(first + more)
                 if timed:
                     late[i, j] = (first == 0) & (more != 0)
-
-    @staticmethod
-    def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
-        """Reconstruct the reference with the leak of the encoder."""
-        unit = 2.0**-rule.fraction_bits
-        for i in range(counts.shape[0]):
-            now = i % rule.leak_period
-            for j in range(counts.shape[1]):
-                n = np.int64(counts[i, j])
-                inward = (n > 0 and u[j] < 0) or (n < 0 and u[j] >= 0)
-                if phase[j] == now and (late[i, j] or not inward):
-                    u[j] -= leak_of(u[j], rule.leak_shift)
-                u[j] = stepped(u[j], n, ends, rule.step)
-                reference[i, j] = u[j] * unit

@@ -18,7 +18,8 @@ from eskin.base.files import forget_stale_kernels
 from eskin.model import arbiter, decay, readout
 from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.arbiter import ONE, ZERO
-from eskin.model.readout import Inputs, Parameters, Registers, Stimulus, decide, mask_rows, take_samples, with_room
+from eskin.model.readout import Inputs, Registers, Stimulus, decide, mask_rows, take_samples, with_room
+from eskin.model.taxel_kernels import Parameters
 from eskin.model.tiles import merge, relay
 from eskin.model.tiles.config import TilesConfig
 
@@ -139,7 +140,7 @@ def _clock(p: Any, s: Any, t: int, tile: int, taxels: Any, rows: Any, latch: Any
         first, last = (0, len(rows)) if everyone or at[AGAIN] != 0 else (row, row + 1)
         again = False
         for y in range(first, last):
-            leaks = tick and p.leaks and decay.is_due(p.leak_period, s.phases[y], at[TICKS] - 1)
+            leaks = tick and p.leaks and decay.is_due(p.rule.leak_period, s.phases[y], at[TICKS] - 1)
             todo = rows[y].again | (latch[arbiter.TAKEN] if y == row else ZERO)
             again |= decide(p, y, ~ZERO if everyone else todo, tick, leaks, taxels, rows, latch)
         at[AGAIN] = again

@@ -178,7 +178,7 @@ def test_without_the_compiler_it_is_a_sentence() -> None:
 
 
 def test_a_window_that_was_quiet_for_longer_than_a_shorter_period_closes_with_the_next_tick() -> None:
-    taxel, written = SimpleNamespace(quiet=30, closed=0), SimpleNamespace(window_period=10, levels=4)
+    taxel, written = SimpleNamespace(quiet=30, closed=0), SimpleNamespace(window_period=10, levels_log2=2)
     closes = window.pass_tick
     assert closes(written, taxel)
     assert (taxel.quiet, taxel.closed) == (0, 1)
