@@ -256,13 +256,15 @@ def read_arrays(path: Path, kind: str, remedy: str) -> dict[str, NDArray[Any]]:
     Error messages contain the expected ``kind`` of file, such as "a weight file", and a ``remedy`` such as "train
     again". Raises InputError if the file cannot be read, is damaged, or claims too much.
     """
-    import numpy as np
+    from numpy.lib.format import read_array
 
     try:
-        with zipfile.ZipFile(path) as archive:
+        with path.open("rb") as file:
+            seekable = file if path.is_file() else io.BytesIO(file.read(MOST_UNPACKED))
+            archive = zipfile.ZipFile(seekable)
             check_unpacked(archive)
-        with np.load(path, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
+            members = {name: io.BytesIO(archive.read(name)) for name in archive.namelist()}  # verifies the checksums
+        return {name.removesuffix(".npy"): read_array(data, allow_pickle=False) for name, data in members.items()}
     except InputError as error:
         raise InputError(f"{path} {error}") from None
     except OSError as error:
