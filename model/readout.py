@@ -18,7 +18,7 @@ from eskin.base.errors import InputError
 from eskin.base.files import forget_stale_kernels
 from eskin.model import arbiter, decay, link
 from eskin.model import taxel_kernels as taxel
-from eskin.model.address_events import EVENT_DTYPE, Events
+from eskin.model.address_events import Events, make_events
 from eskin.model.arbiter import ONE, ZERO, lowest, without_lowest
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import compiled, fields
@@ -160,21 +160,17 @@ class State:
     ----------
     sample, reference, half_width : ndarray of int64, shape (rows, columns)
         Codes; the reference of an encoder that leaks in units of 2**-fraction_bits codes.
-    pending, polarity : ndarray of bool, shape (rows, columns)
+    pending : ndarray of bool, shape (rows, columns)
     latch_row, latch_columns : int
         The burst latch: its row, and its columns as bits.
-    behind : int
-        Rows, as bits, that come before all others in the next grant.
     """
 
     sample: NDArray[np.int64]
     reference: NDArray[np.int64]
     half_width: NDArray[np.int64]
     pending: NDArray[np.bool_]
-    polarity: NDArray[np.bool_]
     latch_row: int
     latch_columns: int
-    behind: int
 
 
 def simulate(config: ReadoutConfig, stimulus: Stimulus) -> Events:
@@ -217,10 +213,8 @@ def state_at(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> State:
         reference=taxels["u"],
         half_width=config.encoder.half_width(config, taxels),
         pending=(registers.rows["pending"][:, None] >> bits & ONE).astype(bool),
-        polarity=(registers.rows["polarity"][:, None] >> bits & ONE).astype(bool),
         latch_row=int(registers.latch[arbiter.ROW]),
         latch_columns=int(registers.latch[arbiter.WAITING]),
-        behind=int(registers.latch[arbiter.BEHIND]),
     )
 
 
@@ -281,10 +275,7 @@ def _run(
     given_settings = stimulus.settings if len(stimulus.settings) else None
     traffic = np.zeros(0, np.uint8) if traffic is None else traffic
     time, event = _loop(Parameters.of(config), inputs, registers, given_settings, traffic).T
-    events = np.empty(len(time), EVENT_DTYPE)
-    events["t"], events["p"] = time, event & 1
-    events["y"], events["x"] = np.divmod(event >> 1, config.columns)
-    return events, registers
+    return make_events(time, *np.divmod(event >> 1, config.columns), event & 1), registers
 
 
 def _signals(config: ReadoutConfig, stimulus: Stimulus) -> NDArray[np.int32]:

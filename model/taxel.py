@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.model import taxel_kernels as kernels
-from eskin.model.address_events import EVENT_DTYPE, Events, taxel_of
+from eskin.model.address_events import Events, make_events, taxel_of
 from eskin.model.config import ReadoutConfig
 from eskin.model.decay import decay_phases
 from eskin.model.encoders.fields import is_off, signals
@@ -139,11 +139,7 @@ def uncontended_events(config: ReadoutConfig, counts: Counts, late: Flags | None
     nth = np.arange(number.sum()) - np.repeat(np.cumsum(number) - number, number)
     t, taxel = np.repeat(first, number) + nth, np.repeat(taxel, number)
     order = np.lexsort((taxel, t))
-    events = np.empty(len(t), EVENT_DTYPE)
-    events["t"] = t[order]
-    events["y"], events["x"] = np.divmod(taxel[order], config.columns)
-    events["p"] = np.repeat(signed > 0, number)[order]
-    return events
+    return make_events(t[order], *np.divmod(taxel[order], config.columns), np.repeat(signed > 0, number)[order])
 
 
 def counts_of_events(config: ReadoutConfig, events: Events, ticks: int) -> tuple[Counts, Flags]:

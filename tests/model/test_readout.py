@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import copy
-import itertools
-from collections import Counter, defaultdict
 from dataclasses import fields, replace
 from typing import Any
 
@@ -14,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from eskin.cocotb_tests.bench.reference import ReadoutReference, TimedEvent, play
+from eskin.cocotb_tests.bench.reference import TimedEvent, play
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.readout import Stimulus, simulate, state_at
@@ -101,14 +99,6 @@ def stimuli(draw: st.DrawFn, config: ReadoutConfig, **fixed: Any) -> Stimulus:
 # -- the model is the reference ----------------------------------------------------------------------
 
 
-def test_analog_comparators_decide_on_neither_above_below_or_above_if_both() -> None:
-    config = ReadoutConfig(rows=1, columns=1, frontend="analog")
-    decisions = np.zeros((40, 1), np.uint8)
-    decisions[[5, 15, 25], 0] = 1, 2, 3
-    stimulus = replace(Stimulus.from_samples(config, np.zeros((1, 1), np.int32), clocks=40), decisions=decisions)
-    assert simulate(config, stimulus)["p"].tolist() == [True, False, True]
-
-
 @settings(max_examples=500)
 @given(st.data())
 def test_model_equals_the_reference_event_by_event(data: st.DataObject) -> None:
@@ -118,64 +108,7 @@ def test_model_equals_the_reference_event_by_event(data: st.DataObject) -> None:
     assert timed(simulate(config, stimulus)) == expected
 
 
-def assert_same_registers(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> None:
-    """Compare all relevant registers just before a clock."""
-    state = state_at(config, stimulus, clock)
-    readout, _ = play(config, stimulus, clock)
-    taxels = list(itertools.chain(*readout.taxels))
-    held = [taxel.sample for taxel in taxels]
-    signal = held if config.frontend == "digital" else list(itertools.chain(*readout.signal))
-    assert state.sample.ravel().tolist() == signal
-    assert state.reference.ravel().tolist() == [taxel.reference for taxel in taxels]
-    assert state.half_width.ravel().tolist() == [taxel.half_width for taxel in taxels]
-    assert state.pending.ravel().tolist() == [taxel.pending for taxel in taxels]
-    if config.has_polarity:
-        waiting = [taxel.polarity for taxel in taxels if taxel.pending]
-        assert state.polarity[state.pending].tolist() == waiting
-    latch, last = readout.arbiter.latch, readout.arbiter.last
-    assert state.latch_columns == sum(1 << event.column for event in latch)
-    assert not latch or state.latch_row == latch[0].row
-    behind = [] if last is None else range(last + 1, config.rows)
-    assert state.behind & (1 << config.rows) - 1 == sum(1 << row for row in behind)
-
-
-@settings(max_examples=300)
-@given(st.data())
-def test_state_at_gives_the_registers_of_the_reference(data: st.DataObject) -> None:
-    config = data.draw(configs())
-    stimulus = data.draw(stimuli(config))
-    assert_same_registers(config, stimulus, data.draw(st.integers(0, stimulus.clocks)))
-
-
-@pytest.mark.parametrize("encoding", ENCODINGS)
-def test_a_sample_leaves_as_events_from_three_clocks_later_on(encoding: str) -> None:
-    config = ReadoutConfig(rows=3, columns=5, encoding=encoding, resolution=4)  # type: ignore[arg-type]
-    samples = np.zeros((1, 15), np.int32)
-    samples[0, 7] = 5 * config.step + 1
-    events = simulate(config, replace(Stimulus.from_samples(config, samples), sample_clock=np.array([10])))
-    assert timed(events) == [TimedEvent(13 + i, 1, 2, True) for i in range(5)]
-
-
 # -- the promises of section 3 -----------------------------------------------------------------------
-
-
-@settings(max_examples=200)
-@given(st.data())
-def test_full_rate_while_anything_is_pending_and_the_sink_is_ready(data: st.DataObject) -> None:
-    config = data.draw(configs(link="stream"))
-    stimulus = data.draw(stimuli(config))
-    transfers = {event.clock for event in timed(simulate(config, stimulus))}
-    readout = ReadoutReference(config)
-    samples = dict(zip(stimulus.sample_clock.tolist(), stimulus.samples.tolist(), strict=True))
-    offered = False
-    for clock in range(stimulus.clocks):
-        ready = bool(stimulus.ready[clock % len(stimulus.ready)])
-        assert (clock in transfers) == (offered and ready), clock
-        changes = np.searchsorted(stimulus.enable_clock, clock, side="right") - 1
-        enable = stimulus.enable[changes].tolist()
-        pending = any(polarity is not None for line in readout.requests(enable) for polarity in line)
-        offered = pending or len(readout.arbiter.latch) > (1 if ready else 0)
-        readout.clock(samples.get(clock), enable, ready)
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 4), (5, 1), (3, 5), (64, 64)])
@@ -190,43 +123,6 @@ def test_saturated_array_sends_one_event_every_clock_and_serves_all_alike(rows: 
     assert (np.bincount(taxel, minlength=config.taxels) == rounds).all()
     for number in range(rounds):  # and after every round
         assert (np.bincount(taxel[number * config.taxels :][: config.taxels]) == 1).all()
-
-
-@settings(max_examples=200)
-@given(st.data())
-def test_every_accepted_request_leaves_once_in_order_and_in_time(data: st.DataObject) -> None:
-    config = data.draw(configs(link="stream"))
-    stimulus = data.draw(stimuli(config, enable_clock=np.zeros(1, np.int64), enable=np.ones((1, config.taxels), bool)))
-    events = timed(simulate(config, stimulus))
-    readout, _ = play(config, stimulus)
-    left: dict[tuple[int, int], list[tuple[int, TimedEvent]]] = defaultdict(list)
-    for number, event in enumerate(events):
-        left[event.row, event.column].append((number, event))
-    accepted_before = np.searchsorted([event.clock for event in events], np.arange(stimulus.clocks + 2))
-    always_ready = stimulus.ready.all()
-    raised: Counter[tuple[int, int]] = Counter()
-    for request in readout.raised:
-        taxel = request.row, request.column
-        nth = raised[taxel]
-        raised[taxel] += 1
-        bound = (config.rows + 1) * config.columns
-        if nth < len(left[taxel]):
-            number, event = left[taxel][nth]
-            assert event.polarity == request.polarity
-            assert event.clock > request.clock
-            assert number + 1 - accepted_before[request.clock] <= bound
-            assert not always_ready or event.clock - request.clock < bound + 2
-        else:  # still on its way
-            assert len(events) - accepted_before[request.clock] < bound
-    on_the_way = Counter((event.row, event.column) for event in readout.arbiter.latch)
-    on_the_way.update(
-        (row, column)
-        for row, line in enumerate(readout.taxels)
-        for column, taxel_reference in enumerate(line)
-        if taxel_reference.pending
-    )
-    for place, number in raised.items():
-        assert number == len(left[place]) + on_the_way[place]
 
 
 @settings(max_examples=40)
