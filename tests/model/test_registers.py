@@ -22,9 +22,9 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.readout import Stimulus, simulate
 from eskin.model.registers import settings
-from eskin.model.registers.description import WORD_BITS, registers
+from eskin.model.registers.description import NAME, WORD_BITS, registers
 from eskin.model.registers.driver import Registers
-from eskin.model.registers.export import c_header, constants, page
+from eskin.model.registers.export import c_header, page
 from eskin.model.registers.file import RegisterFile, Settings, Write
 from eskin.model.registers.spi import COMMAND_BITS, Pins, SpiSlave
 from tests.model.refused import refused
@@ -91,7 +91,13 @@ def test_the_header_compiles_and_says_what_the_python_class_says(config: Readout
     compiler = shutil.which("gcc") or shutil.which("g++")
     assert compiler, "gcc not found; install with: apt-get install g++"
     (tmp_path / "eskin_registers.h").write_text(c_header(config))
-    expected = constants(config)
+    expected = {}
+    for register in registers(config):
+        place = f"{NAME}__{register.name}{'' if register.index is None else 'x'}".upper()
+        for field in register.fields:
+            mask = (1 << field.width) - 1 << field.low
+            numbers = {"bm": mask, "bp": field.low, "bw": field.width, "reset": field.reset}
+            expected |= {f"{place}__{field.name.upper()}_{end}": number for end, number in numbers.items()}
     lines = [f'  printf("{key} %lu\\n", (unsigned long)({key}));' for key in expected]
     offsets = {register.key: register.address for register in registers(config)}
     lines += [f'  printf("{key} %lu\\n", (unsigned long)offsetof(eskin_registers_t, {key}));' for key in offsets]
