@@ -162,10 +162,6 @@ def _in_order(lines: list[Line]) -> list[Line]:
     return [line for _, line in sorted(enumerate(lines), key=place)]
 
 
-def _compares_with_number(tree: Node) -> bool:
-    return tree.text in expression.COMPARISONS and tree.parts[1].kind == "number"
-
-
 class _Folder:
     """The lines of a module, and the intermediate wires that can be substituted."""
 
@@ -185,22 +181,26 @@ class _Folder:
 
     def lines(self) -> Iterator[str]:
         """Yield the remaining lines, simplified for readers."""
-        made = {id(line): self._folded_line(line) for line in self.given}
-        needed = {name for line in self.given if line.whole_target not in self.steps for name in made[id(line)].words}
-        definitions = {line.target: made[id(line)] for line in self.given if line.whole_target in self.steps}
+        lines = [
+            replace(line, trees=[(self._folded(tree, size, whole=size > 0), size) for tree, size in line.trees])
+            for line in self.given
+        ]
+        definitions = {line.target: line for line in lines if line.whole_target in self.steps}
         kept: set[str] = set()
-        while found := (needed & definitions.keys()) - kept:
+        needed = [line for line in lines if line.whole_target not in self.steps]
+        while needed:
+            found = (definitions.keys() & needed.pop().words) - kept
             kept |= found
-            needed |= {name for step in found for name in definitions[step].words}
+            needed += [definitions[name] for name in found]
         gone = self.steps.keys() - kept
-        for line in self.given:
+        for line in lines:
             declared = DECLARATION.match(line.text)
             if line.whole_target in gone or (declared and declared[3] in gone):
                 continue
-            head, *tails = made[id(line)].text.split("\0")
+            head, *tails = line.text.split("\0")
             words = (
                 expression.write(self.joined.named(expression.plain(tree, self.wires), line.target))
-                for tree, _ in made[id(line)].trees
+                for tree, _ in line.trees
             )
             yield head + "".join(word + tail for word, tail in zip(words, tails, strict=True))
 
@@ -210,13 +210,11 @@ class _Folder:
             return self._names(self.steps[tree.text])
         if tree.kind in ("name", "slice"):
             return math.inf if MADE_UP.fullmatch(tree.text) else 1
-        logic = tree.kind in ("unary", "join") or tree.text in expression.BITWISE or _compares_with_number(tree)
+        compares_with_number = tree.text in expression.COMPARISONS and tree.parts[1].kind == "number"
+        logic = tree.kind in ("unary", "join") or tree.text in expression.BITWISE or compares_with_number
         if tree.kind != "number" and (not logic or tree.text in ("-", "+")):
             return math.inf
         return sum(map(self._names, tree.parts))
-
-    def _folded_line(self, line: Line) -> Line:
-        return replace(line, trees=[(self._folded(tree, size, whole=size > 0), size) for tree, size in line.trees])
 
     def _folded(self, node: Node, size: int, *, whole: bool) -> Node:
         """Return an expression with intermediate wires substituted.
