@@ -275,7 +275,8 @@ def _run(
     given_settings = stimulus.settings if len(stimulus.settings) else None
     traffic = np.zeros(0, np.uint8) if traffic is None else traffic
     time, event = _loop(Parameters.of(config), inputs, registers, given_settings, traffic).T
-    return make_events(time, *np.divmod(event >> 1, config.columns), event & 1), registers
+    row, column = np.divmod(event >> 1, config.columns)
+    return make_events(time, row, column, event & 1), registers
 
 
 def _signals(config: ReadoutConfig, stimulus: Stimulus) -> NDArray[np.int32]:
