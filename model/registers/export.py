@@ -59,12 +59,7 @@ def _page(config: ReadoutConfig, found: Iterable[Register], scope: str) -> str:
     return TEMPLATE.read_text().format(
         scope=scope,
         word_bytes=WORD_BYTES,
-        high=spi.HIGH_CLOCKS,
-        low=spi.LOW_CLOCKS,
-        low_to_read=spi.LOW_CLOCKS_TO_READ,
-        lead=spi.LEAD_CLOCKS,
-        lag=spi.LAG_CLOCKS,
-        gap=spi.GAP_CLOCKS,
+        spi=spi,
         read_share=f"1/{read_share}",
         write_share=f"1/{write_share}",
         read_hz=f"{config.clock_hz / read_share / 1e3:g} kHz",
