@@ -95,24 +95,20 @@ def configs(draw: st.DrawFn, encodings: tuple[str, ...] = registry.NAMES) -> Rea
 
 
 @st.composite
-def signals(
-    draw: st.DrawFn, config: ReadoutConfig, slope: int | None = None, low: int | None = None
-) -> NDArray[np.int32]:
+def signals(draw: st.DrawFn, config: ReadoutConfig, slope: int | None = None) -> NDArray[np.int32]:
     """Return random samples (ticks, taxels), with steps of at most ``slope`` if given."""
-    low = -config.full_scale if low is None else low
-    high = config.full_scale - 1
-    ticks = draw(st.integers(1, 40))
-    code = st.integers(low, high) | st.sampled_from([low, 0, high])
-    step = st.just(0) | (code if slope is None else st.integers(-slope, slope))
-    lines = []
-    for _ in range(config.taxels):
-        x = draw(code) if slope is None else config.reference_reset
-        line = []
-        for _ in range(ticks):
-            x = min(max(x + draw(step), low), high)
-            line.append(x)
-        lines.append(line)
-    return np.array(lines, np.int32).T
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    low, high, n = -config.full_scale, config.full_scale - 1, config.taxels
+
+    def codes() -> NDArray[np.int64]:
+        return np.where(rng.random(n) < 0.5, rng.integers(low, high + 1, n), rng.choice([low, 0, high], n))
+
+    x, lines = codes() if slope is None else np.full(n, config.reference_reset), []
+    for _ in range(draw(st.integers(1, 40))):
+        step = codes() if slope is None else rng.integers(-slope, slope + 1, n)
+        x = np.clip(x + step * (rng.random(n) < 0.5), low, high)
+        lines.append(x)
+    return np.array(lines, np.int32)
 
 
 # -- literal vectors, D = 4 --------------------------------------------------------------------------
