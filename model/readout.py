@@ -441,7 +441,6 @@ def mask_rows(p: Any, enable: Any, taxels: Any, rows: Any, latch: Any) -> None:
                 taxel.reset(p, taxels[y * p.columns + column])
         rows[y].active = active
         rows[y].pending &= active
-        rows[y].polarity &= active
         if rows[y].pending == ZERO:
             arbiter.withdraw(latch, y)
 
