@@ -85,11 +85,11 @@ class Configuration:
             elif type(value) not in (choices or (hint,)):
                 raise InputError(f"{name} must be of type {getattr(hint, '__name__', 'int or None')}, not {value!r}")
 
-    def _check_range(self, name: str, low: int, high: int, high_name: str = "") -> None:
+    def _check_range(self, name: str, low: int, high: int, high_name: str = "", low_name: str = "") -> None:
         value = getattr(self, name)
         if not low <= value <= high:
-            bound = f"{high_name} = {high}" if high_name else f"{high}"
-            raise InputError(f"{name} must be in {low}..{bound}, not {value}")
+            least, most = (f"{named} = {end}" if named else end for named, end in ((low_name, low), (high_name, high)))
+            raise InputError(f"{name} must be in {least}..{most}, not {value}")
 
     def replace(self, **changes: Any) -> Self:
         """Return a validated copy with changed fields."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import Any
+from typing import Any, Self
 
 from eskin.base.errors import InputError
-from eskin.model.config import ReadoutConfig, parameter
+from eskin.model.config import Configuration, ReadoutConfig, parameter
 
 MAX_WORD_BITS = 64
 MAX_CLOCKS = 1024
@@ -21,7 +21,7 @@ SHARED_FIELDS = ("rows", "columns", "sample_bits", "resolution", "reset", "sampl
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrameConfig:
+class FrameConfig(Configuration):
     """All parameters of one frame readout; immutable and validated.
 
     ``readout`` contains all fields shared with the spiking readout: array, W, N, reset, and the sample rate. The sample
@@ -48,23 +48,15 @@ class FrameConfig:
     )
 
     def __post_init__(self) -> None:
-        if not isinstance(self.readout, ReadoutConfig):
-            raise InputError(f"readout must be of type ReadoutConfig, not {self.readout!r}")
+        self._check_types()
         if self.readout.fields != "own":
             raise InputError("receptive fields belong to the spiking readout; leave fields out")
         if self.readout.registers != "none":
             raise InputError(f"registers belong to the spiking readout; leave registers={self.readout.registers} out")
-        self._check("word_bits", self.resolution, MAX_WORD_BITS, f"resolution = {self.resolution}")
-        self._check("settle_clocks", 1, MAX_CLOCKS)
+        self._check_range("word_bits", self.resolution, MAX_WORD_BITS, low_name="resolution")
+        self._check_range("settle_clocks", 1, MAX_CLOCKS)
         if self.conversion_clocks is not None:
-            self._check("conversion_clocks", 1, MAX_CLOCKS)
-
-    def _check(self, name: str, low: int, high: int, low_name: str = "") -> None:
-        value = getattr(self, name)
-        if type(value) is not int:
-            raise InputError(f"{name} must be of type int, not {value!r}")
-        if not low <= value <= high:
-            raise InputError(f"{name} must be in {low_name or low}..{high}, not {value}")
+            self._check_range("conversion_clocks", 1, MAX_CLOCKS)
 
     # -- shared with the spiking readout ---------------------------------------------------------
 
@@ -115,7 +107,7 @@ class FrameConfig:
 
     # -- construction and exchange ---------------------------------------------------------------
 
-    def replace(self, **changes: Any) -> FrameConfig:
+    def replace(self, **changes: Any) -> Self:
         """Return a validated copy with changed fields; shared fields are in ``readout``."""
         shared = {name: changes.pop(name) for name in SHARED_FIELDS if name in changes}
         try:
@@ -130,7 +122,7 @@ class FrameConfig:
         return fields | {name: getattr(self, name) for name in OWN_FIELDS} | {"conversion_clocks": self.adc_clocks}
 
     @classmethod
-    def from_dict(cls, fields: Any) -> FrameConfig:
+    def from_dict(cls, fields: Any) -> Self:
         """Return the configuration for a flat dictionary; fields of the spiking readout alone are ignored."""
         if not isinstance(fields, dict):
             raise InputError(f"a configuration must be a JSON object, not {type(fields).__name__}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,11 +57,15 @@ def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins
     slave, file = SpiSlave(), RegisterFile(config)
     outside = dict(zip(stimulus.enable_clock.tolist(), stimulus.enable, strict=True))
     mask, resolution = stimulus.enable[0], config.resolution
-    masks: list[NDArray[np.bool_]] = []
-    mask_clocks, rows = [], []
+    masks: dict[int, NDArray[np.bool_]] = {}
+    choices: dict[int, NDArray[np.uint8]] = {}
+    rows: list[tuple[int, ...]] = []
     before: tuple[int, ...] = ()
-    choices: list[NDArray[np.uint8]] = []
-    choice_clocks: list[int] = []
+
+    def keep(values: dict[int, Any], value: NDArray[Any]) -> None:
+        if not values or (value != next(reversed(values.values()))).any():
+            values[clock] = value
+
     # An analog multiplexer gets its select lines from flops, one clock behind the register.
     selected = np.zeros(config.taxels, np.uint8)
     for clock, levels in enumerate(pins):
@@ -73,15 +77,11 @@ def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins
         choice = np.array([found.fields >> 2 * taxel & 3 for taxel in range(config.taxels)], np.uint8)
         now = choice if config.frontend == "digital" else selected
         selected = choice
-        if config.fields == SETTABLE and (not choices or (now != choices[-1]).any()):
-            choices.append(now)
-            choice_clocks.append(clock)
+        if config.fields == SETTABLE:
+            keep(choices, now)
         shown = found.mask if test.mode == OFF and not clear else 0
         enabled = np.logical_and(mask, np.array([shown >> bit & 1 for bit in range(config.taxels)]))
-        enabled &= choice != OFF_FIELD
-        if not masks or (enabled != masks[-1]).any():
-            masks.append(enabled)
-            mask_clocks.append(clock)
+        keep(masks, enabled & (choice != OFF_FIELD))
         steady = (config.resolution - resolution, found.leak_shift, found.leak_period, found.window_period, *test)
         restarts = (int("test_mode" in file.written or clear), int("decay_period" in file.written or clear))
         if steady != before or any(restarts):
@@ -94,9 +94,9 @@ def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins
         file.clock(write)
     return dataclasses.replace(
         stimulus,
-        enable_clock=np.array(mask_clocks, np.int64),
-        enable=np.array(masks, bool),
+        enable_clock=np.array([*masks], np.int64),
+        enable=np.array([*masks.values()], bool),
         settings=np.array(rows, SETTING_DTYPE),
-        choice_clock=np.array(choice_clocks, np.int64),
-        choice=np.array(choices, np.uint8).reshape(-1, config.taxels),
+        choice_clock=np.array([*choices], np.int64),
+        choice=np.array([*choices.values()], np.uint8).reshape(-1, config.taxels),
     )

@@ -18,12 +18,13 @@ from eskin.base.errors import InputError
 from eskin.base.files import forget_stale_kernels
 from eskin.model import arbiter, decay, link
 from eskin.model import taxel_kernels as taxel
-from eskin.model.address_events import EVENT_DTYPE, Events
+from eskin.model.address_events import Events, make_events
 from eskin.model.arbiter import ONE, ZERO, lowest, without_lowest
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import compiled, fields
 from eskin.model.encoders.fields import ANALOG_RANGE
 from eskin.model.registers import pattern, settings
+from eskin.model.taxel_kernels import Parameters
 
 SOURCES = (*compiled.sources(), *(Path(str(m.__file__)) for m in (arbiter, link, pattern, settings, taxel)))
 """Files and folders with code that the compiled loop of this file contains."""
@@ -159,21 +160,17 @@ class State:
     ----------
     sample, reference, half_width : ndarray of int64, shape (rows, columns)
         Codes; the reference of an encoder that leaks in units of 2**-fraction_bits codes.
-    pending, polarity : ndarray of bool, shape (rows, columns)
+    pending : ndarray of bool, shape (rows, columns)
     latch_row, latch_columns : int
         The burst latch: its row, and its columns as bits.
-    behind : int
-        Rows, as bits, that come before all others in the next grant.
     """
 
     sample: NDArray[np.int64]
     reference: NDArray[np.int64]
     half_width: NDArray[np.int64]
     pending: NDArray[np.bool_]
-    polarity: NDArray[np.bool_]
     latch_row: int
     latch_columns: int
-    behind: int
 
 
 def simulate(config: ReadoutConfig, stimulus: Stimulus) -> Events:
@@ -216,48 +213,9 @@ def state_at(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> State:
         reference=taxels["u"],
         half_width=config.encoder.half_width(config, taxels),
         pending=(registers.rows["pending"][:, None] >> bits & ONE).astype(bool),
-        polarity=(registers.rows["polarity"][:, None] >> bits & ONE).astype(bool),
         latch_row=int(registers.latch[arbiter.ROW]),
         latch_columns=int(registers.latch[arbiter.WAITING]),
-        behind=int(registers.latch[arbiter.BEHIND]),
     )
-
-
-class Parameters(NamedTuple):
-    """The configuration as a tuple for the compiled loop.
-
-    ``reset``, ``top`` and ``bottom`` are the reference after reset and the ends of the scale in 2**-fraction_bits
-    codes. ``rule`` is the rule of the encoder, with a host's settings.
-    """
-
-    leaks: bool
-    per_sample: bool
-    digital: bool
-    four_phase: bool
-    columns: int
-    leak_period: int
-    reset: int
-    top: int
-    bottom: int
-    rule: Any
-
-    @classmethod
-    def of(cls, config: ReadoutConfig) -> Parameters:
-        """Return the loop parameters of a configuration."""
-        encoder = config.encoder
-        bits = encoder.fraction_bits(config)
-        return cls(
-            leaks=encoder.leaks,
-            per_sample=config.decide_every == "sample",
-            digital=config.chosen("frontend", digital=True, analog=False),
-            four_phase=config.handshake,
-            columns=config.columns,
-            leak_period=config.leak_period,
-            reset=config.reference_reset << bits,
-            top=(config.full_scale << bits) - 1,
-            bottom=-config.full_scale << bits,
-            rule=encoder.rule(config),
-        )
 
 
 class Inputs(NamedTuple):
@@ -317,10 +275,8 @@ def _run(
     given_settings = stimulus.settings if len(stimulus.settings) else None
     traffic = np.zeros(0, np.uint8) if traffic is None else traffic
     time, event = _loop(Parameters.of(config), inputs, registers, given_settings, traffic).T
-    events = np.empty(len(time), EVENT_DTYPE)
-    events["t"], events["p"] = time, event & 1
-    events["y"], events["x"] = np.divmod(event >> 1, config.columns)
-    return events, registers
+    row, column = np.divmod(event >> 1, config.columns)
+    return make_events(time, row, column, event & 1), registers
 
 
 def _signals(config: ReadoutConfig, stimulus: Stimulus) -> NDArray[np.int32]:
@@ -369,7 +325,7 @@ def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: 
             moved, testing = settings.apply(host, given_settings, t, ticks, rows, latch)
             if moved:
                 p = _set(p, given_settings[host[settings.NUMBER] - 1])
-                settings.set_phases(phases, p.leak_period)
+                settings.set_phases(phases, p.rule.leak_period)
 
         # A mask resets the disabled taxels. All taxels decide once more, which changes nothing for the others.
         masked = changes < len(enable_clock) and enable_clock[changes] == t
@@ -442,7 +398,6 @@ def _set(p: Parameters, now: Any) -> Parameters:
         p.digital,
         p.four_phase,
         p.columns,
-        now.leak_period,
         p.reset,
         p.top,
         p.bottom,
@@ -486,7 +441,6 @@ def mask_rows(p: Any, enable: Any, taxels: Any, rows: Any, latch: Any) -> None:
                 taxel.reset(p, taxels[y * p.columns + column])
         rows[y].active = active
         rows[y].pending &= active
-        rows[y].polarity &= active
         if rows[y].pending == ZERO:
             arbiter.withdraw(latch, y)
 

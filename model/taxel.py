@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.model import taxel_kernels as kernels
-from eskin.model.address_events import EVENT_DTYPE, Events, taxel_of
+from eskin.model.address_events import Events, make_events, taxel_of
 from eskin.model.config import ReadoutConfig
 from eskin.model.decay import decay_phases
 from eskin.model.encoders.fields import is_off, signals
@@ -139,11 +139,7 @@ def uncontended_events(config: ReadoutConfig, counts: Counts, late: Flags | None
     nth = np.arange(number.sum()) - np.repeat(np.cumsum(number) - number, number)
     t, taxel = np.repeat(first, number) + nth, np.repeat(taxel, number)
     order = np.lexsort((taxel, t))
-    events = np.empty(len(t), EVENT_DTYPE)
-    events["t"] = t[order]
-    events["y"], events["x"] = np.divmod(taxel[order], config.columns)
-    events["p"] = np.repeat(signed > 0, number)[order]
-    return events
+    return make_events(t[order], *np.divmod(taxel[order], config.columns), np.repeat(signed > 0, number)[order])
 
 
 def counts_of_events(config: ReadoutConfig, events: Events, ticks: int) -> tuple[Counts, Flags]:
@@ -178,11 +174,12 @@ def decode(config: ReadoutConfig, counts: Counts, late: Flags | None = None) -> 
     """
     encoder = config.encoder
     counts, delay = _check_counts(config, counts, late, needed=encoder.timed)
-    bits = encoder.fraction_bits(config)
-    u = np.full(counts.shape[1], config.reference_reset << bits, np.int64)
-    ends = (-config.full_scale << bits, (config.full_scale << bits) - 1)
+    parameters = kernels.Parameters.of(config)
+    taxels = np.zeros(counts.shape[1], kernels.taxel_dtype(config))
+    taxels["u"] = parameters.reset
     reference = np.empty(counts.shape, np.float64)
-    kernels.decode(encoder.rule(config), counts, delay, _phases(config), ends, u, reference)
+    unit = 2.0 ** -encoder.fraction_bits(config)
+    kernels.decode(parameters, taxels, counts, delay, _phases(config), unit, reference)
     return reference
 
 

@@ -6,7 +6,7 @@ The loops serve every encoder; ``eskin.model.encoders`` contains the rules.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -27,6 +27,41 @@ def taxel_dtype(config: ReadoutConfig) -> np.dtype[np.void]:
     or -1 to decide by x.
     """
     return np.dtype([(name, np.int64) for name in ("x", "u", *config.encoder.state, "given")])
+
+
+class Parameters(NamedTuple):
+    """The configuration as a tuple for the compiled loops.
+
+    ``reset``, ``top`` and ``bottom`` are the reference after reset and the ends of the scale in 2**-fraction_bits
+    codes. ``rule`` is the rule of the encoder, with a host's settings.
+    """
+
+    leaks: bool
+    per_sample: bool
+    digital: bool
+    four_phase: bool
+    columns: int
+    reset: int
+    top: int
+    bottom: int
+    rule: Any
+
+    @classmethod
+    def of(cls, config: ReadoutConfig) -> Parameters:
+        """Return the loop parameters of a configuration."""
+        encoder = config.encoder
+        bits = encoder.fraction_bits(config)
+        return cls(
+            leaks=encoder.leaks,
+            per_sample=config.decide_every == "sample",
+            digital=config.chosen("frontend", digital=True, analog=False),
+            four_phase=config.handshake,
+            columns=config.columns,
+            reset=config.reference_reset << bits,
+            top=(config.full_scale << bits) - 1,
+            bottom=-config.full_scale << bits,
+            rule=encoder.rule(config),
+        )
 
 
 @njit(inline="always")
@@ -105,6 +140,22 @@ def magnitudes(counts: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
-    """Write the reference at the end of every tick; see ``Encoder.decode``."""
-    compiled.decode(rule, counts, late, phase, ends, u, reference)
+def decode(p: Any, taxels: Any, counts: Any, late: Any, phase: Any, unit: float, reference: Any) -> None:
+    """Write the reference at the end of every tick, in codes, by the moves that the encoder made.
+
+    An event that would move the reference off the scale only opens a window. ``taxels`` are in their state after reset,
+    with references in units of ``unit`` codes.
+    """
+    for i in range(counts.shape[0]):
+        now = i % p.rule.leak_period
+        for j in range(counts.shape[1]):
+            n = np.int64(counts[i, j])
+            first = -1 if n == 0 or late[i, j] else 0  # -1: the first decision of the tick is no event
+            for number in range(first, abs(n)):
+                reach, tick = compiled.reach(p.rule, taxels[j]), number == first
+                on = number >= 0 and n > 0 and taxels[j].u + reach <= p.top
+                off = number >= 0 and n < 0 and taxels[j].u - reach >= p.bottom
+                compiled.move(p.rule, taxels[j], on, off, tick, tick and p.leaks and phase[j] == now)
+                if number >= 0 and not on and not off:
+                    compiled.clear(p.rule, taxels[j])
+            reference[i, j] = taxels[j].u * unit

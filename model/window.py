@@ -28,6 +28,6 @@ def pass_tick(rule: Any, taxel: Any) -> bool:
     if taxel.quiet < rule.window_period:
         return False
     taxel.quiet = 0
-    closes = taxel.closed < rule.levels - 1
+    closes = taxel.closed < (1 << rule.levels_log2) - 1
     taxel.closed += 1 if closes else 0
     return closes

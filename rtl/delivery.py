@@ -21,7 +21,6 @@ from eskin.model.frame_config import FrameConfig
 from eskin.model.registers.description import NAME
 from eskin.model.registers.export import c_header, page
 from eskin.model.tiles.config import MergeConfig, TilesConfig
-from eskin.rtl.classifier.ports import CLASSIFIER_PORTS, WATCHED_PORTS
 from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE, TEST
 from eskin.rtl.text.testbench import has_testbench, testbench
 from eskin.rtl.verilog import Config, header, top_block, verilog, what_is
@@ -126,6 +125,39 @@ FRAME_PORTS = PORTS_OF_ALL | {
 }
 """Meaning of every port of the frame readout."""
 
+CLASSIFIER_PORTS = PORTS_OF_ALL | {
+    "load_valid": "write a word of weights; nothing else may be under way",
+    "load_neurons": "1: into the memory of output weights and biases, 0: into that of rows",
+    "load_address": "address of the word",
+    "load_data": "the word, from its least significant bit on",
+    "event_valid": "an event is offered",
+    "event_ready": "the classifier takes the event at this edge",
+    "event_channel": "channel of the event, below {inputs}",
+    "bin_end": "the time bin ends with this clock",
+    "scan_start": "forget potentials, spikes, evidence, overrun and stalls",
+    "class_valid": "one clock: class and evidence of another bin are there",
+    "class_index": "the class with the most evidence, the first among equals; held",
+    "evidence": "of all classes, signed, {evidence_bits} bits each, class 0 in the least significant bits",
+    "overrun": "a bin_end came while the work of the one before was not done; held until scan_start",
+    "stall_count": "clocks in which an event waited since scan_start; stops at its end",
+    "hidden_valid": "a hidden neuron is compared with its threshold",
+    "hidden_index": "its number",
+    "hidden_potential": "its potential, signed, {membrane_bits} bits",
+    "hidden_spike": "it fires",
+    "output_valid": "an output neuron is compared, or its potential counted",
+    "output_index": "its number",
+    "output_potential": "its potential, signed, {output_bits} bits",
+    "output_spike": "it fires",
+}
+"""Meaning of every port of the classifier; fields in braces are those of the configuration."""
+
+WATCHED_PORTS = {
+    "event_valid": "an event is offered within",
+    "event_ready": "the classifier takes it at this edge",
+    "event_channel": "its channel: row * columns + column, behind all taxels for OFF events kept apart",
+}
+"""Meaning of the ports that are outputs of a chip with readout and classifier."""
+
 
 def _fields(config: ReadoutConfig) -> dict[str, Any]:
     """Return the values for the placeholders in the port descriptions of a readout."""
@@ -157,7 +189,7 @@ def ports(config: Config, gated: bool = False) -> Iterator[dict[str, Any]]:
     members = top_block(config).signature.members
     fields, meanings = config.to_dict(), FRAME_PORTS
     if isinstance(config, ClassifierConfig):
-        meanings = PORTS_OF_ALL | CLASSIFIER_PORTS
+        meanings = CLASSIFIER_PORTS
     elif isinstance(config, ReadoutConfig):
         fields, meanings = _fields(config), PORTS
     elif isinstance(config, ChipConfig):

@@ -43,7 +43,8 @@ class StreamReadout(wiring.Component):
         self.config = config
         self.readout = Readout(config)
         ports = self.readout.signature.members
-        fields = {name.removeprefix("event_"): self._width(name) for name in ADDRESS if name in ports}
+        widths = {name: len(getattr(self.readout, name)) for name in ADDRESS if name in ports}
+        fields = {name.removeprefix("event_"): unsigned(width) for name, width in widths.items()}
         samples = data.ArrayLayout(signed(config.sample_bits), config.taxels)
         own: dict[str, Any] = {
             "samples": In(stream.Signature(samples)),
@@ -53,9 +54,6 @@ class StreamReadout(wiring.Component):
         inside = {"sample", "sample_valid", *event_ports(config, Out)}
         self._same = [name for name in ports if name not in inside and name not in own]
         super().__init__(own | {name: ports[name] for name in self._same})
-
-    def _width(self, port: str) -> Any:
-        return unsigned(len(getattr(self.readout, port)))
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()

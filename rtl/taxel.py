@@ -94,7 +94,7 @@ class Taxel(Block[ReadoutConfig]):
         m = Module()
         config = self.config
         own = Own(*(Signal(name=field.name) for field in fields(Own)))
-        above, below = named(config.encoding).build(m, self, own, platform)
+        above, below = named(config.encoding)(m, self, own, platform)
         decide = self.tick if config.decide_every == "sample" else Const(1)
         switched = Signal()
         m.d.comb += switched.eq(self.enable ^ own.enabled)

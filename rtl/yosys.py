@@ -91,12 +91,10 @@ def modules(rtlil: str) -> dict[str, str]:
 
 def tidy(verilog: str) -> str:
     """Return Yosys' Verilog with plain identifiers, one declaration per port, without its first comment."""
-    verilog = verilog[verilog.index("module ") :]
-    verilog = "".join(plain_names(module) + "endmodule\n" for module in verilog.split("endmodule\n")[:-1])
     # "output x; reg x;" and "input x; wire x;" become one declaration.
     port = re.compile(r"^  (input|output) ([^;]*);\n  (wire|reg) \2;$", re.MULTILINE)
-    verilog = port.sub(lambda m: f"  {m[1]} {m[3]} {m[2]};", verilog)
-    return "".join(fold(module) + "endmodule\n" for module in verilog.split("endmodule\n")[:-1])
+    modules = verilog[verilog.index("module ") :].split("endmodule\n")[:-1]
+    return "".join(fold(port.sub(r"  \1 \3 \2;", plain_names(module))) + "endmodule\n" for module in modules)
 
 
 def plain_names(module: str) -> str:

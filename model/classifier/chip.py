@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.model.address_events import EVENT_DTYPE, Events, taxel_of
+from eskin.model.address_events import Events, make_events, taxel_of
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.network import IntegerNetwork
@@ -43,12 +43,8 @@ def channels_of(config: ChipConfig, events: Events) -> NDArray[np.int64]:
 
 def events_of(config: ChipConfig, clock: NDArray[np.int64], channel: NDArray[np.int64]) -> Events:
     """Return the events of the given clocks and input channels."""
-    readout = config.readout
-    found = np.empty(len(clock), EVENT_DTYPE)
-    taxel = channel % readout.taxels
-    found["t"], found["y"], found["x"] = clock, taxel // readout.columns, taxel % readout.columns
-    found["p"] = channel < readout.taxels
-    return found
+    taxels = config.readout.taxels
+    return make_events(clock, *np.divmod(channel % taxels, config.readout.columns), channel < taxels)
 
 
 def simulate_chip(config: ChipConfig, network: IntegerNetwork, samples: NDArray[np.integer], clocks: int) -> ChipRun:

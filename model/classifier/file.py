@@ -93,13 +93,9 @@ def weight_image(network: IntegerNetwork) -> list[int]:
 
 def row_image(config: ClassifierConfig, rows: NDArray[Any], bits: int, words: int) -> list[int]:
     """Return the ``words`` words of a memory of weights, shape (rows, hidden), with ``bits`` for each weight."""
-    full = np.zeros((len(rows), config.groups * config.lanes), np.int64)
-    full[:, : config.hidden] = rows
-    image = [0] * words
-    for number, row in enumerate(full.reshape(len(rows), config.groups, config.lanes).tolist()):
-        for group, weights in enumerate(row):
-            image[number << config.row_bits | group] = _packed(weights, bits)
-    return image
+    full = np.zeros((words >> config.row_bits, config.lanes << config.row_bits), np.int64)
+    full[: len(rows), : config.hidden] = rows
+    return [_packed(weights, bits) for weights in full.reshape(words, config.lanes).tolist()]
 
 
 def neuron_image(network: IntegerNetwork) -> list[int]:
@@ -109,16 +105,11 @@ def neuron_image(network: IntegerNetwork) -> list[int]:
     output n.
     """
     config = network.config
-    image = [0] * config.neuron_words
-    for neuron in range(max(config.hidden, config.classes)):
-        words = [0] * (config.classes + 2)
-        if neuron < config.hidden:
-            words[: config.classes + 1] = [*network.w_out[neuron].tolist(), int(network.b_hidden[neuron])]
-        if neuron < config.classes:
-            words[-1] = int(network.b_out[neuron])
-        for number, word in enumerate(words):
-            image[neuron << config.neuron_row_bits | number] = _packed([word], config.neuron_bits)
-    return image
+    hidden, classes = config.hidden, config.classes
+    table = np.zeros((max(hidden, classes), 1 << config.neuron_row_bits), np.int64)
+    table[:hidden, :classes], table[:hidden, classes] = network.w_out, network.b_hidden
+    table[:classes, classes + 1] = network.b_out
+    return [_packed([word], config.neuron_bits) for word in table.ravel().tolist()]
 
 
 def network_of(config: ClassifierConfig, weights: Sequence[int], neurons: Sequence[int]) -> IntegerNetwork:

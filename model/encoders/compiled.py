@@ -16,7 +16,7 @@ from numba.extending import overload, register_jitable
 
 from eskin.model import decay, window
 from eskin.model.encoders import encoder as common
-from eskin.model.encoders.encoder import Encoder
+from eskin.model.encoders.encoder import Constants, Encoder
 from eskin.model.encoders.registry import ENCODERS
 
 BY_RULE: dict[type[Any], Encoder] = {encoder.Rule: encoder for encoder in ENCODERS}
@@ -33,9 +33,33 @@ def _by_rule(name: str) -> Any:
     return call
 
 
-compare, reach, move, clear, with_settings, ticks, decode = map(
-    _by_rule, ("compare", "reach", "move", "clear", "with_settings", "ticks", "decode")
-)
+compare, reach, move, clear, ticks = map(_by_rule, ("compare", "reach", "move", "clear", "ticks"))
+
+
+def with_settings(rule: Constants, now: Any) -> Constants:
+    """Return the rule of an encoder, changed by the settings of a host."""
+    return _changed(type(rule))(rule, now)
+
+
+def _changed(kind: type[Constants]) -> Any:
+    def changed(rule: Any, now: Any) -> Any:
+        step_log2 = rule.step_log2 + now.coarser
+        return kind(
+            1 << step_log2,
+            1 << step_log2 - rule.levels_log2,
+            now.window_period,
+            now.leak_shift,
+            now.leak_period,
+            rule.fraction_bits,
+            rule.step_log2,
+            rule.levels_log2,
+            rule.cap,
+        )
+
+    return changed
+
+
+overload(with_settings, strict=False, inline="always")(lambda rule, _: _changed(rule.instance_class))
 
 MODULES: tuple[ModuleType, ...] = (common, decay, window, *(sys.modules[type(e).__module__] for e in ENCODERS))
 """Modules whose functions the encoders may call."""

@@ -2,34 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from eskin.base.errors import InputError
 from eskin.model import window
-from eskin.model.encoders.encoder import Encoder, log2, steps_up_to
+from eskin.model.encoders.encoder import Constants, Encoder
 
 if TYPE_CHECKING:
     from eskin.model.config import ReadoutConfig
 
 
-class CwLcsRule(NamedTuple):
-    """Constants of CW-LCS: D and closing step in codes, half-widths, ticks per closing step.
-
-    ``grid_log2`` is log2 of the closing step as built, ``levels_log2`` is log2 of the number of half-widths, and
-    ``cap`` is the largest number of events of one tick.
-    """
-
-    step: int
-    closing_step: int
-    levels: int
-    window_period: int
-    built_step: int
-    built_closing_step: int
-    grid_log2: int
-    levels_log2: int
-    cap: int
+class CwLcsRule(Constants):
+    """Constants of CW-LCS."""
 
 
 class CwLcs(Encoder):
@@ -59,16 +45,10 @@ class CwLcs(Encoder):
                 f"lower closing_shift, or raise sample_bits to {config.resolution + 2 + config.closing_shift}"
             )
 
-    def rule(self, config: ReadoutConfig) -> CwLcsRule:
-        """Return the constants of the encoder for a configuration."""
-        step, closing, levels = config.step, config.closing_step, config.closing_levels_log2
-        now = (step, closing, 1 << levels, config.window_period)
-        return CwLcsRule(*now, step, closing, log2(closing), levels, config.most_events_per_tick)
-
     def state_dtype(self, config: ReadoutConfig) -> type[np.signedinteger[Any]]:
         """Return int16 if int16 can hold all sample differences and tick counters, else int32."""
-        fits = config.sample_bits - log2(config.closing_step) <= 15 and config.window_period <= np.iinfo(np.int16).max
-        return np.int16 if fits else np.int32
+        bits = config.sample_bits - (config.closing_step.bit_length() - 1)
+        return np.int16 if bits <= 15 and config.window_period <= np.iinfo(np.int16).max else np.int32
 
     def half_width(self, config: ReadoutConfig, taxels: Any) -> Any:
         """Return the half-width of the window of every taxel."""
@@ -102,7 +82,7 @@ class CwLcs(Encoder):
             h = window.half_width(rule, taxel)
             taxel.u += h if on else -h
             window.open_fully(taxel)
-        elif tick and rule.levels > 1:
+        elif tick and rule.levels_log2:
             return window.pass_tick(rule, taxel)
         return False
 
@@ -110,21 +90,6 @@ class CwLcs(Encoder):
     def clear(rule: Any, taxel: Any) -> None:
         """Open the window."""
         window.open_fully(taxel)
-
-    @staticmethod
-    def with_settings(rule: Any, now: Any) -> Any:
-        """Return the rule for a resolution and a window period set by the host."""
-        return CwLcsRule(
-            rule.built_step << now.coarser,
-            rule.built_closing_step << now.coarser,
-            rule.levels,
-            now.window_period,
-            rule.built_step,
-            rule.built_closing_step,
-            rule.grid_log2,
-            rule.levels_log2,
-            rule.cap,
-        )
 
     @staticmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
@@ -137,7 +102,8 @@ class CwLcs(Encoder):
         """
         u, closed, quiet = state
         code, word = x.dtype.type, u.dtype.type
-        shift, sign_shift, step_log2 = code(rule.grid_log2), word(8 * u.itemsize - 1), word(rule.levels_log2)
+        shift, step_log2 = code(rule.step_log2 - rule.levels_log2), word(rule.levels_log2)
+        sign_shift = word(8 * u.itemsize - 1)
         levels, high, period = word(1 << rule.levels_log2), word(rule.cap - 1), word(rule.window_period)
         none, one = word(0), word(1)
         for i in range(x.shape[0]):
@@ -162,26 +128,3 @@ class CwLcs(Encoder):
                 counts[i, j] = word(word(n ^ sign) - sign)
                 if timed:
                     late[i, j] = fires & (a < half)
-
-    @staticmethod
-    def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
-        """Reconstruct the references; ticks without events determine the half-width of each event."""
-        bottom, top = ends
-        half = np.full(counts.shape[1], rule.step)
-        quiet = np.zeros(counts.shape[1], np.int64)
-        for i in range(counts.shape[0]):
-            for j in range(counts.shape[1]):
-                n = np.int64(counts[i, j])
-                if n == 0 or late[i, j]:
-                    quiet[j] += 1
-                    if quiet[j] == rule.window_period:
-                        quiet[j] = 0
-                        half[j] = max(half[j] - rule.closing_step, rule.closing_step)
-                if n != 0:
-                    sign = 1 if n > 0 else -1
-                    room = top - u[j] if n > 0 else u[j] - bottom
-                    first = steps_up_to(1, room, half[j]) * half[j]
-                    u[j] += sign * (first + steps_up_to(abs(n) - 1, room - first, rule.step) * rule.step)
-                    half[j] = rule.step
-                    quiet[j] = 0
-                reference[i, j] = u[j]

@@ -7,12 +7,30 @@ Numba selects the encoder by the type of ``rule``, so every encoder needs its ow
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
 if TYPE_CHECKING:  # a configuration knows its encoder, so no encoder imports the configuration
     from eskin.model.config import ReadoutConfig
+
+
+class Constants(NamedTuple):
+    """Constants of an encoder for the compiled functions; steps are in 2**-fraction_bits codes.
+
+    A host may set the first five. The last three are as built: log2 of D, log2 of the number of half-widths of a
+    window, and the most events of a tick.
+    """
+
+    step: int
+    closing_step: int
+    window_period: int
+    leak_shift: int
+    leak_period: int
+    fraction_bits: int
+    step_log2: int
+    levels_log2: int
+    cap: int
 
 
 class Encoder(ABC):
@@ -41,8 +59,8 @@ class Encoder(ABC):
         ON needs x - u > D; otherwise x - u >= the half-width of the window.
     timed : bool
         The decoder must know which events came late.
-    Rule : NamedTuple class
-        Configuration for the compiled functions.
+    Rule : class
+        A subclass of ``Constants`` of its own.
     state : tuple of str
         Additional state of a taxel besides sample and reference; 0 after reset.
     """
@@ -58,7 +76,7 @@ class Encoder(ABC):
     windowed: ClassVar[bool] = False
     strict: ClassVar[bool] = False
     timed: ClassVar[bool] = False
-    Rule: ClassVar[type[Any]]
+    Rule: ClassVar[type[Constants]]
     state: ClassVar[tuple[str, ...]] = ()
 
     @property
@@ -92,9 +110,13 @@ class Encoder(ABC):
     def check(self, config: ReadoutConfig) -> None:  # noqa: B027 (most encoders take every configuration)
         """Raise InputError for a configuration that this encoder does not support."""
 
-    @abstractmethod
-    def rule(self, config: ReadoutConfig) -> Any:
-        """Return the constants of the encoder for a configuration, as a ``Rule``."""
+    def rule(self, config: ReadoutConfig) -> Constants:
+        """Return the constants of the encoder for a configuration."""
+        fraction, levels = self.fraction_bits(config), config.closing_levels_log2
+        step_log2 = config.step.bit_length() - 1 + fraction
+        set_by_host = (config.window_period, config.leak_shift, config.leak_period)
+        steps = (1 << step_log2, 1 << step_log2 - levels)
+        return self.Rule(*steps, *set_by_host, fraction, step_log2, levels, config.most_events_per_tick)
 
     def state_dtype(self, config: ReadoutConfig) -> type[np.signedinteger[Any]]:
         """Return an integer type that can hold every number in ``ticks``."""
@@ -140,11 +162,6 @@ class Encoder(ABC):
         """Reset the encoder state of a taxel, except the reference."""
         return  # most encoders have no state
 
-    @staticmethod
-    @abstractmethod
-    def with_settings(rule: Any, now: Any) -> Any:
-        """Return the rule changed by the settings of a host."""
-
     # -- compiled: all taxels, tick by tick ------------------------------------------------------
 
     @staticmethod
@@ -156,29 +173,3 @@ class Encoder(ABC):
         (taxels,). ``state`` is the reference, in units of ``grid`` or its fraction, then the encoder state. ``phase``
         is the tick of the leak within its period, in rising order; ``tick`` counts from reset.
         """
-
-    @staticmethod
-    @abstractmethod
-    def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
-        """Write the reference in codes at the end of every tick, equal to the reference in ``ticks``.
-
-        ``u``, shape (taxels,), starts as the reference after reset; it and ``ends``, the bottom and the top of the
-        scale, are in 2**-fraction_bits codes.
-        """
-
-
-def stepped(u: Any, n: Any, ends: Any, step: Any) -> Any:
-    """Return the reference after n signed events, without the events that would move it off the scale."""
-    if n > 0:
-        return u + steps_up_to(n, ends[1] - u, step) * step
-    return u - steps_up_to(-n, u - ends[0], step) * step
-
-
-def steps_up_to(n: Any, room: Any, step: Any) -> Any:
-    """Return how many of n steps fit between the reference and the end of the scale."""
-    return min(n, max(room, 0) // step)
-
-
-def log2(power_of_two: int) -> int:
-    """Return the binary logarithm of a power of two."""
-    return power_of_two.bit_length() - 1

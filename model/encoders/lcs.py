@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eskin.model.encoders.encoder import Encoder, log2, stepped
+from eskin.model.encoders.encoder import Constants, Encoder
 
 if TYPE_CHECKING:
     from eskin.model.config import ReadoutConfig
 
 
-class LcsRule(NamedTuple):
-    """Constants of LCS: current D and built-in D in codes, and the most events per tick."""
-
-    step: int
-    built_step: int
-    step_log2: int
-    cap: int
+class LcsRule(Constants):
+    """Constants of LCS."""
 
 
 class Lcs(Encoder):
@@ -30,10 +25,6 @@ class Lcs(Encoder):
     def grid(self, config: ReadoutConfig) -> int:
         """Return D; every event moves the reference by D."""
         return config.step
-
-    def rule(self, config: ReadoutConfig) -> LcsRule:
-        """Return the constants of the encoder for a configuration."""
-        return LcsRule(config.step, config.step, log2(config.step), config.most_events_per_tick)
 
     def state_dtype(self, config: ReadoutConfig) -> type[np.signedinteger[Any]]:
         """Return int16 if int16 can hold the most events of a tick, else int32."""
@@ -63,11 +54,6 @@ class Lcs(Encoder):
         return False
 
     @staticmethod
-    def with_settings(rule: Any, now: Any) -> Any:
-        """Return the rule for a coarser resolution set by the host."""
-        return LcsRule(rule.built_step << now.coarser, rule.built_step, rule.step_log2, rule.cap)
-
-    @staticmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
         """Write the event counts of every tick; u is in units of D.
 
@@ -83,11 +69,3 @@ class Lcs(Encoder):
                 n = min(max(n, low), high)
                 u[j] = word(u[j] + n)
                 counts[i, j] = n
-
-    @staticmethod
-    def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
-        """Reconstruct the reference by adding D for every event."""
-        for i in range(counts.shape[0]):
-            for j in range(counts.shape[1]):
-                u[j] = stepped(u[j], np.int64(counts[i, j]), ends, rule.step)
-                reference[i, j] = u[j]

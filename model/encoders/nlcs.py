@@ -2,28 +2,66 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from eskin.base.errors import InputError
 from eskin.model.decay import leak_of, leaking
-from eskin.model.encoders.encoder import Encoder, log2
+from eskin.model.encoders.encoder import Constants, Encoder
 
 if TYPE_CHECKING:
     from eskin.model.config import ReadoutConfig
 
 
-class NlcsRule(NamedTuple):
-    """Constants of N-LCS: D in units of 2**-F codes, the leak k and P, F, and the most events per tick."""
+class NlcsRule(Constants):
+    """Constants of N-LCS."""
 
-    step: int
-    built_step: int
-    leak_shift: int
-    leak_period: int
-    fraction_bits: int
-    step_log2: int
-    cap: int
+
+def leaky_ticks(bipolar: bool) -> Any:
+    """Return ``Encoder.ticks`` of N-LCS, with OFF events if bipolar."""
+
+    def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
+        """Write the event counts of every tick; u and D are in units of 2**-F codes.
+
+        The order is: the first decision; the leak of the old u, if due and if the step did not lead towards zero; then
+        ON while x - u > D, which are ceil((x - u) / D) - 1, or OFF while x - u <= -D - 1 code. In a tick without a leak
+        these events are all events.
+        """
+        (u,) = state
+        word = u.dtype.type
+        fraction, step_shift, code = word(rule.fraction_bits), word(rule.step_log2), word(1 << rule.fraction_bits)
+        upper, lower = word(1 << rule.step_log2), word(-(1 << rule.step_log2) - (1 << rule.fraction_bits))
+        most, high, none, one = word(rule.cap), word(rule.cap - 1), word(0), word(1)
+        for i in range(x.shape[0]):
+            zero, leak_from, leak_to, end = leaking(phase, (tick + i) % rule.leak_period)
+            for low, up in ((zero, leak_from), (leak_to, end)):
+                for j in range(low, up):
+                    d = word(np.left_shift(word(x[i, j]), fraction) - u[j])
+                    n = min(max(np.right_shift(word(d - one), step_shift), none), most)
+                    if bipolar:
+                        n = word(n - min(max(np.right_shift(word(word(-d) - code), step_shift), none), most))
+                    u[j] = word(u[j] + np.left_shift(n, step_shift))
+                    counts[i, j] = n
+                    if timed:
+                        late[i, j] = False
+            for j in range(leak_from, leak_to):
+                d = word(np.left_shift(word(x[i, j]), fraction) - u[j])
+                first, leak = word(d > upper), word(leak_of(u[j], rule.leak_shift))
+                if bipolar:
+                    first = word(first - word(d <= lower))
+                    leak = leak if (first == none) | ((first > none) == (u[j] >= none)) else none
+                move = word(np.left_shift(first, step_shift) - leak)
+                d = word(d - move)
+                more = min(max(np.right_shift(word(d - one), step_shift), none), high)
+                if bipolar:
+                    more = word(more - min(max(np.right_shift(word(word(-d) - code), step_shift), none), high))
+                u[j] = word(u[j] + word(move + np.left_shift(more, step_shift)))
+                counts[i, j] = word(first + more)
+                if timed:
+                    late[i, j] = (first == 0) & (more != 0)
+
+    return ticks
 
 
 class Nlcs(Encoder):
@@ -32,7 +70,7 @@ class Nlcs(Encoder):
     name, title, colour, marker, code = "nlcs", "N-LCS", "#d55e00", "^", 2
     fields = ("leak_shift", "leak_period", "fraction_bits")
     polarity, leaks, strict = False, True, True
-    Rule: ClassVar[type[Any]] = NlcsRule
+    Rule: ClassVar[type[Constants]] = NlcsRule
 
     def grid(self, config: ReadoutConfig) -> int:
         """Return one code; a leak may move the reference to any code."""
@@ -48,12 +86,6 @@ class Nlcs(Encoder):
                 f"leak_period must be at least the number of rows, {config.rows}, with registers={config.registers}, "
                 f"not {config.leak_period}"
             )
-
-    def rule(self, config: ReadoutConfig) -> Any:
-        """Return the constants of the encoder for a configuration."""
-        step = config.step << config.fraction_bits
-        leak = (config.leak_shift, config.leak_period, config.fraction_bits)
-        return self.Rule(step, step, *leak, log2(step), config.most_events_per_tick)
 
     def error_bound(self, config: ReadoutConfig) -> tuple[float, float]:
         """Return the bounds: x - u <= D plus a leak at one decision per tick, and a lower bound for slow falls.
@@ -85,62 +117,10 @@ class Nlcs(Encoder):
 
     @staticmethod
     def move(rule: Any, taxel: Any, on: bool, off: bool, tick: bool, leaks: bool) -> bool:
-        """Move the reference by D at an event, and subtract the leak of the old reference."""
-        leak = leak_of(taxel.u, rule.leak_shift) if leaks else 0
+        """Move the reference by D at an event, and apply the leak of the old reference unless D moves it to zero."""
+        inward = (on and taxel.u < 0) or (off and taxel.u >= 0)
+        leak = leak_of(taxel.u, rule.leak_shift) if leaks and not inward else 0
         taxel.u += (rule.step if on else -rule.step if off else 0) - leak
         return leaks
 
-    @staticmethod
-    def with_settings(rule: Any, now: Any) -> Any:
-        """Return the rule for a coarser resolution and a leak set by the host."""
-        return NlcsRule(*changed_by_host(rule, now))
-
-    @staticmethod
-    def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
-        """Write the event counts of every tick; u and D are in units of 2**-F codes.
-
-        The order is: the first decision; the leak of the old u, if due; then events while x - u > D, which are ceil((x
-        - u) / D) - 1. In a tick without a leak these events are all events.
-        """
-        (u,) = state
-        word = u.dtype.type
-        fraction, step, step_shift = word(rule.fraction_bits), word(1 << rule.step_log2), word(rule.step_log2)
-        most, high, none, one = word(rule.cap), word(rule.cap - 1), word(0), word(1)
-        for i in range(x.shape[0]):
-            zero, leak_from, leak_to, end = leaking(phase, (tick + i) % rule.leak_period)
-            for low, up in ((zero, leak_from), (leak_to, end)):
-                for j in range(low, up):
-                    d = word(np.left_shift(word(x[i, j]), fraction) - u[j])
-                    n = min(max(np.right_shift(word(d - one), step_shift), none), most)
-                    u[j] = word(u[j] + np.left_shift(n, step_shift))
-                    counts[i, j] = n
-                    if timed:
-                        late[i, j] = False
-            for j in range(leak_from, leak_to):
-                d = word(np.left_shift(word(x[i, j]), fraction) - u[j])
-                first = word(d > step)
-                move = word(np.left_shift(first, step_shift) - word(leak_of(u[j], rule.leak_shift)))
-                d = word(d - move)
-                more = min(max(np.right_shift(word(d - one), step_shift), none), high)
-                u[j] = word(u[j] + word(move + np.left_shift(more, step_shift)))
-                counts[i, j] = word(first + more)
-                if timed:
-                    late[i, j] = first == 0 and more > 0
-
-    @staticmethod
-    def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
-        """Reconstruct the reference with the leak of the encoder."""
-        unit, top, shift = 2.0**-rule.fraction_bits, ends[1], rule.step_log2
-        for i in range(counts.shape[0]):
-            now = i % rule.leak_period
-            for j in range(counts.shape[1]):
-                if phase[j] == now:
-                    u[j] -= leak_of(u[j], rule.leak_shift)
-                u[j] += min(np.int64(counts[i, j]), (top - u[j]) >> shift) << shift
-                reference[i, j] = u[j] * unit
-
-
-def changed_by_host(rule: Any, now: Any) -> Any:
-    """Return the fields of a leaky rule for the settings of a host."""
-    leak = (now.leak_shift, now.leak_period, rule.fraction_bits)
-    return (rule.built_step << now.coarser, rule.built_step, *leak, rule.step_log2, rule.cap)
+    ticks = staticmethod(leaky_ticks(bipolar=False))

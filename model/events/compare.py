@@ -37,8 +37,6 @@ class Difference:
     ----------
     index : int
         Number of the event, counted from 0; all events before it are equal.
-    a, b : AddressEvent or None
-        The events at this index; None after the end of a recording.
     start : int
         Number of the first event of the context.
     context_a, context_b : tuple of AddressEvent
@@ -46,11 +44,19 @@ class Difference:
     """
 
     index: int
-    a: AddressEvent | None
-    b: AddressEvent | None
     start: int
     context_a: tuple[AddressEvent, ...]
     context_b: tuple[AddressEvent, ...]
+
+    @property
+    def a(self) -> AddressEvent | None:
+        """Event of the first recording at the index; None after its end."""
+        return next(iter(self.context_a[self.index - self.start :]), None)
+
+    @property
+    def b(self) -> AddressEvent | None:
+        """Event of the second recording at the index; None after its end."""
+        return next(iter(self.context_b[self.index - self.start :]), None)
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -96,16 +102,7 @@ def first_difference(a: Events, b: Events) -> Difference | None:
         return None
     index = int(differs[0]) if len(differs) else common
     start, stop = max(0, index - CONTEXT), index + CONTEXT + 1
-    context_a, context_b = _address_events(a[start:stop]), _address_events(b[start:stop])
-    here = index - start
-    return Difference(
-        index=index,
-        a=context_a[here] if index < len(a) else None,
-        b=context_b[here] if index < len(b) else None,
-        start=start,
-        context_a=context_a,
-        context_b=context_b,
-    )
+    return Difference(index, start, _address_events(a[start:stop]), _address_events(b[start:stop]))
 
 
 def count_per_taxel(events: Events, config: ReadoutConfig) -> NDArray[np.int64]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import zipfile
 from dataclasses import dataclass, field
@@ -14,14 +13,12 @@ from numpy.typing import NDArray
 
 from eskin.base import formats
 from eskin.base.errors import InputError
-from eskin.base.files import check_unpacked, write_arrays
+from eskin.base.files import read_arrays, write_arrays
 from eskin.model import __version__
 from eskin.model.address_events import Events, check_events
 from eskin.model.config import ReadoutConfig
 from eskin.model.tiles.config import config_of
 
-_EVENTS_MEMBER = "events.npy"
-_METADATA_MEMBER = "metadata.npy"
 _HEADER_TYPES: dict[str, type] = {
     "clock_hz": float,
     "duration_clocks": int,
@@ -121,9 +118,15 @@ class Recording:
     @classmethod
     def load(cls, path: str | Path) -> Recording:
         """Return the recording from an ``.npz`` file written by :meth:`save`; raise InputError for any other file."""
-        events, text = _read_members(Path(path))
+        path = Path(path)
+        if path.suffix.lower() != ".npz" and path.is_file() and not zipfile.is_zipfile(path):
+            raise InputError(f"{path} is not an event file; convert events of another program with eskin convert")
+        arrays = read_arrays(path, "an event file", "record it again with eskin encode")
+        metadata = arrays.get("metadata", np.zeros(0))
+        if "events" not in arrays or metadata.dtype.kind != "U" or metadata.ndim:
+            raise InputError(f"{path} is an archive, but not an event file; make one with eskin encode")
         try:
-            return cls._from_parts(events, text)
+            return cls._from_parts(arrays["events"], str(metadata))
         except InputError as error:
             raise InputError(f"{path} is not a valid event file: {error}; record it again") from None
 
@@ -150,37 +153,3 @@ def check_event_path(path: Path) -> None:
     """Check that the suffix of an output file names a known event format."""
     if path.suffix != ".npz":
         raise InputError(f"event files end in .npz, {path.name} does not; rename the output")
-
-
-# -- the file ----------------------------------------------------------------------------------------
-
-
-def _read_members(path: Path) -> tuple[NDArray[Any], str]:
-    """Return the events and the metadata text from an event file."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            check_unpacked(archive)
-            names = set(archive.namelist())
-            if names >= {_EVENTS_MEMBER, _METADATA_MEMBER}:
-                events, metadata = (_read_array(archive, n) for n in (_EVENTS_MEMBER, _METADATA_MEMBER))
-                if metadata.dtype.kind == "U" and metadata.ndim == 0:
-                    return events, str(metadata)
-    except InputError as error:
-        raise InputError(f"{path} {error}") from None
-    except Exception:  # a damaged archive makes zipfile, zlib and NumPy raise almost any type
-        if path.suffix.lower() != ".npz":
-            raise InputError(
-                f"{path} is not an event file; convert events of another program with eskin convert"
-            ) from None
-        raise InputError(f"{path} is damaged or not an event file; record it again with eskin encode") from None
-    raise InputError(f"{path} is an archive, but not an event file; make one with eskin encode")
-
-
-def _read_array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
-    """Return one array of an archive, with its checksum verified."""
-    array: NDArray[Any] = np.lib.format.read_array(io.BytesIO(archive.read(name)), allow_pickle=False)
-    return array

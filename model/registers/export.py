@@ -11,7 +11,6 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.registers import spi
 from eskin.model.registers.description import (
     NAME,
-    WORD_BITS,
     WORD_BYTES,
     Field,
     Register,
@@ -60,12 +59,7 @@ def _page(config: ReadoutConfig, found: Iterable[Register], scope: str) -> str:
     return TEMPLATE.read_text().format(
         scope=scope,
         word_bytes=WORD_BYTES,
-        high=spi.HIGH_CLOCKS,
-        low=spi.LOW_CLOCKS,
-        low_to_read=spi.LOW_CLOCKS_TO_READ,
-        lead=spi.LEAD_CLOCKS,
-        lag=spi.LAG_CLOCKS,
-        gap=spi.GAP_CLOCKS,
+        spi=spi,
         read_share=f"1/{read_share}",
         write_share=f"1/{write_share}",
         read_hz=f"{config.clock_hz / read_share / 1e3:g} kHz",
@@ -98,19 +92,3 @@ def _range(field: Field) -> str:
     """Return the allowed range of a field as text; empty if all values are allowed."""
     every = field.kind != "setting" or (field.least == 0 and field.most == (1 << field.width) - 1)
     return "" if every else f"{field.least} to {field.most}"
-
-
-def constants(config: ReadoutConfig) -> dict[str, int]:
-    """Return the constants of the C header by name: masks, positions, widths and reset values."""
-    found: dict[str, int] = {}
-    for register in registers(config):
-        place = register.name.upper() + ("X" if register.index is not None else "")
-        for field in register.fields:
-            name = f"{NAME.upper()}__{place}__{field.name.upper()}"
-            found |= {
-                f"{name}_bm": ((1 << field.width) - 1 << field.low) % (1 << WORD_BITS),
-                f"{name}_bp": field.low,
-                f"{name}_bw": field.width,
-                f"{name}_reset": field.reset,
-            }
-    return found

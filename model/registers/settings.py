@@ -95,7 +95,7 @@ def set_phases(phases: NDArray[np.int64], leak_period: int) -> None:
 @njit(inline="always")
 def leaks(host: Any, p: Any, phase: Any, ticks: int) -> bool:
     """Return True if a row with the given phase leaks at the latest sample tick."""
-    return host[DECAY_RESTARTS] == 0 and decay.is_due(p.leak_period, phase, ticks - 1 - host[FIRST_TICK])
+    return host[DECAY_RESTARTS] == 0 and decay.is_due(p.rule.leak_period, phase, ticks - 1 - host[FIRST_TICK])
 
 
 @njit(inline="always")

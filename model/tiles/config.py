@@ -52,12 +52,8 @@ class TilesConfig(ReadoutConfig):
     @classmethod
     def of(cls, tile: ReadoutConfig, tile_rows: int, tile_columns: int, relays: int = 0) -> TilesConfig:
         """Return the skin with the given number of tile rows and columns."""
-        own = {"tile_rows": tile_rows, "tile_columns": tile_columns}
-        for name, value in own.items():
-            if not 1 <= value <= MAX_TILES:
-                raise InputError(f"{name} must be in 1..{MAX_TILES}, not {value}")
-        sides = {"rows": tile.rows * tile_rows, "columns": tile.columns * tile_columns}
-        return cls(**tile.to_dict() | sides | own | {"relays": relays})
+        own = {"tile_rows": tile_rows, "tile_columns": tile_columns, "relays": relays}
+        return cls(**tile.to_dict() | {"rows": tile.rows * tile_rows, "columns": tile.columns * tile_columns} | own)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as a dictionary, without unused registers and relay stations."""

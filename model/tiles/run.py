@@ -16,9 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 from eskin.base.errors import InputError
 from eskin.base.files import forget_stale_kernels
 from eskin.model import arbiter, decay, readout
-from eskin.model.address_events import EVENT_DTYPE, Events
+from eskin.model.address_events import Events, make_events
 from eskin.model.arbiter import ONE, ZERO
-from eskin.model.readout import Inputs, Parameters, Registers, Stimulus, decide, mask_rows, take_samples, with_room
+from eskin.model.readout import Inputs, Registers, Stimulus, decide, mask_rows, take_samples, with_room
+from eskin.model.taxel_kernels import Parameters
 from eskin.model.tiles import merge, relay
 from eskin.model.tiles.config import TilesConfig
 
@@ -63,11 +64,8 @@ def simulate_skin(config: TilesConfig, stimuli: Sequence[Stimulus]) -> Events:
     )
     all_of = Registers(*(np.stack(column) for column in zip(*registers, strict=True)))
     time, event = _loop(Parameters.of(tile), inputs, all_of, tile.taxels, config.relays).T
-    events = np.empty(len(time), EVENT_DTYPE)
     number, address = np.divmod(event >> 1, tile.taxels)
-    events["t"], events["p"] = time, event & 1
-    events["y"], events["x"] = np.divmod(address, tile.columns)
-    return config.on_skin(number, events)
+    return config.on_skin(number, make_events(time, *np.divmod(address, tile.columns), event & 1))
 
 
 def scan_skin(config: TilesConfig, scan: Any, image: ArrayLike) -> list[Stimulus]:
@@ -139,7 +137,7 @@ def _clock(p: Any, s: Any, t: int, tile: int, taxels: Any, rows: Any, latch: Any
         first, last = (0, len(rows)) if everyone or at[AGAIN] != 0 else (row, row + 1)
         again = False
         for y in range(first, last):
-            leaks = tick and p.leaks and decay.is_due(p.leak_period, s.phases[y], at[TICKS] - 1)
+            leaks = tick and p.leaks and decay.is_due(p.rule.leak_period, s.phases[y], at[TICKS] - 1)
             todo = rows[y].again | (latch[arbiter.TAKEN] if y == row else ZERO)
             again |= decide(p, y, ~ZERO if everyone else todo, tick, leaks, taxels, rows, latch)
         at[AGAIN] = again

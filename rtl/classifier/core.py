@@ -49,7 +49,7 @@ class Classifier(Block[ClassifierConfig]):
     For neurons with a synaptic current, the lanes or the ring of the outputs hold the current. A memory or a second
     ring holds their potentials, which change only when a neuron is compared.
 
-    ``CLASSIFIER_PORTS`` in ``ports.py`` describes every port.
+    ``CLASSIFIER_PORTS`` in ``rtl/delivery.py`` describes every port.
     """
 
     module_name = "eskin_classifier"

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from amaranth.hdl import Module
 
+from eskin.rtl.encoders import lcs
 from eskin.rtl.encoders.encoder import Own
-from eskin.rtl.encoders.lcs import Lcs
 from eskin.rtl.logic import or_tree
 from eskin.rtl.window import ClosingWindow
 
@@ -15,26 +15,24 @@ if TYPE_CHECKING:
     from eskin.rtl.taxel import Taxel
 
 
-class CwLcs(Lcs):
-    """Level-crossing sampling with a closing window."""
+def build(m: Module, taxel: Taxel, own: Own, platform: Any) -> tuple[Any, Any]:
+    """Add the reference, the comparators, and the window if it has more than one half-width."""
+    return lcs.build(m, taxel, own, platform, half_width if taxel.config.closes else None)
 
-    name = "cw-lcs"
 
-    def half_width(self, m: Module, taxel: Taxel, own: Own, platform: Any) -> Any:
-        """Add the window counter; return the half-width in closing steps."""
-        config = taxel.config
-        if not config.closes:
-            return super().half_width(m, taxel, own, platform)
-        window = ClosingWindow(config)
-        window.place(m, "window", platform)
-        free = ~own.pending | taxel.granted
-        m.d.comb += [
-            window.open.eq((free & own.asks) | (own.enabled & ~taxel.enable)),
-            window.tick.eq(free & taxel.enable & taxel.tick),
-            own.closing.eq(taxel.tick & ~window.closed),
-        ]
-        if config.registers == "none":
-            return window.half_width
-        m.d.comb += window.period.eq(taxel.window_period)
-        width = window.half_width
-        return or_tree([(width & on.replicate(len(width))) << s for s, on in enumerate(taxel.step)])
+def half_width(m: Module, taxel: Taxel, own: Own, platform: Any) -> Any:
+    """Add the window counter; return the half-width in closing steps."""
+    config = taxel.config
+    window = ClosingWindow(config)
+    window.place(m, "window", platform)
+    free = ~own.pending | taxel.granted
+    m.d.comb += [
+        window.open.eq((free & own.asks) | (own.enabled & ~taxel.enable)),
+        window.tick.eq(free & taxel.enable & taxel.tick),
+        own.closing.eq(taxel.tick & ~window.closed),
+    ]
+    if config.registers == "none":
+        return window.half_width
+    m.d.comb += window.period.eq(taxel.window_period)
+    width = window.half_width
+    return or_tree([(width & on.replicate(len(width))) << s for s, on in enumerate(taxel.step)])

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from amaranth.hdl import Const, Module, Mux, Signal, signed
 
@@ -42,18 +42,12 @@ class Own:
     closing: Signal
 
 
-class Encoder(ABC):
-    """Hardware of the encoder of the same name in ``eskin.model.encoders``."""
+Build = Callable[[Module, "Taxel", Own, Any], tuple[Any, Any]]
+"""Function that adds reference, state and comparators to a taxel, and returns the step-up and step-down signals.
 
-    name: ClassVar[str]
-
-    @abstractmethod
-    def build(self, m: Module, taxel: Taxel, own: Own, platform: Any) -> tuple[Any, Any]:
-        """Add reference, state and comparators to a taxel; return the step-up and step-down signals.
-
-        The reference moves where ``own.moves`` is high: up where ``own.on`` is, else down where ``own.off`` is, and to
-        its reset value where the taxel is masked. A step that would leave the scale is not due.
-        """
+The last argument is the platform. The reference moves where ``own.moves`` is high: up where ``own.on`` is, else down
+where ``own.off`` is, and to its reset value where the taxel is masked. A step that would leave the scale is not due.
+"""
 
 
 def compare(m: Module, taxel: Taxel, own: Own, reference: Any, half_width: Any) -> tuple[Any, Any]:

@@ -2,47 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from amaranth.hdl import Module, Mux, Signal, signed
 
-from eskin.rtl.encoders.encoder import Encoder, Own, compare
+from eskin.rtl.encoders.encoder import Own, compare
 
 if TYPE_CHECKING:
     from eskin.rtl.taxel import Taxel
 
 
-class Lcs(Encoder):
-    """Level-crossing sampling."""
+def build(m: Module, taxel: Taxel, own: Own, platform: Any, width: Callable[..., Any] | None = None) -> tuple[Any, Any]:
+    """Add the reference and the comparators; ``width`` adds a window, and returns its half-width."""
+    config = taxel.config
+    shape = signed(config.sample_bits - (config.grid - 1).bit_length())
+    reference = Signal(shape, init=config.reference_reset // config.grid)
+    half_width = 1 if config.registers == "none" else taxel.step
+    if width is not None:
+        half_width = width(m, taxel, own, platform)
+    fall = Signal(signed(half_width.bit_length() + 1 if isinstance(half_width, int) else len(half_width) + 1))
+    m.d.comb += fall.eq(-half_width)
+    above, below = compare(m, taxel, own, reference, half_width)
 
-    name = "lcs"
-
-    def half_width(self, m: Module, taxel: Taxel, own: Own, platform: Any) -> Any:
-        """Return the half-width of the window in units of the grid."""
-        return 1 if taxel.config.registers == "none" else taxel.step
-
-    def build(self, m: Module, taxel: Taxel, own: Own, platform: Any) -> tuple[Any, Any]:
-        """Add the reference and the comparators."""
-        config = taxel.config
-        shape = signed(config.sample_bits - (config.grid - 1).bit_length())
-        reference = Signal(shape, init=config.reference_reset // config.grid)
-        half_width = self.half_width(m, taxel, own, platform)
-        fall = Signal(signed(half_width.bit_length() + 1 if isinstance(half_width, int) else len(half_width) + 1))
-        m.d.comb += fall.eq(-half_width)
-        above, below = compare(m, taxel, own, reference, half_width)
-
-        moved = Signal(signed(len(reference) + (config.frontend == "analog")))
-        if config.frontend == "digital":
-            turns: Any = own.moves
-            step = Mux(own.on, half_width, Mux(own.off, fall, 0))
-        else:
-            # A step that would leave the scale is not made. If both comparators fire, the taxel steps up.
-            turns = own.moves & (own.asks | ~taxel.enable)
-            step = Mux(taxel.above, half_width, fall)
-            fits = Signal()
-            m.d.comb += fits.eq(moved[-1] == moved[-2])
-            above, below = above & fits, below & fits
-        m.d.comb += moved.eq((reference + step)[: len(moved)])
-        with m.If(turns):
-            m.d.sync += reference.eq(Mux(taxel.enable, moved[: len(reference)], reference.init))
-        return above, below
+    moved = Signal(signed(len(reference) + (config.frontend == "analog")))
+    if config.frontend == "digital":
+        turns: Any = own.moves
+        step = Mux(own.on, half_width, Mux(own.off, fall, 0))
+    else:
+        # A step that would leave the scale is not made. If both comparators fire, the taxel steps up.
+        turns = own.moves & (own.asks | ~taxel.enable)
+        step = Mux(taxel.above, half_width, fall)
+        fits = Signal()
+        m.d.comb += fits.eq(moved[-1] == moved[-2])
+        above, below = above & fits, below & fits
+    m.d.comb += moved.eq((reference + step)[: len(moved)])
+    with m.If(turns):
+        m.d.sync += reference.eq(Mux(taxel.enable, moved[: len(reference)], reference.init))
+    return above, below

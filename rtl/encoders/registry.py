@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from eskin.base.errors import InputError
 from eskin.model.encoders import registry as model
-from eskin.rtl.encoders.cw_lcs import CwLcs
-from eskin.rtl.encoders.encoder import Encoder
-from eskin.rtl.encoders.lcs import Lcs
-from eskin.rtl.encoders.nlcs import Nlcs
-from eskin.rtl.encoders.nlcs_bipolar import NlcsBipolar
+from eskin.rtl.encoders import cw_lcs, lcs, nlcs, nlcs_bipolar
+from eskin.rtl.encoders.encoder import Build
 
-ENCODERS: tuple[Encoder, ...] = (Lcs(), CwLcs(), Nlcs(), NlcsBipolar())
+ENCODERS: dict[str, Build] = {
+    "lcs": lcs.build,
+    "cw-lcs": cw_lcs.build,
+    "nlcs": nlcs.build,
+    "nlcs-bipolar": nlcs_bipolar.build,
+}
 
 
-def named(name: str) -> Encoder:
+def named(name: str) -> Build:
     """Return the hardware of the encoder of a given name."""
-    for encoder in ENCODERS:
-        if encoder.name == model.named(name).name:
-            return encoder
-    raise InputError(f"the encoder {name} has no hardware in rtl/encoders")
+    if model.named(name).name not in ENCODERS:
+        raise InputError(f"the encoder {name} has no hardware in rtl/encoders")
+    return ENCODERS[name]

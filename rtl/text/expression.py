@@ -6,31 +6,22 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-Operators = tuple[str, ...]
-
-BINARY: tuple[Operators, ...] = (
-    ("||",),
-    ("&&",),
-    ("|", "~|"),
-    ("^", "~^"),
-    ("&",),
-    ("==", "!=", "===", "!=="),
-    ("<", "<=", ">", ">="),
-)
-BINARY += (("<<", ">>", "<<<", ">>>"), ("+", "-"), ("*", "/", "%"))
-"""Operators of two operands, from the weakest binding to the strongest."""
-
 COMPARISONS = {"==", "!=", "===", "!==", "<", "<=", ">", ">="}
 LOGICAL = {"||", "&&"}
 SHIFTS = {"<<", ">>", "<<<", ">>>"}
 BITWISE = {"&", "|", "^", "~^"}
 REDUCTIONS = {"&", "|", "^", "~&", "~|", "~^", "!"}
 
+BINARY = COMPARISONS | LOGICAL | SHIFTS | BITWISE | {"~|", "+", "-", "*", "/", "%"}
+"""Operators of two operands."""
+
 MOST_IN_A_ROW = 4
 """Operands of one operator that are written without parentheses."""
 
+NAME = re.compile(r"([A-Za-z_]\w*)(?:\[(\d+)(?::(\d+))?\])?")
 TOKEN = re.compile(
-    r"\s*(\d+'s?[bhd][0-9a-fxz]+|\$?[A-Za-z_]\w*|\d+|<<<|>>>|===|!==|<<|>>|<=|>=|==|!=|&&|\|\||~[&|^]|\S)"
+    r"\s*(\d+'s?[bhd][0-9a-fxz]+|\$?[A-Za-z_]\w*(?:\[\d+(?::\d+)?\])?|\d+"
+    r"|<<<|>>>|===|!==|<<|>>|<=|>=|==|!=|&&|\|\||~[&|^]|\S)"
 )
 
 
@@ -62,88 +53,59 @@ class Node:
 
 
 def read(text: str) -> Node:
-    """Return the expression tree for a text; raise UnknownTextError if Yosys writes no such plain logic."""
-    reader = _Reader(TOKEN.findall(text))
-    tree = reader.choice()
-    if reader.tokens:
-        raise UnknownTextError(text)
+    """Return the expression tree for a text; raise UnknownTextError if Yosys writes no such plain logic.
+
+    Yosys writes one operator at a time: operands that are operators are in parentheses.
+    """
+    reader = _Reader([*TOKEN.findall(text), ""][::-1])
+    tree = reader.expression()
+    reader.take("")
     return tree
 
 
 class _Reader:
-    def __init__(self, tokens: list[str]) -> None:
-        self.tokens = tokens[::-1]
+    """The tokens of an expression, the last first, behind an empty one."""
 
-    def next(self) -> str:
-        if not self.tokens:
-            raise UnknownTextError("it ends too early")
+    def __init__(self, tokens: list[str]) -> None:
+        self.tokens = tokens
+
+    def take(self, token: str | None = None) -> str:
+        """Return the next token, which must be the given one."""
+        if self.tokens[-1] != token and (token is not None or not self.tokens[-1]):
+            raise UnknownTextError(self.tokens[-1])
         return self.tokens.pop()
 
-    def peek(self) -> str:
-        return self.tokens[-1] if self.tokens else ""
-
-    def expect(self, token: str) -> None:
-        if self.next() != token:
-            raise UnknownTextError(token)
-
-    def choice(self) -> Node:
-        condition = self.binary(0)
-        if self.peek() != "?":
-            return condition
-        self.next()
-        yes = self.choice()
-        self.expect(":")
-        return Node("choice", "?", (condition, yes, self.choice()))
-
-    def binary(self, level: int) -> Node:
-        if level == len(BINARY):
-            return self.unary()
-        left = self.binary(level + 1)
-        while self.peek() in BINARY[level]:
-            operator = self.next()
-            left = Node("binary", operator, (left, self.binary(level + 1)))
-        return left
-
-    def unary(self) -> Node:
-        if self.peek() in REDUCTIONS | {"~", "-", "+"}:
-            return Node("unary", self.next(), (self.unary(),))
-        return self.operand()
+    def expression(self) -> Node:
+        left = self.operand()
+        if self.tokens[-1] in BINARY:
+            left = Node("binary", self.take(), (left, self.operand()))
+        if self.tokens[-1] != "?":
+            return left
+        self.take("?")
+        yes = self.expression()
+        self.take(":")
+        return Node("choice", "?", (left, yes, self.expression()))
 
     def operand(self) -> Node:
-        token = self.next()
-        if token == "(":
-            inner = self.choice()
-            self.expect(")")
-            return inner
-        if token == "{":
-            parts = [self.choice()]
-            while self.peek() == ",":
-                self.next()
-                parts.append(self.choice())
-            self.expect("}")
-            return Node("join", "", tuple(parts))
+        token = self.take()
+        if token in REDUCTIONS | {"~", "-", "+"}:
+            return Node("unary", token, (self.operand(),))
         if token == "$signed":
-            self.expect("(")
-            inner = self.choice()
-            self.expect(")")
-            return Node("signed", "", (inner,))
+            return Node("signed", "", (self.operand(),))
+        if token in ("(", "{"):
+            parts = [self.expression()]
+            while token == "{" and self.tokens[-1] == ",":
+                self.take(",")
+                parts.append(self.expression())
+            self.take(")" if token == "(" else "}")
+            return parts[0] if token == "(" else Node("join", "", tuple(parts))
         if "'" in token:
             return Node("number", token)
-        if not re.fullmatch(r"[A-Za-z_]\w*", token):
+        found = NAME.fullmatch(token)
+        if found is None:
             raise UnknownTextError(token)
-        return self.slice(token) if self.peek() == "[" else Node("name", token)
-
-    def slice(self, name: str) -> Node:
-        self.next()
-        high = self.next()
-        low = high
-        if self.peek() == ":":
-            self.next()
-            low = self.next()
-        self.expect("]")
-        if not (high.isdigit() and low.isdigit()):
-            raise UnknownTextError(name)
-        return Node("slice", name, (), int(high), int(low))
+        name, high, low = found.groups()
+        return Node("name", name) if high is None else Node("slice", name, (), int(high), int(low or high))
 
 
 def names(node: Node) -> list[str]:

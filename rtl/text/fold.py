@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
@@ -18,8 +18,8 @@ PART = "part"
 """Remaining wires of Yosys are named ``<signal that they are part of>_part``, with a number from the second on."""
 
 DECLARATION = re.compile(r"^  (?:(?:input|output) )?(?:wire|reg) (signed )?(?:\[(\d+):0\] )?(\w+);$")
-ASSIGNMENT = re.compile(r"^(  assign )(\w+)((?:\[[\d:]+\])?)( = )(.*)(;)$")
-REGISTER = re.compile(r"^(    (?:else )?(?:if \((.*)\) )?)(\w+)((?:\[[\d:]+\])?)( <= )(.*)(;)$")
+DRIVEN = re.compile(r"^(  assign |    (?:else )?(?:if \((.*)\) )?)(\w+)((?:\[[\d:]+\])?)( <?= )(.*);$")
+"""An assignment, or the line of a register, perhaps with its condition."""
 PORT = re.compile(r"^(    \.\w+\()(.*)(\),?)$")
 WORD = re.compile(r"(?<![\w$'.])[A-Za-z_]\w*")
 
@@ -127,54 +127,39 @@ def _narrowed(module: str) -> str:
 
 def _parse(text: str, wires: dict[str, Wire]) -> Line:
     """Return a line with its parsed expressions; without expressions if parsing fails."""
+
+    def parsed(text: str) -> Node:
+        tree = expression.read(text)
+        expression.width(tree, wires)  # every name is known
+        return tree
+
     try:
-        if found := ASSIGNMENT.match(text):
-            tree = _read(found[5], wires)
-            head = "".join(found[i] for i in (1, 2, 3, 4))
-            return Line(f"{head}\0{found[6]}", [(tree, _size(found[2], found[3], wires))], found[2], found[3])
-        if found := REGISTER.match(text):
-            trees = [(_read(found[6], wires), _size(found[3], found[4], wires))]
-            head = found[1]
-            if found[2]:
-                trees.insert(0, (_read(found[2], wires), 0))
-                head = head.replace(f"({found[2]})", "(\0)", 1)
-            return Line(f"{head}{found[3]}{found[4]}{found[5]}\0{found[7]}", trees, found[3], found[4])
+        found = DRIVEN.match(text)
+        if found and (found[1] == "  assign ") == (found[5] == " = "):
+            head, condition, target, bits, operator, value = found.groups()
+            trees = [(parsed(value), expression.width(parsed(target + bits), wires))]
+            if condition:
+                trees.insert(0, (parsed(condition), 0))
+                head = head.replace(f"({condition})", "(\0)", 1)
+            return Line(f"{head}{target}{bits}{operator}\0;", trees, target, bits)
         if found := PORT.match(text):
-            return Line(f"{found[1]}\0{found[3]}", [(_read(found[2], wires), 0)])
+            return Line(f"{found[1]}\0{found[3]}", [(parsed(found[2]), 0)])
     except (UnknownTextError, KeyError):
         pass
     return Line(text)
 
 
-def _read(text: str, wires: dict[str, Wire]) -> Node:
-    tree = expression.read(text)
-    expression.width(tree, wires)  # every name is known
-    return tree
-
-
-def _size(name: str, bits: str, wires: dict[str, Wire]) -> int:
-    return expression.width(expression.read(name + bits), wires)
-
-
 def _in_order(lines: list[Line]) -> list[Line]:
     """Return lines with the assignments to parts of a wire grouped, lowest bits first."""
-    parts: dict[str, list[Line]] = defaultdict(list)
-    for line in lines:
-        if line.bits and line.text.startswith("  assign"):
-            parts[line.target].append(line)
-    for some in parts.values():
-        some.sort(key=lambda line: int(re.findall(r"\d+", line.bits)[-1]))
-    ordered = []
-    for line in lines:
-        if line.bits and line.target in parts:
-            ordered += parts.pop(line.target)
-        elif not (line.bits and line.text.startswith("  assign")):
-            ordered.append(line)
-    return ordered
+    first: dict[str, int] = {}
 
+    def place(numbered: tuple[int, Line]) -> tuple[int, int]:
+        number, line = numbered
+        if not (line.bits and line.text.startswith("  assign")):
+            return number, 0
+        return first.setdefault(line.target, number), int(re.findall(r"\d+", line.bits)[-1])
 
-def _compares_with_number(tree: Node) -> bool:
-    return tree.text in expression.COMPARISONS and tree.parts[1].kind == "number"
+    return [line for _, line in sorted(enumerate(lines), key=place)]
 
 
 class _Folder:
@@ -196,22 +181,26 @@ class _Folder:
 
     def lines(self) -> Iterator[str]:
         """Yield the remaining lines, simplified for readers."""
-        made = {id(line): self._folded_line(line) for line in self.given}
-        needed = {name for line in self.given if line.whole_target not in self.steps for name in made[id(line)].words}
-        definitions = {line.target: made[id(line)] for line in self.given if line.whole_target in self.steps}
+        lines = [
+            replace(line, trees=[(self._folded(tree, size, whole=size > 0), size) for tree, size in line.trees])
+            for line in self.given
+        ]
+        definitions = {line.target: line for line in lines if line.whole_target in self.steps}
         kept: set[str] = set()
-        while found := (needed & definitions.keys()) - kept:
+        needed = [line for line in lines if line.whole_target not in self.steps]
+        while needed:
+            found = (definitions.keys() & needed.pop().words) - kept
             kept |= found
-            needed |= {name for step in found for name in definitions[step].words}
+            needed += [definitions[name] for name in found]
         gone = self.steps.keys() - kept
-        for line in self.given:
+        for line in lines:
             declared = DECLARATION.match(line.text)
             if line.whole_target in gone or (declared and declared[3] in gone):
                 continue
-            head, *tails = made[id(line)].text.split("\0")
+            head, *tails = line.text.split("\0")
             words = (
                 expression.write(self.joined.named(expression.plain(tree, self.wires), line.target))
-                for tree, _ in made[id(line)].trees
+                for tree, _ in line.trees
             )
             yield head + "".join(word + tail for word, tail in zip(words, tails, strict=True))
 
@@ -221,13 +210,11 @@ class _Folder:
             return self._names(self.steps[tree.text])
         if tree.kind in ("name", "slice"):
             return math.inf if MADE_UP.fullmatch(tree.text) else 1
-        logic = tree.kind in ("unary", "join") or tree.text in expression.BITWISE or _compares_with_number(tree)
+        compares_with_number = tree.text in expression.COMPARISONS and tree.parts[1].kind == "number"
+        logic = tree.kind in ("unary", "join") or tree.text in expression.BITWISE or compares_with_number
         if tree.kind != "number" and (not logic or tree.text in ("-", "+")):
             return math.inf
         return sum(map(self._names, tree.parts))
-
-    def _folded_line(self, line: Line) -> Line:
-        return replace(line, trees=[(self._folded(tree, size, whole=size > 0), size) for tree, size in line.trees])
 
     def _folded(self, node: Node, size: int, *, whole: bool) -> Node:
         """Return an expression with intermediate wires substituted.

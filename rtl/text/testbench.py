@@ -42,15 +42,10 @@ def testbench(config: ReadoutConfig, tied: str = "") -> str:  # noqa: PT028
     the simulator then returns an error. ``tied`` is an input that is low: the test enable of clock gates.
     """
     samples, events = _played(config)
-    fields = {"event_polarity": ("p", int(config.has_polarity)), "event_row": ("y", config.row_bits)}
-    fields["event_col"] = ("x", config.column_bits)
-    present = [(name, bits) for name, (_, bits) in fields.items() if bits]
-    expected = []
-    for event in events:
-        word = 0
-        for name, bits in present:
-            word = word << bits | int(event[fields[name][0]])
-        expected.append(word)
+    fields = {"polarity": int(config.has_polarity), "row": config.row_bits, "col": config.column_bits}
+    present = [(f"event_{name}", bits) for name, bits in fields.items() if bits]
+    row, column = events["y"].astype(int), events["x"].astype(int)
+    expected = ((events["p"] * config.has_polarity << config.row_bits | row) << config.column_bits | column).tolist()
     return TEMPLATES.get_template("testbench.sv").render(
         config=config,
         ticks=TICKS,

@@ -1,13 +1,14 @@
-"""Test the JSON reader: error messages name file and error."""
+"""Test readers of JSON, which name file and error, and the age of compiled loops."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.base.files import keep_line, kept_lines, read_json
+from eskin.base.files import forget_stale_kernels, keep_line, kept_lines, read_json
 
 
 @pytest.mark.parametrize(
@@ -49,3 +50,17 @@ def test_a_line_of_a_log_is_whole_or_left_out(tmp_path, whole):
 def test_a_device_that_never_ends_is_no_json() -> None:
     with pytest.raises(InputError, match="the configuration /dev/zero has more than 256 MiB; give a"):
         read_json(Path("/dev/zero"), "the configuration")
+
+
+def test_kernels_older_than_a_step_are_compiled_again(tmp_path: Path) -> None:
+    loop, step, cache = tmp_path / "loop.py", tmp_path / "step.py", tmp_path / "__pycache__"
+    cache.mkdir()
+    kernels = [cache / name for name in ("loop.run-1.py311.nbi", "loop.run-1.py311.1.nbc", "other.run-1.py311.nbi")]
+    for number, path in enumerate((loop, step, *kernels)):
+        path.touch()
+        os.utime(path, (1000 + number, 1000 + number))
+    forget_stale_kernels(loop, [step])
+    assert all(path.exists() for path in kernels)
+    os.utime(step, (2000, 2000))
+    forget_stale_kernels(loop, [loop, step])
+    assert [path.exists() for path in kernels] == [False, False, True]

@@ -38,14 +38,14 @@ def test_numbers_are_counts_where_whole_ones_belong(tmp_path: Path) -> None:
         read_shaped(tmp_path / "a.json", "the sums", {"runs": int})
 
 
-@pytest.mark.parametrize("damage", ["null", "[]", '{"name": 3}', '{"code": "1"}', "", "changed"])
+@pytest.mark.parametrize("damage", ["null", "[]", '{"name": 3}', '{"code": "1"}', '{"name": "a", "co', ""])
 def test_a_damaged_piece_is_computed_anew(tmp_path: Path, damage: str) -> None:
     pieces = Pieces(tmp_path / "r.json", "1")
     pieces.of("a", lambda: {"seconds": 3})
     pieces.of("b", lambda: {"seconds": 4})
     kept = pieces_of(tmp_path / "r.json")
-    first, second = kept.read_text().splitlines()
-    kept.write_text(f"{first.replace('3', 'null') if damage == 'changed' else damage}\n{second}\n")
+    _, second = kept.read_text().splitlines()
+    kept.write_text(f"{damage}\n{second}\n")
     again = Pieces(tmp_path / "r.json", "1")
     assert again.known("a") is None
     assert again.known("b") == {"name": "b", "code": "1", "seconds": 4}

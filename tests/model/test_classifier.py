@@ -112,16 +112,6 @@ def test_counts_give_what_events_in_rising_order_give(fields: dict[str, Any]) ->
     assert rate == fired / (5 * 12 * own.config.hidden)
 
 
-def test_saturation_makes_the_order_of_events_matter() -> None:
-    own = network(3, membrane_bits=9, in_shift=1)
-    assert own.config.saturates
-    rising, falling = State(own), State(own)
-    rising.add_events([0, 1, 2, 3, 4, 5] * 3)
-    falling.add_events([5, 4, 3, 2, 1, 0] * 3)
-    assert not np.array_equal(rising.v, falling.v)
-    assert rising.v.max() == 255
-
-
 def test_an_event_takes_as_many_clocks_as_a_row_has_words() -> None:
     own = network()
     ready = first_ready(own.config, -1)

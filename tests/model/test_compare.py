@@ -52,8 +52,6 @@ def test_finds_the_field_that_differs(field: str, value: int, name: str) -> None
     assert difference.fields == (name,)
     assert difference.a == AddressEvent(35, 2, 0, False)
     assert difference.start == 2
-    assert difference.context_a[3] == difference.a
-    assert difference.context_b[3] == difference.b
     assert len(difference.context_a) == 7
 
 
@@ -97,12 +95,14 @@ def test_unmatched_is_the_difference_of_the_multisets(a: Events, b: Events) -> N
 
 
 @pytest.mark.parametrize(("n_a", "n_b", "suffix"), [(0, 0, "png"), (0, 1, "svg"), (30_000, 29_000, "png")])
-def test_draws_any_number_of_events(n_a: int, n_b: int, suffix: str, tmp_path: Path) -> None:
-    path = tmp_path / f"raster.{suffix}"
-    a = random_events(n_a)
-    plot_comparison((a, a[:n_b] if n_b <= n_a else random_events(n_b)), CONFIG, path, title="title")
-    assert path.stat().st_size > 5000
-    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+def test_draws_any_number_of_events_reproducibly(n_a: int, n_b: int, suffix: str, tmp_path: Path) -> None:
+    paths = [tmp_path / f"{name}.{suffix}" for name in ("a", "b")]
+    a, b = random_events(n_a), random_events(max(n_a, n_b))[:n_b]
+    for path in paths:
+        plot_comparison((a, b), CONFIG, path, title="title")
+    assert paths[0].stat().st_size > 5000
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    assert sorted(tmp_path.iterdir()) == paths
 
 
 @pytest.mark.parametrize(("rows", "columns", "encoding"), [(1, 1, "nlcs"), (64, 64, "lcs")])
@@ -113,14 +113,6 @@ def test_draws_any_array(rows: int, columns: int, encoding: str, tmp_path: Path)
     plot_comparison((events, events), config, tmp_path / "a.png", signal=signal, texture=np.zeros((9, 40), np.uint8))
     plot_signals(events, signal, config, tmp_path / "b.png")
     assert Image.open(tmp_path / "a.png").height > Image.open(tmp_path / "b.png").height
-
-
-def test_same_events_give_the_same_picture(tmp_path: Path) -> None:
-    events = random_events(500)
-    for suffix in ("png", "svg"):
-        for name in ("a", "b"):
-            plot_comparison((events, events), CONFIG, tmp_path / f"{name}.{suffix}")
-        assert (tmp_path / f"a.{suffix}").read_bytes() == (tmp_path / f"b.{suffix}").read_bytes()
 
 
 def test_every_mismatch_shows_in_black(tmp_path: Path) -> None:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import inspect
-import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple, get_args
 
 import pytest
 
-from eskin.base.errors import InputError
 from eskin.model import readout, window
 from eskin.model.config import Encoding, ReadoutConfig
 from eskin.model.encoders import compiled, registry
@@ -19,33 +17,25 @@ from eskin.model.encoders.lcs import Lcs
 
 def test_every_encoder_is_found_by_its_name() -> None:
     assert [registry.named(name) for name in get_args(Encoding)] == list(registry.ENCODERS)
-    assert [ReadoutConfig.from_dict({"encoding": name}).encoder.name for name in registry.NAMES] == list(registry.NAMES)
 
 
-def test_an_unknown_name_is_refused_with_the_known_ones() -> None:
-    sentence = f"there is no encoder 'dpcm'; the encoders are {', '.join(registry.NAMES)}"
-    with pytest.raises(InputError, match=re.escape(sentence)):
-        registry.named("dpcm")
+class Twin(Lcs):
+    name, title, colour, marker = "twin", "Twin", "#000000", "x"
 
 
-def test_no_two_encoders_share_a_name_a_code_or_a_look() -> None:
-    class Twin(Lcs):
-        name, title, colour, marker = "twin", "Twin", "#000000", "x"
-
-    with pytest.raises(ValueError, match="two encoders have the code 0; use different ones"):
-        registry.check((Lcs(), Twin()))
+class LcsRule(NamedTuple):
+    step: int
 
 
-def test_two_rules_of_one_name_would_share_compiled_loops_and_are_refused() -> None:
-    class LcsRule(NamedTuple):
-        step: int
+class Other(Twin):
+    code = 3
+    Rule = LcsRule  # type: ignore[assignment]
 
-    class Other(Lcs):
-        name, title, colour, marker, code = "other", "Other", "#000000", "x", 3
-        Rule = LcsRule  # type: ignore[assignment]
 
-    with pytest.raises(ValueError, match="two encoders have the Rule 'LcsRule'"):
-        registry.check((Lcs(), Other()))
+@pytest.mark.parametrize(("other", "said"), [(Twin(), "code 0; use different ones"), (Other(), "Rule 'LcsRule'")])
+def test_no_two_encoders_share_a_code_or_compiled_loops(other: Lcs, said: str) -> None:
+    with pytest.raises(ValueError, match=f"two encoders have the {said}"):
+        registry.check((Lcs(), other))
 
 
 def test_an_edit_of_any_file_of_an_encoder_makes_compiled_loops_stale() -> None:

@@ -95,24 +95,20 @@ def configs(draw: st.DrawFn, encodings: tuple[str, ...] = registry.NAMES) -> Rea
 
 
 @st.composite
-def signals(
-    draw: st.DrawFn, config: ReadoutConfig, slope: int | None = None, low: int | None = None
-) -> NDArray[np.int32]:
+def signals(draw: st.DrawFn, config: ReadoutConfig, slope: int | None = None) -> NDArray[np.int32]:
     """Return random samples (ticks, taxels), with steps of at most ``slope`` if given."""
-    low = -config.full_scale if low is None else low
-    high = config.full_scale - 1
-    ticks = draw(st.integers(1, 40))
-    code = st.integers(low, high) | st.sampled_from([low, 0, high])
-    step = st.just(0) | (code if slope is None else st.integers(-slope, slope))
-    lines = []
-    for _ in range(config.taxels):
-        x = draw(code) if slope is None else config.reference_reset
-        line = []
-        for _ in range(ticks):
-            x = min(max(x + draw(step), low), high)
-            line.append(x)
-        lines.append(line)
-    return np.array(lines, np.int32).T
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    low, high, n = -config.full_scale, config.full_scale - 1, config.taxels
+
+    def codes() -> NDArray[np.int64]:
+        return np.where(rng.random(n) < 0.5, rng.integers(low, high + 1, n), rng.choice([low, 0, high], n))
+
+    x, lines = codes() if slope is None else np.full(n, config.reference_reset), []
+    for _ in range(draw(st.integers(1, 40))):
+        step = codes() if slope is None else rng.integers(-slope, slope + 1, n)
+        x = np.clip(x + step * (rng.random(n) < 0.5), low, high)
+        lines.append(x)
+    return np.array(lines, np.int32)
 
 
 # -- literal vectors, D = 4 --------------------------------------------------------------------------
@@ -120,6 +116,7 @@ def signals(
 
 LCS, CW_LCS = one("lcs"), one("cw-lcs", window_period=2)
 NLCS = one("nlcs", leak_shift=2, leak_period=4, fraction_bits=0)
+FAST_LEAK = one("nlcs-bipolar", leak_shift=1, leak_period=1, fraction_bits=0, reference_reset=-100)
 BIPOLAR = {"leak_period": 1000, "decide_every": "sample"}
 
 
@@ -143,16 +140,12 @@ BIPOLAR = {"leak_period": 1000, "decide_every": "sample"}
         (NLCS, [0, 7, *[0] * 8, 7], [0, 1, *[0] * 8, 1]),  # 4 leaks to 3 and 2
         # D is 4, and only beyond it an event: -5 is the first code beyond.
         *((one("nlcs-bipolar", fraction_bits=f, **BIPOLAR), [0, -4, -5, 4, 5], [0, 0, -1, 1, 1]) for f in (8, 0)),
+        # The leak of -100 is -50, far more than D: with it, ON at -90 would lead to OFF in the same tick.
+        (FAST_LEAK, [-90, -90], [2, -10]),
     ],
 )
 def test_vectors(config: ReadoutConfig, codes: list[int], expected: list[int]) -> None:
     assert counts(config, *codes) == expected
-
-
-def test_nlcs_rows_leak_one_after_the_other() -> None:
-    config = one("nlcs", rows=3, columns=2, leak_shift=1, leak_period=7, fraction_bits=0, reference_reset=64)
-    u = decode(config, np.zeros((7, 6), np.int16))
-    assert [int(np.argmax(u[:, taxel] < 64)) for taxel in range(6)] == [0, 0, 2, 2, 4, 4]  # floor(r 7 / 3)
 
 
 def test_rows_that_leak_in_successive_ticks_leak_only_in_their_own() -> None:
@@ -166,14 +159,7 @@ def test_samples_of_any_number_of_taxels_are_encoded(taxels: int) -> None:
     assert encode(one("lcs"), np.tile(column(4, 0), taxels)).tolist() == [[1] * taxels, [0] * taxels]
 
 
-@pytest.mark.parametrize("encoding", registry.NAMES)
-def test_silence_gives_no_event(encoding: str) -> None:
-    config = one(encoding, window_period=1)
-    assert not encode(config, np.zeros((1000, 1), np.int16)).any()
-    assert encode(config, np.zeros((0, 1), np.int16)).shape == (0, 1)
-
-
-@pytest.mark.parametrize(("bits", "resolution"), [(3, 1), (16, 14), (24, 22)])
+@pytest.mark.parametrize(("bits", "resolution"), [(3, 1), (16, 14), (20, 15), (24, 22)])
 @pytest.mark.parametrize("encoding", registry.NAMES)
 def test_full_scale_square_is_followed_to_the_end(encoding: str, bits: int, resolution: int) -> None:
     config = one(encoding, sample_bits=bits, resolution=resolution, clocks_per_sample=2**24, fraction_bits=0)
@@ -284,6 +270,17 @@ def test_nlcs_follows_a_fall_no_steeper_than_its_leak(data: st.DataObject) -> No
     assert error.max() <= high
 
 
+@pytest.mark.parametrize(("shift", "period"), [(6, 63), (5, 127)])
+@pytest.mark.parametrize("level", [1.5, 100])
+def test_nlcs_fires_with_the_period_of_the_leaky_neuron(level: float, shift: int, period: int) -> None:
+    config = ReadoutConfig(rows=1, columns=1, encoding="nlcs", leak_shift=shift, leak_period=period)
+    x, d, ticks = round(level * config.step), config.step, 2_000_000
+    spikes = int(count_events(config, np.full((ticks, 1), x, np.int16))[0])
+    seconds = ticks / config.sample_rate_hz / (config.tau_s * math.log(x / (x - d)))
+    # The leak comes in steps of 2**-k: the threshold is passed by half a step on average.
+    assert -(2.0**-shift) / 2 - 0.003 < spikes / seconds - 1 < 0.003
+
+
 @pytest.mark.parametrize("period", [2**15 - 1, 2**15, 2**16])
 def test_a_window_may_close_after_more_ticks_than_16_bits_count(period: int) -> None:
     config = one("cw-lcs", window_period=period, closing_shift=1)
@@ -346,14 +343,6 @@ def test_other_misfits_are_refused() -> None:
             decode(one("lcs"), counts_of_another_kind)
 
 
-@pytest.mark.parametrize("resolution", [12, 13, 14, 15])
-def test_a_swing_over_the_whole_range_is_counted_whatever_the_resolution(resolution: int) -> None:
-    config = one("lcs", sample_bits=20, resolution=resolution, clocks_per_sample=2**18, closing_shift=0)
-    ends = encode(config, np.array([[2**19 - 1], [-(2**19)]]))[:, 0].tolist()
-    top = 2 ** (resolution + 1) - 1  # steps from 0 to the highest, and back to one above the lowest
-    assert ends == [top, -2 * top]
-
-
 def test_samples_of_any_layout_give_the_same_events_and_stay_untouched() -> None:
     samples = np.random.default_rng(1).integers(-128, 128, (50, 4))
     expected = encode(one("lcs"), samples)
@@ -364,14 +353,6 @@ def test_samples_of_any_layout_give_the_same_events_and_stay_untouched() -> None
     out = np.empty_like(expected)
     assert encode(one("lcs"), samples, out=out) is out
     assert np.array_equal(out, expected)
-
-
-def test_a_step_towards_zero_takes_the_place_of_the_leak() -> None:
-    config = one("nlcs-bipolar", leak_shift=1, leak_period=1, fraction_bits=0, reference_reset=-100)
-    # The leak of -100 is -50, far more than D: with it, ON at -90 would lead to OFF in the same tick.
-    found, late = encode_timed(config, column(-90, -90))
-    assert found[:, 0].tolist() == [2, -10]
-    assert decode(config, found, late)[0, 0] == -92
 
 
 def test_the_example_of_the_manual_runs() -> None:

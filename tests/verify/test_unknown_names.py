@@ -65,4 +65,4 @@ def test_the_plain_model_plays_no_encoder_without_its_rule(monkeypatch: pytest.M
 
 
 def test_every_encoder_has_hardware() -> None:
-    assert [rtl.named(name).name for name in registry.NAMES] == list(registry.NAMES)
+    assert [*rtl.ENCODERS] == list(registry.NAMES)
