@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeVar, overload
@@ -41,6 +41,7 @@ class Block:
         self.driven: dict[str, int] = {}
         self.settled = False
         self.time = 0  # clocks since the simulation began
+        self.past: deque[str] = deque(maxlen=4)  # inputs of the last clocks
         self.dut.clk.value = 0
 
     def pin(self, name: str) -> Any:
@@ -67,7 +68,14 @@ class Block:
         try:
             return int(value, 2)
         except ValueError:
-            raise BlockMismatch(f"clock {self.time}: {name} is {value}") from None
+            raise self.mismatch(f"{name} is {value}") from None
+
+    def mismatch(self, text: str) -> BlockMismatch:
+        """Return the exception for a difference in this clock, with the inputs before it and the command."""
+        lines = [f"clock {self.time}: {text}", "inputs:", *self.past, f"  clock {self.time}: {self.driven}"]
+        if test := os.environ.get("PYTEST_CURRENT_TEST"):
+            lines.append(f"reproduce: python -m pytest '{test.removesuffix(' (call)')}'")
+        return BlockMismatch("\n".join(lines))
 
     def read_signed(self, name: str) -> int:
         """Return an output as a signed number."""
@@ -83,6 +91,7 @@ class Block:
     async def edge(self) -> None:
         """Generate a rising and a falling clock edge; the falling edge takes effect with the next wait."""
         await self.settle()
+        self.past.append(f"  clock {self.time}: {self.driven}")
         self.dut.clk.value = 1
         await Timer(self.HALF_PS, "ps")
         self.dut.clk.value = 0
@@ -110,13 +119,18 @@ class Checker:
         """Compare a signal with its expected value."""
         self.counts["checks"] += 1
         if expected != got:
-            raise BlockMismatch(f"clock {self.block.time}: {name}: expected {expected}, got {got}; {state}")
+            raise self.block.mismatch(f"{name}: expected {int(expected)}, got {got}; {state}")
+
+    def outputs(self, state: object, **expected: int) -> None:
+        """Compare output ports with their expected values."""
+        for name, value in expected.items():
+            self.equal(name, value & (1 << len(self.block.pin(name))) - 1, self.block.read(name), state)
 
     def holds(self, name: str, condition: bool, why: object = "") -> None:
         """Check a named property in this clock."""
         self.counts[name] += 1
         if not condition:
-            raise BlockMismatch(f"clock {self.block.time}: {name} is broken; {why}")
+            raise self.block.mismatch(f"{name} is broken; {why}")
 
 
 class Sink:
@@ -148,9 +162,9 @@ def signed_words(word: int, count: int, bits: int) -> list[int]:
     return [part - (part >> bits - 1 << bits) for part in parts]
 
 
-def payload(config: ReadoutConfig, row: int, column: int, polarity: bool) -> dict[str, int]:
+def payload(config: ReadoutConfig, row: int, column: int, polarity: int) -> dict[str, int]:
     """Return the payload fields of an event, limited to existing ports."""
-    fields = {"event_row": row, "event_col": column, "event_polarity": int(polarity)}
+    fields = {"event_row": row, "event_col": column, "event_polarity": polarity}
     present = {
         "event_row": config.row_bits > 0,
         "event_col": config.column_bits > 0,

@@ -1,10 +1,10 @@
-"""Compare the fast model with the reference model, and check section 3 of docs/specification.md."""
+"""Compare the model with the independent model, and check section 3 of docs/specification.md."""
 
 from __future__ import annotations
 
 import copy
-import itertools
 from collections import Counter, defaultdict
+from collections.abc import Iterator
 from dataclasses import fields, replace
 from typing import Any
 
@@ -14,21 +14,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from eskin.cocotb_tests.bench.reference import ReadoutReference, TimedEvent, play
+from eskin.cocotb_tests.independent.readout import Readout
+from eskin.cocotb_tests.independent.settings import Settings
+from eskin.cocotb_tests.independent.taxel import Taxel
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.readout import Stimulus, simulate, state_at
 from eskin.model.taxel import EVENT_LATENCY
+from tests.independent.agreement import differs, steps
 from tests.model.refused import refused
 
 SMALL = [(1, 1), (1, 4), (3, 5), (2, 2), (6, 1)]
-ARRAYS = [*SMALL * 3, (1, 64), (2, 33), (17, 3)]  # of the large ones few: the reference takes ten times as long
+ARRAYS = [*SMALL * 3, (1, 64), (2, 33), (17, 3)]  # of the large ones few: the independent model takes ten times as long
 ENCODINGS = registry.NAMES
-
-
-def timed(events: NDArray[Any]) -> list[TimedEvent]:
-    """Return the events of the model in the form of the reference."""
-    return [TimedEvent(int(t), int(y), int(x), bool(p)) for t, x, y, p in events.tolist()]
 
 
 @st.composite
@@ -98,7 +96,7 @@ def stimuli(draw: st.DrawFn, config: ReadoutConfig, **fixed: Any) -> Stimulus:
     return Stimulus(**parameters)
 
 
-# -- the model is the reference ----------------------------------------------------------------------
+# -- the model is the independent model ---------------------------------------------------------------
 
 
 def test_analog_comparators_decide_on_neither_above_below_or_above_if_both() -> None:
@@ -111,40 +109,9 @@ def test_analog_comparators_decide_on_neither_above_below_or_above_if_both() -> 
 
 @settings(max_examples=500)
 @given(st.data())
-def test_model_equals_the_reference_event_by_event(data: st.DataObject) -> None:
+def test_model_equals_the_independent_model_in_events_and_registers(data: st.DataObject) -> None:
     config = data.draw(configs())
-    stimulus = data.draw(stimuli(config))
-    _, expected = play(config, stimulus)
-    assert timed(simulate(config, stimulus)) == expected
-
-
-def assert_same_registers(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> None:
-    """Compare all relevant registers just before a clock."""
-    state = state_at(config, stimulus, clock)
-    readout, _ = play(config, stimulus, clock)
-    taxels = list(itertools.chain(*readout.taxels))
-    held = [taxel.sample for taxel in taxels]
-    signal = held if config.frontend == "digital" else list(itertools.chain(*readout.signal))
-    assert state.sample.ravel().tolist() == signal
-    assert state.reference.ravel().tolist() == [taxel.reference for taxel in taxels]
-    assert state.half_width.ravel().tolist() == [taxel.half_width for taxel in taxels]
-    assert state.pending.ravel().tolist() == [taxel.pending for taxel in taxels]
-    if config.has_polarity:
-        waiting = [taxel.polarity for taxel in taxels if taxel.pending]
-        assert state.polarity[state.pending].tolist() == waiting
-    latch, last = readout.arbiter.latch, readout.arbiter.last
-    assert state.latch_columns == sum(1 << event.column for event in latch)
-    assert not latch or state.latch_row == latch[0].row
-    behind = [] if last is None else range(last + 1, config.rows)
-    assert state.behind & (1 << config.rows) - 1 == sum(1 << row for row in behind)
-
-
-@settings(max_examples=300)
-@given(st.data())
-def test_state_at_gives_the_registers_of_the_reference(data: st.DataObject) -> None:
-    config = data.draw(configs())
-    stimulus = data.draw(stimuli(config))
-    assert_same_registers(config, stimulus, data.draw(st.integers(0, stimulus.clocks)))
+    assert not (found := differs(config, data.draw(stimuli(config)))), found
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
@@ -153,7 +120,7 @@ def test_a_sample_leaves_as_events_from_three_clocks_later_on(encoding: str) -> 
     samples = np.zeros((1, 15), np.int32)
     samples[0, 7] = 5 * config.step + 1
     events = simulate(config, replace(Stimulus.from_samples(config, samples), sample_clock=np.array([10])))
-    assert timed(events) == [TimedEvent(13 + i, 1, 2, True) for i in range(5)]
+    assert events.tolist() == [(13 + i, 2, 1, True) for i in range(5)]
 
 
 # -- the promises of section 3 -----------------------------------------------------------------------
@@ -164,18 +131,13 @@ def test_a_sample_leaves_as_events_from_three_clocks_later_on(encoding: str) -> 
 def test_full_rate_while_anything_is_pending_and_the_sink_is_ready(data: st.DataObject) -> None:
     config = data.draw(configs(link="stream"))
     stimulus = data.draw(stimuli(config))
-    transfers = {event.clock for event in timed(simulate(config, stimulus))}
-    readout = ReadoutReference(config)
-    samples = dict(zip(stimulus.sample_clock.tolist(), stimulus.samples.tolist(), strict=True))
+    transfers = set(simulate(config, stimulus)["t"].tolist())
+    readout = Readout(Settings.of(config.to_dict()))
     offered = False
-    for clock in range(stimulus.clocks):
-        ready = bool(stimulus.ready[clock % len(stimulus.ready)])
-        assert (clock in transfers) == (offered and ready), clock
-        changes = np.searchsorted(stimulus.enable_clock, clock, side="right") - 1
-        enable = stimulus.enable[changes].tolist()
-        pending = any(polarity is not None for line in readout.requests(enable) for polarity in line)
-        offered = pending or len(readout.arbiter.latch) > (1 if ready else 0)
-        readout.clock(samples.get(clock), enable, ready)
+    for clock, inputs in steps(config, stimulus, readout):
+        assert (clock in transfers) == (offered and inputs["ready"]), clock
+        pending = any(polarity is not None for line in readout.requests(inputs["enable"]) for polarity in line)
+        offered = pending or len(readout.arbiter.queue) > inputs["ready"]
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 4), (5, 1), (3, 5), (64, 64)])
@@ -192,39 +154,52 @@ def test_saturated_array_sends_one_event_every_clock_and_serves_all_alike(rows: 
         assert (np.bincount(taxel[number * config.taxels :][: config.taxels]) == 1).all()
 
 
+def taxels_of(readout: Readout) -> list[tuple[tuple[int, int], Taxel]]:
+    """Return row and column, and the taxel, of all taxels."""
+    return [((r, c), taxel) for r, row in enumerate(readout.taxels) for c, taxel in enumerate(row)]
+
+
+def raised_requests(
+    config: ReadoutConfig, stimulus: Stimulus, readout: Readout
+) -> Iterator[tuple[tuple[int, int], int, bool]]:
+    """Yield row and column of each request of the independent model, its first clock, and its polarity."""
+    waited: set[tuple[int, int]] = set()
+    for clock, inputs in steps(config, stimulus, readout):
+        pending = {place: taxel.request for place, taxel in taxels_of(readout) if taxel.request is not None}
+        yield from ((place, clock, bool(polarity)) for place, polarity in pending.items() if place not in waited)
+        granted = readout.arbiter.granted_row(readout.requests(inputs["enable"]), inputs["ready"])
+        waited = {place for place in pending if place[0] != granted}
+    new = ((place, taxel.request) for place, taxel in taxels_of(readout) if place not in waited)
+    yield from ((place, stimulus.clocks, bool(polarity)) for place, polarity in new if polarity is not None)
+
+
 @settings(max_examples=200)
 @given(st.data())
 def test_every_accepted_request_leaves_once_in_order_and_in_time(data: st.DataObject) -> None:
     config = data.draw(configs(link="stream"))
     stimulus = data.draw(stimuli(config, enable_clock=np.zeros(1, np.int64), enable=np.ones((1, config.taxels), bool)))
-    events = timed(simulate(config, stimulus))
-    readout, _ = play(config, stimulus)
-    left: dict[tuple[int, int], list[tuple[int, TimedEvent]]] = defaultdict(list)
-    for number, event in enumerate(events):
-        left[event.row, event.column].append((number, event))
-    accepted_before = np.searchsorted([event.clock for event in events], np.arange(stimulus.clocks + 2))
+    events = simulate(config, stimulus).tolist()
+    left: dict[tuple[int, int], list[tuple[int, int, bool]]] = defaultdict(list)
+    for number, (clock, x, y, polarity) in enumerate(events):
+        left[y, x].append((number, clock, polarity))
+    accepted_before = np.searchsorted([event[0] for event in events], np.arange(stimulus.clocks + 2))
     always_ready = stimulus.ready.all()
     raised: Counter[tuple[int, int]] = Counter()
-    for request in readout.raised:
-        taxel = request.row, request.column
-        nth = raised[taxel]
-        raised[taxel] += 1
-        bound = (config.rows + 1) * config.columns
-        if nth < len(left[taxel]):
-            number, event = left[taxel][nth]
-            assert event.polarity == request.polarity
-            assert event.clock > request.clock
-            assert number + 1 - accepted_before[request.clock] <= bound
-            assert not always_ready or event.clock - request.clock < bound + 2
+    bound = (config.rows + 1) * config.columns
+    readout = Readout(Settings.of(config.to_dict()))
+    for place, request_clock, request_polarity in raised_requests(config, stimulus, readout):
+        nth = raised[place]
+        raised[place] += 1
+        if nth < len(left[place]):
+            number, clock, polarity = left[place][nth]
+            assert polarity == request_polarity
+            assert clock > request_clock
+            assert number + 1 - accepted_before[request_clock] <= bound
+            assert not always_ready or clock - request_clock < bound + 2
         else:  # still on its way
-            assert len(events) - accepted_before[request.clock] < bound
-    on_the_way = Counter((event.row, event.column) for event in readout.arbiter.latch)
-    on_the_way.update(
-        (row, column)
-        for row, line in enumerate(readout.taxels)
-        for column, taxel_reference in enumerate(line)
-        if taxel_reference.pending
-    )
+            assert len(events) - accepted_before[request_clock] < bound
+    on_the_way = Counter((row, column) for row, column, _ in readout.arbiter.queue)
+    on_the_way.update(place for place, taxel in taxels_of(readout) if taxel.request is not None)
     for place, number in raised.items():
         assert number == len(left[place]) + on_the_way[place]
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from amaranth.sim import Simulator
 
-from eskin.cocotb_tests.bench.reference import ReceiverReference
+from eskin.cocotb_tests.independent.link import Receiver
 from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.fields import seen
@@ -42,7 +42,7 @@ class Design:
         self.stimulus = stimulus
         self.driven: dict[str, int] = {}
         self.events: list[tuple[int, int, int, bool]] = []
-        self.receiver = ReceiverReference(stimulus.ack_delay.tolist())
+        self.receiver = Receiver(stimulus.ack_delay.tolist())
         self.signal = [0] * self.config.taxels
         self.waiting: tuple[int, ...] | None = None
         self.before = (0, 0, 0)

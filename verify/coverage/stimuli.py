@@ -12,13 +12,12 @@ import numpy as np
 
 from eskin.cocotb_tests.bench.draw import GAPS, SIGNALS, SINKS, Draw
 from eskin.cocotb_tests.bench.spi import Timing, waveform
+from eskin.cocotb_tests.blocks import merge as merge_block
 from eskin.cocotb_tests.blocks.analog import run as play_comparators
 from eskin.cocotb_tests.blocks.classifier import cosimulate as play_scans
 from eskin.cocotb_tests.blocks.frame import cosimulate as play_frames
 from eskin.cocotb_tests.blocks.host import pins_of
 from eskin.cocotb_tests.blocks.host import play as play_host
-from eskin.cocotb_tests.blocks.merge import play as play_merge
-from eskin.cocotb_tests.blocks.relay import play as play_relay
 from eskin.cocotb_tests.blocks.skin import play as play_skin
 from eskin.cocotb_tests.runner.block import cosimulate
 from eskin.cocotb_tests.touch import noise
@@ -158,12 +157,12 @@ def skin(config: TilesConfig, folder: Path) -> None:
 
 def relay(config: TilesConfig, folder: Path) -> None:
     """Simulate a relay station with busy and quiet tiles and all kinds of sinks."""
-    play_relay(config, VERILATOR, folder, 5)
+    cosimulate(config, VERILATOR, "eskin_relay", "merge_follows_its_reference", folder, 5, merge_block.__name__)
 
 
 def merge(config: MergeConfig, folder: Path) -> None:
     """Simulate a merge with busy and quiet tiles and all kinds of sinks."""
-    play_merge(config.skin, VERILATOR, folder, 3)
+    cosimulate(config.skin, VERILATOR, "eskin_merge", "merge_follows_its_reference", folder, 3, merge_block.__name__)
 
 
 def classifier(config: ClassifierConfig, folder: Path) -> None:
