@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from eskin.cocotb_tests.bench.textures import random_scan
-from eskin.cocotb_tests.runner.player import Job
-from eskin.cocotb_tests.runner.process import follow
+from eskin.cocotb_tests.runner.process import play_runs
 from eskin.cocotb_tests.runner.simulator import Simulator, build
+from eskin.cocotb_tests.touch.plan import Part, result_of
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import highest, lowest
 from eskin.model.classifier.file import IntegerWeights
@@ -39,11 +38,7 @@ def play(
     (network or network_of(chip)).save(folder / "network.npz")
     samples = random_scan(chip.readout, 60, np.random.default_rng(2))
     samples = np.concatenate([samples, np.repeat(samples[-1:], 30, axis=0)])
-    np.savez(folder / "arrays.npz", **dict.fromkeys(("array/noise", "array/skipped"), samples))  # type: ignore[arg-type]
-    weights, arrays = (str(folder / name) for name in ("network.npz", "arrays.npz"))
-    runs: dict[str, dict[str, Any]] = {"noise": {}, "skipped": {}}
-    job = Job(chip.to_dict(), "again", played=runs, arrays=arrays, keep=str(folder), skip=["skipped"], network=weights)
-    follow(build(chip, program, text=text), "eskin.cocotb_tests.touch.player", job, folder)
-    with np.load(folder / "noise.npz") as found:
-        assert len(found["taken"]) == json.loads(str(found["metadata"]))["events"]
-        return dict(json.loads(str(found["metadata"])))
+    runs = dict.fromkeys(("noise", "skipped"), samples)
+    part = Part(folder / "network.npz", runs, {name: {} for name in runs}, ["skipped"], "again")
+    play_runs(build(chip, program, text=text), part.runs(chip, folder), folder)
+    return result_of(folder / "noise.npz")

@@ -79,7 +79,7 @@ def _play_textures(
     plan = session.plan(*asked)
     if dut:
         plan = session.with_dut(plan, config, dut, top)
-    runs = f"{plan.runs(config) - len(plan.textures)} scenarios and {len(plan.textures)} scans"
+    runs = f"{plan.runs(config) - len(plan.names)} scenarios and {len(plan.names)} scans"
     what = f"{', '.join(map(str, dut)) or 'RTL'}, {config.rows} x {config.columns} taxels, link {config.link}"
     echo(f"{what}: {runs} for each of {', '.join(encodings)}")
     with bars() as show:
@@ -115,22 +115,23 @@ def _play_own(
     total: Tally,
 ) -> None:
     """Run a user's recordings through RTL and model."""
-    from eskin.cocotb_tests.runner import recordings as session
+    from eskin.cocotb_tests.runner import sim as session
     from eskin.cocotb_tests.runner.inputs import Own, named
     from eskin.cocotb_tests.runner.process import MismatchFound
 
     simulator, waves, count, only, ticks, out = asked
-    session.check(simulator, count, ticks)
+    session.check_own(simulator, count, ticks)
     material = Own(own_recordings(place, prepared, config, given, again=total.runs > 0), place)
     names = material.one_class_after_the_other(count) if only is None else [named(material, only)]
-    plan = session.OwnPlan(material, names, simulator, waves, ticks, out)  # type: ignore[arg-type]
-    warn(filter(None, [plan.warning()]))
+    plan = session.Plan(simulator, waves, material, names, ticks, out)  # type: ignore[arg-type]
+    config = material.recordings.config
+    warn(filter(None, [plan.warning(config)]))
     with bar(f"{config.encoding}: RTL against model", len(names)) as progress:
         try:
-            total += session.play(plan, lambda _: progress())
+            total += session.play(plan, config, lambda _: progress(), lambda stage: None)
         except MismatchFound as mismatch:
-            _differ(mismatch, total, plan.out / plan.folder / "run")
-    echo(f"picture: {plan.picture}; event files: {plan.picture.parent / 'events'}")
+            _differ(mismatch, total, plan.running(config))
+    echo(f"picture: {plan.picture(config)}; event files: {plan.place(config) / 'events'}")
 
 
 def _differ(mismatch: MismatchFound, total: Tally, folder: Path, wave: Path | None = None, hint: str = "") -> None:
