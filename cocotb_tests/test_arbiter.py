@@ -6,32 +6,29 @@ The proofs of ``eskin.verify.proofs.blocks.arbiter`` have its whole contract.
 from __future__ import annotations
 
 import itertools
+import random
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import cocotb
 import pytest
 
-from eskin.cocotb_tests.bench.block import Sink, begin, bits, payload, report
+from eskin.cocotb_tests.bench.block import Sink, Step, bits, payload
 from eskin.cocotb_tests.independent.arbiter import Arbiter
-from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.cocotb_tests.runner.block import play_steps
 from eskin.model.config import ReadoutConfig
 
 CLOCKS = 150
 
 
-@cocotb.test()
-async def arbiter_follows_its_reference(dut: Any) -> None:
-    """Play groups of taxels with few and with many requests, masks and resets, against all kinds of sinks.
+def steps(config: ReadoutConfig, rng: random.Random, counts: Counter[str]) -> Iterator[Step]:
+    """Yield groups of taxels with few and with many requests, masks and resets, against all kinds of sinks.
 
     A request stays until its row is granted or its taxel is masked, and a selected row drives the column lines in the
     same clock.
     """
-    config, rng, block, check = begin(dut)
     columns, arbiter = config.columns, Arbiter(config.rows, config.columns)
     off: list[int | None] = [None] * columns
-    block.drive(row_request=0, column_request=0, column_polarity=0, event_ready=0)
-    await block.reset()
     everyone = list(itertools.product(range(config.rows), range(columns)))
     row, column = rng.choice(everyone)
     groups = [everyone, [(row, n) for n in range(columns)], [(n, column) for n in range(config.rows)], [(row, column)]]
@@ -41,39 +38,33 @@ async def arbiter_follows_its_reference(dut: Any) -> None:
         sink = Sink(sink_name, rng)
         requests: list[list[int | None]] = [off.copy() for _ in range(config.rows)]
         for clock in range(CLOCKS):
-            rst = clock == CLOCKS - 1
+            rst, ready = clock == CLOCKS - 1, sink.ready()
             for r, c in everyone:
                 if requests[r][c] is not None and rng.random() < masked:
                     requests[r][c] = None
             for r, c in group:
                 if requests[r][c] is None and rng.random() < demand:
                     requests[r][c] = rng.getrandbits(1) if config.has_polarity else 1
-            ready = sink.ready()
-            rows = bits([line != off for line in requests])
-            block.drive(row_request=rows, event_ready=ready, rst=rst)
-            await block.settle()
-            select = block.read("select")
-            selected = bits([select >> n // columns & 1 for n in range(config.taxels)])
-            lines = [polarity for line in requests for polarity in line]
-            asking = bits([polarity is not None for polarity in lines])
-            polarity = bits(lines) | rng.getrandbits(config.taxels) & ~asking
-            block.drive(column_request=asking & selected, column_polarity=polarity & selected)
-            await block.settle()
             if rst and config.reset == "async":
                 arbiter.reset()
-            state = {"queue": arbiter.queue, "pointer": arbiter.pointer, "requests": requests}
-            event, granted = arbiter.output(), arbiter.granted_row(requests, ready)
-            one_hot = {"select": arbiter.next_row(requests), "granted": granted}
-            check.outputs(state, **{name: 0 if row is None else 1 << row for name, row in one_hot.items()})
-            check.outputs(state, event_valid=event is not None, **payload(config, *event) if event else {})
-            check.counts["transfers"] += event is not None and ready
-            check.counts["withheld"] += event is not None and not ready
-            await block.edge()
+            event, granted, chosen = arbiter.output(), arbiter.granted_row(requests, ready), arbiter.next_row(requests)
+            one_hot = {"select": chosen, "granted": granted}
+            outputs = {name: 0 if row is None else 1 << row for name, row in one_hot.items()}
+            outputs |= {"event_valid": event is not None, **(payload(config, *event) if event else {})}
+            inputs = {"row_request": bits([line != off for line in requests]), "event_ready": ready, "rst": rst}
+            inputs |= {"column_request": 0, "column_polarity": 0}
+            if chosen is not None:
+                asking = bits([polarity is not None for polarity in requests[chosen]])
+                polarity = bits(requests[chosen]) | rng.getrandbits(columns) & ~asking
+                inputs["column_request"] = asking << chosen * columns
+                inputs["column_polarity"] = polarity << chosen * columns
+            yield Step(inputs, outputs, f"queue {arbiter.queue}, pointer {arbiter.pointer}, requests {requests}")
+            counts["transfers"] += event is not None and ready
+            counts["withheld"] += event is not None and not ready
             for r, c in arbiter.clock(requests, ready):
                 requests[r][c] = None
             if rst:
                 arbiter.reset()
-    report(check.counts)
 
 
 CONFIGS = [
@@ -94,7 +85,7 @@ def name(config: ReadoutConfig) -> str:
 
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda config: f"icarus-{name(config)}")
 def test_arbiter_keeps_its_contract_and_equals_its_reference(config: ReadoutConfig, tmp_path: Path) -> None:
-    counts = cosimulate(config, "icarus", "eskin_arbiter", "arbiter_follows_its_reference", tmp_path, seed=2)
+    counts = play_steps(config, "icarus", "eskin_arbiter", steps, tmp_path, seed=2)
     assert counts["transfers"] > 300
     assert counts["withheld"] > 100, counts
     assert counts["checks"] >= 3 * 15 * CLOCKS

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from eskin.cocotb_tests.blocks import merge
-from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.cocotb_tests.runner.block import play_steps
 from eskin.cocotb_tests.test_tiles import skin
 from eskin.model.tiles.config import TilesConfig
 
@@ -21,7 +21,7 @@ CONFIGS = [
 
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda config: f"icarus-{config.tiles}")
 def test_merge_keeps_its_contract_and_equals_its_models(config: TilesConfig, tmp_path: Path) -> None:
-    counts = cosimulate(config, "icarus", "eskin_merge", "merge_follows_its_reference", tmp_path, 3, merge.__name__)
+    counts = play_steps(config, "icarus", "eskin_merge", merge.steps, tmp_path, 3)
     assert counts["transfers"] > 200
     assert counts["withheld"] > 200
     assert counts["resets"] == 12

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from eskin.cocotb_tests.blocks import merge
-from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.cocotb_tests.runner.block import play_steps
 from eskin.cocotb_tests.test_tiles import skin
 from eskin.model.tiles.config import TilesConfig
 
@@ -20,7 +20,7 @@ CONFIGS = [
 
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda config: f"icarus-{config.tile.event_bits}b-{config.reset}")
 def test_relay_keeps_its_contract_and_equals_its_model(config: TilesConfig, tmp_path: Path) -> None:
-    counts = cosimulate(config, "icarus", "eskin_relay", "merge_follows_its_reference", tmp_path, 5, merge.__name__)
+    counts = play_steps(config, "icarus", "eskin_relay", merge.relay_steps, tmp_path, 5)
     assert counts["transfers"] > 200
     assert counts["withheld"] > 200
     assert counts["resets"] == 12

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import itertools
+import random
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import cocotb
 import pytest
 
-from eskin.cocotb_tests.bench.block import begin, report
+from eskin.cocotb_tests.bench.block import Step
 from eskin.cocotb_tests.independent.settings import Settings
 from eskin.cocotb_tests.independent.taxel import KINDS as INDEPENDENT
-from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.cocotb_tests.runner.block import play_steps
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 
@@ -23,21 +24,37 @@ KINDS = ("threshold", "near", "walk", "jump", "rest", "full", "over")
 """Critical sample codes: levels and their neighbours, walks, jumps, rest, and beyond the scale."""
 
 
-class TaxelBench:
-    """A taxel with the independent model."""
+class TaxelSteps:
+    """Steps of a taxel, computed by the independent model."""
 
-    def __init__(self, dut: Any) -> None:
-        self.config, self.rng, self.block, self.check = begin(dut)
-        self.settings = Settings.of(self.config.to_dict())
-        self.taxel = INDEPENDENT[self.config.encoding](self.settings)
+    def __init__(self, config: ReadoutConfig, rng: random.Random, counts: Counter[str]) -> None:
+        self.config, self.rng, self.counts = config, rng, counts
+        self.settings = Settings.of(config.to_dict())
+        self.taxel = INDEPENDENT[config.encoding](self.settings)
         self.code = 0  # of the last sample
         self.signal = 0  # input of the analog comparators
         self.noisy = False  # the input is only noise
         self.ticks = 0
         self.tick = False
+
+    def __iter__(self) -> Iterator[Step]:
+        """Yield phases of random inputs of every kind, with masks and resets."""
+        rng, config = self.rng, self.config
         # Set by registers, where there are any: as the configuration has it.
-        self.block.drive(step=1, leak_shift=self.config.leak_shift, window_period=self.config.window_period)
-        self.block.drive(enable=0, granted=0, tick=0, decay=0, sample=0, sample_valid=0, above=0, below=0)
+        host = {"step": 1, "leak_shift": config.leak_shift, "window_period": config.window_period}
+        yield Step(host | dict.fromkeys(("enable", "granted", "tick", "decay", "sample", "above", "below"), 0), {})
+        for phase in range(PHASES):
+            kind = KINDS[phase % len(KINDS)]
+            samples, grants = rng.choice([1.0, 0.3, 0.1]), rng.choice([1.0, 1.0, 0.5, 0.1])
+            masked = rng.choice([0.0, 0.0, 0.05])
+            self.noisy = config.frontend == "analog" and kind == "jump"
+            for _ in range(CLOCKS):
+                sample = self.next_code(kind) if rng.random() < samples else None
+                yield self.clock(rng.random() >= masked, rng.random() < grants, sample)
+                if rng.random() < 0.01:
+                    yield from self.pulse_reset()
+            for _ in range(rng.randint(1, 3)):
+                yield self.clock(True, rng.random() < 0.5, self.next_code("jump"), rst=True)
 
     def next_code(self, kind: str) -> int:
         """Return the next code of a kind."""
@@ -57,46 +74,40 @@ class TaxelBench:
         self.code = code
         return code
 
-    def compare(self, enable: bool) -> None:
-        """Compare all outputs with the reference; the polarity only during a request."""
-        taxel, config, check = self.taxel, self.config, self.check
-        state = {name: value for name, value in vars(taxel).items() if name not in ("settings", "window")}
-        state |= {"half_width": taxel.half_width(), "enable": enable}
-        request = taxel.request if enable else None
-        check.outputs(state, request=request is not None)
+    def step(self, inputs: dict[str, int], edge: bool = True) -> Step:
+        """Return a step with all outputs of the model; the polarity only during a request."""
+        taxel, config = self.taxel, self.config
+        request = taxel.request if inputs["enable"] else None
+        outputs = {"request": int(request is not None)}
         if request is not None and config.has_polarity:
-            check.outputs(state, polarity=request)
+            outputs["polarity"] = request
         if config.frontend == "analog":
-            check.outputs(state, reference_code=taxel.reference_code())
+            outputs["reference_code"] = taxel.reference_code()
             if config.closes:
-                check.outputs(state, half_width=taxel.half_width())
+                outputs["half_width"] = taxel.half_width()
+        state = f"sample {taxel.sample}, reference {taxel.reference}, request {taxel.request}"
+        return Step(inputs, outputs, f"{state}, half-width {taxel.half_width()}", edge)
 
-    async def clock(self, *, enable: bool, granted: bool, sample: int | None, rst: bool = False) -> None:
-        """Drive the inputs, compare the outputs, and generate a clock edge."""
-        config, block, taxel = self.config, self.block, self.taxel
+    def clock(self, enable: bool, granted: bool, sample: int | None, rst: bool = False) -> Step:
+        """Return the step of a clock, and advance the model."""
+        config, taxel, counts = self.config, self.taxel, self.counts
         # One decay tick per leak_period, at a phase that is not 0, as in a higher row.
         decay = self.tick and self.ticks % config.leak_period == 2 % config.leak_period
-        block.drive(rst=rst, enable=enable, granted=granted, tick=self.tick, decay=decay)
-        block.drive(sample_valid=sample is not None)
-        if sample is not None:
-            block.drive(sample=sample)
-        await block.settle()
-        decisions = None
-        if config.frontend == "analog":  # the comparators use the reference from the RTL
-            decisions = self.decide(block.read_signed("reference_code"))
-            block.drive(above=decisions[0], below=decisions[1])
-            await block.settle()
+        inputs: dict[str, int] = {"rst": rst, "enable": enable, "granted": granted, "tick": self.tick, "decay": decay}
+        inputs |= {"sample_valid": sample is not None} | ({} if sample is None else {"sample": sample})
         if rst and config.reset == "async":
             taxel.reset()
-        self.compare(enable)
+        decisions = None
+        if config.frontend == "analog":
+            decisions = self.decide()
+            inputs |= {"above": decisions[0], "below": decisions[1]}
+        step = self.step(inputs)
         request, reference = taxel.request if enable else None, taxel.reference_code()
-        await block.edge()
         if rst:
             taxel.reset()
         else:
             digital = sample if config.frontend == "digital" else None
             taxel.clock(enabled=enable, taken=granted, sample=digital, tick=self.tick, leak=decay, decisions=decisions)
-        counts = self.check.counts
         counts["clocks"] += 1
         counts["disabled"] += not enable
         counts["closed"] += taxel.half_width() < self.settings.step
@@ -109,49 +120,24 @@ class TaxelBench:
         self.signal = self.signal if sample is None else sample
         self.tick = sample is not None and not rst
         self.ticks += self.tick
+        return step
 
-    def decide(self, code: int) -> tuple[bool, bool]:
-        """Return the comparator decisions for a code, or random ones in a noise phase."""
+    def decide(self) -> tuple[bool, bool]:
+        """Return the comparator decisions, or random ones in a noise phase."""
         if self.noisy:
             return self.rng.random() < 0.5, self.config.has_polarity and self.rng.random() < 0.5
-        width = self.block.read("half_width") if self.config.closes else self.config.step
+        code, width = self.taxel.reference_code(), self.taxel.half_width()
         above = self.signal >= code + width + self.config.encoder.strict
         return above, self.config.has_polarity and self.signal < code - width
 
-    async def pulse_reset(self) -> None:
-        """Pulse rst between two clock edges, which affects only asynchronous resets."""
+    def pulse_reset(self) -> Iterator[Step]:
+        """Yield a pulse of rst between two clock edges, which affects only asynchronous resets."""
         for rst in (1, 0):
-            self.block.drive(rst=rst, enable=1, granted=0)
-            await self.block.settle()
             if self.config.reset == "async":
                 self.taxel.reset()
                 self.tick = False
-            self.compare(True)
-        self.check.counts["pulses"] += 1
-
-
-@cocotb.test()
-async def taxel_follows_its_reference(dut: Any) -> None:
-    """Play phases of random inputs of every kind, with masks and resets."""
-    bench = TaxelBench(dut)
-    rng = bench.rng
-    await bench.block.reset()
-    for phase in range(PHASES):
-        kind = KINDS[phase % len(KINDS)]
-        samples, grants = rng.choice([1.0, 0.3, 0.1]), rng.choice([1.0, 1.0, 0.5, 0.1])
-        masked = rng.choice([0.0, 0.0, 0.05])
-        bench.noisy = bench.config.frontend == "analog" and kind == "jump"
-        for _ in range(CLOCKS):
-            await bench.clock(
-                enable=rng.random() >= masked,
-                granted=rng.random() < grants,
-                sample=bench.next_code(kind) if rng.random() < samples else None,
-            )
-            if rng.random() < 0.01:
-                await bench.pulse_reset()
-        for _ in range(rng.randint(1, 3)):
-            await bench.clock(enable=True, granted=rng.random() < 0.5, sample=bench.next_code("jump"), rst=True)
-    report(bench.check.counts)
+            yield self.step({"rst": rst, "enable": 1, "granted": 0}, edge=False)
+        self.counts["pulses"] += 1
 
 
 # -- configurations ----------------------------------------------------------------------------------
@@ -219,7 +205,7 @@ def name(config: ReadoutConfig) -> str:
 
 @pytest.mark.parametrize("config", breadth(), ids=lambda config: f"icarus-{name(config)}")
 def test_taxel_equals_its_reference_in_every_clock(config: ReadoutConfig, tmp_path: Path) -> None:
-    counts = cosimulate(config, "icarus", "eskin_taxel", "taxel_follows_its_reference", tmp_path, seed=1)
+    counts = play_steps(config, "icarus", "eskin_taxel", TaxelSteps, tmp_path, seed=1)
     assert counts["clocks"] >= PHASES * CLOCKS
     assert counts["checks"] >= counts["clocks"]
     happened = {"on", "waiting", "disabled", "pulses"}

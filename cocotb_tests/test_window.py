@@ -2,48 +2,42 @@
 
 from __future__ import annotations
 
+import random
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import cocotb
 import pytest
 
-from eskin.cocotb_tests.bench.block import begin, report
+from eskin.cocotb_tests.bench.block import Step
 from eskin.cocotb_tests.independent.settings import Settings
 from eskin.cocotb_tests.independent.taxel import Window
-from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.cocotb_tests.runner.block import play_steps
 from eskin.model.config import ReadoutConfig
 
 CLOCKS = 1200
 
 
-@cocotb.test()
-async def window_follows_its_reference(dut: Any) -> None:
-    """Play phases from quiet to busy, with resets."""
-    config, rng, block, check = begin(dut)
+def steps(config: ReadoutConfig, rng: random.Random, counts: Counter[str]) -> Iterator[Step]:
+    """Yield phases from quiet to busy, with resets."""
     settings = Settings.of(config.to_dict())
     window = Window(settings)
-    block.drive(open=0, tick=0)
-    await block.reset()
     for clock in range(CLOCKS):
         if clock % 300 == 0:
             opens, ticks = rng.choice([0.0, 0.02, 0.2]), rng.choice([1.0, 0.5])
         open_, tick, rst = rng.random() < opens, rng.random() < ticks, rng.random() < 0.003
-        block.drive(rst=rst, open=open_, tick=tick)
-        await block.settle()
         if rst and config.reset == "async":
             window.open()
         half_width = window.width // settings.closing_step
-        check.outputs(vars(window), half_width=half_width, closed=half_width == 1)
-        check.counts["narrowest"] += half_width == 1
-        check.counts["opened"] += window.width < settings.step and open_
-        check.counts["resets"] += rst
-        await block.edge()
+        outputs = {"half_width": half_width, "closed": half_width == 1}
+        yield Step({"rst": rst, "open": open_, "tick": tick}, outputs, f"width {window.width}, quiet {window.quiet}")
+        counts["narrowest"] += half_width == 1
+        counts["opened"] += window.width < settings.step and open_
+        counts["resets"] += rst
         if open_ or rst:
             window.open()
         elif tick:
             window.tick()
-    report(check.counts)
 
 
 BASE = ReadoutConfig(rows=1, columns=1, encoding="cw-lcs", resolution=6, window_period=3)
@@ -59,6 +53,6 @@ CONFIGS = [
     "config", CONFIGS, ids=lambda c: f"{c.frontend}-m{c.closing_shift}-{c.window_period}-{c.reset}"
 )
 def test_window_equals_its_reference_in_every_clock(config: ReadoutConfig, tmp_path: Path) -> None:
-    counts = cosimulate(config, "icarus", "eskin_window", "window_follows_its_reference", tmp_path, seed=5)
+    counts = play_steps(config, "icarus", "eskin_window", steps, tmp_path, seed=5)
     assert counts["checks"] == 2 * CLOCKS
     assert all(counts[what] > 0 for what in ("narrowest", "opened", "resets")), counts

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 Weights = Sequence[Sequence[int]]
 
@@ -17,34 +18,20 @@ def after(value: int, shift: int, factor: int) -> int:
     return value - (value * factor >> shift) if shift else value
 
 
+@dataclass
 class Neuron:
-    """A neuron with potential, threshold, floor, reset, leak and optional synaptic current.
+    """A neuron with potential, threshold, floor, reset, leak and optional synaptic current."""
 
-    Parameters
-    ----------
-    bits : bits of the potential; each single addition stops at their ends
-    bias : added once a bin
-    threshold : it fires above
-    floor : what the potential is held above, or None
-    leak : the share (shift, factor), factor / 2**shift, of the potential is lost from bin to bin; shift 0: nothing
-    synapse : the same of the current; shift 0: there is no current, weights go to the potential
-    subtract : the threshold is subtracted by a spike; else the potential becomes 0
-    fires : False: a neuron whose potential is read, not its spikes
-    """
+    bits: int  # of the potential; each single addition stops at their ends
+    bias: int  # added once a bin
+    threshold: int  # it fires above
+    floor: int | None  # what the potential is held above
+    leak: tuple[int, int]  # shift and factor: the share factor / 2**shift is lost from bin to bin; shift 0: nothing
+    synapse: tuple[int, int]  # the same of the current; shift 0: there is no current, weights go to the potential
+    subtract: bool  # the threshold is subtracted by a spike; else the potential becomes 0
+    fires: bool = True  # False: a neuron whose potential is read, not its spikes
 
-    def __init__(
-        self,
-        bits: int,
-        bias: int,
-        threshold: int,
-        floor: int | None,
-        leak: tuple[int, int],
-        synapse: tuple[int, int],
-        subtract: bool,
-        fires: bool = True,
-    ) -> None:
-        self.bits, self.bias, self.threshold, self.floor = bits, bias, threshold, floor
-        self.leak, self.synapse, self.subtract, self.fires = leak, synapse, subtract, fires
+    def __post_init__(self) -> None:
         self.restart()
 
     def restart(self) -> None:
@@ -69,28 +56,19 @@ class Neuron:
         return value, fires
 
 
+@dataclass
 class Network:
-    """Network of recurrent hidden neurons and output neurons.
+    """Network of recurrent hidden neurons and output neurons."""
 
-    Parameters
-    ----------
-    w_in, w_rec, w_out : lists of rows of weights; shifts are applied already
-    hidden, outputs : lists of `Neuron`
-    evidence_bits : bits of the evidence, which stops at their ends
-    """
+    # rows of weights; shifts are applied already
+    w_in: Weights
+    w_rec: Weights
+    w_out: Weights
+    hidden: list[Neuron]
+    outputs: list[Neuron]
+    evidence_bits: int  # of the evidence, which stops at their ends
 
-    def __init__(
-        self,
-        w_in: Weights,
-        w_rec: Weights,
-        w_out: Weights,
-        hidden: list[Neuron],
-        outputs: list[Neuron],
-        evidence_bits: int,
-    ) -> None:
-        self.w_in, self.w_rec, self.w_out = w_in, w_rec, w_out
-        self.hidden, self.outputs = hidden, outputs
-        self.evidence_bits = evidence_bits
+    def __post_init__(self) -> None:
         self.restart()
 
     def restart(self) -> None:

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 
+
+@dataclass
 class FrameReadout:
     """Frame readout that scans the taxels and packs codes into words.
 
     In each clock look at `outputs`, then call `clock` with the inputs of the same clock.
-
-    Parameters
-    ----------
-    rows, columns : size of the array
-    resolution : N, bits of a code
-    word_bits : bits of a word
-    settle_clocks : S, from a new multiplexer setting to the start of the conversion
     """
 
-    def __init__(self, rows: int, columns: int, resolution: int, word_bits: int = 16, settle_clocks: int = 1) -> None:
-        self.rows, self.columns = rows, columns
-        self.resolution = resolution
-        self.word_bits = word_bits
-        self.settle_clocks = settle_clocks
+    rows: int
+    columns: int
+    resolution: int  # N, bits of a code
+    word_bits: int = 16
+    settle_clocks: int = 1  # S, from a new multiplexer setting to the start of the conversion
+
+    def __post_init__(self) -> None:
         self.words: list[tuple[int, int]] = []
         self.reset()
 

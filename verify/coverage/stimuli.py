@@ -5,21 +5,21 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from eskin.cocotb_tests.bench.draw import GAPS, SIGNALS, SINKS, Draw
 from eskin.cocotb_tests.bench.spi import Timing, waveform
-from eskin.cocotb_tests.blocks import merge as merge_block
 from eskin.cocotb_tests.blocks.analog import run as play_comparators
 from eskin.cocotb_tests.blocks.classifier import cosimulate as play_scans
 from eskin.cocotb_tests.blocks.frame import cosimulate as play_frames
 from eskin.cocotb_tests.blocks.host import pins_of
 from eskin.cocotb_tests.blocks.host import play as play_host
+from eskin.cocotb_tests.blocks.merge import relay_steps
+from eskin.cocotb_tests.blocks.merge import steps as merge_steps
 from eskin.cocotb_tests.blocks.skin import play as play_skin
-from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.cocotb_tests.runner.block import Steps, play_steps
 from eskin.cocotb_tests.touch import noise
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
@@ -130,14 +130,12 @@ def host(config: ReadoutConfig, folder: Path) -> None:
         play_host(config, VERILATOR, folder, seed, directed_host(config, random.Random(seed)), anything)
 
 
-def alone(block: ModuleType, test: str) -> Callable[[Any, Path], None]:
-    """Return a function that runs the co-simulation of one block with several seeds."""
-
-    top = f"eskin_{block.__name__.rpartition('.')[2]}"
+def alone(top: str, steps: Steps) -> Callable[[Any, Path], None]:
+    """Return a function that compares one block with its model, with several seeds."""
 
     def play_block(config: Any, folder: Path) -> None:
         for seed in (11, 12, 13):
-            cosimulate(config, VERILATOR, top, test, folder, seed, block.__name__)
+            play_steps(config, VERILATOR, top, steps, folder, seed)
 
     return play_block
 
@@ -157,12 +155,12 @@ def skin(config: TilesConfig, folder: Path) -> None:
 
 def relay(config: TilesConfig, folder: Path) -> None:
     """Simulate a relay station with busy and quiet tiles and all kinds of sinks."""
-    cosimulate(config, VERILATOR, "eskin_relay", "merge_follows_its_reference", folder, 5, merge_block.__name__)
+    play_steps(config, VERILATOR, "eskin_relay", relay_steps, folder, 5)
 
 
 def merge(config: MergeConfig, folder: Path) -> None:
     """Simulate a merge with busy and quiet tiles and all kinds of sinks."""
-    cosimulate(config.skin, VERILATOR, "eskin_merge", "merge_follows_its_reference", folder, 3, merge_block.__name__)
+    play_steps(config.skin, VERILATOR, "eskin_merge", merge_steps, folder, 3)
 
 
 def classifier(config: ClassifierConfig, folder: Path) -> None:
