@@ -7,7 +7,7 @@ import os
 import pickle
 import random
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -196,8 +196,8 @@ def report(counts: Counter[str]) -> None:
 class Step(NamedTuple):
     """A clock of a block: inputs, expected outputs, and a state to print if an output differs."""
 
-    inputs: dict[str, int]
-    outputs: dict[str, int]
+    inputs: Mapping[str, int]
+    outputs: Mapping[str, int]
     state: str = ""
     edge: bool = True  # False: no clock edge follows, for a pulse of an asynchronous reset
 

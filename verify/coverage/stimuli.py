@@ -18,7 +18,7 @@ from eskin.cocotb_tests.blocks.host import pins_of
 from eskin.cocotb_tests.blocks.host import play as play_host
 from eskin.cocotb_tests.blocks.merge import relay_steps
 from eskin.cocotb_tests.blocks.merge import steps as merge_steps
-from eskin.cocotb_tests.blocks.skin import play as play_skin
+from eskin.cocotb_tests.blocks.skin import steps as skin_steps
 from eskin.cocotb_tests.runner.block import Steps, play_steps
 from eskin.cocotb_tests.touch import noise
 from eskin.model.classifier.chip_config import ChipConfig
@@ -150,7 +150,7 @@ def frame(config: FrameConfig, folder: Path) -> None:
 
 def skin(config: TilesConfig, folder: Path) -> None:
     """Simulate a whole skin."""
-    play_skin(config, VERILATOR, folder)
+    play_steps(config, VERILATOR, "eskin_tiles", skin_steps, folder, 0)
 
 
 def relay(config: TilesConfig, folder: Path) -> None:
