@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from eskin.cocotb_tests.bench.analog import ideal
 from eskin.cocotb_tests.bench.block import Step
 from eskin.cocotb_tests.independent.settings import Settings
 from eskin.cocotb_tests.independent.taxel import KINDS as INDEPENDENT
@@ -126,9 +127,7 @@ class TaxelSteps:
         """Return the comparator decisions, or random ones in a noise phase."""
         if self.noisy:
             return self.rng.random() < 0.5, self.config.has_polarity and self.rng.random() < 0.5
-        code, width = self.taxel.reference_code(), self.taxel.half_width()
-        above = self.signal >= code + width + self.config.encoder.strict
-        return above, self.config.has_polarity and self.signal < code - width
+        return ideal(self.config, self.signal, self.taxel.reference_code(), self.taxel.half_width())
 
     def pulse_reset(self) -> Iterator[Step]:
         """Yield a pulse of rst between two clock edges, which affects only asynchronous resets."""

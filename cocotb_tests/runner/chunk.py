@@ -13,7 +13,6 @@ from eskin.base.errors import InputError
 from eskin.base.files import atomic_write, make_folder
 from eskin.base.workers.pool import MOST_DEATHS
 from eskin.cocotb_tests.bench.stimuli import settled
-from eskin.cocotb_tests.bench.textures import large_enough
 from eskin.cocotb_tests.runner.build_cache import BUILD, scratch_folder
 from eskin.cocotb_tests.runner.inputs import Material
 from eskin.cocotb_tests.runner.process import ReadoutRun, Tally, play_runs
@@ -45,15 +44,15 @@ class Scans:
         """Return a part of the inputs."""
         said = {name: own | {"proof": material.proof(name, program)} for name, own in material.said(names).items()}
         place = (material.name, material.preset, material.start_row)
-        return cls(config, material.arrays(names), again, said, *place, **own)
+        arrays = {name: material.array(name, config) for name in names}
+        return cls(config, arrays, again, said, *place, **own)
 
     def runs(self, keep: Path) -> Iterator[ReadoutRun]:
         """Yield a run for each; the RTL's events go into a folder."""
         for name, array in self.arrays.items():
             samples, scanned = array, {}
             if self.preset:
-                image = large_enough(array, self.config) if self.dataset == "embedded" else array
-                samples, clipped = preset(self.preset).samples(self.config, image, self.start_row)
+                samples, clipped = preset(self.preset).samples(self.config, array, self.start_row)
                 scanned = {"preset": self.preset, "start_row": self.start_row, "clipped_samples": clipped}
             stimulus = settled(self.config, samples[: self.ticks])
             own = {key: value for key, value in self.said[name].items() if key != "proof"}

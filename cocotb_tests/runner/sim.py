@@ -18,7 +18,6 @@ from eskin.base.errors import InputError
 from eskin.base.files import make_folder
 from eskin.base.progress import reported
 from eskin.cocotb_tests.bench.stimuli import scenario_count
-from eskin.cocotb_tests.bench.textures import large_enough
 from eskin.cocotb_tests.runner.chunk import Scans, until_it_lives
 from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 from eskin.cocotb_tests.runner.inputs import Material, Textures, named
@@ -71,18 +70,10 @@ class Plan:
         """Return the working folder of the simulation."""
         return self.place(config) / "run"
 
-    def image(self, config: ReadoutConfig, name: str) -> NDArray[Any] | None:
-        """Return the image of a texture, large enough for the array; None for a recording."""
-        (array,) = self.material.arrays([name]).values()
-        if not self.material.preset:
-            return None
-        return large_enough(array, config) if self.material.name == "embedded" else array
-
     def samples(self, config: ReadoutConfig, name: str) -> NDArray[np.int32]:
         """Return the codes of a scan or recording, shape (ticks, taxels)."""
-        image = self.image(config, name)
-        codes = self.material.arrays([name])[name] if image is None else PhysicalScan().samples(config, image)[0]
-        return codes[: self.ticks]
+        array = self.material.array(name, config)
+        return (PhysicalScan().samples(config, array)[0] if self.material.preset else array)[: self.ticks]
 
     def warning(self, config: ReadoutConfig) -> str:
         """Return a warning about link losses for the first scan; empty without losses."""
@@ -205,7 +196,8 @@ def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_st
     if plan.names:
         on_stage("picture")
         name = plan.names[0]
-        draw(config, name, plan.samples(config, name), plan.place(config), plan.image(config, name))
+        image = plan.material.array(name, config) if plan.material.preset else None
+        draw(config, name, plan.samples(config, name), plan.place(config), image)
     on_stage("done")
     return tally
 

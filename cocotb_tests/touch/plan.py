@@ -17,7 +17,6 @@ from eskin.base.errors import InputError
 from eskin.base.files import make_folder, read_arrays
 from eskin.base.workers.pool import WorkerPool, each
 from eskin.cocotb_tests.bench.chip import ChipScan
-from eskin.cocotb_tests.bench.textures import large_enough
 from eskin.cocotb_tests.runner.chunk import store, until_it_lives
 from eskin.cocotb_tests.runner.inputs import Material, Own, Textures, chosen
 from eskin.cocotb_tests.runner.process import play_runs
@@ -27,7 +26,7 @@ from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.options import FINGER
 from eskin.skin.recordings.trained_on import RUNS, OwnReadout, network_of, networks_of_recordings
-from eskin.skin.textures.dataset import EMBEDDED, open_dataset
+from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.presets import preset
 
 SHIPPED = Path(__file__).parents[2] / "model" / "classifier" / "networks"
@@ -142,8 +141,8 @@ class Plan:
         size = max(1, min(MOST_IN_A_PART, -(-total // workers)))
         parts = [names[at : at + size] for names in missing.values() for at in range(0, len(names), size)]
         for names in parts:
-            arrays, said = self.material.arrays(names), self.material.said(names)
-            samples = {name: self.samples(name, arrays[name]) for name in names}
+            said = self.material.said(names)
+            samples = {name: self.samples(name) for name in names}
             metadata = {name: self._metadata(name, said[name].get("class")) for name in names}
             skip = [name for name in names if name != parts[0][0]]
             yield Part(self.networks[names[0]].path.resolve(), samples, metadata, skip, self.again)
@@ -160,17 +159,17 @@ class Plan:
             "proof": self.proof(name),
         }
 
-    def samples(self, name: str, array: NDArray[Any]) -> NDArray[Any]:
+    def image(self, name: str) -> NDArray[Any]:
+        """Return the image to scan, or the codes of a recording."""
+        return self.material.array(name, self.networks[name].chip.readout)
+
+    def samples(self, name: str) -> NDArray[Any]:
         """Return the codes for an image or a recording."""
+        network, array = self.networks[name], self.image(name)
         if not self.material.preset:
             return array
-        network = self.networks[name]
         scan = preset(self.material.preset, network.wiring)
-        return scan.samples(network.chip.readout, self.image(name, array), self.material.start_row)[0]
-
-    def image(self, name: str, array: NDArray[Any]) -> NDArray[Any]:
-        """Return the image to scan; embedded images are repeated for large arrays."""
-        return large_enough(array, self.networks[name].chip.readout) if self.material.name == EMBEDDED else array
+        return scan.samples(network.chip.readout, array, self.material.start_row)[0]
 
 
 def plan(weights: Path | None, data: Path | None, dataset: str, limit: int | None, only: str | None, out: Path) -> Plan:

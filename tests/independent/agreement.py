@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from eskin.cocotb_tests.bench.analog import ideal
 from eskin.cocotb_tests.independent.classifier import Network, Neuron
 from eskin.cocotb_tests.independent.fields import signals
 from eskin.cocotb_tests.independent.frame import FrameReadout
@@ -36,7 +37,9 @@ def steps(config: ReadoutConfig, stimulus: Stimulus, readout: Readout) -> Iterat
         if config.frontend == "analog" and stimulus.decisions is not None:
             decisions = [(bool(d & 1), bool(d & 2)) for d in stimulus.decisions[clock].tolist()]
         elif config.frontend == "analog":
-            decisions = [look(config, x, *threshold) for x, threshold in zip(signal, readout.thresholds(), strict=True)]
+            decisions = [
+                ideal(config, x, *threshold) for x, threshold in zip(signal, readout.thresholds(), strict=True)
+            ]
         inputs = {
             "sample_valid": sample is not None,
             "sample": sample,
@@ -90,12 +93,6 @@ def differs(config: ReadoutConfig, stimulus: Stimulus, readout: Readout | None =
         if np.ravel(a).tolist() != np.ravel(b).tolist():
             return f"{name} at the end: first {np.ravel(a).tolist()}, second {np.ravel(b).tolist()}"
     return ""
-
-
-def look(config: ReadoutConfig, x: int, reference: int, half_width: int) -> tuple[bool, bool]:
-    """Return the decisions of ideal comparators."""
-    above = x > reference + half_width if config.encoder.strict else x - reference >= half_width
-    return above, config.has_polarity and x - reference < -half_width
 
 
 def play_skin(config: TilesConfig, stimuli: list[Stimulus]) -> Events:

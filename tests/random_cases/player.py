@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from amaranth.sim import Simulator
 
+from eskin.cocotb_tests.bench.analog import ideal
 from eskin.cocotb_tests.independent.link import Receiver
 from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.config import ReadoutConfig
@@ -14,7 +15,6 @@ from eskin.model.encoders.fields import seen
 from eskin.model.readout import Stimulus
 from eskin.rtl import readout
 from eskin.rtl.link import requests
-from tests.independent.agreement import look
 
 
 class Breach(AssertionError):
@@ -96,7 +96,7 @@ class Design:
             for taxel, x in enumerate(self.signal):
                 code = codes >> taxel * bits & (1 << bits) - 1
                 width = widths >> taxel * size & (1 << size) - 1 if config.closes else config.step
-                found.append(look(config, x, code - (code >> bits - 1 << bits), width))
+                found.append(ideal(config, x, code - (code >> bits - 1 << bits), width))
         self._drive(ctx, above=_word([a for a, _ in found], 1), below=_word([b for _, b in found], 1))
 
     def _stream(self, ctx: Any, clock: int) -> None:
