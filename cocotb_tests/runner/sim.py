@@ -15,19 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import make_folder
+from eskin.base.files import atomic_write, make_folder
 from eskin.base.progress import reported
-from eskin.cocotb_tests.bench.stimuli import scenario_count
+from eskin.cocotb_tests.bench.stimuli import scenario_count, settled
 from eskin.cocotb_tests.runner.chunk import Scans, until_it_lives
 from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 from eskin.cocotb_tests.runner.inputs import Material, Textures, named
-from eskin.cocotb_tests.runner.picture import PICTURE, draw
 from eskin.cocotb_tests.runner.process import Tally, play_runs, scenario_runs
 from eskin.cocotb_tests.runner.reproduce import options, reproduce
 from eskin.cocotb_tests.runner.simulator import build, require_programs
 from eskin.model.address_events import Events
 from eskin.model.config import NO_LOGIC, ReadoutConfig, option_of
 from eskin.model.events.recording import Recording
+from eskin.model.readout import simulate
 from eskin.rtl.delivery import ports
 from eskin.rtl.gates.clock_gates import TEST
 from eskin.rtl.text.slang import Port, ports_of, read_verilog
@@ -35,6 +35,7 @@ from eskin.skin.recordings.quality import link_warning
 from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.physical import PhysicalScan
 
+PICTURE = "raster.png"
 ALL_TICKS = 10**6  # more than any scan has: WAVES=1 alone would cut the scan short of the mismatch
 WAVE_TICKS = 200
 """Default number of sample ticks of a scan with a waveform, or in the slow simulator."""
@@ -200,6 +201,32 @@ def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_st
         draw(config, name, plan.samples(config, name), plan.place(config), image)
     on_stage("done")
     return tally
+
+
+def draw(config: ReadoutConfig, name: str, samples: NDArray[Any], folder: Path, texture: Any = None) -> None:
+    """Draw the events of RTL and model above each other, and write both event files.
+
+    ``samples``, shape (ticks, taxels), are the codes that were played, and ``texture`` is the image that was scanned.
+    """
+    from eskin.skin.figures.raster import plot_comparison
+
+    recorded = folder / "events" / f"{name}.npz"
+    rtl = Recording.load(recorded)
+    model = simulate(config, settled(config, samples))
+    metadata = rtl.metadata | {"source": "model"}
+    Recording(model, config, rtl.duration_clocks, metadata=metadata).save(folder / "model.npz")
+    with atomic_write(folder / "rtl.npz") as file:
+        file.write(recorded.read_bytes())
+    plot_comparison(
+        (rtl.events, model),
+        config,
+        folder / PICTURE,
+        labels=("RTL", "model"),
+        title=f"{name}, {config.encoder.title} {config.resolution} b, {config.rows} x {config.columns} taxels",
+        signal=samples / config.full_scale,
+        texture=texture,
+        duration_clocks=rtl.duration_clocks,
+    )
 
 
 def play_samples(config: ReadoutConfig, codes: NDArray[np.int32], simulator: Simulator = "verilator") -> Events:

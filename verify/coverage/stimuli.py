@@ -13,7 +13,7 @@ from eskin.cocotb_tests.bench.draw import GAPS, SIGNALS, SINKS, Draw
 from eskin.cocotb_tests.bench.spi import Timing, waveform
 from eskin.cocotb_tests.blocks.analog import run as play_comparators
 from eskin.cocotb_tests.blocks.classifier import cosimulate as play_scans
-from eskin.cocotb_tests.blocks.frame import cosimulate as play_frames
+from eskin.cocotb_tests.blocks.frame import play as play_frames
 from eskin.cocotb_tests.blocks.host import pins_of
 from eskin.cocotb_tests.blocks.host import play as play_host
 from eskin.cocotb_tests.blocks.merge import relay_steps
@@ -145,7 +145,7 @@ def frame(config: FrameConfig, folder: Path) -> None:
     scale = config.readout.full_scale
     samples = np.random.default_rng(config.taxels).integers(-scale, scale, (400, config.taxels))
     for seed in range(1, 5):
-        play_frames(config, VERILATOR, "frames_equal_the_model", folder, seed, samples)
+        play_frames(config, VERILATOR, folder, seed, samples)
 
 
 def skin(config: TilesConfig, folder: Path) -> None:
