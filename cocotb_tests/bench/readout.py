@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,7 @@ import numpy as np
 from cocotb.triggers import ValueChange
 from numpy.typing import NDArray
 
-from eskin.cocotb_tests.bench.analog import SIGNAL_BITS_MORE, Comparators, read_decisions, signal_of
+from eskin.cocotb_tests.bench.analog import SIGNAL_BITS_MORE, Comparators, signal_of
 from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.fields import seen
@@ -213,10 +212,3 @@ class Bench:
         write_stimulus(self.config, self.folder, stimulus)
         outcome = await go(self.dut, skip and bool(stimulus.ready.all()))
         return compare(self.config, name, stimulus, self.folder, outcome, "")
-
-    async def check_given(self, name: str, stimulus: Stimulus, comparators: Comparators) -> tuple[Events, Stimulus]:
-        """Compare RTL and model for recorded comparator decisions; return the events and the stimulus."""
-        write_stimulus(self.config, self.folder, stimulus, comparators)
-        outcome = await go(self.dut, False)
-        given = dataclasses.replace(stimulus, decisions=read_decisions(self.config, self.folder))
-        return compare(self.config, name, given, self.folder, outcome, ""), given

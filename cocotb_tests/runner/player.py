@@ -17,6 +17,9 @@ from eskin.cocotb_tests.bench.readout import go
 RUN, OUTCOME, END = "run.json", "outcome.json", "end"
 """Files of a run and of its outcome, which complete a folder, and the file after the last run."""
 
+RECORDED = ("events.bin", "events.txt", "classes.txt", "spikes.txt", "decisions.txt")
+"""Files that the harness may write."""
+
 POLL_S = 0.005
 
 
@@ -38,8 +41,9 @@ async def play(dut: Any) -> None:
         outcome = await go(dut, json.loads((place / RUN).read_text())["skip"])
         for path in given:
             (here / path.name).unlink()
-        for path in (*here.glob("events.*"), *here.glob("classes.txt"), *here.glob("spikes.txt")):
-            path.rename(place / path.name)
+        for name in RECORDED:
+            if (here / name).exists():
+                (here / name).rename(place / name)
         write_whole(place / OUTCOME, dataclasses.asdict(outcome))
 
 

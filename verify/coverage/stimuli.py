@@ -11,7 +11,7 @@ import numpy as np
 
 from eskin.cocotb_tests.bench.draw import GAPS, SIGNALS, SINKS, Draw
 from eskin.cocotb_tests.bench.spi import Timing, waveform
-from eskin.cocotb_tests.blocks.analog import run as play_comparators
+from eskin.cocotb_tests.blocks.analog import play_faults as play_comparators
 from eskin.cocotb_tests.blocks.classifier import cosimulate as play_scans
 from eskin.cocotb_tests.blocks.frame import play as play_frames
 from eskin.cocotb_tests.blocks.host import pins_of
@@ -67,7 +67,7 @@ def readout(config: ReadoutConfig, folder: Path) -> None:
     fields = {"fields": "own"} | config.to_dict() | {"registers": "none"}
     play([Draw(1, clocks, run, fields | own) for run, (own, clocks) in enumerate(parts)], VERILATOR)
     if config.frontend == "analog":  # comparators with offset, noise and hysteresis, of which both may fire
-        play_comparators(config, VERILATOR, "comparators_with_faults", folder)
+        play_comparators(config, VERILATOR, folder)
 
 
 def _words(register: Register) -> Iterator[int]:
