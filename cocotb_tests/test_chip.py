@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import random
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import cocotb
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.cocotb_tests.bench.block import Block, Checker, job, report
-from eskin.cocotb_tests.bench.classifier import load_words
-from eskin.cocotb_tests.blocks.classifier import random_network
-from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.cocotb_tests.bench.block import Step
+from eskin.cocotb_tests.blocks.classifier import loads, random_network
+from eskin.cocotb_tests.runner.block import play_steps
 from eskin.cocotb_tests.test_verilog import delivered
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
@@ -33,41 +34,24 @@ CHIPS = [chip(3, 5, 30, 20), chip(2, 4, 8, 24, encoding="nlcs", reset="async")]
 SCANS = 12
 
 
-@cocotb.test()
-async def bins_begin_anew(dut: Any) -> None:
-    """Start scans without events by a reset or by ``scan_start``, and record the clocks with ``class_valid``."""
-    config, rng = job(ChipConfig.from_dict)
-    block = Block(dut)
-    check = Checker(block)
-    block.drive(rst=1, scan_start=0, load_valid=0, sample_valid=0, sample=0, taxel_enable=0)
+def steps(config: ChipConfig, rng: random.Random, counts: Counter[str]) -> Iterator[Step]:
+    """Yield scans without events that begin by a reset or by ``scan_start``, and the clocks with ``class_valid``."""
     network = random_network(config.classifier, rng)
-    await load_words(block, network, rng)
+    rest = {"rst": 1, "scan_start": 0, "load_valid": 0, "sample_valid": 0, "sample": 0, "taxel_enable": 0}
+    yield from (Step(rest | inputs, {}) for inputs in loads(network, rng))
     width = config.classifier.clocks_per_bin
     for number in range(SCANS):
-        if number % 4:
-            block.drive(scan_start=1)
-            await block.edge()
-            block.drive(scan_start=0)
-        else:
-            await block.reset()
-        clocks, seen = rng.randrange(4 * width), []
+        yield Step({"scan_start": 1, "rst": 0} if number % 4 else {"rst": 1}, {})
+        clocks = rng.randrange(4 * width)
+        valid = set(simulate(network, [], range(width - 1, clocks, width), clocks).valid)
         for clock in range(clocks):
-            await block.settle()
-            if block.read("class_valid"):
-                seen.append(clock)
-            await block.edge()
-        run = simulate(network, [], range(width - 1, clocks, width), clocks)
-        expected = [clock for clock in run.valid if clock < clocks]
-        check.holds("ClassesAfterTheirBins", seen == expected, (seen, expected))
-        check.counts["classes after a scan_start"] += len(seen) if number % 4 else 0
-    report(check.counts)
+            yield Step({"rst": 0, "scan_start": 0}, {"class_valid": clock in valid}, f"clock {clock} of scan {number}")
+            counts["classes after a scan_start"] += number % 4 > 0 and clock in valid
 
 
 def test_a_scan_start_begins_the_bins_anew(tmp_path: Path) -> None:
-    config = chip(2, 2, 8, 3, reset="async")
-    module = "eskin.cocotb_tests.test_chip"
-    counts = cosimulate(config, "icarus", "eskin_chip", "bins_begin_anew", tmp_path, 7, module)
-    assert counts["ClassesAfterTheirBins"] == SCANS
+    counts = play_steps(chip(2, 2, 8, 3, reset="async"), "icarus", "eskin_chip", steps, tmp_path, 7)
+    assert counts["checks"] > 5 * SCANS
     assert counts["classes after a scan_start"] > 5
 
 

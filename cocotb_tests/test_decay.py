@@ -2,43 +2,37 @@
 
 from __future__ import annotations
 
+import random
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import cocotb
 import pytest
 
-from eskin.cocotb_tests.bench.block import begin, report
-from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.cocotb_tests.bench.block import Step
+from eskin.cocotb_tests.runner.block import play_steps
 from eskin.model.config import ReadoutConfig
 
 CLOCKS = 1000
 
 
-@cocotb.test()
-async def decay_ticks_at_its_phases(dut: Any) -> None:
-    """Play dense and rare sample ticks with resets between them."""
-    config, rng, block, check = begin(dut)
+def steps(config: ReadoutConfig, rng: random.Random, counts: Counter[str]) -> Iterator[Step]:
+    """Yield dense and rare sample ticks with resets between them."""
     period = config.leak_period
     phases = sorted({row * period // config.rows for row in range(config.rows)})
-    block.drive(tick=0, period=period, restart=0)  # the last two where registers set them
-    await block.reset()
     ticks = 0
     for clock in range(CLOCKS):
         often = 1.0 if clock % 500 < 300 else 0.2
         tick, rst = rng.random() < often, rng.random() < 1 / (8 * period)
-        block.drive(tick=tick, rst=rst)
-        await block.settle()
         if rst and config.reset == "async":
             ticks = 0
         expected = sum(1 << bit for bit, phase in enumerate(phases) if tick and ticks % period == phase)
-        check.equal("decay", expected, block.read("decay"), f"sample tick {ticks}, reset {rst}")
-        check.counts["decays"] += expected != 0
-        check.counts["last"] += ticks % period == period - 1 and tick
-        await block.edge()
+        inputs = {"tick": tick, "rst": rst, "period": period, "restart": 0}  # the last two where registers set them
+        yield Step(inputs, {"decay": expected}, f"sample tick {ticks}")
+        counts["decays"] += expected != 0
+        counts["last"] += ticks % period == period - 1 and tick
+        counts["resets"] += rst
         ticks = 0 if rst else ticks + tick
-        check.counts["resets"] += rst
-    report(check.counts)
 
 
 BASE = ReadoutConfig(rows=3, columns=1, encoding="nlcs")
@@ -52,6 +46,6 @@ CONFIGS = [
 
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda c: f"{c.rows}-rows-{c.leak_period}-{c.reset}-{c.registers}")
 def test_decay_ticks_are_those_of_the_rule(config: ReadoutConfig, tmp_path: Path) -> None:
-    counts = cosimulate(config, "icarus", "eskin_decay", "decay_ticks_at_its_phases", tmp_path, seed=6)
+    counts = play_steps(config, "icarus", "eskin_decay", steps, tmp_path, seed=6)
     assert counts["checks"] == CLOCKS
     assert all(counts[what] > 0 for what in ("decays", "last", "resets")), counts

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import os
 import random
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import cocotb
 import pytest
 
-from eskin.cocotb_tests.bench.block import JOB, Block, Checker, report
-from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.cocotb_tests.bench.block import Step
+from eskin.cocotb_tests.runner.block import play_steps
 from eskin.cocotb_tests.test_classifier import network_of
+from eskin.model.classifier.config import ClassifierConfig
 from eskin.rtl.classifier.memory import address_bits
 
 CLOCKS = 400
@@ -25,33 +24,23 @@ TOPS = {
 }
 
 
-@cocotb.test()
-async def memory_is_a_list(dut: Any) -> None:
-    """Fill the memory, then read and write at random addresses."""
-    job = json.loads(os.environ[JOB])
-    rng, words = random.Random(job["seed"]), job["words"]
-    block = Block(dut)
-    check = Checker(block)
-    content = [rng.getrandbits(len(block.pin("write_data"))) for _ in range(words)]
+def steps(words: int, rng: random.Random, counts: Counter[str]) -> Iterator[Step]:
+    """Yield the writes that fill the memory, then reads and writes at random addresses."""
+    content = [rng.getrandbits(256) for _ in range(words)]  # the bench cuts them to the bits of a word
     for address, word in enumerate(content):
-        block.drive(read_valid=0, write_valid=1, write_address=address, write_data=word)
-        await block.edge()
+        yield Step({"read_valid": 0, "write_valid": 1, "write_address": address, "write_data": word}, {})
     read = None
     for _ in range(CLOCKS):
         writes, reads, at, to = rng.random() < 0.4, rng.random() < 0.7, rng.randrange(words), rng.randrange(words)
         at = to if rng.random() < 0.3 else at
-        word = rng.getrandbits(len(block.pin("write_data")))
-        block.drive(read_valid=reads, read_address=at, write_valid=writes, write_address=to, write_data=word)
-        await block.settle()
-        if read is not None:
-            check.equal("read_data", read, block.read("read_data"), f"read {at}, write {to if writes else 'nothing'}")
-        check.counts["at one address"] += writes and at == to
-        await block.edge()
+        word = rng.getrandbits(256)
+        inputs = {"read_valid": reads, "read_address": at, "write_valid": writes, "write_address": to}
+        yield Step(inputs | {"write_data": word}, {} if read is None else {"read_data": read})
+        counts["at one address"] += writes and at == to
         if writes:
             content[to] = word
         elif reads:
             read = content[at]
-    report(check.counts)
 
 
 def test_an_address_has_as_many_bits_as_the_last_word_needs() -> None:
@@ -60,7 +49,9 @@ def test_an_address_has_as_many_bits_as_the_last_word_needs() -> None:
 
 @pytest.mark.parametrize("top", TOPS)
 def test_memory_reads_what_was_written_when_it_is_told_and_nothing_during_a_write(top: str, tmp_path: Path) -> None:
-    module = "eskin.cocotb_tests.test_memory"
-    counts = cosimulate(CONFIG, "icarus", top, "memory_is_a_list", tmp_path, 4, module, words=TOPS[top])
+    def of_top(config: ClassifierConfig, rng: random.Random, counts: Counter[str]) -> Iterator[Step]:
+        return steps(TOPS[top], rng, counts)
+
+    counts = play_steps(CONFIG, "icarus", top, of_top, tmp_path, seed=4)
     assert counts["checks"] > CLOCKS / 2
     assert counts["at one address"] > 20

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from eskin.cocotb_tests.blocks import pattern
-from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.cocotb_tests.runner.block import play_steps
 from eskin.model.config import ReadoutConfig
 
 BASE = ReadoutConfig(registers="spi")
@@ -19,7 +19,7 @@ CONFIGS = [
 
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda config: f"{config.rows}x{config.columns}-{config.encoding}")
 def test_pattern_equals_its_model_in_every_clock(config: ReadoutConfig, tmp_path: Path) -> None:
-    counts = cosimulate(config, "icarus", "eskin_pattern", "pattern_follows_its_model", tmp_path, 13, pattern.__name__)
+    counts = play_steps(config, "icarus", "eskin_pattern", pattern.steps, tmp_path, 13)
     assert counts["taken"] > 200
     assert counts["withdrawn"] > 0
     assert counts["waits"] > 50 or config.rows == 1

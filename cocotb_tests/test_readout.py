@@ -10,8 +10,7 @@ import pytest
 
 from eskin.cocotb_tests.bench.stimuli import scenario_count, scenarios
 from eskin.cocotb_tests.runner import cocotb_runners as runners
-from eskin.cocotb_tests.runner.player import Job
-from eskin.cocotb_tests.runner.process import run_job
+from eskin.cocotb_tests.runner.process import play_runs, scenario_runs
 from eskin.cocotb_tests.runner.reproduce import reproduce
 from eskin.cocotb_tests.runner.simulator import Build, build
 from eskin.model.address_events import taxel_of
@@ -29,8 +28,8 @@ VARIANTS = list(
 
 def play(config: ReadoutConfig, program: Build, folder: Path, seed: int = 0) -> None:
     """Play the scenarios of a seed; runs must end both with and without outstanding requests."""
-    job = Job(config.to_dict(), reproduce(config, program.simulator, seed), seed=seed)
-    tally = run_job(program, job, folder)
+    again = reproduce(config, program.simulator, seed)
+    tally = play_runs(program, scenario_runs(config, seed, again), folder)
     assert tally.runs == scenario_count(config)
     assert tally.events > 0
     assert tally.drained > 0

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from eskin.cocotb_tests.blocks import registers
-from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.cocotb_tests.runner.block import play_steps
 from eskin.model.config import ReadoutConfig
 
 BASE = ReadoutConfig(registers="spi")
@@ -25,6 +25,6 @@ def name(config: ReadoutConfig) -> str:
 
 @pytest.mark.parametrize("config", CONFIGS, ids=name)
 def test_file_equals_its_model_in_every_clock(config: ReadoutConfig, tmp_path: Path) -> None:
-    counts = cosimulate(config, "icarus", "eskin_registers", "file_follows_its_model", tmp_path, 11, registers.__name__)
+    counts = play_steps(config, "icarus", "eskin_registers", registers.steps, tmp_path, 11)
     assert counts["checks"] > 8 * registers.CLOCKS
     assert all(counts[what] > 30 for what in ("holes", "refused", "taken", "counted True")), counts

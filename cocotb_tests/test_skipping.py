@@ -11,9 +11,8 @@ import pytest
 from eskin.cocotb_tests.bench.textures import random_scan
 from eskin.cocotb_tests.runner import simulator
 from eskin.cocotb_tests.runner.build_cache import verilog_text
-from eskin.cocotb_tests.runner.chunk import play_here
-from eskin.cocotb_tests.runner.player import Job
-from eskin.cocotb_tests.runner.process import MismatchFound, Tally
+from eskin.cocotb_tests.runner.chunk import Scans
+from eskin.cocotb_tests.runner.process import MismatchFound, Tally, play_runs
 from eskin.cocotb_tests.test_chip import chip
 from eskin.cocotb_tests.touch.noise import play as play_chip
 from eskin.model.config import Encoding, ReadoutConfig
@@ -29,9 +28,8 @@ def play(encoding: Encoding, folder: Path) -> Tally:
     samples = random_scan(config, 60, np.random.default_rng(3))
     arrays = {"all": samples, "skipped": samples, "rest": np.repeat(samples[30:31], 60, axis=0)}
     arrays["lone"] = samples * (np.arange(config.taxels) == 1)
-    job = Job(config.to_dict(), "again", played={name: {"proof": ""} for name in arrays}, keep=str(folder))
-    job.skip.extend(["skipped", "rest", "lone"])
-    return play_here(simulator.build(config, "icarus"), job, arrays, folder)
+    scans = Scans(config, arrays, "again", {name: {"proof": ""} for name in arrays}, skip=["skipped", "rest", "lone"])
+    return play_runs(simulator.build(config, "icarus"), scans.runs(folder / "events"), folder)
 
 
 @pytest.mark.parametrize("encoding", registry.NAMES)

@@ -1,206 +1,142 @@
-"""Compare the taxel's RTL with the reference taxel in every clock: thresholds, requests, masks and resets."""
+"""Compare the taxel's RTL with the independent model in every clock: thresholds, requests, masks and resets."""
 
 from __future__ import annotations
 
 import itertools
 import random
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import cocotb
 import pytest
 
-from eskin.cocotb_tests.bench.block import Block, Checker, job, report
-from eskin.cocotb_tests.bench.reference import TaxelReference
-from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.cocotb_tests.bench.analog import ideal
+from eskin.cocotb_tests.bench.block import Step
+from eskin.cocotb_tests.independent.settings import Settings
+from eskin.cocotb_tests.independent.taxel import KINDS as INDEPENDENT
+from eskin.cocotb_tests.runner.block import play_steps
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 
 PHASES, CLOCKS = 14, 160
 
 
-class SampleSource:
-    """Generator of critical sample codes: levels and their neighbours, walks, jumps, and rest."""
-
-    KINDS = ("threshold", "near", "walk", "jump", "rest", "full", "over")
-
-    def __init__(self, config: ReadoutConfig, taxel: TaxelReference, rng: random.Random) -> None:
-        self.config, self.taxel, self.rng = config, taxel, rng
-        self.code = 0
-
-    def next(self, kind: str) -> int:
-        """Return the next code of a kind."""
-        taxel, rng, high = self.taxel, self.rng, self.config.full_scale
-        if kind == "threshold":
-            self.code = rng.choice([taxel.upper, taxel.lower]) + rng.randint(-1, 1)
-        elif kind == "near":
-            self.code = taxel.reference // taxel.unit + rng.randint(-2 * taxel.step, 2 * taxel.step)
-        elif kind == "walk":
-            self.code += rng.randint(-taxel.step - 1, taxel.step + 1)
-        elif kind == "jump":
-            self.code = rng.randrange(-high, high)
-        elif kind == "full":
-            self.code = rng.choice([-high, high - 1])
-        elif kind == "over" and self.config.frontend == "analog":  # an analog signal may leave the scale
-            self.code = rng.choice([-4 * high, -high - 1, high, 4 * high])
-            return self.code
-        self.code = min(max(self.code, -high), high - 1)
-        return self.code
+KINDS = ("threshold", "near", "walk", "jump", "rest", "full", "over")
+"""Critical sample codes: levels and their neighbours, walks, jumps, rest, and beyond the scale."""
 
 
-class TaxelBench:
-    """A taxel with its reference model."""
+class TaxelSteps:
+    """Steps of a taxel, computed by the independent model."""
 
-    def __init__(self, dut: Any, config: ReadoutConfig, rng: random.Random) -> None:
-        self.config, self.rng = config, rng
-        self.block = Block(dut)
-        self.check = Checker(self.block)
-        self.reference = TaxelReference(config)
-        self.source = SampleSource(config, self.reference, rng)
+    def __init__(self, config: ReadoutConfig, rng: random.Random, counts: Counter[str]) -> None:
+        self.config, self.rng, self.counts = config, rng, counts
+        self.settings = Settings.of(config.to_dict())
+        self.taxel = INDEPENDENT[config.encoding](self.settings)
+        self.code = 0  # of the last sample
         self.signal = 0  # input of the analog comparators
         self.noisy = False  # the input is only noise
         self.ticks = 0
         self.tick = False
+
+    def __iter__(self) -> Iterator[Step]:
+        """Yield phases of random inputs of every kind, with masks and resets."""
+        rng, config = self.rng, self.config
         # Set by registers, where there are any: as the configuration has it.
-        self.block.drive(step=1, leak_shift=config.leak_shift, window_period=config.window_period)
+        host = {"step": 1, "leak_shift": config.leak_shift, "window_period": config.window_period}
+        yield Step(host | dict.fromkeys(("enable", "granted", "tick", "decay", "sample", "above", "below"), 0), {})
+        for phase in range(PHASES):
+            kind = KINDS[phase % len(KINDS)]
+            samples, grants = rng.choice([1.0, 0.3, 0.1]), rng.choice([1.0, 1.0, 0.5, 0.1])
+            masked = rng.choice([0.0, 0.0, 0.05])
+            self.noisy = config.frontend == "analog" and kind == "jump"
+            for _ in range(CLOCKS):
+                sample = self.next_code(kind) if rng.random() < samples else None
+                yield self.clock(rng.random() >= masked, rng.random() < grants, sample)
+                if rng.random() < 0.01:
+                    yield from self.pulse_reset()
+            for _ in range(rng.randint(1, 3)):
+                yield self.clock(True, rng.random() < 0.5, self.next_code("jump"), rst=True)
 
-    def compare(self, enable: bool) -> None:
-        """Compare all outputs with the reference; the polarity only during a request."""
-        reference, block = self.reference, self.block
-        state = {**vars(reference), "enable": enable}
-        del state["config"]
-        request = reference.request(enable)
-        self.check.equal("request", request, block.read("request"), state)
-        if request and self.config.has_polarity:
-            self.check.equal("polarity", reference.polarity, block.read("polarity"), state)
-        if self.config.frontend == "analog":
-            code = reference.reference // reference.unit
-            self.check.equal("reference_code", code, block.read_signed("reference_code"), state)
-            if self.config.closes:
-                self.check.equal("half_width", reference.half_width, block.read("half_width"), state)
+    def next_code(self, kind: str) -> int:
+        """Return the next code of a kind."""
+        rng, high, step = self.rng, self.config.full_scale, self.settings.step
+        middle, width = self.taxel.reference_code(), self.taxel.half_width()
+        code = {
+            "threshold": rng.choice([middle + width + self.config.encoder.strict, middle - width]) + rng.randint(-1, 1),
+            "near": middle + rng.randint(-2 * step, 2 * step),
+            "walk": self.code + rng.randint(-step - 1, step + 1),
+            "jump": rng.randrange(-high, high),
+            "rest": self.code,
+            "full": rng.choice([-high, high - 1]),
+            "over": rng.choice([-4 * high, -high - 1, high, 4 * high]),
+        }[kind]
+        if kind != "over" or self.config.frontend == "digital":  # an analog signal may leave the scale
+            code = min(max(code, -high), high - 1)
+        self.code = code
+        return code
 
-    async def clock(self, *, enable: bool, granted: bool, sample: int | None, rst: bool = False) -> None:
-        """Drive the inputs, compare the outputs, and generate a clock edge."""
-        config, block, reference = self.config, self.block, self.reference
+    def step(self, inputs: dict[str, int], edge: bool = True) -> Step:
+        """Return a step with all outputs of the model; the polarity only during a request."""
+        taxel, config = self.taxel, self.config
+        request = taxel.request if inputs["enable"] else None
+        outputs = {"request": int(request is not None)}
+        if request is not None and config.has_polarity:
+            outputs["polarity"] = request
+        if config.frontend == "analog":
+            outputs["reference_code"] = taxel.reference_code()
+            if config.closes:
+                outputs["half_width"] = taxel.half_width()
+        state = f"sample {taxel.sample}, reference {taxel.reference}, request {taxel.request}"
+        return Step(inputs, outputs, f"{state}, half-width {taxel.half_width()}", edge)
+
+    def clock(self, enable: bool, granted: bool, sample: int | None, rst: bool = False) -> Step:
+        """Return the step of a clock, and advance the model."""
+        config, taxel, counts = self.config, self.taxel, self.counts
         # One decay tick per leak_period, at a phase that is not 0, as in a higher row.
         decay = self.tick and self.ticks % config.leak_period == 2 % config.leak_period
-        block.drive(rst=rst, enable=enable, granted=granted, tick=self.tick, decay=decay)
-        block.drive(sample_valid=sample is not None)
-        if sample is not None:
-            block.drive(sample=sample)
-        await block.settle()
-        decision = None
-        if config.frontend == "analog":  # the comparators use the reference from the RTL
-            decision = self.decide(block.read_signed("reference_code"))
-            block.drive(above=decision[0], below=decision[1])
-            await block.settle()
+        inputs: dict[str, int] = {"rst": rst, "enable": enable, "granted": granted, "tick": self.tick, "decay": decay}
+        inputs |= {"sample_valid": sample is not None} | ({} if sample is None else {"sample": sample})
         if rst and config.reset == "async":
-            reference.reset()
-        self.compare(enable)
-        self._count(enable, granted, decision)
-        await block.edge()
+            taxel.reset()
+        decisions = None
+        if config.frontend == "analog":
+            decisions = self.decide()
+            inputs |= {"above": decisions[0], "below": decisions[1]}
+        step = self.step(inputs)
+        request, reference = taxel.request if enable else None, taxel.reference_code()
         if rst:
-            reference.reset()
+            taxel.reset()
         else:
-            digital = config.frontend == "digital"
-            reference.clock(
-                enable=enable,
-                tick=self.tick,
-                granted=granted,
-                decay=decay,
-                sample=sample if digital else None,
-                decision=decision,
-            )
-        if sample is not None:
-            self.signal = sample
+            digital = sample if config.frontend == "digital" else None
+            taxel.clock(enabled=enable, taken=granted, sample=digital, tick=self.tick, leak=decay, decisions=decisions)
+        counts["clocks"] += 1
+        counts["disabled"] += not enable
+        counts["closed"] += taxel.half_width() < self.settings.step
+        counts["charged"] += config.encoder.leaks and taxel.reference != 0
+        if request is not None:
+            counts[("off", "on")[request] if granted else "waiting"] += 1
+        if decisions is not None and enable and taxel.request is None:
+            counts["at the top"] += decisions[0] and reference + self.settings.step > self.settings.top
+            counts["at the bottom"] += decisions[1] and reference - self.settings.step < self.settings.bottom
+        self.signal = self.signal if sample is None else sample
         self.tick = sample is not None and not rst
         self.ticks += self.tick
+        return step
 
-    def decide(self, code: int) -> tuple[bool, bool]:
-        """Return the comparator decisions for a code, or random ones in a noise phase."""
+    def decide(self) -> tuple[bool, bool]:
+        """Return the comparator decisions, or random ones in a noise phase."""
         if self.noisy:
             return self.rng.random() < 0.5, self.config.has_polarity and self.rng.random() < 0.5
-        width = self.block.read("half_width") if self.config.closes else self.config.step
-        above = self.signal >= code + width + self.config.encoder.strict
-        return above, self.config.has_polarity and self.signal < code - width
+        return ideal(self.config, self.signal, self.taxel.reference_code(), self.taxel.half_width())
 
-    def _count(self, enable: bool, granted: bool, decision: tuple[bool, bool] | None) -> None:
-        """Count the cases that occurred."""
-        counts, reference = self.check.counts, self.reference
-        if decision is not None:
-            rise = reference.half_width * reference.unit
-            counts["at the top"] += decision[0] and not reference.on_scale(reference.reference + rise)
-            counts["at the bottom"] += decision[1] and not reference.on_scale(reference.reference - rise)
-        counts["clocks"] += 1
-        if self.reference.request(enable):
-            if granted:
-                counts["on" if self.reference.polarity else "off"] += 1
-            else:
-                counts["waiting"] += 1
-        counts["disabled"] += not enable
-        counts["closed"] += self.reference.closed > 0
-        counts["charged"] += self.config.encoder.leaks and self.reference.reference != 0
-
-    async def pulse_reset(self) -> None:
-        """Pulse rst between two clock edges, which affects only asynchronous resets."""
-        self.block.drive(rst=1, enable=1, granted=0)
-        await self.block.settle()
-        if self.config.reset == "async":
-            self.reference.reset()
-        self.compare(True)
-        self.block.drive(rst=0)
-        await self.block.settle()
-        self.compare(True)
-        self.check.counts["pulses"] += 1
-        if self.config.reset == "async":
-            self.tick = False
-
-    async def hold_reset(self) -> None:
-        """Assert rst for a few clocks during activity."""
-        for _ in range(self.rng.randint(1, 3)):
-            await self.clock(enable=True, granted=self.rng.random() < 0.5, sample=self.source.next("jump"), rst=True)
-        self.check.counts["resets"] += 1
-
-
-@cocotb.test()
-async def taxel_follows_its_reference(dut: Any) -> None:
-    """Play phases of random inputs of every kind."""
-    config, rng = job()
-    bench = TaxelBench(dut, config, rng)
-    bench.block.drive(enable=0, granted=0, tick=0, decay=0, sample=0, sample_valid=0, above=0, below=0)
-    await bench.block.reset()
-    for phase in range(PHASES):
-        kind = SampleSource.KINDS[phase % len(SampleSource.KINDS)]
-        samples, grants = rng.choice([1.0, 0.3, 0.1]), rng.choice([1.0, 1.0, 0.5, 0.1])
-        masked = rng.choice([0.0, 0.0, 0.05])
-        bench.noisy = config.frontend == "analog" and kind == "jump"
-        for _ in range(CLOCKS):
-            await bench.clock(
-                enable=rng.random() >= masked,
-                granted=rng.random() < grants,
-                sample=bench.source.next(kind) if rng.random() < samples else None,
-            )
-            if rng.random() < 0.01:
-                await bench.pulse_reset()
-        await bench.hold_reset()
-    report(bench.check.counts)
-
-
-@cocotb.test()
-async def overloaded_taxel_raises_a_request_every_clock(dut: Any) -> None:
-    """Step to full scale, and check for a request in every clock until the reference has caught up."""
-    config, _ = job()
-    bench = TaxelBench(dut, config, random.Random(0))
-    bench.block.drive(enable=0, granted=0, tick=0, decay=0, sample=0, sample_valid=0, above=0, below=0)
-    await bench.block.reset()
-    top = config.full_scale - 1
-    await bench.clock(enable=True, granted=True, sample=top)
-    await bench.clock(enable=True, granted=True, sample=None)
-    steps = -(-top // config.step) - 1 if config.encoder.strict else top // config.step
-    for step in range(steps + 5):
-        bench.check.holds("NoBubble", bench.block.read("request") == (step < steps), f"step {step} of {steps}")
-        await bench.clock(enable=True, granted=True, sample=None)
-    report(bench.check.counts)
+    def pulse_reset(self) -> Iterator[Step]:
+        """Yield a pulse of rst between two clock edges, which affects only asynchronous resets."""
+        for rst in (1, 0):
+            if self.config.reset == "async":
+                self.taxel.reset()
+                self.tick = False
+            yield self.step({"rst": rst, "enable": 1, "granted": 0}, edge=False)
+        self.counts["pulses"] += 1
 
 
 # -- configurations ----------------------------------------------------------------------------------
@@ -268,10 +204,10 @@ def name(config: ReadoutConfig) -> str:
 
 @pytest.mark.parametrize("config", breadth(), ids=lambda config: f"icarus-{name(config)}")
 def test_taxel_equals_its_reference_in_every_clock(config: ReadoutConfig, tmp_path: Path) -> None:
-    counts = cosimulate(config, "icarus", "eskin_taxel", "taxel_follows_its_reference", tmp_path, seed=1)
+    counts = play_steps(config, "icarus", "eskin_taxel", TaxelSteps, tmp_path, seed=1)
     assert counts["clocks"] >= PHASES * CLOCKS
     assert counts["checks"] >= counts["clocks"]
-    happened = {"on", "waiting", "disabled", "pulses", "resets"}
+    happened = {"on", "waiting", "disabled", "pulses"}
     happened |= {"off"} if config.has_polarity else set()
     happened |= {"charged"} if config.encoder.leaks else set()
     happened |= {"closed"} if config.closes else set()
@@ -279,12 +215,3 @@ def test_taxel_equals_its_reference_in_every_clock(config: ReadoutConfig, tmp_pa
     if config.frontend == "analog" and config.has_polarity and config.reference_reset and stays:
         happened |= {"at the bottom" if config.reference_reset < 0 else "at the top"}
     assert all(counts[what] > 0 for what in happened), counts
-
-
-@pytest.mark.parametrize("encoding", registry.NAMES)
-def test_overloaded_taxel_raises_a_request_every_clock(encoding: str, tmp_path: Path) -> None:
-    config = ReadoutConfig(rows=1, columns=1, encoding=encoding, resolution=7)  # type: ignore[arg-type]
-    test = "overloaded_taxel_raises_a_request_every_clock"
-    counts = cosimulate(config, "icarus", "eskin_taxel", test, tmp_path, seed=1)
-    assert counts["on"] > 100
-    assert counts["NoBubble"] > counts["on"]

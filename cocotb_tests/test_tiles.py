@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from eskin.cocotb_tests.blocks.skin import play
+from eskin.cocotb_tests.blocks.skin import steps
+from eskin.cocotb_tests.runner.block import play_steps
 from eskin.model.config import ReadoutConfig
 from eskin.model.tiles.config import TilesConfig
 
@@ -28,6 +29,6 @@ CONFIGS = [
 
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda c: f"icarus-{c.tiles}-{c.encoding}-{c.relays}")
 def test_a_skin_equals_its_model(config: TilesConfig, tmp_path: Path) -> None:
-    counts = play(config, "icarus", tmp_path)
+    counts = play_steps(config, "icarus", "eskin_tiles", steps, tmp_path, 0)
     assert counts["tiles"] == config.tiles
     assert counts["events"] > 100

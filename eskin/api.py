@@ -117,7 +117,7 @@ def run_rtl(
     """
     codes = _codes(config, signal)
     with _named_group():
-        from eskin.cocotb_tests.runner.recordings import play_samples
+        from eskin.cocotb_tests.runner.sim import play_samples
 
         return play_samples(config, codes, simulator)
 

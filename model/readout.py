@@ -160,17 +160,21 @@ class State:
     ----------
     sample, reference, half_width : ndarray of int64, shape (rows, columns)
         Codes; the reference of an encoder that leaks in units of 2**-fraction_bits codes.
-    pending : ndarray of bool, shape (rows, columns)
+    pending, polarity : ndarray of bool, shape (rows, columns)
     latch_row, latch_columns : int
         The burst latch: its row, and its columns as bits.
+    behind : int
+        Rows, as bits, that come before all others in the next grant.
     """
 
     sample: NDArray[np.int64]
     reference: NDArray[np.int64]
     half_width: NDArray[np.int64]
     pending: NDArray[np.bool_]
+    polarity: NDArray[np.bool_]
     latch_row: int
     latch_columns: int
+    behind: int
 
 
 def simulate(config: ReadoutConfig, stimulus: Stimulus) -> Events:
@@ -213,8 +217,10 @@ def state_at(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> State:
         reference=taxels["u"],
         half_width=config.encoder.half_width(config, taxels),
         pending=(registers.rows["pending"][:, None] >> bits & ONE).astype(bool),
+        polarity=(registers.rows["polarity"][:, None] >> bits & ONE).astype(bool),
         latch_row=int(registers.latch[arbiter.ROW]),
         latch_columns=int(registers.latch[arbiter.WAITING]),
+        behind=int(registers.latch[arbiter.BEHIND]),
     )
 
 

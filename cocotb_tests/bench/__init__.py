@@ -1,1 +1,1 @@
-"""Code that runs inside the simulator: drivers, receivers, scoreboards, reference models, stimuli."""
+"""Stimuli, drivers, and comparisons with the models."""

@@ -30,6 +30,12 @@ class Comparators:
         (folder / "comparators.bin").write_bytes(words.astype(">i4").tobytes())
 
 
+def ideal(config: ReadoutConfig, x: int, reference: int, half_width: int) -> tuple[bool, bool]:
+    """Return the decisions, above and below, of ideal comparators."""
+    above = x > reference + half_width if config.encoder.strict else x - reference >= half_width
+    return above, config.has_polarity and x - reference < -half_width
+
+
 def signal_of(samples: NDArray[np.integer]) -> NDArray[np.int64]:
     """Return analog signals in 1/16 code: each sample plus a random fraction of a code."""
     fraction = np.random.default_rng(samples.size).integers(0, 1 << FRACTION_BITS, samples.shape)

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import random
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, TypeVar, overload
+from typing import Any, Literal, NamedTuple
 
+import cocotb
 from cocotb.triggers import Timer
 
 from eskin.model.config import ReadoutConfig
 from eskin.model.tiles.config import config_of
 
-C = TypeVar("C")
 Simulator = Literal["verilator", "icarus"]
 JOB = "ESKIN_BLOCK_JOB"
 """Environment variable with the job of a block-level test, as JSON."""
@@ -41,6 +42,7 @@ class Block:
         self.driven: dict[str, int] = {}
         self.settled = False
         self.time = 0  # clocks since the simulation began
+        self.past: deque[str] = deque(maxlen=4)  # inputs of the last clocks
         self.dut.clk.value = 0
 
     def pin(self, name: str) -> Any:
@@ -67,7 +69,14 @@ class Block:
         try:
             return int(value, 2)
         except ValueError:
-            raise BlockMismatch(f"clock {self.time}: {name} is {value}") from None
+            raise self.mismatch(f"{name} is {value}") from None
+
+    def mismatch(self, text: str) -> BlockMismatch:
+        """Return the exception for a difference in this clock, with the inputs before it and the command."""
+        lines = [f"clock {self.time}: {text}", "inputs:", *self.past, f"  clock {self.time}: {self.driven}"]
+        if test := os.environ.get("PYTEST_CURRENT_TEST"):
+            lines.append(f"reproduce: python -m pytest '{test.removesuffix(' (call)')}'")
+        return BlockMismatch("\n".join(lines))
 
     def read_signed(self, name: str) -> int:
         """Return an output as a signed number."""
@@ -83,6 +92,7 @@ class Block:
     async def edge(self) -> None:
         """Generate a rising and a falling clock edge; the falling edge takes effect with the next wait."""
         await self.settle()
+        self.past.append(f"  clock {self.time}: {self.driven}")
         self.dut.clk.value = 1
         await Timer(self.HALF_PS, "ps")
         self.dut.clk.value = 0
@@ -110,13 +120,19 @@ class Checker:
         """Compare a signal with its expected value."""
         self.counts["checks"] += 1
         if expected != got:
-            raise BlockMismatch(f"clock {self.block.time}: {name}: expected {expected}, got {got}; {state}")
+            raise self.block.mismatch(f"{name}: expected {int(expected)}, got {got}; {state}")
+
+    def outputs(self, state: object, **expected: int) -> None:
+        """Compare output ports with their expected values; 0 is expected of a port that the configuration lacks."""
+        for name, value in expected.items():
+            pin = self.block.pin(name)
+            self.equal(name, value if pin is None else value & (1 << len(pin)) - 1, self.block.read(name), state)
 
     def holds(self, name: str, condition: bool, why: object = "") -> None:
         """Check a named property in this clock."""
         self.counts[name] += 1
         if not condition:
-            raise BlockMismatch(f"clock {self.block.time}: {name} is broken; {why}")
+            raise self.block.mismatch(f"{name} is broken; {why}")
 
 
 class Sink:
@@ -148,9 +164,9 @@ def signed_words(word: int, count: int, bits: int) -> list[int]:
     return [part - (part >> bits - 1 << bits) for part in parts]
 
 
-def payload(config: ReadoutConfig, row: int, column: int, polarity: bool) -> dict[str, int]:
+def payload(config: ReadoutConfig, row: int, column: int, polarity: int) -> dict[str, int]:
     """Return the payload fields of an event, limited to existing ports."""
-    fields = {"event_row": row, "event_col": column, "event_polarity": int(polarity)}
+    fields = {"event_row": row, "event_col": column, "event_polarity": polarity}
     present = {
         "event_row": config.row_bits > 0,
         "event_col": config.column_bits > 0,
@@ -159,15 +175,7 @@ def payload(config: ReadoutConfig, row: int, column: int, polarity: bool) -> dic
     return {name: value for name, value in fields.items() if present[name]}
 
 
-@overload
-def job() -> tuple[ReadoutConfig, random.Random]: ...
-
-
-@overload
-def job(read: Callable[[Any], C]) -> tuple[C, random.Random]: ...
-
-
-def job(read: Any = config_of) -> tuple[Any, random.Random]:
+def job(read: Callable[[Any], Any] = config_of) -> tuple[Any, random.Random]:
     """Return the configuration, built by ``read`` from its fields, and the random generator of the test."""
     fields = json.loads(os.environ[JOB])
     return read(fields["config"]), random.Random(fields["seed"])
@@ -183,3 +191,32 @@ def begin(dut: Any) -> tuple[Any, random.Random, Block, Checker]:
 def report(counts: Counter[str]) -> None:
     """Write the check counts for pytest."""
     Path("counts.json").write_text(json.dumps(counts))
+
+
+class Step(NamedTuple):
+    """A clock of a block: inputs, expected outputs, and a state to print if an output differs."""
+
+    inputs: Mapping[str, int]
+    outputs: Mapping[str, int]
+    state: str = ""
+    edge: bool = True  # False: no clock edge follows, for a pulse of an asynchronous reset
+
+
+STEPS = "steps.pickle"
+"""File with the steps that ``follow`` plays."""
+
+
+@cocotb.test()
+async def follow(dut: Any) -> None:
+    """Play the steps of a file after a reset, and compare all outputs with the expected ones."""
+    steps = pickle.loads(Path(STEPS).read_bytes())
+    block = Block(dut)
+    check = Checker(block)
+    block.drive(**Step(*steps[0]).inputs)
+    await block.reset()
+    for step in map(Step._make, steps):
+        block.drive(**step.inputs)
+        await block.settle()
+        check.outputs(step.state, **step.outputs)
+        if step.edge:
+            await block.edge()

@@ -1,4 +1,4 @@
-"""Compare a chip in the harness with the models of readout and classifier."""
+"""Runs of a chip in the harness, and their comparison with the models of readout and classifier."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import dataclasses
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eskin.base.files import write_arrays
 from eskin.cocotb_tests.bench.block import signed_words
-from eskin.cocotb_tests.bench.readout import Bench, Mismatch, breaches
+from eskin.cocotb_tests.bench.readout import Mismatch, Outcome, write_stimulus
 from eskin.model.address_events import Events
 from eskin.model.classifier.chip import channels_of, clocks_of, events_of
 from eskin.model.classifier.chip_config import ChipConfig
@@ -21,9 +22,8 @@ from eskin.model.classifier.file import neuron_image, weight_image
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.model.classifier.run import ClassifierRun
 from eskin.model.classifier.run import simulate as simulate_classifier
-
-if TYPE_CHECKING:  # importing it would compile the model in every simulator
-    from eskin.model.readout import Stimulus
+from eskin.model.events.compare import first_difference
+from eskin.model.readout import Stimulus, simulate
 
 FACTOR, ADDED, MASK = 6364136223846793005, 1442695040888963407, 2**64 - 1
 """Constants of the weighted sums that the harness computes (``mixed`` in harness.v)."""
@@ -69,44 +69,49 @@ class ChipRun:
         return events_of(config, self.taken, self.channel)
 
 
-class ChipBench:
-    """A chip in the harness, compared with the models in every scan."""
+@dataclass(frozen=True)
+class ChipScan:
+    """A run of a chip: samples, shape (ticks, taxels), that are compared with the models of readout and classifier."""
 
-    def __init__(self, dut: Any, config: ChipConfig, network: IntegerNetwork, folder: Path) -> None:
-        self.dut, self.config, self.folder = dut, config, folder
-        self.network = dataclasses.replace(network, config=config.classifier)
-        self.bench = Bench(dut, config.readout, folder)
+    config: ChipConfig
+    network: IntegerNetwork
+    name: str
+    samples: NDArray[Any]
+    again: str  # command that repeats it
+    keep: Path  # file for the outputs of the RTL
+    metadata: dict[str, Any]  # of this file
+    skip: bool = False  # the harness skips the clocks in which the chip is not awake, if it can
+
+    @property
+    def stimulus(self) -> Stimulus:
+        """Stimulus of the readout."""
+        _, clocks = clocks_of(self.config, len(self.samples))
+        return Stimulus.from_samples(self.config.readout, self.samples, clocks=clocks)
+
+    def write(self, folder: Path) -> None:
+        """Write the files that the harness plays."""
+        write_stimulus(self.config.readout, folder, self.stimulus)
         for name, image in (("weights", weight_image(self.network)), ("neurons", neuron_image(self.network))):
             (folder / f"{name}.hex").write_text("".join(f"{word:x}\n" for word in image))
 
-    async def check(
-        self, samples: NDArray[Any], again: str, skip: bool = False
-    ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """Play samples, shape (ticks, taxels), and compare all outputs with the models.
+    def report(self, folder: Path, outcome: Outcome) -> dict[str, Any]:
+        """Compare all outputs with the models, write them into the file, and return the totals.
 
-        With ``skip`` the harness skips the clocks in which the chip is not awake, if it can (see harness.v).
-
-        Return two dictionaries. The first has the class after the last complete bin; ``ideal``, the class without
-        waiting events and with exact bins; and the counts of the run. The second has arrays: events (``taken``,
-        ``channel``), hidden ``spikes`` (bin, neuron), clocks of the classes (``valid``) and their ``evidence``.
+        The totals have the class after the last complete bin; ``ideal``, the class without waiting events and with
+        exact bins; and the counts of the run. The file has events (``taken``, ``channel``), hidden ``spikes`` (bin,
+        neuron), clocks of the classes (``valid``) and their ``evidence``.
         """
-        from eskin.model.readout import Stimulus, simulate
-
-        whole, clocks = clocks_of(self.config, len(samples))
-        stimulus = Stimulus.from_samples(self.config.readout, samples, clocks=clocks)
-        errors = await self.bench.play_chip(stimulus, skip)
-        run = ChipRun.read(self.config.classifier, self.folder, int(self.dut.left.value))
-        if errors:
-            said = breaches(errors, self.bench.scoreboard.breach)
-            raise Mismatch(f"between readout and classifier: {said}; reproduce: {again}")
+        stimulus, (whole, clocks) = self.stimulus, clocks_of(self.config, len(self.samples))
+        run = ChipRun.read(self.config.classifier, folder, outcome.left)
+        if outcome.errors:
+            raise Mismatch(f"between readout and classifier: {outcome.breaches}; reproduce: {self.again}")
         if not len(run.taken):
-            raise Mismatch(f"there was no event, so nothing was compared; reproduce: {again}")
-        model = hold(self.config, self.network, stimulus, run, again)
+            raise Mismatch(f"there was no event, so nothing was compared; reproduce: {self.again}")
+        model = hold(self.config, self.network, stimulus, run, self.again)
         if len(run.classes) != whole:
-            raise Mismatch(f"{len(run.classes)} classes came from {whole} bins; reproduce: {again}")
-        evidence, _ = self.network.run_counts(
-            counts_of(self.config, simulate(self.config.readout, stimulus), whole)[None]
-        )
+            raise Mismatch(f"{len(run.classes)} classes came from {whole} bins; reproduce: {self.again}")
+        counts = counts_of(self.config, simulate(self.config.readout, stimulus), whole)
+        evidence, _ = self.network.run_counts(counts[None])
         last = run.classes[-1]
         found = {
             "class": last[1],
@@ -122,7 +127,9 @@ class ChipBench:
         recorded = {"taken": run.taken, "channel": run.channel, "spikes": run.spikes}
         recorded["valid"] = np.array([line[0] for line in run.classes])
         recorded["evidence"] = np.array([line[-1] for line in run.classes])
-        return found, recorded
+        recorded["metadata"] = np.array(json.dumps(self.metadata | found))
+        write_arrays(self.keep, recorded, compressed=True)
+        return {"name": self.name} | found
 
 
 def counts_of(config: ChipConfig, events: Events, whole: int) -> NDArray[np.int64]:
@@ -153,9 +160,6 @@ def hold(config: ChipConfig, network: IntegerNetwork, stimulus: Stimulus, run: C
     The readout's model receives the clocks in which the classifier was not ready. These clocks are compared with the
     classifier's model, which receives the clocks in which the readout offered its events.
     """
-    from eskin.model.events.compare import first_difference
-    from eskin.model.readout import simulate
-
     expected = simulate(config.readout, dataclasses.replace(stimulus, ready=run.ready(stimulus.clocks)))
     if not config.polarity:
         expected["p"] = 1

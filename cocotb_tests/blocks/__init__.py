@@ -1,1 +1,1 @@
-"""Co-simulations of blocks: testbench, cocotb test, and pytest interface."""
+"""Steps and benches of blocks, which tests and coverage play."""

@@ -2,31 +2,31 @@
 
 from __future__ import annotations
 
-import json
+import dataclasses
 import random
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import cocotb
 import numpy as np
 
-from eskin.cocotb_tests.bench.analog import FRACTION_BITS, Comparators
-from eskin.cocotb_tests.bench.block import JOB, Checker, job, report
-from eskin.cocotb_tests.bench.readout import Bench
+from eskin.cocotb_tests.bench.analog import FRACTION_BITS, Comparators, read_decisions
+from eskin.cocotb_tests.bench.block import Simulator
+from eskin.cocotb_tests.bench.readout import Mismatch, Outcome, compare, write_stimulus
+from eskin.cocotb_tests.bench.stimuli import READY, ack_delays
+from eskin.cocotb_tests.runner.process import ReadoutRun, play_runs
+from eskin.cocotb_tests.runner.simulator import build
+from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
-
-if TYPE_CHECKING:
-    from eskin.model.address_events import Events
-    from eskin.model.readout import Stimulus
+from eskin.model.readout import Stimulus
 
 CLOCKS = 4000
 
 
 def drive(config: ReadoutConfig, samples: np.ndarray, seed: int) -> Stimulus:
     """Return a stimulus with a sample tick every eight clocks, and a sink with random stalls."""
-    from eskin.cocotb_tests.bench.stimuli import READY, ack_delays
-    from eskin.model.readout import Stimulus
-
     rng = np.random.default_rng(seed)
     ticks = np.resize(samples, (CLOCKS // 8, config.taxels))
     return Stimulus.from_samples(
@@ -34,66 +34,69 @@ def drive(config: ReadoutConfig, samples: np.ndarray, seed: int) -> Stimulus:
     )
 
 
-def never_off_the_scale(config: ReadoutConfig, events: Events, check: Checker) -> None:
+def never_off_the_scale(config: ReadoutConfig, events: Events, counts: Counter[str]) -> None:
     """Check from the events that the references of LCS stay within full scale."""
     for y, x in np.ndindex(config.rows, config.columns):
         own = events["p"][(events["y"] == y) & (events["x"] == x)]
         levels = config.reference_reset + config.step * np.cumsum(np.where(own, 1, -1))
-        on_scale = bool(((levels >= -config.full_scale) & (levels < config.full_scale)).all())
-        check.holds("OnScale", on_scale, f"taxel ({y}, {x})")
-        check.counts["ends"] += int((levels == -config.full_scale).sum())
-        check.counts["ends"] += int((levels == config.full_scale - config.step).sum())
+        if not ((levels >= -config.full_scale) & (levels < config.full_scale)).all():
+            raise Mismatch(f"the reference of taxel ({y}, {x}) leaves the scale: {levels.tolist()}")
+        counts["ends"] += int(np.isin(levels, (-config.full_scale, config.full_scale - config.step)).sum())
 
 
-@cocotb.test()
-async def comparators_with_faults(dut: Any) -> None:
-    """Play signals beyond full scale, slow signals with noise and offset, and pure noise."""
-    config, rng = job()
-    bench = Bench(dut, config, Path.cwd())
-    check = Checker(bench)  # type: ignore[arg-type]
+@dataclass(frozen=True)
+class FaultyRun:
+    """A run whose model is given the recorded decisions of the comparators."""
+
+    config: ReadoutConfig
+    name: str
+    stimulus: Stimulus
+    comparators: Comparators
+    counts: Counter[str]
+    skip: bool = False
+
+    def write(self, folder: Path) -> None:
+        write_stimulus(self.config, folder, self.stimulus, self.comparators)
+
+    def report(self, folder: Path, outcome: Outcome) -> dict[str, Any]:
+        decisions = read_decisions(self.config, folder)
+        given = dataclasses.replace(self.stimulus, decisions=decisions)
+        events = compare(self.config, self.name, given, folder, outcome, "")
+        self.counts["random"] += int((np.diff(decisions.astype(int), axis=0) != 0).sum())
+        self.counts["both"] += int((decisions == 3).sum())
+        if not self.config.encoder.late:
+            never_off_the_scale(self.config, events, self.counts)
+        return {"name": self.name, "clocks": given.clocks, "events": len(events)}
+
+
+def runs_with_faults(config: ReadoutConfig, rng: random.Random, counts: Counter[str]) -> Iterator[FaultyRun]:
+    """Yield signals beyond full scale, slow signals with noise and offset, and pure noise."""
     code, high = 1 << FRACTION_BITS, config.full_scale
     offset = np.array([[rng.randint(-3 * code, 3 * code) for _ in range(config.taxels)] for _ in range(2)])
     angle = np.linspace(0, 6, CLOCKS // 8)[:, None] + np.arange(config.taxels)
     square = np.where(np.sin(angle) > 0, 2 * high, -2 * high - 1)
-    runs = {
-        "slow": (
-            1.1 * high * np.sin(angle),
-            Comparators(offset, noise=config.step * code, hysteresis=2 * code, seed=7),
-        ),
-        "over": (square, Comparators(offset, noise=code, seed=3)),
-        "nothing but noise": (0 * angle, Comparators(noise=4 * high * code, seed=rng.randint(1, 1 << 30))),
-    }
-    for name, (signal, comparators) in runs.items():
+    slow = Comparators(offset, noise=config.step * code, hysteresis=2 * code, seed=7)
+    noise = Comparators(noise=4 * high * code, seed=rng.randint(1, 1 << 30))
+    for name, signal, comparators in (
+        ("slow", 1.1 * high * np.sin(angle), slow),
+        ("over", square, Comparators(offset, noise=code, seed=3)),
+        ("nothing but noise", 0 * angle, noise),
+    ):
         stimulus = drive(config, np.rint(signal).astype(np.int64), seed=len(name))
-        events, given = await bench.check_given(name, stimulus, comparators)
-        assert given.decisions is not None
-        check.counts["events"] += len(events)
-        check.counts["random"] += int((np.diff(given.decisions.astype(int), axis=0) != 0).sum())
-        check.counts["both"] += int((given.decisions == 3).sum())
-        if not config.encoder.late:
-            never_off_the_scale(config, events, check)
-    report(check.counts)
+        yield FaultyRun(config, name, stimulus, comparators, counts)
 
 
-@cocotb.test()
-async def one_code_over_the_ends(dut: Any) -> None:
-    """Hold a signal just beyond each end of the scale, and check the number of events."""
-    config, _ = job()
-    bench = Bench(dut, config, Path.cwd())
-    check = Checker(bench)  # type: ignore[arg-type]
-    high, step = config.full_scale, config.step
-    for level, steps in ((high, high // step - 1), (-high - step - 1, high // step)):
-        stimulus = drive(config, np.full((1, config.taxels), level), seed=1)
-        events = await bench.check(f"{level} codes for ever", stimulus)
-        check.holds("NoneAtTheEnd", len(events) == steps * config.taxels, f"{len(events)} events at {level} codes")
-    report(check.counts)
-
-
-def run(config: ReadoutConfig, simulator: Any, test: str, folder: Path) -> dict[str, int]:
-    """Run a test of this file in the harness; return its counts."""
-    from eskin.cocotb_tests.runner.simulator import build
-
-    work = {"config": config.to_dict(), "seed": random.Random(config.to_json()).randrange(1000)}
-    build(config, simulator).test(__name__, folder, test, {JOB: json.dumps(work)})
-    counts: dict[str, int] = json.loads((folder / "counts.json").read_text())
+def play_faults(config: ReadoutConfig, simulator: Simulator, folder: Path) -> Counter[str]:
+    """Play comparators with faults, and return the counts of what happened."""
+    counts: Counter[str] = Counter()
+    rng = random.Random(random.Random(config.to_json()).randrange(1000))
+    tally = play_runs(build(config, simulator), runs_with_faults(config, rng, counts), folder)
+    counts["events"] = tally.events
     return counts
+
+
+def events_at(config: ReadoutConfig, level: int, simulator: Simulator, folder: Path) -> int:
+    """Return the number of events of a signal that stays at a level."""
+    stimulus = drive(config, np.full((1, config.taxels), level), seed=1)
+    run = ReadoutRun(config, f"{level} codes for ever", stimulus, "")
+    return play_runs(build(config, simulator), [run], folder).events

@@ -14,7 +14,9 @@ from typing import Any
 import cocotb
 import numpy as np
 
-from eskin.cocotb_tests.bench.block import JOB, Block, Simulator, begin, report
+from eskin.cocotb_tests.bench.analog import ideal
+from eskin.cocotb_tests.bench.block import JOB, Block, Simulator, begin, report, signed_words
+from eskin.cocotb_tests.bench.block import bits as packed
 from eskin.cocotb_tests.bench.spi import Timing, any_word, traffic, waveform
 from eskin.cocotb_tests.runner.simulator import build
 from eskin.model.config import ReadoutConfig
@@ -38,18 +40,13 @@ class Comparators:
         config, bits = self.config, self.config.sample_bits
         if config.fields == SETTABLE:
             samples = self._selected(samples)
-        codes = self.block.read("reference_code")
-        above = below = 0
-        for taxel, sample in enumerate(samples):
-            code = codes >> taxel * bits & (1 << bits) - 1
-            code -= code >> bits - 1 << bits
-            width = self.block.read("step_code")
-            if config.closes:
-                size = config.half_width_bits
-                width = self.block.read("half_width") >> taxel * size & (1 << size) - 1
-            above |= int(sample >= code + width + config.encoder.strict) << taxel
-            below |= int(sample < code - width) << taxel
-        self.block.drive(above=above, below=below)
+        codes = signed_words(self.block.read("reference_code"), config.taxels, bits)
+        widths = [self.block.read("step_code")] * config.taxels
+        if config.closes:
+            width, size = self.block.read("half_width"), config.half_width_bits
+            widths = [width >> taxel * size & (1 << size) - 1 for taxel in range(config.taxels)]
+        found = [ideal(config, *three) for three in zip(samples, codes, widths, strict=True)]
+        self.block.drive(above=packed([above for above, _ in found]), below=packed([below for _, below in found]))
 
     def _selected(self, samples: list[int]) -> list[int]:
         """Return the outputs of the input multiplexers, 0 without a selected line."""

@@ -2,59 +2,48 @@
 
 from __future__ import annotations
 
+import itertools
 import random
+from collections import Counter
+from collections.abc import Iterator
 from typing import Any
 
 import cocotb
 from cocotb.triggers import Timer
 
-from eskin.cocotb_tests.bench.block import Block, begin, report
+from eskin.cocotb_tests.bench.block import Block, Step, begin, report
 from eskin.cocotb_tests.bench.spi import any_word, next_address, traffic
+from eskin.model.config import ReadoutConfig
 from eskin.model.registers.description import WORD_BITS
 from eskin.model.registers.spi import HIGH_CLOCKS, LEAD_CLOCKS, LOW_CLOCKS, LOW_CLOCKS_TO_READ, Pins, SpiSlave, transfer
 
 CLOCKS = 6_000
 
 
-def drive(block: Block, pins: Pins) -> None:
-    """Drive the SPI pins."""
-    block.drive(spi_sck=pins.sck, spi_cs_n=pins.cs_n, spi_mosi=pins.mosi)
-
-
-@cocotb.test()
-async def slave_follows_its_model(dut: Any) -> None:
-    """Play complete and aborted transfers, glitches on CS, random edges, and resets."""
-    config, rng, block, check = begin(dut)
+def steps(config: ReadoutConfig, rng: random.Random, counts: Counter[str]) -> Iterator[Step]:
+    """Yield complete and aborted transfers, glitches on CS, random edges, and resets."""
     slave = SpiSlave()
-    drive(block, Pins())
-    block.drive(read_data=0)
-    await block.reset()
-    for pins in traffic([0, 4, 64, 32764], [any_word(rng) for _ in range(20)], rng):
-        if block.time >= CLOCKS:
-            break
+    for pins in itertools.islice(traffic([0, 4, 64, 32764], [any_word(rng) for _ in range(20)], rng), CLOCKS):
         word, rst = rng.getrandbits(WORD_BITS), rng.random() < 0.0005
-        drive(block, pins)
-        block.drive(read_data=word, rst=rst)
-        await block.settle()
         if rst and config.reset == "async":
             slave.reset()
-        state = {**vars(slave), "pins": pins}
-        write = slave.write
-        check.equal("write", write is not None, block.read("write"), state)
-        check.equal("write_data", slave.received, block.read("write_data"), state)
-        check.equal("address", slave.address, block.read("address"), state)
-        check.equal("spi_miso", slave.miso, block.read("spi_miso"), state)
-        check.equal("spi_miso_enable", slave.active, block.read("spi_miso_enable"), state)
-        check.counts["writes"] += write is not None
-        check.counts["ones read"] += slave.miso
-        check.counts["broken off"] += slave.active and slave.cs_n[1] == 1 and slave.count > 0
-        check.counts["locked out"] += not slave.active and slave.cs_n[1] == 0 and slave.sck[1:] == [1, 0]
-        await block.edge()
+        write = slave.write is not None
+        outputs = {"write": write, "write_data": slave.received, "address": slave.address}
+        outputs |= {"spi_miso": slave.miso, "spi_miso_enable": slave.active}
+        yield Step(pins_of(pins) | {"read_data": word, "rst": rst}, outputs, str(vars(slave)))
+        counts["writes"] += write
+        counts["ones read"] += slave.miso
+        counts["broken off"] += slave.active and slave.cs_n[1] == 1 and slave.count > 0
+        counts["locked out"] += not slave.active and slave.cs_n[1] == 0 and slave.sck[1:] == [1, 0]
+        counts["resets"] += rst
         slave.clock(pins, word)
         if rst:
             slave.reset()
-            check.counts["resets"] += 1
-    report(check.counts)
+
+
+def pins_of(pins: Pins) -> dict[str, int]:
+    """Return the levels of the SPI pins by port name."""
+    return {"spi_sck": pins.sck, "spi_cs_n": pins.cs_n, "spi_mosi": pins.mosi}
 
 
 class Host:
@@ -91,8 +80,7 @@ class Host:
 async def host_of_another_clock_reads_what_it_wrote(dut: Any) -> None:
     """Write and read random words of a memory behind the slave, and compare them."""
     _, rng, block, check = begin(dut)
-    drive(block, Pins())
-    block.drive(read_data=0)
+    block.drive(read_data=0, **pins_of(Pins()))
     await block.reset()
     memory: dict[int, int] = {}
 

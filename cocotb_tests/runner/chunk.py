@@ -2,68 +2,77 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write, make_folder
 from eskin.base.workers.pool import MOST_DEATHS
+from eskin.cocotb_tests.bench.stimuli import settled
 from eskin.cocotb_tests.runner.build_cache import BUILD, scratch_folder
 from eskin.cocotb_tests.runner.inputs import Material
-from eskin.cocotb_tests.runner.player import Job
-from eskin.cocotb_tests.runner.process import Tally, run_job
+from eskin.cocotb_tests.runner.process import ReadoutRun, Tally, play_runs
 from eskin.cocotb_tests.runner.simulator import Build, SimulationDied, build
 from eskin.model.config import ReadoutConfig
+from eskin.skin.textures.presets import preset
 
 T = TypeVar("T")
 
 
-def job_of(material: Material, names: Sequence[str], config: ReadoutConfig, program: Build, again: str) -> Job:
-    """Return the job for a part of the inputs; ``again`` is the command that repeats a mismatch."""
-    said = material.said(names)
-    return Job(
-        config.to_dict(),
-        again,
-        dataset=material.name,
-        preset=material.preset,
-        start_row=material.start_row,
-        played={name: said[name] | {"proof": material.proof(name, program)} for name in names},
-    )
+@dataclass(frozen=True)
+class Scans:
+    """Scans of textures, or recordings, for a readout."""
+
+    config: ReadoutConfig
+    arrays: dict[str, NDArray[Any]]  # image or codes by name
+    again: str  # command that repeats all of them
+    said: dict[str, dict[str, Any]]  # metadata of the recordings by name
+    dataset: str = ""
+    preset: str = ""  # empty for recordings
+    start_row: float = 0.0
+    ticks: int | None = None  # largest number of sample ticks of each
+    skip: Sequence[str] = ()  # those for which the harness may skip clocks
+
+    @classmethod
+    def of(
+        cls, material: Material, names: Sequence[str], config: ReadoutConfig, program: Build, again: str, **own: Any
+    ) -> Scans:
+        """Return a part of the inputs."""
+        said = {name: own | {"proof": material.proof(name, program)} for name, own in material.said(names).items()}
+        place = (material.name, material.preset, material.start_row)
+        arrays = {name: material.array(name, config) for name in names}
+        return cls(config, arrays, again, said, *place, **own)
+
+    def runs(self, keep: Path) -> Iterator[ReadoutRun]:
+        """Yield a run for each; the RTL's events go into a folder."""
+        for name, array in self.arrays.items():
+            samples, scanned = array, {}
+            if self.preset:
+                samples, clipped = preset(self.preset).samples(self.config, array, self.start_row)
+                scanned = {"preset": self.preset, "start_row": self.start_row, "clipped_samples": clipped}
+            stimulus = settled(self.config, samples[: self.ticks])
+            own = {key: value for key, value in self.said[name].items() if key != "proof"}
+            metadata = {"name": name} | own | {"dataset": self.dataset} | scanned
+            metadata |= {"ticks": len(stimulus.samples), "proof": self.said[name]["proof"], "source": "rtl"}
+            make_folder(keep, Path(name).parent)
+            again, skips = f"{self.again} --only {name}", name in self.skip
+            yield ReadoutRun(
+                self.config, f"scan of {name}", stimulus, again, skips, keep=keep / f"{name}.npz", metadata=metadata
+            )
 
 
-def play_here(
-    program: Build,
-    job: Job,
-    arrays: dict[str, NDArray[Any]],
-    folder: Path,
-    on_run: Callable[[dict[str, Any]], None] = lambda run: None,
-) -> Tally:
-    """Run a job in a folder, and return the totals."""
-    arrays_at = write_arrays(folder, arrays)
-    return run_job(program, dataclasses.replace(job, arrays=str(arrays_at.resolve())), folder, on_run)
-
-
-def write_arrays(folder: Path, arrays: dict[str, NDArray[Any]]) -> Path:
-    """Write the images or samples of a job into its folder, and return the file."""
-    path = folder / "arrays.npz"
-    with atomic_write(path) as file:
-        np.savez(file, **{f"array/{name}": array for name, array in arrays.items()})  # type: ignore[arg-type]
-    return path
-
-
-def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> tuple[Tally, dict[str, bytes]]:
-    """Run a job on this machine and return totals and event files; restart a crashed simulation."""
-    program = build(ReadoutConfig.from_dict(job.config), "verilator")
+def play_part(scans: Scans) -> tuple[Tally, dict[str, bytes]]:
+    """Play scans on this machine and return totals and event files; restart a crashed simulation."""
+    program = build(scans.config, "verilator")
 
     def play(running: Path) -> tuple[Tally, dict[str, bytes]]:
-        events = running / "events"
-        tally = play_here(program, dataclasses.replace(job, keep=str(events.resolve())), arrays, running)
-        return tally, {name: (events / f"{name}.npz").read_bytes() for name in job.played}
+        events = make_folder(running, "events")
+        tally = play_runs(program, scans.runs(events), running)
+        return tally, {name: (events / f"{name}.npz").read_bytes() for name in scans.arrays}
 
     return until_it_lives("replay", play)
 

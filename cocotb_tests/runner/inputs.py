@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from eskin import cocotb_tests, model, skin
 from eskin.base.errors import InputError
+from eskin.cocotb_tests.bench.textures import large_enough
 from eskin.cocotb_tests.runner.build_cache import sources
 from eskin.cocotb_tests.runner.reproduce import own_options
 from eskin.cocotb_tests.runner.simulator import Build
+from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.folder import RecordingSet
-from eskin.skin.textures.dataset import Dataset, Texture
+from eskin.skin.textures.dataset import EMBEDDED, Dataset, Texture
 
 
 @dataclass(frozen=True)
@@ -54,9 +56,10 @@ class Textures:
         """Return a texture by name."""
         return next(texture for texture in self.data if texture.name == name)
 
-    def arrays(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-        """Return the images."""
-        return {name: self.texture(name).load() for name in names}
+    def array(self, name: str, config: ReadoutConfig) -> NDArray[Any]:
+        """Return an image; embedded images are repeated for large arrays."""
+        image = self.texture(name).load()
+        return large_enough(image, config) if self.name == EMBEDDED else image
 
     def said(self, names: Sequence[str]) -> dict[str, dict[str, Any]]:
         """Return class and label of each texture."""
@@ -102,10 +105,9 @@ class Own:
             order.append((rank[source.class_name], source.name))
         return [name for _, name in sorted(order)[:count]]
 
-    def arrays(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-        """Return the codes."""
-        codes = dict(zip(self.names, self.recordings.codes, strict=True))
-        return {name: codes[name] for name in names}
+    def array(self, name: str, config: ReadoutConfig) -> NDArray[Any]:
+        """Return the codes of a recording."""
+        return self.recordings.codes[self.names.index(name)]
 
     def said(self, names: Sequence[str]) -> dict[str, dict[str, Any]]:
         """Return class and preparation of each recording."""
@@ -114,7 +116,7 @@ class Own:
 
     def proof(self, name: str, program: Build) -> str:
         """Return the digest stored in the event file of a recording."""
-        return _proof(program, self.start_row, self.arrays([name])[name])
+        return _proof(program, self.start_row, self.recordings.codes[self.names.index(name)])
 
 
 Material = Textures | Own

@@ -1,4 +1,4 @@
-"""Run a job in a simulator process, and follow its progress."""
+"""Play runs in a simulator process, and compare each of them with its model."""
 
 from __future__ import annotations
 
@@ -6,24 +6,23 @@ import dataclasses
 import json
 import shutil
 import threading
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
-import numpy as np
-
-from eskin.base.errors import InputError
-from eskin.base.files import refusing_a_full_disk
-from eskin.cocotb_tests.bench.readout import Prepared, StimulusDriver
-from eskin.cocotb_tests.runner.player import JOB, Job
-from eskin.cocotb_tests.runner.simulator import Build
+from eskin.base.files import make_folder, refusing_a_full_disk
+from eskin.cocotb_tests.bench.readout import Mismatch, Outcome, compare, write_stimulus
+from eskin.cocotb_tests.bench.stimuli import outstanding, scenarios
+from eskin.cocotb_tests.runner.player import END, OUTCOME, POLL_S, RUN, write_whole
+from eskin.cocotb_tests.runner.simulator import Build, SimulationDied
 from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.model.readout import Stimulus
 
-if TYPE_CHECKING:
-    from eskin.model.readout import Stimulus
-
-POLL_S = 0.2
+AHEAD = 2
+"""Runs that are prepared while the simulator plays another."""
 
 
 @dataclass
@@ -39,13 +38,13 @@ class Tally:
     cut: int = 0
 
     def __iadd__(self, other: Tally) -> Tally:
-        for field in dataclasses.fields(self):
-            setattr(self, field.name, getattr(self, field.name) + getattr(other, field.name))
+        for one in dataclasses.fields(self):
+            setattr(self, one.name, getattr(self, one.name) + getattr(other, one.name))
         return self
 
 
 class MismatchFound(Exception):  # the expected outcome for a faulty RTL, not a defect of this program
-    """Raised if RTL and model differ, with the scoreboard's message.
+    """Raised if RTL and model differ, with the description of the first difference.
 
     ``before`` has the runs of the same simulation that were equal.
     """
@@ -55,103 +54,144 @@ class MismatchFound(Exception):  # the expected outcome for a faulty RTL, not a 
         self.before = before or Tally()
 
 
-def run_job(
-    program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, Any]], None] = lambda run: None
+class Run(Protocol):
+    """A run of the harness."""
+
+    @property
+    def skip(self) -> bool:
+        """Whether the harness may skip the clocks in which nothing is awake."""
+
+    def write(self, folder: Path) -> None:
+        """Write the files that the harness plays."""
+
+    def report(self, folder: Path, outcome: Outcome) -> dict[str, Any]:
+        """Compare what the harness recorded with the model; return name, clocks, events and outstanding requests.
+
+        Raise Mismatch if they differ.
+        """
+
+
+@dataclass(frozen=True)
+class ReadoutRun:
+    """A run of a readout."""
+
+    config: ReadoutConfig
+    name: str
+    stimulus: Stimulus
+    reproduce: str  # command that repeats it
+    skips: bool = False  # may skip clocks, if the sink is always ready
+    needs_events: bool = False  # a run without events is a mismatch
+    keep: Path | None = None  # file for the RTL's events
+    metadata: dict[str, Any] = field(default_factory=dict)  # of this file
+
+    @property
+    def skip(self) -> bool:
+        return self.skips and bool(self.stimulus.ready.all())
+
+    def write(self, folder: Path) -> None:
+        write_stimulus(self.config, folder, self.stimulus)
+
+    def report(self, folder: Path, outcome: Outcome) -> dict[str, Any]:
+        events = compare(self.config, self.name, self.stimulus, folder, outcome, self.reproduce)
+        if self.needs_events and not len(events):
+            raise Mismatch(f"{self.name}: there was no event, so nothing was compared; reproduce: {self.reproduce}")
+        if self.keep is not None:
+            Recording(events, self.config, self.stimulus.clocks, metadata=self.metadata).save(self.keep)
+        waiting = outstanding(self.config, self.stimulus)
+        return {"name": self.name, "clocks": self.stimulus.clocks, "events": len(events), "outstanding": waiting}
+
+
+def scenario_runs(config: ReadoutConfig, seed: int, reproduce: str) -> Iterable[ReadoutRun]:
+    """Yield the runs of all scenarios of a seed."""
+    for one in scenarios(config, seed):
+        yield ReadoutRun(config, one.name, one.stimulus, reproduce, needs_events=True)
+
+
+def play_runs(
+    program: Build, runs: Iterable[Run], folder: Path, on_run: Callable[[dict[str, Any]], None] = lambda run: None
 ) -> Tally:
-    """Run a job in a simulator and return the totals.
+    """Play runs in a simulator, compare each with its model, and return the totals.
 
     Parameters
     ----------
     folder : Path
         Folder of the simulation and its log.
     on_run : callable, optional
-        Called with each finished run: its name, clocks, events, outstanding.
+        Called with the report of each finished run.
 
     Raises
     ------
     MismatchFound
-        If RTL and model differ.
-    InputError
-        If the job's textures or numbers are refused.
+        If RTL and model differ; the text is also in ``mismatch.txt``.
     AssertionError
         If the simulation failed for another reason; the text is the end of its log.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    (folder / END).unlink(missing_ok=True)
+    (folder / "mismatch.txt").unlink(missing_ok=True)
     with refusing_a_full_disk(folder):
-        if job.seed is not None:
-            job = dataclasses.replace(job, scenarios=_scenarios(job, folder / "scenarios"))
+        simulation = _Simulation(program, folder)
+        tally = Tally()
+        waiting: deque[tuple[Run, Path]] = deque()
+
+        def finish() -> None:
+            nonlocal tally
+            run, place = waiting[0]
+            report = run.report(place, simulation.outcome(place))
+            waiting.popleft()
+            shutil.rmtree(place)
+            drained = not report.get("outstanding")
+            tally += Tally(1, report["clocks"], report["events"], int(drained), int(not drained))
+            on_run(report)
+
         try:
-            return follow(program, "eskin.cocotb_tests.runner.player", job, folder, on_run)
+            for number, run in enumerate(runs):
+                place = make_folder(folder, str(number), empty=True)
+                run.write(place)
+                write_whole(place / RUN, {"skip": run.skip})
+                waiting.append((run, place))
+                if len(waiting) > AHEAD:
+                    finish()
+            while waiting:
+                finish()
+        except Mismatch as mismatch:
+            (folder / "mismatch.txt").write_text(str(mismatch))
+            raise MismatchFound(str(mismatch), tally) from None
         finally:
-            shutil.rmtree(folder / "scenarios", ignore_errors=True)
+            for _, place in waiting:
+                shutil.rmtree(place, ignore_errors=True)
+            (folder / END).touch()
+            simulation.thread.join()
+        simulation.check()
+        return tally
 
 
-def follow(
-    program: Build,
-    module: str,
-    job: Job,
-    folder: Path,
-    on_run: Callable[[dict[str, Any]], None] = lambda run: None,
-) -> Tally:
-    """Start the cocotb test ``module`` with a job in a folder, report each finished run, and return the totals."""
-    progress, mismatch, refused = folder / "progress.jsonl", folder / "mismatch.txt", folder / "refused.txt"
-    for old in (progress, mismatch, refused):
-        old.unlink(missing_ok=True)
-    path = (folder / "job.json").resolve()
-    path.write_text(json.dumps(asdict(job)))
-    failure: list[BaseException] = []
+class _Simulation:
+    """A simulator process that plays the runs in a folder."""
 
-    def simulate() -> None:
-        try:
-            program.test(module, folder, "play", {JOB: str(path)})
-        except BaseException as error:
-            failure.append(error)
+    def __init__(self, program: Build, folder: Path) -> None:
+        self.failure: BaseException | None = None
 
-    thread = threading.Thread(target=simulate, daemon=True)
-    thread.start()
-    tally = Tally()
-    position = 0
-    while True:
-        alive = thread.is_alive()
-        if progress.exists():
-            with progress.open() as file:
-                file.seek(position)
-                while (line := file.readline()).endswith("\n"):
-                    position = file.tell()
-                    run = json.loads(line)
-                    drained = not run.get("outstanding")
-                    tally += Tally(1, run["clocks"], run["events"], int(drained), int(not drained))
-                    on_run(run)
-        if not alive:
-            break
-        thread.join(POLL_S)
-    if mismatch.exists():
-        raise MismatchFound(mismatch.read_text(), tally)
-    if refused.exists():
-        raise InputError(refused.read_text())
-    if failure:
-        raise failure[0]
-    return tally
+        def simulate() -> None:
+            try:
+                program.test("eskin.cocotb_tests.runner.player", folder, "play")
+            except BaseException as error:
+                self.failure = error
 
+        self.thread = threading.Thread(target=simulate, daemon=True)
+        self.thread.start()
 
-def _scenarios(job: Job, folder: Path) -> list[dict[str, Any]]:
-    """Prepare the scenarios of a job in a folder."""
-    from eskin.cocotb_tests.bench.stimuli import scenarios
+    def outcome(self, place: Path) -> Outcome:
+        """Wait for the outcome of the run in a folder."""
+        path = place / OUTCOME
+        while not path.exists():
+            if not self.thread.is_alive() and not path.exists():
+                self.check()
+                raise SimulationDied("the simulation ended before its last run")
+            self.thread.join(POLL_S)
+        return Outcome(**json.loads(path.read_text()))
 
-    assert job.seed is not None
-    config = ReadoutConfig.from_dict(job.config)
-    return [
-        prepare(config, one.name, one.stimulus, folder / str(number), outstanding=one.outstanding)
-        for number, one in enumerate(scenarios(config, job.seed))
-    ]
-
-
-def prepare(config: ReadoutConfig, name: str, stimulus: Stimulus, place: Path, **own: Any) -> dict[str, Any]:
-    """Write stimulus and expected events of a run into a folder; return its description for a job."""
-    from eskin.model.readout import simulate
-
-    place = place.resolve()
-    place.mkdir(parents=True, exist_ok=True)
-    StimulusDriver(config, place).write(stimulus)
-    np.save(place / "expected.npy", simulate(config, stimulus))
-    return asdict(Prepared(name, stimulus.clocks, folder=str(place), **own))
+    def check(self) -> None:
+        """Raise the exception with which the simulation ended, if any."""
+        if self.failure is not None:
+            raise self.failure

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import hashlib
 from collections.abc import Callable
@@ -14,9 +13,8 @@ from eskin.base.errors import InputError
 from eskin.base.files import make_folder
 from eskin.base.workers.cluster import Needs
 from eskin.base.workers.pool import WorkerPool, each
-from eskin.cocotb_tests.runner.chunk import job_of, play_part, store
+from eskin.cocotb_tests.runner.chunk import Scans, play_part, store
 from eskin.cocotb_tests.runner.inputs import Material, Textures, chosen
-from eskin.cocotb_tests.runner.player import Job
 from eskin.cocotb_tests.runner.process import Tally
 from eskin.cocotb_tests.runner.reproduce import options
 from eskin.cocotb_tests.runner.simulator import Build, build, require_programs
@@ -88,11 +86,11 @@ class Plan:
         """Names without a valid event file."""
         return [name for name in self.names if self.finished(name) is None]
 
-    def job(self, names: list[str], every_clock: str) -> Job:
-        """Return the job that plays some of the names; ``every_clock`` also plays the idle clocks."""
+    def scans(self, names: list[str], every_clock: str) -> Scans:
+        """Return some of the inputs; ``every_clock`` also plays the idle clocks."""
         again = " ".join(["eskin replay", *options(self.config), *self.material.again])
-        job = job_of(self.material, names, self.config, self.program, again)
-        return dataclasses.replace(job, skip=[name for name in names if name != every_clock])
+        skip = [name for name in names if name != every_clock]
+        return Scans.of(self.material, names, self.config, self.program, again, skip=skip)
 
 
 def plan_textures(
@@ -120,8 +118,7 @@ def play(plan: Plan, missing: list[str], pool: WorkerPool, on_run: Callable[[], 
     size = max(1, min(MOST_IN_A_PART, -(-len(missing) // pool.workers)))
     parts = [missing[at : at + size] for at in range(0, len(missing), size)]
     total = Tally()
-    jobs = ((plan.job(names, every_clock=missing[0]), plan.material.arrays(names)) for names in parts)
-    for tally, files in each(pool, play_part, jobs):
+    for tally, files in each(pool, play_part, ((plan.scans(names, every_clock=missing[0]),) for names in parts)):
         total += tally
         store(plan.events, files, on_run)
     return total

@@ -1,8 +1,10 @@
-"""Run the command sim: simulate scenarios and texture scans, one configuration after the other."""
+"""Run the command sim: simulate scenarios and scans of textures, or a user's recordings."""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
+import re
 import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,18 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import make_folder
+from eskin.base.files import atomic_write, make_folder
 from eskin.base.progress import reported
-from eskin.cocotb_tests.bench.stimuli import scenario_count
-from eskin.cocotb_tests.bench.textures import large_enough
-from eskin.cocotb_tests.runner.chunk import job_of, play_here
+from eskin.cocotb_tests.bench.stimuli import scenario_count, settled
+from eskin.cocotb_tests.runner.chunk import Scans, until_it_lives
 from eskin.cocotb_tests.runner.cocotb_runners import Simulator
-from eskin.cocotb_tests.runner.inputs import Textures, named
-from eskin.cocotb_tests.runner.picture import PICTURE, draw
-from eskin.cocotb_tests.runner.process import Tally
-from eskin.cocotb_tests.runner.reproduce import reproduce
+from eskin.cocotb_tests.runner.inputs import Material, Textures, named
+from eskin.cocotb_tests.runner.process import Tally, play_runs, scenario_runs
+from eskin.cocotb_tests.runner.reproduce import options, reproduce
 from eskin.cocotb_tests.runner.simulator import build, require_programs
+from eskin.model.address_events import Events
 from eskin.model.config import NO_LOGIC, ReadoutConfig, option_of
+from eskin.model.events.recording import Recording
+from eskin.model.readout import simulate
 from eskin.rtl.delivery import ports
 from eskin.rtl.gates.clock_gates import TEST
 from eskin.rtl.text.slang import Port, ports_of, read_verilog
@@ -32,6 +35,7 @@ from eskin.skin.recordings.quality import link_warning
 from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.physical import PhysicalScan
 
+PICTURE = "raster.png"
 ALL_TICKS = 10**6  # more than any scan has: WAVES=1 alone would cut the scan short of the mismatch
 WAVE_TICKS = 200
 """Default number of sample ticks of a scan with a waveform, or in the slow simulator."""
@@ -43,12 +47,12 @@ class Plan:
 
     simulator: Simulator
     waves: bool  # whether a waveform is left
-    seed: int
-    scenarios: bool
-    material: Textures
-    textures: list[str]
+    material: Material
+    names: list[str]  # of the textures or recordings
     ticks: int | None  # sample ticks of a scan at most
     out: Path  # folder for pictures and event files
+    scenarios: bool = False
+    seed: int = 0  # of the scenarios
     text: str = ""  # Verilog to play instead of the configuration's own: a netlist with its cells, or a user's readout
     again: str = ""  # options for that text; empty without one
     macros: dict[str, str] | None = None  # further macros of the harness, for a user's readout
@@ -56,36 +60,44 @@ class Plan:
 
     def runs(self, config: ReadoutConfig) -> int:
         """Return the number of runs of a configuration."""
-        return (scenario_count(config) if self.scenarios else 0) + len(self.textures)
+        return (scenario_count(config) if self.scenarios else 0) + len(self.names)
 
-    def place(self, config: ReadoutConfig) -> str:
-        """Return the folder name of a configuration below ``out``."""
-        return f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b"
+    def place(self, config: ReadoutConfig) -> Path:
+        """Return the folder of a configuration."""
+        name = f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b"
+        return self.out / (name if self.material.preset else f"{self.material.name}-{name}")
 
     def running(self, config: ReadoutConfig) -> Path:
         """Return the working folder of the simulation."""
-        return self.out / self.place(config) / "run"
-
-    def image(self, config: ReadoutConfig, name: str) -> NDArray[Any]:
-        """Return the image of a texture, large enough for the array."""
-        (image,) = self.material.arrays([name]).values()
-        return large_enough(image, config) if self.material.name == "embedded" else image
+        return self.place(config) / "run"
 
     def samples(self, config: ReadoutConfig, name: str) -> NDArray[np.int32]:
-        """Return the codes of a scan, shape (ticks, taxels)."""
-        return PhysicalScan().samples(config, self.image(config, name))[0][: self.ticks]
+        """Return the codes of a scan or recording, shape (ticks, taxels)."""
+        array = self.material.array(name, config)
+        return (PhysicalScan().samples(config, array)[0] if self.material.preset else array)[: self.ticks]
 
     def warning(self, config: ReadoutConfig) -> str:
         """Return a warning about link losses for the first scan; empty without losses."""
-        return link_warning(config, self.samples(config, self.textures[0])) if self.textures else ""
+        return link_warning(config, self.samples(config, self.names[0])) if self.names else ""
 
     def picture(self, config: ReadoutConfig) -> Path | None:
         """Return the path of the picture of the first scan, or None without scans."""
-        return self.out / self.place(config) / PICTURE if self.textures else None
+        return self.place(config) / PICTURE if self.names else None
 
     def waveform(self, config: ReadoutConfig) -> Path:
         """Return the path of the waveform of a configuration."""
         return self.running(config) / ("waves.vcd" if self.simulator == "verilator" else "waves.fst")
+
+    def reproduce(self, config: ReadoutConfig) -> str:
+        """Return the command that repeats the runs of a configuration."""
+        material = self.material
+        if not material.preset:
+            return " ".join(["eskin sim", *options(config), *material.again, f"--ticks {self.ticks or ALL_TICKS}"])
+        again = " ".join([reproduce(config, self.simulator, self.seed, self.command), *filter(None, [self.again])])
+        if not self.names:
+            return again
+        dataset = shlex.quote(str(material.place or material.name))
+        return f"{again.replace(' --textures 0', '')} --dataset {dataset} --ticks {self.ticks or ALL_TICKS}"
 
 
 def plan(
@@ -98,7 +110,7 @@ def plan(
     dataset: str | None,
     out: Path,
 ) -> Plan:
-    """Return the plan for the options of the command."""
+    """Return the plan for textures."""
     require_programs(simulator)  # type: ignore[arg-type]
     if textures < 0 or seed < 0 or (ticks is not None and ticks < 1):
         raise InputError(f"textures and seed must be at least 0 and ticks at least 1, not {textures}, {seed}, {ticks}")
@@ -111,7 +123,14 @@ def plan(
         picked = [named(material, only)]
     if ticks is None and (waves or simulator == "icarus"):
         ticks = WAVE_TICKS
-    return Plan(simulator, waves, seed, only is None, material, picked, ticks, out)  # type: ignore[arg-type]
+    return Plan(simulator, waves, material, picked, ticks, out, only is None, seed)  # type: ignore[arg-type]
+
+
+def check_own(simulator: str, count: int, ticks: int | None) -> None:
+    """Check the simulation parameters before recordings are read."""
+    require_programs(simulator)  # type: ignore[arg-type]
+    if count < 1 or (ticks is not None and ticks < 1):
+        raise InputError(f"textures and ticks must be at least 1 with --data, not {count}, {ticks}")
 
 
 def with_dut(plan: Plan, config: ReadoutConfig, files: Sequence[Path], top: str) -> Plan:
@@ -161,30 +180,62 @@ def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_st
     on_stage(f"building for {plan.simulator}")
     with reported(f"building {config.rows} x {config.columns} taxels for {plan.simulator}"):
         program = build(config, plan.simulator, waves=plan.waves, text=plan.text, macros=plan.macros)
-    place, material = plan.place(config), plan.material
-    again = " ".join([reproduce(config, plan.simulator, plan.seed, plan.command), *filter(None, [plan.again])])
-    if plan.textures:
-        dataset = shlex.quote(material.place or material.name)
-        again = f"{again.replace(' --textures 0', '')} --dataset {dataset} --ticks {plan.ticks or ALL_TICKS}"
-    job = dataclasses.replace(
-        job_of(material, plan.textures, config, program, again),
-        seed=plan.seed if plan.scenarios else None,
-        ticks=plan.ticks,
-        skip=plan.textures[1:],
-        keep=str(make_folder(plan.out, f"{place}/events").resolve()),
-    )
+    again = plan.reproduce(config)
+    own = {"ticks": plan.ticks, "skip": plan.names[1:]}
+    scans = Scans.of(plan.material, plan.names, config, program, re.sub(" --seed [0-9]+", "", again), **own)
     on_stage("RTL against model")
-    images = material.arrays(plan.textures)
-    folder = make_folder(plan.out, f"{place}/run", empty=True)
+    place = plan.place(config).relative_to(plan.out)
+    keep = make_folder(plan.out, place / "events").resolve()
+    folder = make_folder(plan.out, place / "run", empty=True)
+    scenarios = scenario_runs(config, plan.seed, again) if plan.scenarios else ()
     try:
-        tally = play_here(program, job, images, folder, on_run)
+        tally = play_runs(program, itertools.chain(scenarios, scans.runs(keep)), folder, on_run)
     except AssertionError:
         if plan.macros is None:
             raise
         raise InputError(f"the simulation of the Verilog ended early; look for $finish, and see {folder}") from None
-    if plan.textures:
+    if plan.names:
         on_stage("picture")
-        name = plan.textures[0]
-        draw(config, name, plan.samples(config, name), plan.out / place, plan.image(config, name))
+        name = plan.names[0]
+        image = plan.material.array(name, config) if plan.material.preset else None
+        draw(config, name, plan.samples(config, name), plan.place(config), image)
     on_stage("done")
     return tally
+
+
+def draw(config: ReadoutConfig, name: str, samples: NDArray[Any], folder: Path, texture: Any = None) -> None:
+    """Draw the events of RTL and model above each other, and write both event files.
+
+    ``samples``, shape (ticks, taxels), are the codes that were played, and ``texture`` is the image that was scanned.
+    """
+    from eskin.skin.figures.raster import plot_comparison
+
+    recorded = folder / "events" / f"{name}.npz"
+    rtl = Recording.load(recorded)
+    model = simulate(config, settled(config, samples))
+    metadata = rtl.metadata | {"source": "model"}
+    Recording(model, config, rtl.duration_clocks, metadata=metadata).save(folder / "model.npz")
+    with atomic_write(folder / "rtl.npz") as file:
+        file.write(recorded.read_bytes())
+    plot_comparison(
+        (rtl.events, model),
+        config,
+        folder / PICTURE,
+        labels=("RTL", "model"),
+        title=f"{name}, {config.encoder.title} {config.resolution} b, {config.rows} x {config.columns} taxels",
+        signal=samples / config.full_scale,
+        texture=texture,
+        duration_clocks=rtl.duration_clocks,
+    )
+
+
+def play_samples(config: ReadoutConfig, codes: NDArray[np.int32], simulator: Simulator = "verilator") -> Events:
+    """Return the RTL's events for codes, shape (ticks, taxels), after comparison with the model."""
+    program, again = build(config, simulator), " ".join(["eskin sim", *options(config)])
+
+    def play(folder: Path) -> Events:
+        play_runs(program, Scans(config, {"signal": codes}, again, {"signal": {"proof": ""}}).runs(folder), folder)
+        return Recording.load(folder / "signal.npz").events
+
+    events = until_it_lives("signal", play)
+    return events[events["t"] < len(codes) * config.clocks_per_sample]

@@ -2,30 +2,19 @@
 
 from __future__ import annotations
 
-import json
+import random
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from eskin.cocotb_tests.bench.textures import random_scan
-from eskin.cocotb_tests.runner.player import Job
-from eskin.cocotb_tests.runner.process import follow
+from eskin.cocotb_tests.blocks.classifier import random_network
+from eskin.cocotb_tests.runner.process import play_runs
 from eskin.cocotb_tests.runner.simulator import Simulator, build
+from eskin.cocotb_tests.touch.plan import Part, result_of
 from eskin.model.classifier.chip_config import ChipConfig
-from eskin.model.classifier.config import highest, lowest
 from eskin.model.classifier.file import IntegerWeights
-from eskin.model.classifier.network import IntegerNetwork
-
-
-def network_of(chip: ChipConfig) -> IntegerWeights:
-    """Return a network of random weights."""
-    config, rng = chip.classifier, np.random.default_rng(5)
-
-    def drawn(bits: int, *shape: int) -> Any:
-        return rng.integers(lowest(bits), highest(bits) + 1, shape)
-
-    return IntegerWeights(IntegerNetwork.filled(config, drawn), tuple(f"class {n}" for n in range(config.classes)))
 
 
 def play(
@@ -36,14 +25,13 @@ def play(
     The chip plays the texture twice: every clock, and only the clocks in which it is awake. ``text`` is Verilog to
     simulate instead of the chip's own.
     """
-    (network or network_of(chip)).save(folder / "network.npz")
+    if network is None:
+        names = tuple(f"class {n}" for n in range(chip.classifier.classes))
+        network = IntegerWeights(random_network(chip.classifier, random.Random(5)), names)
+    network.save(folder / "network.npz")
     samples = random_scan(chip.readout, 60, np.random.default_rng(2))
     samples = np.concatenate([samples, np.repeat(samples[-1:], 30, axis=0)])
-    np.savez(folder / "arrays.npz", **dict.fromkeys(("array/noise", "array/skipped"), samples))  # type: ignore[arg-type]
-    weights, arrays = (str(folder / name) for name in ("network.npz", "arrays.npz"))
-    runs: dict[str, dict[str, Any]] = {"noise": {}, "skipped": {}}
-    job = Job(chip.to_dict(), "again", played=runs, arrays=arrays, keep=str(folder), skip=["skipped"], network=weights)
-    follow(build(chip, program, text=text), "eskin.cocotb_tests.touch.player", job, folder)
-    with np.load(folder / "noise.npz") as found:
-        assert len(found["taken"]) == json.loads(str(found["metadata"]))["events"]
-        return dict(json.loads(str(found["metadata"])))
+    runs = dict.fromkeys(("noise", "skipped"), samples)
+    part = Part(folder / "network.npz", runs, {name: {} for name in runs}, ["skipped"], "again")
+    play_runs(build(chip, program, text=text), part.runs(chip, folder), folder)
+    return result_of(folder / "noise.npz")

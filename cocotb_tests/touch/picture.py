@@ -29,8 +29,8 @@ def draw(plan: Plan, summary: dict[str, Any], path: Path) -> Path | None:
             break
     else:
         return None
-    network, array = plan.networks[name], plan.material.arrays([name])[name]
-    chip, bins, samples = network.chip, said["bins"], plan.samples(name, array)
+    network, samples = plan.networks[name], plan.samples(name)
+    chip, bins = network.chip, said["bins"]
     run = ChipRun(arrays["taken"], arrays["taken"], arrays["channel"], None, [], arrays["spikes"])
     spikes = np.zeros((bins, chip.classifier.hidden), np.float32)
     spikes[tuple(run.spikes[run.spikes[:, 0] < bins].T)] = 1
@@ -42,7 +42,7 @@ def draw(plan: Plan, summary: dict[str, Any], path: Path) -> Path | None:
         label=said["true"],
         tested=name in network.tested,
         scan=preset(plan.material.preset, network.wiring) if scanned else None,
-        pixels=plan.image(name, array) if scanned else None,
+        pixels=plan.image(name) if scanned else None,
         recording=Recording(run.events(chip), chip.readout, len(samples) * chip.readout.clocks_per_sample),
         signals=samples / chip.readout.full_scale,
         start_s=0.0,

@@ -16,18 +16,17 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 from eskin.base.files import make_folder, read_arrays
 from eskin.base.workers.pool import WorkerPool, each
-from eskin.cocotb_tests.bench.textures import large_enough
-from eskin.cocotb_tests.runner.chunk import store, until_it_lives, write_arrays
+from eskin.cocotb_tests.bench.chip import ChipScan
+from eskin.cocotb_tests.runner.chunk import store, until_it_lives
 from eskin.cocotb_tests.runner.inputs import Material, Own, Textures, chosen
-from eskin.cocotb_tests.runner.player import Job
-from eskin.cocotb_tests.runner.process import follow
+from eskin.cocotb_tests.runner.process import play_runs
 from eskin.cocotb_tests.runner.simulator import Build, build, require_programs
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.options import FINGER
 from eskin.skin.recordings.trained_on import RUNS, OwnReadout, network_of, networks_of_recordings
-from eskin.skin.textures.dataset import EMBEDDED, open_dataset
+from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.presets import preset
 
 SHIPPED = Path(__file__).parents[2] / "model" / "classifier" / "networks"
@@ -72,6 +71,25 @@ class Network:
 
 
 @dataclass(frozen=True)
+class Part:
+    """Scans or recordings for one network."""
+
+    network: Path
+    samples: dict[str, NDArray[Any]]  # codes by name
+    metadata: dict[str, dict[str, Any]]  # of the results by name
+    skip: list[str]  # those for which the harness may skip clocks
+    again: str  # command that repeats all of them
+
+    def runs(self, chip: ChipConfig, keep: Path) -> Iterator[ChipScan]:
+        """Yield a run for each; the results go into a folder."""
+        network = dataclasses.replace(IntegerWeights.load(self.network).network, config=chip.classifier)
+        for name, samples in self.samples.items():
+            make_folder(keep, Path(name).parent)
+            again, place = f"{self.again} ONLY={name}", keep / f"{name}.npz"
+            yield ChipScan(chip, network, name, samples, again, place, self.metadata[name], name in self.skip)
+
+
+@dataclass(frozen=True)
 class Plan:
     """The inputs to simulate, and the networks."""
 
@@ -110,8 +128,8 @@ class Plan:
             return None
         return said if said.get("proof") == self.proof(name) else None
 
-    def parts(self, workers: int) -> Iterator[tuple[Job, dict[str, NDArray[Any]]]]:
-        """Yield jobs for missing results, each with one network.
+    def parts(self, workers: int) -> Iterator[Part]:
+        """Yield the missing inputs in parts, each with one network.
 
         The first run plays every clock. The others skip the clocks in which the chip is not awake.
         """
@@ -123,40 +141,35 @@ class Plan:
         size = max(1, min(MOST_IN_A_PART, -(-total // workers)))
         parts = [names[at : at + size] for names in missing.values() for at in range(0, len(names), size)]
         for names in parts:
+            said = self.material.said(names)
+            samples = {name: self.samples(name) for name in names}
+            metadata = {name: self._metadata(name, said[name].get("class")) for name in names}
             skip = [name for name in names if name != parts[0][0]]
-            yield dataclasses.replace(self._job(names), skip=skip), self._samples(names)
+            yield Part(self.networks[names[0]].path.resolve(), samples, metadata, skip, self.again)
 
-    def _job(self, names: list[str]) -> Job:
-        network, said = self.networks[names[0]], self.material.said(names)
+    def _metadata(self, name: str, true: Any) -> dict[str, Any]:
+        network = self.networks[name]
         classes = list(network.weights.class_names)
-        played = {
-            name: {
-                "name": name,
-                "true": classes.index(said[name]["class"]) if said[name].get("class") in classes else None,
-                "float": network.tested.get(name),
-                "classes": classes,
-                "network": network.path.name,
-                "proof": self.proof(name),
-            }
-            for name in names
+        return {
+            "name": name,
+            "true": classes.index(true) if true in classes else None,
+            "float": network.tested.get(name),
+            "classes": classes,
+            "network": network.path.name,
+            "proof": self.proof(name),
         }
-        return Job(network.chip.to_dict(), self.again, played=played, network=str(network.path.resolve()))
 
-    def _samples(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-        arrays = self.material.arrays(names)
-        return {name: self.samples(name, arrays[name]) for name in names}
+    def image(self, name: str) -> NDArray[Any]:
+        """Return the image to scan, or the codes of a recording."""
+        return self.material.array(name, self.networks[name].chip.readout)
 
-    def samples(self, name: str, array: NDArray[Any]) -> NDArray[Any]:
+    def samples(self, name: str) -> NDArray[Any]:
         """Return the codes for an image or a recording."""
+        network, array = self.networks[name], self.image(name)
         if not self.material.preset:
             return array
-        network = self.networks[name]
         scan = preset(self.material.preset, network.wiring)
-        return scan.samples(network.chip.readout, self.image(name, array), self.material.start_row)[0]
-
-    def image(self, name: str, array: NDArray[Any]) -> NDArray[Any]:
-        """Return the image to scan; embedded images are repeated for large arrays."""
-        return large_enough(array, self.networks[name].chip.readout) if self.material.name == EMBEDDED else array
+        return scan.samples(network.chip.readout, array, self.material.start_row)[0]
 
 
 def plan(weights: Path | None, data: Path | None, dataset: str, limit: int | None, only: str | None, out: Path) -> Plan:
@@ -239,17 +252,15 @@ def choose(material: Material, names: Sequence[str], networks: Sequence[Network]
     return found
 
 
-def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> dict[str, bytes]:
-    """Run a job on this machine and return its result files; restart a crashed simulation."""
-    program = build(ChipConfig.from_dict(job.config), "verilator")
+def play_part(part: Part) -> dict[str, bytes]:
+    """Play a part on this machine and return its result files; restart a crashed simulation."""
+    network = Network.load(part.network)
+    program = build(network.chip, "verilator")
 
     def play(running: Path) -> dict[str, bytes]:
         keep = make_folder(running, "results")
-        for name in job.played:
-            make_folder(keep, Path(name).parent)
-        full = dataclasses.replace(job, arrays=str(write_arrays(running, arrays)), keep=str(keep))
-        follow(program, "eskin.cocotb_tests.touch.player", full, running)
-        return {name: (keep / f"{name}.npz").read_bytes() for name in job.played}
+        play_runs(program, part.runs(network.chip, keep), running)
+        return {name: (keep / f"{name}.npz").read_bytes() for name in part.samples}
 
     return until_it_lives("touch", play)
 
@@ -257,7 +268,7 @@ def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> dict[str, bytes]:
 def play(plan: Plan, pool: WorkerPool, on_run: Callable[[], object]) -> None:
     """Simulate the missing inputs in parallel, and store the results."""
     require_programs("verilator")
-    for files in each(pool, play_part, plan.parts(pool.workers)):
+    for files in each(pool, play_part, ((part,) for part in plan.parts(pool.workers))):
         store(plan.folder, files, on_run)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from eskin.cocotb_tests.bench.readout import EventMonitor, StimulusDriver
+from eskin.cocotb_tests.bench.readout import read_events, write_stimulus
 from eskin.cocotb_tests.runner.simulator import HARNESS, shape
 from eskin.flow.gatesim import icarus
 from eskin.flow.gatesim.flat_netlist import FlatNetlist
@@ -36,10 +36,10 @@ def play(
         inside=2 * HALF_NS * scenario.clocks + 6,
         file=DUMP,
     )
-    StimulusDriver(config, folder).write(scenario.stimulus)
+    write_stimulus(config, folder, scenario.stimulus)
     texts = [_defined(macros, netlist) + HARNESS.read_text(), netlist.verilog(gather=True), cells, player]
     errors = int(icarus.run(texts, "play", folder).split()[-1])
-    events = EventMonitor(config, folder).read()
+    events = read_events(config, folder)
     _hold_to_model(scenario, events, errors)
     return read_dump(folder / DUMP, HALF_NS + 1, scenario.clocks, netlist.nets, parts), scenario.inside(events)
 

@@ -183,7 +183,7 @@ def test_every_command_applies_the_scale_of_each_taxel(folder: Path, call: Any) 
         assert 500 < np.abs(codes).max() < 1500
         network = IntegerWeights.load(whole)
         played = codes_to_play(network, chip.networks[name].chip.readout, recordings=Path("new"), only=name)
-        for found in (signals_of(events)[0][name], chip.material.arrays([name])[name], show.load(name)[0], played[1]):
+        for found in (signals_of(events)[0][name], chip.image(name), show.load(name)[0], played[1]):
             assert np.array_equal(found, codes)
     code, out, error = call("train --data skin --scale max", SMALL, "-o common")
     assert code == 0, error

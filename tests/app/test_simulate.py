@@ -21,8 +21,7 @@ import eskin.base.progress as progress
 import eskin.cocotb_tests.runner.simulator as simulator
 from eskin.cocotb_tests.bench.stimuli import settled
 from eskin.cocotb_tests.runner.build_cache import ROOT
-from eskin.cocotb_tests.runner.player import Job
-from eskin.cocotb_tests.runner.process import MismatchFound, run_job
+from eskin.cocotb_tests.runner.process import MismatchFound, play_runs, scenario_runs
 from eskin.cocotb_tests.runner.reproduce import reproduce
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
@@ -258,9 +257,9 @@ def test_a_broken_readout_is_found_and_described(fault: str, tmp_path: Path, mon
     assert before in text
     monkeypatch.setattr(simulator, "verilog_text", lambda _: text.replace(before, after, 1))
     monkeypatch.setattr(simulator, "BUILD", tmp_path)
-    job = Job(config.to_dict(), reproduce(config, "icarus", 0), seed=0)
+    runs = scenario_runs(config, 0, reproduce(config, "icarus", 0))
     with pytest.raises(MismatchFound) as found:
-        run_job(simulator.build(config, "icarus"), job, tmp_path / "run")
+        play_runs(simulator.build(config, "icarus"), runs, tmp_path / "run")
     message = str(found.value)
     assert "RTL and model differ" in message
     assert re.search(r"clock \d+: sample -?\d+, reference -?\d+, half-width \d+, pending [01]", message)

@@ -48,7 +48,7 @@ def test_the_site_has_every_room_search_and_the_notebook_and_loads_nothing_from_
         "eskin.model.taxel",
         "eskin.rtl.arbiter",
         "eskin.snn.kernels.layer",
-        "eskin.cocotb_tests.bench.reference",
+        "eskin.cocotb_tests.independent.taxel",
     ):
         assert name in index
     assert (site / "tutorial.ipynb").is_file()

@@ -13,12 +13,13 @@ from typing import Any
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.cocotb_tests.bench.readout import EventMonitor
+from eskin.cocotb_tests.bench.readout import read_events
 from eskin.flow import opensta
 from eskin.flow.asic import timing
 from eskin.flow.asic.equivalence import design_of
 from eskin.flow.asic.synthesis import synthesise
 from eskin.flow.liberty.library import Library, read
+from eskin.flow.power import event_bench
 from eskin.flow.power.results import why_not
 from eskin.flow.report import Report, command_of, constant_outputs, measured, run
 from eskin.model.config import ReadoutConfig
@@ -149,8 +150,7 @@ def test_a_library_without_an_integrated_gate_does_for_a_leaking_taxel_too(tmp_p
 @NEEDS_STA
 @NEEDS_ICARUS
 def test_an_event_that_the_netlist_loses_is_a_problem(unpowered: Report, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = EventMonitor.read
-    monkeypatch.setattr(EventMonitor, "read", lambda own: whole(own)[:-1])
+    monkeypatch.setattr(event_bench, "read_events", lambda *where: read_events(*where)[:-1])
     lossy = dataclasses.replace(unpowered, more=measured(unpowered.netlist), unmeasured="")
     events = lossy.to_dict("make asic")["gate_level_events"]
     assert events["netlist"] == events["rtl"] - 1 > 0

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.cocotb_tests.runner.player import Job
-from eskin.cocotb_tests.runner.process import MismatchFound, Tally, run_job
+from eskin.cocotb_tests.runner.process import MismatchFound, Tally, play_runs, scenario_runs
 from eskin.cocotb_tests.runner.simulator import build
 from eskin.flow.asic.synthesis import Netlist, synthesise
 from eskin.flow.gatesim import icarus
@@ -51,8 +50,7 @@ def made(library: Library) -> Made:
 
 def play(config: ReadoutConfig, text: str, folder: Path) -> Tally:
     """Simulate the scenarios of the readout on a netlist."""
-    job = Job(config.to_dict(), "make sim GATES=1", seed=0)
-    return run_job(build(config, "icarus", text=text), job, folder)
+    return play_runs(build(config, "icarus", text=text), scenario_runs(config, 0, "make sim GATES=1"), folder)
 
 
 def test_a_netlist_does_what_the_model_does(made: Made, tmp_path: Path) -> None:

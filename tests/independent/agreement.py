@@ -2,67 +2,97 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
 
-from eskin.cocotb_tests.bench.reference import ReceiverReference
+from eskin.cocotb_tests.bench.analog import ideal
+from eskin.cocotb_tests.independent.classifier import Network, Neuron
+from eskin.cocotb_tests.independent.fields import signals
+from eskin.cocotb_tests.independent.frame import FrameReadout
+from eskin.cocotb_tests.independent.link import Receiver
+from eskin.cocotb_tests.independent.merge import Merge
+from eskin.cocotb_tests.independent.readout import Readout
+from eskin.cocotb_tests.independent.settings import Settings
 from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.model.config import ReadoutConfig
+from eskin.model.events.compare import first_difference
 from eskin.model.frame import FrameStimulus
 from eskin.model.frame_config import FrameConfig
-from eskin.model.readout import Stimulus
+from eskin.model.readout import Stimulus, simulate, state_at
 from eskin.model.tiles.config import TilesConfig
 
-from .classifier import Network, Neuron
-from .fields import signals
-from .frame import FrameReadout
-from .merge import Merge
-from .readout import Readout
-from .settings import Settings
+
+def steps(config: ReadoutConfig, stimulus: Stimulus, readout: Readout) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Yield each clock with its inputs, and then apply its edge to the second model."""
+    receiver = Receiver(stimulus.ack_delay.tolist())
+    samples = dict(zip(stimulus.sample_clock.tolist(), stimulus.samples.tolist(), strict=True))
+    masks = dict(zip(stimulus.enable_clock.tolist(), stimulus.enable.tolist(), strict=True))
+    signal, mask = [0] * config.taxels, None
+    for clock in range(stimulus.clocks):
+        mask, sample = masks.get(clock, mask), samples.get(clock)
+        decisions = None
+        if config.frontend == "analog" and stimulus.decisions is not None:
+            decisions = [(bool(d & 1), bool(d & 2)) for d in stimulus.decisions[clock].tolist()]
+        elif config.frontend == "analog":
+            decisions = [
+                ideal(config, x, *threshold) for x, threshold in zip(signal, readout.thresholds(), strict=True)
+            ]
+        inputs = {
+            "sample_valid": sample is not None,
+            "sample": sample,
+            "enable": mask,
+            "ready": bool(stimulus.ready[clock % len(stimulus.ready)]),
+            "ack": receiver.ack_at(clock),
+            "decisions": decisions,
+        }
+        yield clock, inputs
+        readout.clock(**inputs)
+        receiver.see(readout.outputs().get("aer_req", 0), clock)
+        if sample is not None:
+            signal = signals(readout.settings, sample)
 
 
 def play(config: ReadoutConfig, stimulus: Stimulus, readout: Readout | None = None) -> tuple[Events, Readout]:
     """Return the events of the second model, and its final state."""
     readout = readout or Readout(Settings.of(config.to_dict()))
     begun = len(readout.events)
-    receiver = ReceiverReference(stimulus.ack_delay.tolist())
-    signal = [0] * config.taxels
-    tick = change = 0
-    mask = None
-    four_phase, analog = config.link != "stream", config.frontend == "analog"
-    for clock in range(stimulus.clocks):
-        if change < len(stimulus.enable_clock) and stimulus.enable_clock[change] == clock:
-            mask = stimulus.enable[change].tolist()
-            change += 1
-        valid = tick < len(stimulus.sample_clock) and bool(stimulus.sample_clock[tick] == clock)
-        sample = stimulus.samples[tick].tolist() if valid else None
-        decisions = None
-        if analog and stimulus.decisions is not None:
-            decisions = [(bool(d & 1), bool(d & 2)) for d in stimulus.decisions[clock].tolist()]
-        elif analog:
-            decisions = [look(config, x, *threshold) for x, threshold in zip(signal, readout.thresholds(), strict=True)]
-        readout.clock(
-            sample_valid=valid,
-            sample=sample,
-            enable=mask,
-            ready=bool(stimulus.ready[clock % len(stimulus.ready)]),
-            ack=receiver.ack_at(clock),
-            decisions=decisions,
-        )
-        if four_phase:
-            receiver.see(bool(readout.outputs()["aer_req"]), clock)
-        if valid:
-            signal, tick = signals(readout.settings, sample), tick + 1
+    for _ in steps(config, stimulus, readout):
+        pass
     events = [(t, x, y, bool(p)) for t, x, y, p in readout.events[begun:]]
-    if four_phase and events and events[-1][0] == stimulus.clocks - 1:
+    if config.handshake and events and events[-1][0] == stimulus.clocks - 1:
         events.pop()  # nobody sees a REQ that rises at the last edge of a run
     return np.array(events, EVENT_DTYPE), readout
 
 
-def look(config: ReadoutConfig, x: int, reference: int, half_width: int) -> tuple[bool, bool]:
-    """Return the decisions of ideal comparators."""
-    above = x > reference + half_width if config.encoder.strict else x - reference >= half_width
-    return above, config.has_polarity and x - reference < -half_width
+def differs(config: ReadoutConfig, stimulus: Stimulus, readout: Readout | None = None) -> str:
+    """Return the first difference of both models in events or final registers, or an empty text."""
+    expected = simulate(config, stimulus)
+    events, readout = play(config, stimulus, readout)
+    found = first_difference(expected, events)
+    if found is not None:
+        return found.describe(("first", "second"))
+    state, arbiter = state_at(config, stimulus, stimulus.clocks), readout.arbiter
+    taxels = [taxel for row in readout.taxels for taxel in row]
+    waiting = [taxel.request for taxel in taxels if taxel.request is not None]
+    behind = range(arbiter.pointer or config.rows, config.rows)
+    pairs = {
+        "reference": (state.reference, [taxel.reference for taxel in taxels]),
+        "pending": (state.pending, [taxel.request is not None for taxel in taxels]),
+        "polarity": (state.polarity[state.pending] if config.has_polarity else [1] * len(waiting), waiting),
+        "half-width": (state.half_width, [taxel.half_width() for taxel in taxels]),
+        "latch": ([state.latch_columns], [sum(1 << column for _, column, _ in arbiter.queue)]),
+        "latched row": ([state.latch_row] * len(arbiter.queue), [row for row, *_ in arbiter.queue]),
+        "rows behind": ([state.behind & (1 << config.rows) - 1], [sum(1 << row for row in behind)]),
+    }
+    if config.frontend == "digital":
+        pairs["sample"] = (state.sample, [taxel.sample for taxel in taxels])
+    for name, (a, b) in pairs.items():
+        if np.ravel(a).tolist() != np.ravel(b).tolist():
+            return f"{name} at the end: first {np.ravel(a).tolist()}, second {np.ravel(b).tolist()}"
+    return ""
 
 
 def play_skin(config: TilesConfig, stimuli: list[Stimulus]) -> Events:

@@ -19,37 +19,13 @@ from eskin.model.events.compare import first_difference
 from eskin.model.frame import FrameStimulus
 from eskin.model.frame import simulate as simulate_frames
 from eskin.model.frame_config import FrameConfig
-from eskin.model.readout import Stimulus, simulate, state_at
+from eskin.model.readout import simulate
 from eskin.model.tiles.config import TilesConfig
 from eskin.model.tiles.run import simulate_skin
-
-from .agreement import network_of, play, play_frames, play_skin
+from tests.independent.agreement import differs, network_of, play, play_frames, play_skin
 
 RUNS = 20
 """Runs of one test; each has a seed of its own."""
-
-
-def differs(config: ReadoutConfig, stimulus: Stimulus, readout: Any = None) -> str:
-    """Return the first difference in events or registers, or an empty text."""
-    expected = simulate(config, stimulus)
-    events, readout = play(config, stimulus, readout)
-    found = first_difference(expected, events)
-    if found is not None:
-        return found.describe(("first", "second"))
-    state = state_at(config, stimulus, stimulus.clocks)
-    taxels = [taxel for row in readout.taxels for taxel in row]
-    pairs = {
-        "reference": (state.reference, [taxel.reference for taxel in taxels]),
-        "pending": (state.pending, [taxel.request is not None for taxel in taxels]),
-        "half-width": (state.half_width, [taxel.half_width() for taxel in taxels]),
-        "latch": ([state.latch_columns], [sum(1 << column for _, column, _ in readout.arbiter.queue)]),
-    }
-    if config.frontend == "digital":
-        pairs["sample"] = (state.sample, [taxel.sample for taxel in taxels])
-    for name, (a, b) in pairs.items():
-        if np.ravel(a).tolist() != np.ravel(b).tolist():
-            return f"{name} at the end: first {np.ravel(a).tolist()}, second {np.ravel(b).tolist()}"
-    return ""
 
 
 def draws(holdout: int, part: int, **fields: Any) -> list[Draw]:

@@ -1,4 +1,4 @@
-"""Compare the model's arbiter with the reference arbiter."""
+"""Compare the model's arbiter with that of the independent model."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eskin.cocotb_tests.bench.reference import ArbiterReference
+from eskin.cocotb_tests.independent.arbiter import Arbiter
 from eskin.model.arbiter import ZERO, lowest, next_row, rows_behind, without_lowest
-from eskin.model.config import ReadoutConfig
 
 WORD = st.integers(1, 2**64 - 1) | st.integers(0, 63).map(lambda bit: 1 << bit)
 
@@ -21,14 +20,14 @@ def test_lowest_bit_of_a_word(word: int) -> None:
 
 
 @given(st.integers(1, 64), st.data())
-def test_next_row_equals_the_reference_over_a_run_of_grants(rows: int, data: st.DataObject) -> None:
-    reference = ArbiterReference(ReadoutConfig(rows=rows, columns=1))
+def test_next_row_equals_the_independent_model_over_a_run_of_grants(rows: int, data: st.DataObject) -> None:
+    reference = Arbiter(rows, 1)
     behind = ZERO
     for _ in range(data.draw(st.integers(1, 8))):
         word = data.draw(st.integers(1, 2**rows - 1))
-        requests = [[True] if word >> row & 1 else [None] for row in range(rows)]
+        requests = [[1 if word >> row & 1 else None] for row in range(rows)]
         row = next_row(np.uint64(word), behind)
-        assert row == reference.granted(requests, True)
+        assert row == reference.granted_row(requests, True)
         reference.clock(requests, True)
         behind = rows_behind(row)
         assert [bit for bit in range(rows) if int(behind) >> bit & 1] == list(range(row + 1, rows))

@@ -1,4 +1,4 @@
-"""Compare the model's four-phase link with the reference link, and check its clocks per event."""
+"""Compare the model's four-phase link with that of the independent model, and check its clocks per event."""
 
 from __future__ import annotations
 
@@ -6,26 +6,26 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eskin.cocotb_tests.bench.reference import AddressEvent, LinkReference, ReceiverReference
+from eskin.cocotb_tests.independent.link import FourPhaseLink, Receiver
 from eskin.model import link
 
 DELAYS = st.lists(st.integers(1, 100).filter(lambda delay: delay % 8), min_size=1, max_size=6)
 
 
 @given(DELAYS, st.lists(st.booleans(), min_size=1, max_size=60))
-def test_model_equals_the_reference_clock_by_clock(delays: list[int], offers: list[bool]) -> None:
-    state, reference, receiver = link.new_state(), LinkReference(), ReceiverReference(delays)
+def test_model_equals_the_independent_model_clock_by_clock(delays: list[int], offers: list[bool]) -> None:
+    state, reference, receiver = link.new_state(), FourPhaseLink(), Receiver(delays)
     for clock in range(300):
         offered = offers[clock % len(offers)]
-        assert link.ready(state) == reference.ready
-        req = reference.req
-        reference.clock(AddressEvent(0, clock, True) if offered else None, receiver.ack_at(clock))
-        receiver.see(reference.req, clock)
+        assert link.ready(state) == reference.ready()
+        req = reference.request()
+        reference.clock((0, clock, 1) if offered else None, receiver.ack_at(clock))
+        receiver.see(reference.request(), clock)
         taken = bool(offered and link.ready(state))
-        assert link.advance(state, clock, taken, np.array(delays)) == (reference.req and not req)
-        assert state[link.REQ] == reference.req
+        assert link.advance(state, clock, taken, np.array(delays)) == (reference.request() and not req)
+        assert state[link.REQ] == reference.request()
         if link.ready(state):
-            assert reference.ready
+            assert reference.ready()
             assert not receiver.ack_at(clock + 1)
 
 

@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
+from eskin.cocotb_tests.independent.settings import Settings
+from eskin.cocotb_tests.independent.taxel import KINDS
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.readout import Stimulus, simulate
@@ -27,8 +29,6 @@ from eskin.model.taxel import (
     slope_limit,
     uncontended_events,
 )
-from tests.independent.settings import Settings
-from tests.independent.taxel import KINDS
 from tests.model.refused import refused
 
 
@@ -53,7 +53,7 @@ def counts(config: ReadoutConfig, *codes: int) -> list[int]:
 def second(
     config: ReadoutConfig, samples: NDArray[np.integer[Any]]
 ) -> tuple[list[tuple[int, int, int]], NDArray[np.float64]]:
-    """Return events (clock, taxel, sign), and the reference after each tick, of the model in tests/independent."""
+    """Return events (clock, taxel, sign), and the reference after each tick, of the independent model."""
     events, reference = [], np.zeros(samples.shape)
     unit = 2**config.fraction_bits if config.encoder.leaks else 1
     for number in range(samples.shape[1]):

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from amaranth.sim import Simulator
 
-from eskin.cocotb_tests.bench.reference import ReceiverReference
+from eskin.cocotb_tests.bench.analog import ideal
+from eskin.cocotb_tests.independent.link import Receiver
 from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.fields import seen
 from eskin.model.readout import Stimulus
 from eskin.rtl import readout
 from eskin.rtl.link import requests
-from tests.independent.agreement import look
 
 
 class Breach(AssertionError):
@@ -42,7 +42,7 @@ class Design:
         self.stimulus = stimulus
         self.driven: dict[str, int] = {}
         self.events: list[tuple[int, int, int, bool]] = []
-        self.receiver = ReceiverReference(stimulus.ack_delay.tolist())
+        self.receiver = Receiver(stimulus.ack_delay.tolist())
         self.signal = [0] * self.config.taxels
         self.waiting: tuple[int, ...] | None = None
         self.before = (0, 0, 0)
@@ -96,7 +96,7 @@ class Design:
             for taxel, x in enumerate(self.signal):
                 code = codes >> taxel * bits & (1 << bits) - 1
                 width = widths >> taxel * size & (1 << size) - 1 if config.closes else config.step
-                found.append(look(config, x, code - (code >> bits - 1 << bits), width))
+                found.append(ideal(config, x, code - (code >> bits - 1 << bits), width))
         self._drive(ctx, above=_word([a for a, _ in found], 1), below=_word([b for _, b in found], 1))
 
     def _stream(self, ctx: Any, clock: int) -> None:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.cocotb_tests.bench import reference
-from eskin.cocotb_tests.bench.reference import play
+from eskin.cocotb_tests.independent.readout import Readout as IndependentReadout
+from eskin.cocotb_tests.independent.settings import Settings
+from eskin.cocotb_tests.independent.taxel import KINDS
 from eskin.flow.datasheet.page import sheet_of
 from eskin.flow.gate_count import count_gates
 from eskin.model.config import ReadoutConfig
@@ -21,8 +22,6 @@ from eskin.rtl.encoders import registry as rtl
 from eskin.rtl.verilog import verilog
 from eskin.verify.proofs.bench import design
 from eskin.verify.proofs.blocks.taxel import TaxelChecker
-from tests.independent.readout import Readout as IndependentReadout
-from tests.independent.settings import Settings
 
 SAMPLES = np.array([[0, 0], [40, -40]])
 STIMULUS = Stimulus.from_samples(ReadoutConfig(rows=1, columns=2), SAMPLES)
@@ -35,7 +34,6 @@ PARTS: dict[str, tuple[Callable[[ReadoutConfig], Any], set[str]]] = {
     "gates": (lambda config: count_gates(config, 2), {"encoding", "link", "frontend"}),
     "datasheet": (sheet_of, {"encoding", "link", "frontend"}),
     "proofs": (lambda config: design(TaxelChecker(config)), {"encoding", "frontend"}),
-    "plain model": (lambda config: play(config, STIMULUS), {"encoding", "link"}),
     "figures": (lambda config: registry.named(config.encoding).colour, {"encoding"}),
 }
 
@@ -57,12 +55,6 @@ def test_the_independent_model_knows_no_other_name(field: str) -> None:
         IndependentReadout(Settings(**{field: "dpcm"})).clock()
 
 
-def test_the_plain_model_plays_no_encoder_without_its_rule(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert set(registry.NAMES) == reference.KNOWN
-    monkeypatch.setattr(reference, "KNOWN", {"lcs"})  # as before the rule of another encoder is written
-    with pytest.raises(NotImplementedError, match="no rule for the encoder nlcs"):
-        play(ReadoutConfig(rows=1, columns=2, encoding="nlcs"), STIMULUS)
-
-
-def test_every_encoder_has_hardware() -> None:
+def test_every_encoder_has_hardware_and_a_second_reading() -> None:
+    assert set(registry.NAMES) == set(KINDS)
     assert [*rtl.ENCODERS] == list(registry.NAMES)

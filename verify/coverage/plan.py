@@ -93,14 +93,10 @@ def _hosts() -> Iterator[Run]:
         yield Run(f"registers {encoding}", config, stimuli.host)
         yield Run(f"registers {encoding} analog", config.replace(frontend="analog"), stimuli.host)
     base = SMALL.to_dict() | {"registers": "spi"}
-    for name, block, test in (
-        ("registers", registers, "file_follows_its_model"),
-        ("pattern", pattern, "pattern_follows_its_model"),
-        ("spi", spi, "slave_follows_its_model"),
-    ):
+    for name, steps in (("registers", registers.steps), ("pattern", pattern.steps), ("spi", spi.steps)):
         for encoding in registry.NAMES if name != "spi" else registry.NAMES[:1]:
             config = ReadoutConfig.from_dict(base | {"encoding": encoding})
-            yield Run(f"{name} alone {encoding}", config, stimuli.alone(block, test))
+            yield Run(f"{name} alone {encoding}", config, stimuli.alone(f"eskin_{name}", steps))
 
 
 def _skins() -> Iterator[Run]:

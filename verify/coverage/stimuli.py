@@ -5,22 +5,21 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from eskin.cocotb_tests.bench.draw import GAPS, SIGNALS, SINKS, Draw
 from eskin.cocotb_tests.bench.spi import Timing, waveform
-from eskin.cocotb_tests.blocks.analog import run as play_comparators
+from eskin.cocotb_tests.blocks.analog import play_faults as play_comparators
 from eskin.cocotb_tests.blocks.classifier import cosimulate as play_scans
-from eskin.cocotb_tests.blocks.frame import cosimulate as play_frames
+from eskin.cocotb_tests.blocks.frame import play as play_frames
 from eskin.cocotb_tests.blocks.host import pins_of
 from eskin.cocotb_tests.blocks.host import play as play_host
-from eskin.cocotb_tests.blocks.merge import play as play_merge
-from eskin.cocotb_tests.blocks.relay import play as play_relay
-from eskin.cocotb_tests.blocks.skin import play as play_skin
-from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.cocotb_tests.blocks.merge import relay_steps
+from eskin.cocotb_tests.blocks.merge import steps as merge_steps
+from eskin.cocotb_tests.blocks.skin import steps as skin_steps
+from eskin.cocotb_tests.runner.block import Steps, play_steps
 from eskin.cocotb_tests.touch import noise
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
@@ -68,7 +67,7 @@ def readout(config: ReadoutConfig, folder: Path) -> None:
     fields = {"fields": "own"} | config.to_dict() | {"registers": "none"}
     play([Draw(1, clocks, run, fields | own) for run, (own, clocks) in enumerate(parts)], VERILATOR)
     if config.frontend == "analog":  # comparators with offset, noise and hysteresis, of which both may fire
-        play_comparators(config, VERILATOR, "comparators_with_faults", folder)
+        play_comparators(config, VERILATOR, folder)
 
 
 def _words(register: Register) -> Iterator[int]:
@@ -131,14 +130,12 @@ def host(config: ReadoutConfig, folder: Path) -> None:
         play_host(config, VERILATOR, folder, seed, directed_host(config, random.Random(seed)), anything)
 
 
-def alone(block: ModuleType, test: str) -> Callable[[Any, Path], None]:
-    """Return a function that runs the co-simulation of one block with several seeds."""
-
-    top = f"eskin_{block.__name__.rpartition('.')[2]}"
+def alone(top: str, steps: Steps) -> Callable[[Any, Path], None]:
+    """Return a function that compares one block with its model, with several seeds."""
 
     def play_block(config: Any, folder: Path) -> None:
         for seed in (11, 12, 13):
-            cosimulate(config, VERILATOR, top, test, folder, seed, block.__name__)
+            play_steps(config, VERILATOR, top, steps, folder, seed)
 
     return play_block
 
@@ -148,22 +145,22 @@ def frame(config: FrameConfig, folder: Path) -> None:
     scale = config.readout.full_scale
     samples = np.random.default_rng(config.taxels).integers(-scale, scale, (400, config.taxels))
     for seed in range(1, 5):
-        play_frames(config, VERILATOR, "frames_equal_the_model", folder, seed, samples)
+        play_frames(config, VERILATOR, folder, seed, samples)
 
 
 def skin(config: TilesConfig, folder: Path) -> None:
     """Simulate a whole skin."""
-    play_skin(config, VERILATOR, folder)
+    play_steps(config, VERILATOR, "eskin_tiles", skin_steps, folder, 0)
 
 
 def relay(config: TilesConfig, folder: Path) -> None:
     """Simulate a relay station with busy and quiet tiles and all kinds of sinks."""
-    play_relay(config, VERILATOR, folder, 5)
+    play_steps(config, VERILATOR, "eskin_relay", relay_steps, folder, 5)
 
 
 def merge(config: MergeConfig, folder: Path) -> None:
     """Simulate a merge with busy and quiet tiles and all kinds of sinks."""
-    play_merge(config.skin, VERILATOR, folder, 3)
+    play_steps(config.skin, VERILATOR, "eskin_merge", merge_steps, folder, 3)
 
 
 def classifier(config: ClassifierConfig, folder: Path) -> None:

@@ -5,16 +5,14 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.cocotb_tests.bench.draw import MOST_TAXELS, Draw
 from eskin.cocotb_tests.runner.build_cache import BUILD, scratch_folder
 from eskin.cocotb_tests.runner.cocotb_runners import Simulator
-from eskin.cocotb_tests.runner.player import Job
-from eskin.cocotb_tests.runner.process import MismatchFound, Tally, prepare, run_job
+from eskin.cocotb_tests.runner.process import MismatchFound, ReadoutRun, Tally, play_runs
 from eskin.cocotb_tests.runner.simulator import build
 
 
@@ -34,14 +32,12 @@ def play(draws: Sequence[Draw], simulator: Simulator, on_run: Callable[[Any], No
     config = draws[0].config
     program = build(config, simulator)
     with scratch_folder(BUILD / "run", "soak") as folder:
-        prepared = [_prepared(draw, simulator, folder / str(number)) for number, draw in enumerate(draws)]
-        return run_job(program, Job(config.to_dict(), "", scenarios=prepared), folder, on_run)
+        return play_runs(program, (_run(draw, simulator) for draw in draws), folder, on_run)
 
 
-def _prepared(draw: Draw, simulator: Simulator, place: Path) -> dict[str, Any]:
-    """Prepare a run in a folder."""
-    name, again = f"seed {draw.seed}, run {draw.run}", command(draw, simulator)
-    return prepare(draw.config, name, draw.stimulus, place, draw=asdict(draw), reproduce=again)
+def _run(draw: Draw, simulator: Simulator) -> ReadoutRun:
+    """Return the run of a draw."""
+    return ReadoutRun(draw.config, f"seed {draw.seed}, run {draw.run}", draw.stimulus, command(draw, simulator))
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,6 @@ from eskin.model.encoders import registry
 
 if TYPE_CHECKING:
     from eskin.cocotb_tests.runner.process import MismatchFound, Tally
-    from eskin.cocotb_tests.runner.recordings import OwnPlan
     from eskin.cocotb_tests.runner.sim import Plan
 
 
@@ -45,7 +44,6 @@ def sim(
 
     Without an encoding in --encoding or --config, all encoders are compared; with --dut, only LCS.
     """
-    from eskin.cocotb_tests.runner import recordings as own
     from eskin.cocotb_tests.runner import sim as session
     from eskin.cocotb_tests.runner.inputs import Own, named
     from eskin.cocotb_tests.runner.process import Tally
@@ -59,19 +57,20 @@ def sim(
             plan = session.with_dut(plan, config, dut, top)
         echo(
             f"{', '.join(map(str, dut or [])) or 'RTL'}, {config.rows} x {config.columns} taxels, link {config.link}: "
-            f"{plan.runs(config) - len(plan.textures)} scenarios and {len(plan.textures)} scans for each of "
+            f"{plan.runs(config) - len(plan.names)} scenarios and {len(plan.names)} scans for each of "
             f"{', '.join(encodings)}"
         )
         with bars() as show:
             for encoding in encodings:
                 _play_textures(plan, config.replace(encoding=encoding), show, bool(dut), total)
     else:
-        own.check(simulator, textures, ticks)
+        session.check_own(simulator, textures, ticks)
         for encoding in encodings:
             wanted = config.replace(encoding=encoding)
             material = Own(own_recordings(data, prepared, wanted, given, again=total.runs > 0), data)
             names = material.one_class_after_the_other(textures) if only is None else [named(material, only)]
-            _play_own(own.OwnPlan(material, names, simulator, waves, ticks, out), total)  # type: ignore[arg-type]
+            plan = session.Plan(simulator, waves, material, names, ticks, out)  # type: ignore[arg-type]
+            _play_own(plan, material.recordings.config, total)
     result = common.bit_exact(total)
     if keep is not None:
         write_json(keep, origin(asked_for()) | {"result": result})
@@ -98,18 +97,18 @@ def _play_textures(plan: Plan, config: ReadoutConfig, show: Any, foreign: bool, 
         echo(f"picture: {picture}; event files: {picture.parent / 'events'}")
 
 
-def _play_own(plan: OwnPlan, total: Tally) -> None:
+def _play_own(plan: Plan, config: ReadoutConfig, total: Tally) -> None:
     """Run a user's recordings through RTL and model."""
-    from eskin.cocotb_tests.runner import recordings as own
+    from eskin.cocotb_tests.runner import sim as session
     from eskin.cocotb_tests.runner.process import MismatchFound
 
-    warn(filter(None, [plan.warning()]))
-    with bar(f"{plan.config.encoding}: RTL against model", len(plan.names)) as progress:
+    warn(filter(None, [plan.warning(config)]))
+    with bar(f"{config.encoding}: RTL against model", len(plan.names)) as progress:
         try:
-            total += own.play(plan, lambda _: progress())
+            total += session.play(plan, config, lambda _: progress(), lambda stage: None)
         except MismatchFound as mismatch:
-            _differ(mismatch, total, plan.out / plan.folder / "run")
-    echo(f"picture: {plan.picture}; event files: {plan.picture.parent / 'events'}")
+            _differ(mismatch, total, plan.running(config))
+    echo(f"picture: {plan.picture(config)}; event files: {plan.place(config) / 'events'}")
 
 
 def _differ(mismatch: MismatchFound, total: Tally, folder: Path, wave: Path | None = None, hint: str = "") -> None:

@@ -1,9 +1,15 @@
 """Array, arbiter and link, clock by clock."""
 
-from .arbiter import Arbiter
-from .fields import on, signals
-from .link import FourPhaseLink
-from .taxel import KINDS
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from eskin.cocotb_tests.independent.arbiter import Arbiter
+from eskin.cocotb_tests.independent.fields import on, signals
+from eskin.cocotb_tests.independent.link import FourPhaseLink
+from eskin.cocotb_tests.independent.settings import Settings
+from eskin.cocotb_tests.independent.taxel import KINDS
 
 
 class Readout:
@@ -17,17 +23,18 @@ class Readout:
     events : all that were transferred: (time, column, row, polarity)
     """
 
-    def __init__(self, settings):
+    def __init__(self, settings: Settings) -> None:
         self.settings = settings
+        self.on = on(settings)
         kind = KINDS[settings.encoding]
         self.taxels = [[kind(settings) for _ in range(settings.columns)] for _ in range(settings.rows)]
         self.arbiter = Arbiter(settings.rows, settings.columns)
-        links = {"stream": lambda: None, "four_phase": FourPhaseLink, "four_phase_dual": FourPhaseLink}
-        self.link = links[settings.link]()
-        self.events = []
+        four_phase = {"stream": False, "four_phase": True, "four_phase_dual": True}[settings.link]
+        self.link = FourPhaseLink() if four_phase else None
+        self.events: list[tuple[int, int, int, int]] = []
         self.reset()
 
-    def reset(self):
+    def reset(self) -> None:
         """Reset the readout; sent events remain recorded."""
         for row in self.taxels:
             for taxel in row:
@@ -39,7 +46,7 @@ class Readout:
         self.new_samples = False
         self.ticks = 0
 
-    def outputs(self):
+    def outputs(self) -> dict[str, Any]:
         """Return the outputs in this clock by port name."""
         if self.link:
             return {"aer_req": self.link.request(), "aer_addr": self.link.event}
@@ -47,11 +54,21 @@ class Readout:
         row, column, polarity = event or (0, 0, 0)
         return {"event_valid": event is not None, "event_row": row, "event_col": column, "event_polarity": polarity}
 
-    def thresholds(self):
+    def thresholds(self) -> list[tuple[int, int]]:
         """Return (reference_code, half_width) of every taxel for analog comparators."""
         return [(taxel.reference_code(), taxel.half_width()) for row in self.taxels for taxel in row]
 
-    def clock(self, *, sample_valid=False, sample=None, enable=None, ready=True, ack=0, decisions=None, rst=False):
+    def clock(
+        self,
+        *,
+        sample_valid: bool = False,
+        sample: Sequence[int] | None = None,
+        enable: Sequence[bool] | None = None,
+        ready: bool = True,
+        ack: int = 0,
+        decisions: Sequence[tuple[bool, bool]] | None = None,
+        rst: bool = False,
+    ) -> None:
         """Apply a rising edge with the inputs of this clock.
 
         Parameters
@@ -70,43 +87,53 @@ class Readout:
         digital = {"digital": True, "analog": False}[self.settings.frontend]
         if sample is not None:
             sample = signals(self.settings, sample)
-        enable = [has and (enable is None or bool(enable[i])) for i, has in enumerate(on(self.settings))]
+        enabled = [has and (enable is None or bool(enable[i])) for i, has in enumerate(self.on)]
         tick = self.new_samples
-        taken = self._clock_arbiter(ready, ack, enable)
-        self._clock_taxels(tick, taken, sample if sample_valid and digital else None, enable, decisions)
+        taken = self._clock_arbiter(ready, ack, enabled)
+        self._clock_taxels(tick, taken, sample if sample_valid and digital else None, enabled, decisions)
         if tick:
             self.ticks += 1
         self.new_samples = sample_valid
         self.time += 1
 
-    def _clock_arbiter(self, ready, ack, enable):
+    def requests(self, enable: Sequence[bool]) -> list[list[int | None]]:
+        """Return the requests of enabled taxels: a polarity or None for each row and column."""
+        columns = self.settings.columns
+        return [
+            [taxel.request if enable[r * columns + c] else None for c, taxel in enumerate(row)]
+            for r, row in enumerate(self.taxels)
+        ]
+
+    def _clock_arbiter(self, ready: bool, ack: int, enable: Sequence[bool]) -> list[tuple[int, int]]:
         """Advance the arbiter; return the latched requests."""
         offered = self.arbiter.output()
         if self.link:
             ready = self.link.ready()
             rises = self.link.request()
             self.link.clock(offered, ack)
-            if self.link.request() and not rises:
+            if self.link.request() and not rises and self.link.event is not None:
                 row, column, polarity = self.link.event
                 self.events.append((self.time, column, row, polarity))
         elif offered and ready:
             row, column, polarity = offered
             self.events.append((self.time, column, row, polarity))
-        columns = self.settings.columns
-        requests = [
-            [taxel.request if enable is None or enable[r * columns + c] else None for c, taxel in enumerate(row)]
-            for r, row in enumerate(self.taxels)
-        ]
-        return self.arbiter.clock(requests, ready)
+        return self.arbiter.clock(self.requests(enable), ready)
 
-    def _clock_taxels(self, tick, taken, sample, enable, decisions):
+    def _clock_taxels(
+        self,
+        tick: bool,
+        taken: list[tuple[int, int]],
+        sample: Sequence[int] | None,
+        enable: Sequence[bool],
+        decisions: Sequence[tuple[bool, bool]] | None,
+    ) -> None:
         settings = self.settings
         for r in range(settings.rows):
             leak = tick and self.ticks % settings.leak_period == r * settings.leak_period // settings.rows
             for c in range(settings.columns):
                 i = r * settings.columns + c
                 self.taxels[r][c].clock(
-                    enabled=enable is None or bool(enable[i]),
+                    enabled=enable[i],
                     taken=(r, c) in taken,
                     sample=None if sample is None else int(sample[i]),
                     tick=tick,

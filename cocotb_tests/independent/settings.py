@@ -1,6 +1,10 @@
 """Settings of a readout with the names used in the documents."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass
@@ -21,29 +25,29 @@ class Settings:
     fraction_bits: int = 8
     link: str = "stream"
     frontend: str = "digital"
-    fields: object = "own"
+    fields: Any = "own"
 
     @classmethod
-    def of(cls, fields):
+    def of(cls, fields: Mapping[str, Any]) -> Settings:
         """Return settings from a mapping; other fields are ignored."""
         return cls(**{name: fields[name] for name in cls.__dataclass_fields__ if name in fields})
 
     @property
-    def step(self):
+    def step(self) -> int:
         """D, half an LSB, in codes."""
-        return 2 ** (self.sample_bits - 2 - self.resolution)
+        return 1 << self.sample_bits - 2 - self.resolution
 
     @property
-    def closing_step(self):
+    def closing_step(self) -> int:
         """Codes by which a closing window shrinks per step, at least one."""
         return max(self.step // 2**self.closing_shift, 1)
 
     @property
-    def top(self):
+    def top(self) -> int:
         """Highest code."""
-        return 2 ** (self.sample_bits - 1) - 1
+        return (1 << self.sample_bits - 1) - 1
 
     @property
-    def bottom(self):
+    def bottom(self) -> int:
         """Lowest code."""
-        return -(2 ** (self.sample_bits - 1))
+        return -(1 << self.sample_bits - 1)

@@ -1,9 +1,14 @@
 """Receptive fields computed with exact fractions."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from fractions import Fraction
 
+from eskin.cocotb_tests.independent.settings import Settings
 
-def field_of(settings, row, column):
+
+def field_of(settings: Settings, row: int, column: int) -> tuple[list[tuple[int, int]], int]:
     """Return the taxels (row, column) of a field with repetition, and the divisor of their sum."""
     here = (row, column)
     if settings.fields in ("own", "settable"):  # which is the own one after a reset
@@ -19,12 +24,12 @@ def field_of(settings, row, column):
     return [divmod(taxel, settings.columns) for taxel in listed["taxels"]], 2 ** listed["shift"]
 
 
-def on(settings):
+def on(settings: Settings) -> list[bool]:
     """Return for every taxel whether it has a field."""
     return [bool(field_of(settings, r, c)[0]) for r in range(settings.rows) for c in range(settings.columns)]
 
 
-def signals(settings, sample):
+def signals(settings: Settings, sample: Sequence[int]) -> list[int]:
     """Return the inputs of the encoders for the codes of all taxels."""
     room = 4 if settings.frontend == "analog" else 1
     seen = []

@@ -1,52 +1,52 @@
 """Frame readout: multiplexer, ADC and packer."""
 
+from __future__ import annotations
 
+from dataclasses import dataclass
+
+
+@dataclass
 class FrameReadout:
     """Frame readout that scans the taxels and packs codes into words.
 
     In each clock look at `outputs`, then call `clock` with the inputs of the same clock.
-
-    Parameters
-    ----------
-    rows, columns : size of the array
-    resolution : N, bits of a code
-    word_bits : bits of a word
-    settle_clocks : S, from a new multiplexer setting to the start of the conversion
     """
 
-    def __init__(self, rows, columns, resolution, word_bits=16, settle_clocks=1):
-        self.rows, self.columns = rows, columns
-        self.resolution = resolution
-        self.word_bits = word_bits
-        self.settle_clocks = settle_clocks
-        self.words = []
+    rows: int
+    columns: int
+    resolution: int  # N, bits of a code
+    word_bits: int = 16
+    settle_clocks: int = 1  # S, from a new multiplexer setting to the start of the conversion
+
+    def __post_init__(self) -> None:
+        self.words: list[tuple[int, int]] = []
         self.reset()
 
-    def reset(self):
+    def reset(self) -> None:
         """Reset the readout."""
-        self.taxel = None  # the taxel at the multiplexer
+        self.taxel: int | None = None  # the taxel at the multiplexer
         self.settled = 0  # clocks that it has stood there
         self.converting = False
-        self.code = None  # a code on its way to the packer: (value, last of its frame)
-        self.bits = []  # bits that fill no word yet, the lowest first
+        self.code: tuple[int, bool] | None = None  # a code on its way to the packer: (value, last of its frame)
+        self.bits: list[int] = []  # bits that fill no word yet, the lowest first
         self.flush = False  # the bits behind the last code are filled up
         self.begins = True  # the next word is the first of a frame
-        self.word = None  # (data, sync) that is offered
+        self.word: tuple[int, int] | None = None  # (data, sync) that is offered
         self.shown = (0, 0)  # data and sync change only with a new word
         self.overrun = False
 
-    def starts(self):
+    def starts(self) -> bool:
         """Return whether `adc_start` is high in this clock."""
         return (
             self.taxel is not None and not self.converting and self.settled >= self.settle_clocks and self.code is None
         )
 
-    def outputs(self):
+    def outputs(self) -> dict[str, int]:
         """Return the outputs in this clock by port name."""
-        row, column = divmod(self.taxel, self.columns) if self.taxel is not None else (None, None)
+        row, column = (0, 0) if self.taxel is None else (1 << place for place in divmod(self.taxel, self.columns))
         return {
-            "row_select": 0 if row is None else 1 << row,
-            "column_select": 0 if column is None else 1 << column,
+            "row_select": row,
+            "column_select": column,
             "adc_start": self.starts(),
             "word_valid": self.word is not None,
             "word_data": self.shown[0],
@@ -54,7 +54,15 @@ class FrameReadout:
             "frame_overrun": self.overrun,
         }
 
-    def clock(self, *, frame_start=False, adc_done=False, adc_code=0, word_ready=True, rst=False):
+    def clock(
+        self,
+        *,
+        frame_start: bool = False,
+        adc_done: bool = False,
+        adc_code: int = 0,
+        word_ready: bool = True,
+        rst: bool = False,
+    ) -> None:
         """Apply a rising edge with the inputs of this clock."""
         if rst:
             self.reset()
@@ -62,7 +70,7 @@ class FrameReadout:
         code_leaves = self._clock_packer(word_ready)
         self._clock_scan(frame_start, adc_done, adc_code, code_leaves)
 
-    def _clock_packer(self, word_ready):
+    def _clock_packer(self, word_ready: bool) -> bool:
         """Move codes and words; return whether the waiting code was taken."""
         if self.word is not None and word_ready:
             self.words.append(self.word)
@@ -86,12 +94,12 @@ class FrameReadout:
         self.flush = last and bool(self.bits)
         return True
 
-    def _offer(self, bits):
+    def _offer(self, bits: list[int]) -> None:
         self.word = (sum(bit << i for i, bit in enumerate(bits)), int(self.begins))
         self.shown = self.word
         self.begins = False
 
-    def _clock_scan(self, frame_start, adc_done, adc_code, code_leaves):
+    def _clock_scan(self, frame_start: bool, adc_done: bool, adc_code: int, code_leaves: bool) -> None:
         starts = self.starts()
         self.overrun = bool(frame_start and self.taxel is not None)
         if code_leaves:

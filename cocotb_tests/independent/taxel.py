@@ -1,5 +1,9 @@
 """The taxels of all encoders, one object per taxel."""
 
+from __future__ import annotations
+
+from eskin.cocotb_tests.independent.settings import Settings
+
 
 class Taxel:
     """Common parts of all taxels: newest sample, reference, and at most one request.
@@ -11,30 +15,39 @@ class Taxel:
     request : None, or the polarity of the request that waits (1 ON, 0 OFF)
     """
 
-    def __init__(self, settings):
+    def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self.reset()
 
-    def reset(self):
+    def reset(self) -> None:
         """Reset the taxel."""
         self.sample = 0
         self.reference = self.settings.reference_reset
-        self.request = None
+        self.request: int | None = None
 
-    def reference_code(self):
+    def reference_code(self) -> int:
         """Return the reference for analog comparators, in codes."""
         return self.reference
 
-    def half_width(self):
+    def half_width(self) -> int:
         """Return the half-width of the window for analog comparators, in codes."""
         return self.settings.step
 
-    def compare(self):
+    def compare(self) -> tuple[bool, bool]:
         """Return (above, below) for the stored sample."""
         difference = self.sample - self.reference_code()
         return difference >= self.half_width(), difference < -self.half_width()
 
-    def clock(self, *, enabled, taken, sample, tick, leak, decisions):
+    def clock(
+        self,
+        *,
+        enabled: bool,
+        taken: bool,
+        sample: int | None,
+        tick: bool,
+        leak: bool,
+        decisions: tuple[bool, bool] | None,
+    ) -> None:
         """Apply a rising edge.
 
         Parameters
@@ -57,7 +70,7 @@ class Taxel:
         if sample is not None:
             self.sample = sample
 
-    def decide(self, above, below, tick, leak):
+    def decide(self, above: bool, below: bool, tick: bool, leak: bool) -> None:
         """Decide on a request and a step."""
         raise NotImplementedError
 
@@ -65,7 +78,7 @@ class Taxel:
 class LcsTaxel(Taxel):
     """Level crossing: up by D for x - u >= D, down by D for x - u < -D."""
 
-    def decide(self, above, below, tick, leak):
+    def decide(self, above: bool, below: bool, tick: bool, leak: bool) -> None:
         if above and self.reference + self.settings.step <= self.settings.top:
             self.reference += self.settings.step
             self.request = 1
@@ -74,55 +87,74 @@ class LcsTaxel(Taxel):
             self.request = 0
 
 
-class CwLcsTaxel(Taxel):
-    """Level crossing with a window that closes while no event occurs."""
+class Window:
+    """Window that closes by a step after a number of ticks without an event.
 
-    def reset(self):
-        super().reset()
+    Attributes
+    ----------
+    width : half-width, in codes
+    quiet : ticks since it opened or closed
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.open()
+
+    def open(self) -> None:
+        """Open the window fully."""
         self.width = self.settings.step
         self.quiet = 0
 
-    def half_width(self):
-        return self.width
-
-    def decide(self, above, below, tick, leak):
-        event = False
-        if above and self.reference + self.width <= self.settings.top:
-            self.reference += self.width
-            self.request = 1
-            event = True
-        elif not above and below and self.reference - self.width >= self.settings.bottom:
-            self.reference -= self.width
-            self.request = 0
-            event = True
-        if event:
-            self.width = self.settings.step
+    def tick(self) -> None:
+        """Count a tick without an event."""
+        self.quiet += 1
+        if self.quiet == self.settings.window_period:
             self.quiet = 0
+            self.width = max(self.width - self.settings.closing_step, self.settings.closing_step)
+
+
+class CwLcsTaxel(Taxel):
+    """Level crossing with a window that closes while no event occurs."""
+
+    def reset(self) -> None:
+        super().reset()
+        self.window = Window(self.settings)
+
+    def half_width(self) -> int:
+        return self.window.width
+
+    def decide(self, above: bool, below: bool, tick: bool, leak: bool) -> None:
+        width = self.window.width
+        if above and self.reference + width <= self.settings.top:
+            self.reference += width
+            self.request = 1
+        elif not above and below and self.reference - width >= self.settings.bottom:
+            self.reference -= width
+            self.request = 0
+        if self.request is not None:
+            self.window.open()
         elif tick:
-            self.quiet += 1
-            if self.quiet == self.settings.window_period:
-                self.quiet = 0
-                self.width = max(self.width - self.settings.closing_step, self.settings.closing_step)
+            self.window.tick()
 
 
 class NlcsTaxel(Taxel):
     """Leaky neuron: up by D for x - u > D; u leaks at the decay ticks of its row."""
 
-    def reset(self):
+    def reset(self) -> None:
         super().reset()
         self.reference = self.settings.reference_reset * self.unit
 
     @property
-    def unit(self):
-        return 2**self.settings.fraction_bits
+    def unit(self) -> int:
+        return 1 << self.settings.fraction_bits
 
-    def reference_code(self):
+    def reference_code(self) -> int:
         return self.reference // self.unit
 
-    def compare(self):
+    def compare(self) -> tuple[bool, bool]:
         return self.sample * self.unit - self.reference > self.settings.step * self.unit, False
 
-    def decide(self, above, below, tick, leak):
+    def decide(self, above: bool, below: bool, tick: bool, leak: bool) -> None:
         old = self.reference
         if above and old + self.settings.step * self.unit < (self.settings.top + 1) * self.unit:
             self.reference += self.settings.step * self.unit
@@ -138,11 +170,11 @@ class BipolarNlcsTaxel(NlcsTaxel):
     A step towards zero takes the place of the leak.
     """
 
-    def compare(self):
+    def compare(self) -> tuple[bool, bool]:
         difference = self.sample - self.reference_code()
         return difference > self.settings.step, difference < -self.settings.step
 
-    def decide(self, above, below, tick, leak):
+    def decide(self, above: bool, below: bool, tick: bool, leak: bool) -> None:
         old = self.reference
         rise = self.settings.step * self.unit
         bottom = self.settings.bottom * self.unit

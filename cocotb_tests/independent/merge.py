@@ -1,5 +1,11 @@
 """Merge of tiles: round robin over the offering tiles."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from eskin.cocotb_tests.independent.arbiter import Event
+
 
 class Merge:
     """Merge with a two-event queue.
@@ -10,20 +16,20 @@ class Merge:
     last : the tile that was taken last; after a reset the last of all, so that tile 0 comes first
     """
 
-    def __init__(self, tiles):
+    def __init__(self, tiles: int) -> None:
         self.tiles = tiles
         self.reset()
 
-    def reset(self):
+    def reset(self) -> None:
         """Reset the merge."""
-        self.queue = []
+        self.queue: list[tuple[int, Event]] = []
         self.last = self.tiles - 1
 
-    def output(self):
-        """Offered (tile, event) in this clock, or None."""
+    def output(self) -> tuple[int, Event] | None:
+        """Return the offered (tile, event) in this clock, or None."""
         return self.queue[0] if self.queue else None
 
-    def taken(self, offered):
+    def taken(self, offered: Sequence[Event | None]) -> int | None:
         """Return the tile whose event is taken in this clock, or None; `offered` has an event or None for each tile."""
         if len(self.queue) == 2:
             return None
@@ -33,11 +39,11 @@ class Merge:
                 return tile
         return None
 
-    def clock(self, offered, ready):
+    def clock(self, offered: Sequence[Event | None], ready: bool) -> None:
         """Apply a rising edge; `ready` comes from the sink."""
         tile = self.taken(offered)
         if self.queue and ready:
             self.queue.pop(0)
-        if tile is not None:
-            self.queue.append((tile, offered[tile]))
+        if tile is not None and (event := offered[tile]) is not None:
+            self.queue.append((tile, event))
             self.last = tile

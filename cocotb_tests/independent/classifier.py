@@ -1,45 +1,48 @@
 """Integer classifier, bin by bin and neuron by neuron, in Python integers."""
 
+from __future__ import annotations
 
-def limited(value, bits):
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+Weights = Sequence[Sequence[int]]
+
+
+def limited(value: int, bits: int) -> int:
     """Return a sum saturated to signed `bits` bits."""
-    return max(-(2 ** (bits - 1)), min(2 ** (bits - 1) - 1, value))
+    return max(-(1 << bits - 1), min((1 << bits - 1) - 1, value))
 
 
-def after(value, shift, factor):
+def after(value: int, shift: int, factor: int) -> int:
     """Return a value after a leak."""
-    return value - value * factor // 2**shift if shift else value
+    return value - (value * factor >> shift) if shift else value
 
 
+@dataclass
 class Neuron:
-    """A neuron with potential, threshold, floor, reset, leak and optional synaptic current.
+    """A neuron with potential, threshold, floor, reset, leak and optional synaptic current."""
 
-    Parameters
-    ----------
-    bits : bits of the potential; each single addition stops at their ends
-    bias : added once a bin
-    threshold : it fires above
-    floor : what the potential is held above, or None
-    leak : the share (shift, factor), factor / 2**shift, of the potential is lost from bin to bin; shift 0: nothing
-    synapse : the same of the current; shift 0: there is no current, weights go to the potential
-    subtract : the threshold is subtracted by a spike; else the potential becomes 0
-    fires : False: a neuron whose potential is read, not its spikes
-    """
+    bits: int  # of the potential; each single addition stops at their ends
+    bias: int  # added once a bin
+    threshold: int  # it fires above
+    floor: int | None  # what the potential is held above
+    leak: tuple[int, int]  # shift and factor: the share factor / 2**shift is lost from bin to bin; shift 0: nothing
+    synapse: tuple[int, int]  # the same of the current; shift 0: there is no current, weights go to the potential
+    subtract: bool  # the threshold is subtracted by a spike; else the potential becomes 0
+    fires: bool = True  # False: a neuron whose potential is read, not its spikes
 
-    def __init__(self, bits, bias, threshold, floor, leak, synapse, subtract, fires=True):
-        self.bits, self.bias, self.threshold, self.floor = bits, bias, threshold, floor
-        self.leak, self.synapse, self.subtract, self.fires = leak, synapse, subtract, fires
+    def __post_init__(self) -> None:
         self.restart()
 
-    def restart(self):
+    def restart(self) -> None:
         """Reset the neuron; the first bin starts with the bias."""
         self.potential, self.gathered = 0, limited(self.bias, self.bits)
 
-    def add(self, weight):
+    def add(self, weight: int) -> None:
         """Add a weight to the current if present, else to the potential."""
         self.gathered = limited(self.gathered + weight, self.bits)
 
-    def end_bin(self):
+    def end_bin(self) -> tuple[int, bool]:
         """Apply floor, comparison and reset, then leak and bias; return the compared potential and whether it fires."""
         value = limited(self.potential + self.gathered, self.bits) if self.synapse[0] else self.gathered
         value = value if self.floor is None else max(value, self.floor)
@@ -53,30 +56,29 @@ class Neuron:
         return value, fires
 
 
+@dataclass
 class Network:
-    """Network of recurrent hidden neurons and output neurons.
+    """Network of recurrent hidden neurons and output neurons."""
 
-    Parameters
-    ----------
-    w_in, w_rec, w_out : lists of rows of weights; shifts are applied already
-    hidden, outputs : lists of `Neuron`
-    evidence_bits : bits of the evidence, which stops at their ends
-    """
+    # rows of weights; shifts are applied already
+    w_in: Weights
+    w_rec: Weights
+    w_out: Weights
+    hidden: list[Neuron]
+    outputs: list[Neuron]
+    evidence_bits: int  # of the evidence, which stops at their ends
 
-    def __init__(self, w_in, w_rec, w_out, hidden, outputs, evidence_bits):
-        self.w_in, self.w_rec, self.w_out = w_in, w_rec, w_out
-        self.hidden, self.outputs = hidden, outputs
-        self.evidence_bits = evidence_bits
+    def __post_init__(self) -> None:
         self.restart()
 
-    def restart(self):
+    def restart(self) -> None:
         """Start a new scan."""
         for neuron in self.hidden + self.outputs:
             neuron.restart()
-        self.fired = []
+        self.fired: list[int] = []
         self.evidence = [0] * len(self.outputs)
 
-    def run_bin(self, channels):
+    def run_bin(self, channels: Sequence[int]) -> tuple[int, list[int], list[int], list[int], list[int]]:
         """Process one bin with its events in order.
 
         Return class, evidence, potentials of the hidden neurons, which of them fired, and potentials of the outputs.

@@ -1,1 +1,0 @@
-"""A second golden model, written only from the specification, without imports from the project."""
