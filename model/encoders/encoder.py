@@ -45,7 +45,7 @@ class Encoder(ABC):
     colour, marker : str
         Colour and marker of its line in figures, for Matplotlib.
     code : int
-        Its number in the register ``shape.encoding``, 0..3; never given to another encoder.
+        Its number in the register ``shape.encoding``, 0..7; never given to another encoder.
     fields : tuple of str
         Fields of ``ReadoutConfig`` that only some encoders read, and this one does.
     polarity : bool

@@ -60,4 +60,4 @@ def test_every_compiled_function_calls_that_of_the_encoder() -> None:
 def test_an_encoder_reads_fields_of_the_configuration() -> None:
     fields = ReadoutConfig().to_dict()
     assert all(set(encoder.fields) <= set(fields) for encoder in registry.ENCODERS)
-    assert all(0 <= encoder.code < 4 for encoder in registry.ENCODERS)  # two bits of the register ``shape``
+    assert all(0 <= encoder.code < 8 for encoder in registry.ENCODERS)  # three bits of the register ``shape``
