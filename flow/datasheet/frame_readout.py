@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from eskin.flow.datasheet.asic_results import of_netlist
-from eskin.flow.datasheet.sheet import Picture, Sheet
-from eskin.flow.datasheet.waves import Wave
+from eskin.flow.datasheet.sheet import Picture, Sheet, Wave
 from eskin.model.frame import FrameModel, Inputs
 from eskin.model.frame_config import FrameConfig
 

@@ -1,17 +1,18 @@
-"""Compute waveforms of a readout with its golden model, for timing diagrams."""
+"""Compute waveforms and latencies of a readout with its golden model."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eskin.flow.datasheet.sheet import Wave
 from eskin.model import link
 from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
-from eskin.model.readout import TAKEN, WAITED, State, Stimulus, simulate_counted, state_at
+from eskin.model.readout import TAKEN, WAITED, State, Stimulus, simulate, simulate_counted, state_at
 from eskin.rtl.delivery import ports
 from eskin.rtl.link import requests
 
@@ -30,17 +31,8 @@ ACK_DELAY = 4
 CLOCKS = {"stream": 12, "four_phase": 23, "four_phase_dual": 23}
 RESET_CLOCKS, CLOCKS_AFTER = 3, 9
 
-Value = int | None
-
-
-@dataclass(frozen=True)
-class Wave:
-    """A waveform: the value of a signal just before every rising edge, None where undefined."""
-
-    name: str
-    values: tuple[Value, ...]
-    bus: bool = False  # a word instead of one bit
-    delay: float = 0.0  # clocks from the edge to the change of the signal
+AHEAD_OF_A_GRANT, HELD_BY_LINK = 2, 1
+"""Clocks to be latched and to appear; an event in the register of the link (docs/design/microarchitecture.md)."""
 
 
 def from_zero(config: ReadoutConfig) -> ReadoutConfig:
@@ -67,6 +59,35 @@ def played(config: ReadoutConfig) -> Stimulus:
         ready=ready,
         ack_delay=np.full(1, ACK_DELAY, np.int64),
     )
+
+
+class Latencies(NamedTuple):
+    """Latencies of a readout in clocks."""
+
+    latency: int  # from the sample tick to ``event_valid``, or to the edge that raises ``aer_req``, array idle
+    clocks_per_event: int  # if every taxel has an event, the sink takes all and ACK follows REQ at once
+    longest_gap: int  # between two events of one taxel at most, in that simulation
+    # bound_events, bound_clocks: largest number of events, and of clocks, until the event of a request has left
+    bound_events: int
+    bound_clocks: int
+
+
+def latencies(config: ReadoutConfig) -> Latencies:
+    """Return the latencies of a readout."""
+    config = from_zero(config)
+    first = played(config)
+    first.ready[:] = 1
+    latency = int(simulate(config, first)["t"][0]) - TICK
+    eager = config.replace(decide_every="clock")  # every taxel requests as often as possible
+    sample = np.full((1, config.taxels), config.full_scale - 1, np.int32)
+    events = simulate(eager, Stimulus.from_samples(eager, sample, clocks=20 * (config.taxels + 2)))
+    # All taxels have an event from the first clock on, so at least this many events leave without a gap.
+    every = int(np.diff(events["t"][: max(config.taxels, 2)]).max())
+    taxel = events["y"].astype(int) * config.columns + events["x"]
+    order = np.argsort(taxel, kind="stable")
+    longest = int(np.diff(events["t"][order])[np.diff(taxel[order]) == 0].max())
+    bound = (config.rows + 1) * config.columns + (HELD_BY_LINK if config.handshake else 0)
+    return Latencies(latency, every, longest, bound, every * bound + AHEAD_OF_A_GRANT)
 
 
 def waves(config: ReadoutConfig) -> list[Wave]:

@@ -15,9 +15,9 @@ import pytest
 from eskin.base.errors import InputError
 from eskin.flow.datasheet import classifier, frame_readout, skin
 from eskin.flow.datasheet.asic_results import load_report
-from eskin.flow.datasheet.latencies import Latencies
 from eskin.flow.datasheet.page import sheet_of
-from eskin.flow.datasheet.waves import Wave, reset_waves, waves
+from eskin.flow.datasheet.sheet import Wave
+from eskin.flow.datasheet.waves import latencies, reset_waves, waves
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
@@ -85,7 +85,7 @@ def test_pins_and_parameters_are_those_of_the_configuration(config: ReadoutConfi
 
 @pytest.mark.parametrize("config", CONFIGS, ids=str)
 def test_times_are_those_of_the_microarchitecture(config: ReadoutConfig) -> None:
-    found = Latencies.of(config)
+    found = latencies(config)
     stream = config.link == "stream"
     assert (found.latency, found.clocks_per_event) == ((3, 1) if stream else (4, 7))
     assert found.bound_events == (config.rows + 1) * config.columns + (not stream)
@@ -239,7 +239,7 @@ def test_frames_do_what_their_pictures_show(stall: int, tmp_path: Path) -> None:
 
 @needs_icarus
 def test_a_classifier_does_what_its_pictures_show(tmp_path: Path) -> None:
-    shown = classifier.TwoEvents(NEURONS).waves()
+    shown, _, _ = classifier.two_events(NEURONS)
     words = max(NEURONS.weight_words, NEURONS.neuron_words)
     load = "load_valid = 1; for (clock = 0; clock < %d; clock = clock + 1) begin load_address = clock; "
     load += "load_neurons = 0; #5 clk = 1; #5 clk = 0; load_neurons = 1; #5 clk = 1; #5 clk = 0; end load_valid = 0;"
