@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
+import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from eskin.base.errors import InputError
 from eskin.base.pages import templates
@@ -26,15 +29,34 @@ def check_program() -> None:
         raise InputError(NO_PROGRAM)
 
 
-def run(script: str, folder: Path, files: Mapping[str, str | bytes] | None = None) -> tuple[str, int]:
-    """Return the output of an OpenSTA script, and its exit status, after writing files into its folder."""
+class Said(NamedTuple):
+    """Output of an OpenSTA script."""
+
+    text: str
+    status: int  # exit status
+
+    @property
+    def values(self) -> dict[str, str]:
+        """Texts that the script printed as ``HEADING <<TEXT>>``, by heading."""
+        return dict(re.findall(r"^(\S[^<\n]*) <<(.*?)>>$", self.text, re.MULTILINE | re.DOTALL))
+
+    def failed(self, pattern: str = "rror") -> str:
+        """Return the first line with a pattern, or else the end of the output."""
+        return next((line for line in self.text.splitlines() if re.search(pattern, line)), self.text[-300:])
+
+
+def run(script: str, files: Mapping[str, str | bytes], folder: Path | None = None) -> Said:
+    """Run an OpenSTA script on files, in a folder or in a temporary one."""
     check_program()
-    for name, content in (files or {}).items():
+    if folder is None:
+        with tempfile.TemporaryDirectory() as name:
+            return run(script, files, Path(name))
+    for name, content in files.items():
         (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
     (folder / "script.tcl").write_text(f"{script}\nexit\n")
     command = [PROGRAM, "-no_init", "-no_splash", "-exit", "script.tcl"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    return done.stdout + done.stderr, done.returncode
+    return Said(done.stdout + done.stderr, done.returncode)
 
 
 def spef(nets: Iterable[tuple[str, float, Sequence[str]]]) -> str:

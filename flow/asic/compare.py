@@ -82,10 +82,10 @@ def _cut(module: dict[str, Any]) -> dict[str, Register]:
     return cut
 
 
-def add(module: dict[str, Any], kind: str, **inputs: int | str) -> int:
-    """Add a logic gate to a module and return its output net."""
+def add(module: dict[str, Any], kind: str, output: str = "Y", /, **inputs: int | str) -> int:
+    """Add a logic gate or a library cell to a module and return its output net."""
     module["last"] = 1 + (module.get("last") or highest_net(module))
-    module["cells"][f"$cut{module['last']}"] = cell_of(kind, inputs | {"Y": module["last"]})
+    module["cells"][f"$cut{module['last']}"] = cell_of(kind, inputs | {output: module["last"]}, output)
     return module["last"]
 
 

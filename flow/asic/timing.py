@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import re
-import tempfile
 from collections.abc import Collection
 from dataclasses import dataclass
-from pathlib import Path
 
 from eskin.base.errors import InputError
 from eskin.flow import opensta
@@ -14,7 +12,6 @@ from eskin.flow.asic.constraints import sdc
 from eskin.flow.asic.synthesis import Netlist
 from eskin.flow.liberty.library import Library
 
-PROGRESS = re.compile(r"^(\w+) <<(.*?)>>$", re.MULTILINE | re.DOTALL)
 SLACK = re.compile(r"(-?\d+\.\d+) +slack")
 STAGE = re.compile(r"^ +\S+ +(\d+\.\d+) +[v^] (\S+)/\S+ \((\w+)\)$", re.MULTILINE)
 
@@ -58,7 +55,11 @@ def analyse(netlist: Netlist, library: Library, constant: Collection[str] = ()) 
     for name in sorted(used):
         library.cells[name].check()  # OpenSTA gives no clear message for a wrong table
     script = opensta.TEMPLATES.get_template("timing.tcl").render(top=netlist.top, own=1e9 / netlist.config.clock_hz)
-    found = _run(script, netlist, library)
+    files = {"cells.lib": library.content, "netlist.v": netlist.text, "constraints.sdc": sdc(netlist, "$period")}
+    said = opensta.run(script, files)
+    found = said.values
+    if {"PERIOD", "PATH", "OWN", "SETUP"} - set(found):
+        raise RuntimeError(f"OpenSTA failed on {netlist.top}: {said.failed()}")
     setup, hold = map(float, found["OWN"].split())
     period, left = map(float, found["PERIOD"].split())
     if left < 0:
@@ -81,16 +82,3 @@ def _complaints(said: str, constant: Collection[str]) -> tuple[str, ...]:
     if kept and not kept[-1].startswith(" "):
         kept.pop()
     return tuple(line.strip() for line in kept)
-
-
-def _run(script: str, netlist: Netlist, library: Library) -> dict[str, str]:
-    """Return the output of an OpenSTA script, by heading."""
-    with tempfile.TemporaryDirectory() as name:
-        files: dict[str, str | bytes] = {"cells.lib": library.content, "netlist.v": netlist.text}
-        files["constraints.sdc"] = sdc(netlist, "$period")
-        said, _ = opensta.run(script, Path(name), files)
-    found = dict(PROGRESS.findall(said))
-    if {"PERIOD", "PATH", "OWN", "SETUP"} - set(found):
-        wrong = [line for line in said.splitlines() if "rror" in line]
-        raise RuntimeError(f"OpenSTA failed on {netlist.top}: {wrong[0] if wrong else said[-300:]}")
-    return found

@@ -19,7 +19,7 @@ WIRES = {"m1": (0.32, 25.7784e-6, 40.567e-6), "m2": (0.37, 16.9423e-6, 37.759e-6
 """Width of the routed wires in um, capacitance in pF per um2 and of each edge in pF per um: widths of the placement,
 capacitances of SkyWater's LEF file of the routing layers. Coupling to neighbours is not in them."""
 
-SAID = re.compile(r"^(\w+) (\S+) (\S+) (\S+) <<(.*?)>>$", re.MULTILINE | re.DOTALL)
+WRONG = r"\b(Error|Warning)\b"
 NUMBER = r"(-?[\d.]+)"
 TIMES = re.compile(rf"(?:r|\^) {NUMBER}:{NUMBER} (?:f|v) {NUMBER}:{NUMBER}")
 
@@ -75,6 +75,10 @@ class Block:
             nets.append((net, self.wires_pf.get(net, 0.0), before + pins + behind))
         return opensta.spef(nets)
 
+    def files(self, library: Library) -> dict[str, str | bytes]:
+        """Return library, netlist and wires for OpenSTA, by file name."""
+        return {"cells.lib": library.content, "netlist.v": self.verilog(), "wires.spef": self.spef(library)}
+
     def unstored(self, library: Library) -> list[tuple[str, str]]:
         """Return the pairs of input and output that a path without a flop connects."""
         drivers = {wire: (kind, pins) for kind, pins in self.cells.values() for pin, wire in pins.items()
@@ -111,24 +115,30 @@ def wires_pf(routing: str) -> dict[str, float]:
     return found
 
 
-def _ask(script: str, files: Mapping[str, str], folder: Path) -> dict[tuple[str, float, float, str], tuple[float, ...]]:
-    """Return the rise and fall times that an OpenSTA script reports, by kind, two numbers and port."""
-    said, _ = opensta.run(script, folder, files)
-    (folder / "opensta.log").write_text(said)
-    wrong = [line for line in said.splitlines() if re.search(r"\b(Error|Warning)\b", line)]
+Times = dict[tuple[str, float, float, str], tuple[float, ...]]
+"""Rise and fall times that an OpenSTA script reports, by kind, two numbers and port."""
+
+
+def _ask(top: str, script: Sequence[str], files: Mapping[str, str | bytes], folder: Path) -> Times:
+    """Return the times that a script reports about a design, from its library, its Verilog and perhaps its wires."""
+    library, netlist, *wires = files
+    head = [
+        "set sta_report_default_digits 6",
+        f"read_liberty {library}",
+        f"read_verilog {netlist}",
+        f"link_design {top}",
+    ]
+    head += [f"read_spef {name}" for name in wires]
+    said = opensta.run("\n".join([*head, *script]), files, folder)
+    (folder / "opensta.log").write_text(said.text)
     found = {}
-    for kind, first, second, port, text in SAID.findall(said):
-        times = TIMES.search(text)
-        if times:
+    for heading, text in said.values.items():
+        kind, first, second, port = heading.split()
+        if times := TIMES.search(text):
             found[kind, float(first), float(second), port] = tuple(float(word) for word in times.groups())
-    if wrong or not found:
-        raise RuntimeError(f"OpenSTA failed: {wrong[0] if wrong else said[-300:]}")
+    if not found or re.search(WRONG, said.text):
+        raise RuntimeError(f"OpenSTA failed: {said.failed(WRONG)}")
     return found
-
-
-def _load(library: str, netlist: str, top: str) -> str:
-    """Return the commands that read a netlist and its library."""
-    return f"set sta_report_default_digits 6\nread_liberty {library}\nread_verilog {netlist}\nlink_design {top}\n"
 
 
 def _clocked(block: Block) -> str:
@@ -141,14 +151,12 @@ def liberty(block: Block, library: Library, folder: Path) -> tuple[str, float]:
     """Return the timing model of a block as Liberty text, and its shortest clock period in ns between its own flops."""
     if paths := block.unstored(library):
         raise NoModel(f"a path without a flop leads from {paths[0][0]} to {paths[0][1]}; the model has no such arc")
-    script = [_load(library="cells.lib", netlist="netlist.v", top=block.name), "read_spef wires.spef"]
-    script += [_clocked(block), f"set_input_transition {SLEWS_NS[0]} [get_ports clk]"]
+    script = [_clocked(block), f"set_input_transition {SLEWS_NS[0]} [get_ports clk]"]
     script.append('puts "own 0 0 clk <<r [expr min([worst_slack -max], $period)]:0 f 0:0>>"')
     script += [f"leave {slew} {load}" for slew in SLEWS_NS for load in LOADS_PF]
     script.append("set_input_delay -clock clk 0 [get_ports $inputs]")
     script += [f"enter {clock} {data}" for clock in SLEWS_NS for data in SLEWS_NS]
-    files = {"cells.lib": library.content.decode(), "netlist.v": block.verilog(), "wires.spef": block.spef(library)}
-    found = _ask("\n".join(script), files, folder)
+    found = _ask(block.name, script, block.files(library), folder)
     leakage_nw = 1e9 * sum(library.cells[kind].leakage_w for kind, _ in block.cells.values())
     lines = [f"library({block.name}) {{", units(), f"  cell({block.name}) {{"]
     lines.append(f"    area : {block.width_um * block.height_um:.3f}; cell_leakage_power : {leakage_nw:.3f};")
@@ -176,7 +184,7 @@ def liberty(block: Block, library: Library, folder: Path) -> tuple[str, float]:
     return "\n".join([*lines, "  }", "}", ""]), PERIOD_NS - found["own", 0.0, 0.0, "clk"][0]
 
 
-def _checks(name: str, found: Mapping[tuple[str, float, float, str], Sequence[float]]) -> list[str]:
+def _checks(name: str, found: Times) -> list[str]:
     """Return setup and hold times of an input as Liberty lines, from its slacks."""
     lines = []
     for kind, offset, column in (("setup", PERIOD_NS, 1), ("hold", 0.0, 0)):
@@ -199,11 +207,8 @@ def check(text: str, block: Block, library: Library, folder: Path) -> float:
     slew, load = np.mean(SLEWS_NS[1:]), LOADS_PF[1]
     asked = [_clocked(block), f"leave {slew} {load}", "set_input_delay -clock clk 0 [get_ports $inputs]"]
     asked.append(f"enter {slew} {slew}")
-    files = {"cells.lib": library.content.decode(), "netlist.v": block.verilog(), "wires.spef": block.spef(library)}
-    script = [_load(library="cells.lib", netlist="netlist.v", top=block.name), "read_spef wires.spef"]
-    flat = _ask("\n".join(script + asked), files, folder)
-    script = [_load(library="macro.lib", netlist="outer.v", top="outer")]
-    model = _ask("\n".join(script + asked), {"macro.lib": text, "outer.v": outer}, folder)
+    flat = _ask(block.name, asked, block.files(library), folder)
+    model = _ask("outer", asked, {"macro.lib": text, "outer.v": outer}, folder)
     if missing := sorted(set(flat) ^ set(model)):
         raise RuntimeError(f"the model and the netlist differ in the times of {missing[0][3]}")
     apart = {key: np.abs(np.subtract(model[key], times)) for key, times in flat.items()}

@@ -249,9 +249,9 @@ def set_up(top: str) -> str:
 
 def run(lines: list[str], folder: Path) -> list[Report]:
     """Run an OpenSTA script, and return the power reports of its commands ``report NAME ACTIVITY``."""
-    text, status = opensta.run("\n".join(lines), folder)
-    said = text.splitlines()
-    if wrong := [line for line in said if line.startswith("Error")] or (said[-1:] if status else []):
+    said = opensta.run("\n".join(lines), {}, folder)
+    printed = said.text.splitlines()
+    if wrong := [line for line in printed if line.startswith("Error")] or (printed[-1:] if said.status else []):
         raise InputError(f"OpenSTA rejects the netlist: {wrong[0]}; give netlist and cell library of one run")
     files = [folder / f"{line.split()[1]}.txt" for line in lines if line.startswith("report ")]
     rows = [[line.split() for line in file.read_text().splitlines()] for file in files]
