@@ -152,7 +152,7 @@ def test_the_highest_clock_is_that_of_opensta(plain: Array, library: Library, wi
     """Compare the highest clock with OpenSTA, without wire resistance."""
     found = drawn(plain, wire)
     timing = Timing(found.array, found)
-    assert timing.worst().period_s == pytest.approx(array_in_opensta.period_s(timing, library), rel=0.02)
+    assert timing.worst().period_s == pytest.approx(array_in_opensta.period_s(timing, found, library), rel=0.02)
 
 
 def test_the_command_leaves_numbers(library: Library, call: Any, folder: Path) -> None:
@@ -236,7 +236,7 @@ def test_the_clock_of_a_skin_is_that_of_opensta(far_tiles: tuple[Array, Array, l
         partial(SkinPlacement, tile=tile, spots=spots),
     )
     timing = Timing(found.array, found)
-    assert timing.worst().period_s == pytest.approx(array_in_opensta.period_s(timing, library), rel=0.02)
+    assert timing.worst().period_s == pytest.approx(array_in_opensta.period_s(timing, found, library), rel=0.02)
 
 
 def test_tiles_are_measured_in_all_ways_that_are_asked_for(library: Library, tmp_path: Path) -> None:
