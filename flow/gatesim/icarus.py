@@ -9,9 +9,11 @@ from pathlib import Path
 
 from eskin.base.errors import InputError
 from eskin.base.pages import templates
+from eskin.flow.liberty.boolean import verilog_of
 
 TEMPLATES = templates(Path(__file__).parents[1] / "templates")
-"""Templates of the testbenches."""
+"""Templates of the testbenches and of the cells."""
+TEMPLATES.filters["verilog"] = lambda text: verilog_of(text) if text else "1'b0"
 
 NO_PROGRAM = "iverilog not found; install with: apt-get install iverilog"
 
