@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eskin.flow import opensta
 from eskin.flow.liberty.library import Library
-from eskin.flow.macro.characterise import LOADS_PF, SLEWS_NS, table, units
+from eskin.flow.macro.characterise import GRID, LOADS_PF, SLEWS_NS
 
 PERIOD_NS = 100.0
 
@@ -157,43 +158,34 @@ def liberty(block: Block, library: Library, folder: Path) -> tuple[str, float]:
     script.append("set_input_delay -clock clk 0 [get_ports $inputs]")
     script += [f"enter {clock} {data}" for clock in SLEWS_NS for data in SLEWS_NS]
     found = _ask(block.name, script, block.files(library), folder)
-    leakage_nw = 1e9 * sum(library.cells[kind].leakage_w for kind, _ in block.cells.values())
-    lines = [f"library({block.name}) {{", units(), f"  cell({block.name}) {{"]
-    lines.append(f"    area : {block.width_um * block.height_um:.3f}; cell_leakage_power : {leakage_nw:.3f};")
-    lines.append("    is_macro_cell : true; interface_timing : true;")
-    ends = block.ends(library)
+
+    def times(kind: str, name: str, column: int, seconds: Sequence[float]) -> NDArray[np.float64]:
+        return np.array([[found[kind, first, second, name][column] for second in seconds] for first in SLEWS_NS])
+
+    def limits(name: str) -> dict[str, dict[str, NDArray[np.float64]]]:
+        """Return setup and hold times of an input, from its slacks."""
+        slacks = [times("slack", name, column, SLEWS_NS) for column in range(4)]
+        return {
+            "setup": {"rise": PERIOD_NS - slacks[1], "fall": PERIOD_NS - slacks[3]},
+            "hold": {"rise": 0.0 - slacks[0], "fall": 0.0 - slacks[2]},
+        }
+
+    ends, inputs = block.ends(library), []
     for name in block.inputs:
         pins = sum(library.cells[block.cells[cell][0]].loads[pin] for cell, pin in ends.get(name, []))
         capacitance_pf = 1e12 * pins + block.wires_pf.get(name, 0.0)
-        clock = " clock : true;" if name == "clk" else ""
-        lines.append(f"    pin({name}) {{ direction : input; capacitance : {capacitance_pf:.5f};{clock}")
-        lines += _checks(name, found) if name in ends and not clock else []
-        lines.append("    }")
-    for name in block.outputs:
-        lines.append(f"    pin({name}) {{ direction : output; max_capacitance : {LOADS_PF[-1]};")
-        lines.append('      timing() { related_pin : "clk"; timing_type : rising_edge;')
-        for what, kind, edge in (
-            ("cell_rise", "arrival", 1),
-            ("cell_fall", "arrival", 3),
-            ("rise_transition", "slew", 1),
-            ("fall_transition", "slew", 3),
-        ):
-            rows = [[found[kind, slew, load, name][edge] for load in LOADS_PF] for slew in SLEWS_NS]
-            lines.append(f"        {table(what, 'delay', np.array(rows))}")
-        lines += ["      }", "    }"]
-    return "\n".join([*lines, "  }", "}", ""]), PERIOD_NS - found["own", 0.0, 0.0, "clk"][0]
-
-
-def _checks(name: str, found: Times) -> list[str]:
-    """Return setup and hold times of an input as Liberty lines, from its slacks."""
-    lines = []
-    for kind, offset, column in (("setup", PERIOD_NS, 1), ("hold", 0.0, 0)):
-        lines.append(f'      timing() {{ related_pin : "clk"; timing_type : {kind}_rising;')
-        for edge, more in (("rise", 0), ("fall", 2)):
-            slacks = [[found["slack", c, d, name][column + more] for d in SLEWS_NS] for c in SLEWS_NS]
-            lines.append(f"        {table(f'{edge}_constraint', 'limit', offset - np.array(slacks))}")
-        lines.append("      }")
-    return lines
+        inputs.append((name, capacitance_pf, limits(name) if name in ends and name != "clk" else {}))
+    tables = (("cell_rise", "arrival", 1), ("cell_fall", "arrival", 3), ("rise_transition", "slew", 1),
+              ("fall_transition", "slew", 3))  # fmt: skip
+    text = opensta.TEMPLATES.get_template("macro.lib").render(
+        name=block.name,
+        area_um2=block.width_um * block.height_um,
+        leakage_nw=1e9 * sum(library.cells[kind].leakage_w for kind, _ in block.cells.values()),
+        inputs=inputs,
+        outputs={out: {what: times(kind, out, at, LOADS_PF) for what, kind, at in tables} for out in block.outputs},
+        grid=GRID,
+    )
+    return text, PERIOD_NS - found["own", 0.0, 0.0, "clk"][0]
 
 
 def check(text: str, block: Block, library: Library, folder: Path) -> float:
