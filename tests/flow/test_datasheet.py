@@ -6,7 +6,6 @@ import functools
 import json
 import re
 import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from eskin.flow.datasheet.asic_results import load_report
 from eskin.flow.datasheet.page import sheet_of
 from eskin.flow.datasheet.sheet import Wave
 from eskin.flow.datasheet.waves import latencies, reset_waves, waves
+from eskin.flow.gatesim import icarus
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
@@ -151,18 +151,21 @@ def test_numbers_of_the_netlist_come_from_its_report_alone(tmp_path: Path) -> No
         load_report(path, STREAM)
 
 
-def bench_of(config: Config, shown: list[Wave], before: str = "") -> str:
-    """Return a testbench that applies the inputs of a timing diagram and checks the outputs."""
+def checked(config: Config, shown: list[Wave], folder: Path, before: str = "") -> int:
+    """Apply the inputs of a timing diagram to the Verilog, and return the number of outputs that are as in the diagram.
+
+    ``before``: Verilog statements during reset.
+    """
     found = {port["name"]: port for port in ports(config)}
     indexed = {"sample, taxel 0": "sample", "above, taxel 0": "above"}
     indexed |= {"reference, taxel 0": "reference_code", "half width, taxel 0": "half_width"}
-    wires = ""
-    for name, port in found.items():
-        kind, start = ("reg", " = 0") if port["direction"] == "input" else ("wire", "")
-        wires += f"{kind} [{port['width'] - 1}:0] {name}{start};\n"
-    drive, check = [], []
+    wires = [
+        f"{'reg' if port['direction'] == 'input' else 'wire'} [{port['width'] - 1}:0] {name};"
+        for name, port in found.items()
+    ]
+    clocks, checks = [], 0
     for clock in range(len(shown[0].values)):
-        lines = []
+        drive, check = [], []
         for wave in shown:
             name, value = indexed.get(wave.name, wave.name), wave.values[clock]
             if name not in found or value is None:
@@ -170,57 +173,34 @@ def bench_of(config: Config, shown: list[Wave], before: str = "") -> str:
             taxels = config.taxels if isinstance(config, ReadoutConfig) and wave.name in indexed else 1
             width = found[name]["width"] // taxels
             if found[name]["direction"] == "output":
-                check.append(
-                    f"if (clock == {clock} && {name}[{width - 1}:0] !== {width}'d{value}) errors = errors + 1;"
-                )
-                check.append(f"if (clock == {clock}) checks = checks + 1;")
+                check.append(f'if ({name}[{width - 1}:0] !== {width}\'d{value}) $display("{clock} {name}");')
             elif wave.name in indexed:
-                lines.append(f"{name} = {{{min(3, taxels)}{{{width}'d{value}}}}};")
+                drive.append(f"{name} = {{{min(3, taxels)}{{{width}'d{value}}}}};")
             else:
-                lines.append(f"{name} = {value};")
-        drive.append(f"{clock}: begin {' '.join(lines)} end")
+                drive.append(f"{name} = {value};")
+        clocks += [*drive, "#5", *check, "clk = 1; #5 clk = 0;"]
+        checks += len(check)
+    zero = [f"{name} = 0;" for name, port in found.items() if port["direction"] == "input"]
+    enable = ["taxel_enable = ~0;"] if "taxel_enable" in found else []
+    reset = ["rst = 1;", *enable, before, "repeat (3) begin #5 clk = 1; #5 clk = 0; end", "rst = 0;"]
     pins = ", ".join(f".{name}({name})" for name in found)
-    enable = "taxel_enable = ~0;" if "taxel_enable" in found else ""
-    return f"""module bench;
-{wires}integer clock; integer errors = 0; integer checks = 0;
-{top_block(config).module_name} dut({pins});
-initial begin
-  rst = 1; {enable} {before} repeat (3) begin #5 clk = 1; #5 clk = 0; end
-  rst = 0;
-  for (clock = 0; clock < {len(shown[0].values)}; clock = clock + 1) begin
-    case (clock) {" ".join(drive)} endcase
-    #5 {" ".join(check)}
-    clk = 1; #5 clk = 0;
-  end
-  $display("%0d errors of %0d", errors, checks); $finish;
-end
-endmodule
-"""
-
-
-def run_bench(config: Config, shown: list[Wave], folder: Path, before: str = "") -> str:
-    """Return the output of the testbench of a timing diagram."""
-    (folder / "dut.v").write_text(text_of(config))
-    (folder / "bench.v").write_text(bench_of(config, shown, before))
-    subprocess.run(["iverilog", "-o", "sim", "bench.v", "dut.v"], cwd=folder, check=True)
-    return subprocess.run(["vvp", "sim"], cwd=folder, check=True, capture_output=True, text=True).stdout
-
-
-def checks_of(config: Config, shown: list[Wave]) -> int:
-    """Return the number of output values in a timing diagram."""
-    names = {port["name"] for port in ports(config) if port["direction"] == "output"}
-    if isinstance(config, ReadoutConfig) and config.frontend == "analog":
-        names |= {"reference, taxel 0", "half width, taxel 0"}
-    return sum(value is not None for wave in shown if wave.name in names for value in wave.values)
+    bench = [
+        "module bench;",
+        "integer clock;",
+        *wires,
+        f"{top_block(config).module_name} dut({pins});",
+        "initial begin",
+    ]
+    bench += [*zero, *reset, *clocks, '$display("end"); $finish;', "end", "endmodule"]
+    assert icarus.run([text_of(config), *bench], "bench", folder) == "end\n"
+    return checks
 
 
 @needs_icarus
 @pytest.mark.parametrize("config", [STREAM, AER], ids=["stream", "aer"])
 def test_the_verilog_does_what_the_pictures_show(config: ReadoutConfig, tmp_path: Path) -> None:
     for shown in (waves(config), reset_waves(config)):
-        checks = checks_of(config, shown)
-        assert checks > 20
-        assert run_bench(config, shown, tmp_path) == f"0 errors of {checks}\n"
+        assert checked(config, shown, tmp_path) > 20
 
 
 @needs_icarus
@@ -228,7 +208,7 @@ def test_the_verilog_does_what_the_pictures_show(config: ReadoutConfig, tmp_path
 def test_frames_do_what_their_pictures_show(stall: int, tmp_path: Path) -> None:
     scan = frame_readout.Scan(FRAMES, stall)
     shown = scan.waves(tuple(dict.fromkeys(frame_readout.AT_ADC + frame_readout.AT_SINK)))
-    assert run_bench(FRAMES, shown, tmp_path) == f"0 errors of {checks_of(FRAMES, shown)}\n"
+    assert checked(FRAMES, shown, tmp_path) > 100
     picture = sheet_of(FRAMES).pictures[stall > 0]
     by_name = {wave.name: wave.values for wave in shown}
     for wave in picture.waves:
@@ -243,7 +223,7 @@ def test_a_classifier_does_what_its_pictures_show(tmp_path: Path) -> None:
     words = max(NEURONS.weight_words, NEURONS.neuron_words)
     load = "load_valid = 1; for (clock = 0; clock < %d; clock = clock + 1) begin load_address = clock; "
     load += "load_neurons = 0; #5 clk = 1; #5 clk = 0; load_neurons = 1; #5 clk = 1; #5 clk = 0; end load_valid = 0;"
-    assert run_bench(NEURONS, shown, tmp_path, load % words) == f"0 errors of {checks_of(NEURONS, shown)}\n"
+    assert checked(NEURONS, shown, tmp_path, load % words) > 50
     by_name = {wave.name: wave.values for wave in shown}
     for picture in sheet_of(NEURONS).pictures:
         for wave in picture.waves:
@@ -255,7 +235,7 @@ def test_a_classifier_does_what_its_pictures_show(tmp_path: Path) -> None:
 @needs_icarus
 def test_a_merge_does_what_its_picture_shows(tmp_path: Path) -> None:
     shown = sheet_of(MERGE).pictures[0].waves
-    assert run_bench(MERGE, shown, tmp_path) == f"0 errors of {checks_of(MERGE, shown)}\n"
+    assert checked(MERGE, shown, tmp_path) > 30
     ready, valid = (next(w.values for w in shown if w.name == name) for name in ("event_ready", "event_valid"))
     assert sum(bool(r and v) for r, v in zip(ready, valid, strict=True)) == 3 * skin.EVENTS
 
