@@ -17,7 +17,6 @@ from eskin.flow.gatesim import icarus
 from eskin.flow.gatesim.flat_netlist import FlatNetlist, flatten
 from eskin.flow.gatesim.models import models
 from eskin.flow.gatesim.sim import from_reset
-from eskin.flow.liberty.boolean import verilog_of
 from eskin.flow.liberty.library import Library, read
 from eskin.model.config import ReadoutConfig
 from tests.flow import example_library
@@ -120,11 +119,6 @@ module bench;
 endmodule
 """
     assert icarus.run([models(made.library, {"PERCH", "SLUMBER"}), bench], "bench", tmp_path).split() == ["11x0x"]
-
-
-def test_expressions_of_a_library_in_verilog() -> None:
-    written = {"!A": "~A", "A B'": "(A & ~B)", "(A ^ B)": "(A ^ B)", "A+B": "(A | B)", "1": "1'b1", "0": "1'b0"}
-    assert {text: verilog_of(text) for text in written} == written
 
 
 def test_cells_that_are_missing_or_say_nothing_are_one_sentence(library: Library, tmp_path: Path) -> None:
