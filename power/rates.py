@@ -7,6 +7,7 @@ those of the two datasets in both presets.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -144,7 +145,7 @@ def _moments(rates: NDArray[np.float64]) -> FloatArray:
 def _rounded(rates: NDArray[np.float64]) -> Any:
     if rates.ndim > 1:
         return [_rounded(row) for row in rates]
-    return [float(f"{rate:.{_DIGITS}g}") for rate in rates]
+    return [int(value) if value.is_integer() else value for value in (float(f"{rate:.{_DIGITS}g}") for rate in rates)]
 
 
 def load_tables(path: Path = STORED) -> tuple[RateTable, ...]:
@@ -171,20 +172,9 @@ def stored_table(preset_name: str = "paper", dataset: str = "kylberg", path: Pat
 
 def tables_text(tables: Sequence[RateTable], command: str) -> str:
     """Return rate tables as JSON text, one list of taxels per line."""
-    blocks = []
-    for table in tables:
-        values = table.to_dict()
-        lines = [f'   "{name}": {json.dumps(values[name])}' for name in values if not name.endswith("s_hz")]
-        lines.append('   "lcs_hz": [\n    ' + _rows_text(values["lcs_hz"], 4) + "]")
-        lines.append('   "nlcs_hz": [\n    [' + "],\n    [".join(_rows_text(r, 5) for r in values["nlcs_hz"]) + "]]")
-        blocks.append("  {\n" + ",\n".join(lines) + "}")
     head = {"command": command, "unit": "events/s of every taxel, mean over the images"}
-    start = json.dumps(head, indent=1).removesuffix("\n}")
-    return start + ',\n "tables": [\n' + ",\n".join(blocks) + "]\n}\n"
-
-
-def _rows_text(rows: list[list[float]], indent: int) -> str:
-    return (",\n" + " " * indent).join(json.dumps(row).replace(".0,", ",").replace(".0]", "]") for row in rows)
+    text = json.dumps(head | {"tables": [table.to_dict() for table in tables]}, indent=1)
+    return re.sub(r"\[[^][{}]+\]", lambda found: json.dumps(json.loads(found[0])), text) + "\n"
 
 
 def measure_table(
