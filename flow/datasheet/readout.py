@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from eskin.flow.datasheet.asic_results import of_netlist
 from eskin.flow.datasheet.sheet import Picture, Sheet
 from eskin.flow.datasheet.waves import ACK_DELAY, RESET_CLOCKS, STALL, TAXELS, TICK, latencies, reset_waves, waves
 from eskin.model.config import ReadoutConfig
@@ -31,7 +30,7 @@ def sheet_of(config: ReadoutConfig, report: dict[str, Any] | None) -> Sheet:
         "ack_delay": ACK_DELAY / ACK_QUANTA,
         "reset_clocks": RESET_CLOCKS,
         "registers": REGISTERS,
-        "netlist": of_netlist(report),
+        "report": report,
         "dac_out": DAC_OUT,
         "decision_in": DECISION_IN,
         "codes": _codes(config),

@@ -24,7 +24,6 @@ RESETS = {
     "async": "The reset is active high and asynchronous at every flop. Assert the reset at any time, and release it "
     "synchronously to `clk`.",
 }
-NO_NETLIST = "`make asic` makes no netlist of this design, so this datasheet gives no area, power and highest clock."
 
 
 class Wave(NamedTuple):
@@ -84,7 +83,6 @@ class Sheet:
             "what": self.what,
             "version": __version__,
             "reset": RESETS[self.config.reset],
-            "netlist": NO_NETLIST,
             "pictures": {picture.name: picture for picture in self.pictures},
             "fields": [(f"`{name}`", f"{value}") for name, value in self.config.to_dict().items()],
             "pins": [(f"`{pin['name']}`", pin["direction"], f"{pin['width']}", pin["meaning"]) for pin in pins],

@@ -13,8 +13,7 @@ import pytest
 
 from eskin.base.errors import InputError
 from eskin.flow.datasheet import classifier, frame_readout, skin
-from eskin.flow.datasheet.asic_results import load_report
-from eskin.flow.datasheet.page import sheet_of
+from eskin.flow.datasheet.page import load_report, sheet_of
 from eskin.flow.datasheet.sheet import Wave
 from eskin.flow.datasheet.waves import latencies, reset_waves, waves
 from eskin.flow.gatesim import icarus
