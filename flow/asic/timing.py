@@ -55,8 +55,8 @@ def analyse(netlist: Netlist, library: Library, constant: Collection[str] = ()) 
     for name in sorted(used):
         library.cells[name].check()  # OpenSTA gives no clear message for a wrong table
     script = opensta.TEMPLATES.get_template("timing.tcl").render(top=netlist.top, own=1e9 / netlist.config.clock_hz)
-    files = {"cells.lib": library.content, "netlist.v": netlist.text, "constraints.sdc": sdc(netlist, "$period")}
-    said = opensta.run(script, files)
+    files: dict[str, str | bytes] = {"cells.lib": library.content, "netlist.v": netlist.text}
+    said = opensta.run(script, files | {"constraints.sdc": sdc(netlist, "$period")})
     found = said.values
     if {"PERIOD", "PATH", "OWN", "SETUP"} - set(found):
         raise RuntimeError(f"OpenSTA failed on {netlist.top}: {said.failed()}")
