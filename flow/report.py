@@ -12,7 +12,7 @@ from typing import Any
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write, make_folder, origin, write_json
 from eskin.cocotb_tests.runner.reproduce import variables
-from eskin.flow import opensta
+from eskin.flow import programs
 from eskin.flow.asic.constraints import sdc
 from eskin.flow.asic.equivalence import Equivalence, design_of, prove
 from eskin.flow.asic.structure import Structure, check
@@ -189,7 +189,7 @@ def run(
     ``delivered``: start from the Verilog of ``eskin verilog --clock-gates``, as a user's flow does.
     Raises InputError if a program is missing or a library lacks cells.
     """
-    opensta.check_program()
+    programs.check("sta")
     libraries = {corner: read(path) for corner, path in corners.items()}
     library = libraries["typical"]
     on_stage(f"netlist of {library.name}")

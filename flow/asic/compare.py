@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from eskin.flow.asic.synthesis import FLOP_NAME
-from eskin.flow.opensta import TEMPLATES
+from eskin.flow.programs import filled
 from eskin.rtl import yosys
 from eskin.rtl.gates.cells import cell_of, highest_net
 
@@ -53,7 +53,7 @@ def compare(gold: dict[str, Any], gate: dict[str, Any]) -> tuple[int, list[str]]
     _open(gold, [ours[name] for name, _ in pairs])
     _open(gate, [theirs[name] for _, name in pairs])
     held, following = ({"cut_held": len(pairs)}, {"cut_next": 3 * len(pairs)}) if pairs else ({}, {})
-    miter = TEMPLATES.get_template("miter.v").render(inputs=inputs | held, outputs=following | outputs)
+    miter = filled("miter.v", inputs=inputs | held, outputs=following | outputs)
     files = {
         "both.json": json.dumps({"modules": {"gold": gold, "gate": gate}}).encode(),
         "miter.v": miter.encode(),

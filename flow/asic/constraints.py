@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from eskin.flow import opensta
+from eskin.flow import programs
 from eskin.flow.asic.synthesis import Netlist
 from eskin.flow.liberty.library import Cell, Library
 from eskin.model.config import ReadoutConfig
@@ -28,7 +28,8 @@ def sdc(netlist: Netlist, period: str = "") -> str:
         if way == "input" and name not in ("clk", "rst"):
             driven.append(name)
     buffers = plain_buffers(netlist.library)
-    return opensta.TEMPLATES.get_template("netlist.sdc").render(
+    return programs.filled(
+        "netlist.sdc",
         header=header(config, "#"),
         period=period or f"{1e9 / config.clock_hz:.6g}",
         delivery=delivery,

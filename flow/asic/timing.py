@@ -7,7 +7,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from eskin.base.errors import InputError
-from eskin.flow import opensta
+from eskin.flow import programs
 from eskin.flow.asic.constraints import sdc
 from eskin.flow.asic.synthesis import Netlist
 from eskin.flow.liberty.library import Library
@@ -48,15 +48,15 @@ class Timing:
 
 def analyse(netlist: Netlist, library: Library, constant: Collection[str] = ()) -> Timing:
     """Return the timing of a netlist at the corner of a library; ``constant`` names output bits that never change."""
-    opensta.check_program()
+    programs.check("sta")
     used = set(re.findall(r"^  (\w+) (?:\\\S+|\w+) +\(", netlist.text, re.MULTILINE))
     if missing := sorted(used - set(library.cells)):
         raise InputError(f"the cell library {library.path} has no cell {missing[0]}; give corners of one library")
     for name in sorted(used):
         library.cells[name].check()  # OpenSTA gives no clear message for a wrong table
-    script = opensta.TEMPLATES.get_template("timing.tcl").render(top=netlist.top, own=1e9 / netlist.config.clock_hz)
+    script = programs.filled("timing.tcl", top=netlist.top, own=1e9 / netlist.config.clock_hz)
     files: dict[str, str | bytes] = {"cells.lib": library.content, "netlist.v": netlist.text}
-    said = opensta.run(script, files | {"constraints.sdc": sdc(netlist, "$period")})
+    said = programs.opensta(script, files | {"constraints.sdc": sdc(netlist, "$period")})
     found = said.values
     if {"PERIOD", "PATH", "OWN", "SETUP"} - set(found):
         raise RuntimeError(f"OpenSTA failed on {netlist.top}: {said.failed()}")

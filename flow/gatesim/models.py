@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from eskin.base.errors import InputError
-from eskin.flow.gatesim import icarus
+from eskin.flow import programs
 from eskin.flow.liberty.library import Cell, Library
 
 
@@ -23,7 +23,7 @@ def models(library: Library, kinds: set[str], delay_ns: float = 0.0) -> str:
             )
         gate = _clock_gate(cell) if cell.gate_kind else None
         cells.append((cell, None if gate else cell.memory, gate, outputs))
-    return icarus.TEMPLATES.get_template("cells.v").render(cells=cells, delay_ns=delay_ns)
+    return programs.filled("cells.v", cells=cells, delay_ns=delay_ns)
 
 
 def _clock_gate(cell: Cell) -> dict[str, str]:

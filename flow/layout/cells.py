@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from eskin.flow import opensta
+from eskin.flow import programs
 from eskin.flow.layout.transistors import SwitchCell, does, stores
 
 
@@ -69,4 +69,4 @@ def check(cell: SwitchCell) -> None:
 def liberty(names: list[str], areas: Mapping[str, float]) -> str:
     """Return a liberty file of checked cells, with functions, areas in um^2, and equal delays."""
     cells = [(name, areas[name], GATES.get(name.partition("_")[0])) for name in names]
-    return opensta.TEMPLATES.get_template("functions.lib").render(cells=cells)
+    return programs.filled("functions.lib", cells=cells)

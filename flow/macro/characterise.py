@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import itertools
 import re
-import shutil
-import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from eskin.base.errors import InputError
-from eskin.flow import opensta
+from eskin.flow import programs
 from eskin.flow.liberty.boolean import evaluate
 from eskin.flow.liberty.library import Cell
-
-NO_NGSPICE = "ngspice not found; install with: apt-get install ngspice"
 
 SUPPLY_V = 1.8
 TEMPERATURE_C = 25
@@ -72,12 +67,6 @@ class Measured:
     limits: dict[str, dict[str, np.ndarray]]  # setup and hold times of a flop in ns, by edge; shape (2, 2)
 
 
-def check_program() -> None:
-    """Raise InputError if ngspice is missing."""
-    if shutil.which("ngspice") is None:
-        raise InputError(NO_NGSPICE)
-
-
 def trimmed(models: str, cells: str) -> str:
     """Return the SPICE models that the cells use; ngspice would need seconds for all 600 models."""
     used = {(name, float(length)) for name, length in re.findall(r" (\S+) l=(\S+)", cells)}
@@ -92,7 +81,7 @@ def trimmed(models: str, cells: str) -> str:
 def simulate(deck: str, folder: Path) -> dict[str, float]:
     """Return the measurements of an ngspice deck by name, without failed measurements."""
     (folder / "deck.sp").write_text(deck + f".tran 10p {END_NS}n 0 100p\n.end\n")
-    done = subprocess.run(["ngspice", "-b", "deck.sp"], cwd=folder, capture_output=True, text=True, check=False)
+    done = programs.call(folder, "ngspice", "-b", "deck.sp")
     found = {name: float(value) for name, value in MEASURED.findall(done.stdout) if value != "failed"}
     if not found:
         raise RuntimeError(f"ngspice measured nothing: {(done.stderr or done.stdout).strip()[-300:]}")
@@ -158,7 +147,7 @@ class Characteriser:
     def library(self, cells: Sequence[Cell]) -> str:
         """Return cells with measured times, capacitances and leakage as Liberty text."""
         measured = [(cell, self._flop(cell) if cell.flop else self._gate(cell)) for cell in cells]
-        return opensta.TEMPLATES.get_template("measured.lib").render(cells=measured, grid=GRID)
+        return programs.filled("measured.lib", cells=measured, grid=GRID)
 
     def _gate(self, cell: Cell) -> Measured:
         """Return the measurements of a gate."""

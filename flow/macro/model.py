@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.flow import opensta
+from eskin.flow import programs
 from eskin.flow.liberty.library import Library
 from eskin.flow.macro.characterise import GRID, LOADS_PF, SLEWS_NS
 
@@ -74,7 +74,7 @@ class Block:
             before = [f"*P {net} I"] if net in self.inputs else []
             behind = [f"*P {net} O"] if net in self.outputs else []
             nets.append((net, self.wires_pf.get(net, 0.0), before + pins + behind))
-        return opensta.spef(nets)
+        return programs.spef(nets)
 
     def files(self, library: Library) -> dict[str, str | bytes]:
         """Return library, netlist and wires for OpenSTA, by file name."""
@@ -130,7 +130,7 @@ def _ask(top: str, script: Sequence[str], files: Mapping[str, str | bytes], fold
         f"link_design {top}",
     ]
     head += [f"read_spef {name}" for name in wires]
-    said = opensta.run("\n".join([*head, *script]), files, folder)
+    said = programs.opensta("\n".join([*head, *script]), files, folder)
     (folder / "opensta.log").write_text(said.text)
     found = {}
     for heading, text in said.values.items():
@@ -143,8 +143,8 @@ def _ask(top: str, script: Sequence[str], files: Mapping[str, str | bytes], fold
 
 
 def _clocked(block: Block) -> str:
-    return opensta.TEMPLATES.get_template("clocked.tcl").render(
-        period=PERIOD_NS, inputs=" ".join(block.data), outputs=" ".join(block.outputs)
+    return programs.filled(
+        "clocked.tcl", period=PERIOD_NS, inputs=" ".join(block.data), outputs=" ".join(block.outputs)
     )
 
 
@@ -177,7 +177,8 @@ def liberty(block: Block, library: Library, folder: Path) -> tuple[str, float]:
         inputs.append((name, capacitance_pf, limits(name) if name in ends and name != "clk" else {}))
     tables = (("cell_rise", "arrival", 1), ("cell_fall", "arrival", 3), ("rise_transition", "slew", 1),
               ("fall_transition", "slew", 3))  # fmt: skip
-    text = opensta.TEMPLATES.get_template("macro.lib").render(
+    text = programs.filled(
+        "macro.lib",
         name=block.name,
         area_um2=block.width_um * block.height_um,
         leakage_nw=1e9 * sum(library.cells[kind].leakage_w for kind, _ in block.cells.values()),

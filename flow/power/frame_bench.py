@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from eskin.flow.gatesim import icarus
+from eskin.flow import programs
 from eskin.flow.gatesim.flat_netlist import FlatNetlist
 from eskin.flow.power.activity import DUMP, HALF_NS, Activity, read_dump
 from eskin.flow.power.event_bench import Mismatch
@@ -34,7 +34,7 @@ def _run(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path, fr
     widths = {port.name: len(port.nets) for port in netlist.ports}
     (folder / "inputs.txt").write_text("\n".join(_words(inputs, Inputs._fields, widths)))
     (folder / "outputs.txt").write_text("\n".join(_words(outputs, Outputs._fields, widths)))
-    said = icarus.run([netlist.verilog(), cells, _bench(netlist, clocks, widths)], "play", folder)
+    said = programs.icarus([netlist.verilog(), cells, _bench(netlist, clocks, widths)], "play", folder)
     if int(said.split()[-1]):
         raise Mismatch(f"the netlist differs from the frame readout's model in {said.split()[-1]} clocks")
     return read_dump(folder / DUMP, HALF_NS, clocks, netlist.nets)
@@ -67,7 +67,8 @@ def _bench(netlist: FlatNetlist, clocks: int, widths: dict[str, int]) -> str:
     """Return a testbench that applies the inputs and counts clocks with a wrong output."""
     given = [name for name in Inputs._fields if name in widths]
     seen = [name for name in Outputs._fields if name in widths]
-    return icarus.TEMPLATES.get_template("frames.v").render(
+    return programs.filled(
+        "frames.v",
         given=given,
         seen=seen,
         widths=widths,

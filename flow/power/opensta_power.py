@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.flow import opensta
+from eskin.flow import programs
 from eskin.flow.gatesim.flat_netlist import Cell, FlatNetlist
 from eskin.flow.liberty.library import Library
 from eskin.flow.power.activity import Activity
@@ -201,12 +201,12 @@ class OpenstaPower:
 
 def set_up(top: str) -> str:
     """Return the commands that read netlist and library and define ``report``."""
-    return opensta.TEMPLATES.get_template("power.tcl").render(top=top, period=PERIOD_NS)
+    return programs.filled("power.tcl", top=top, period=PERIOD_NS)
 
 
 def run(lines: list[str], folder: Path) -> list[Report]:
     """Run an OpenSTA script, and return the power reports of its commands ``report NAME ACTIVITY``."""
-    said = opensta.run("\n".join(lines), {}, folder)
+    said = programs.opensta("\n".join(lines), {}, folder)
     printed = said.text.splitlines()
     if wrong := [line for line in printed if line.startswith("Error")] or (printed[-1:] if said.status else []):
         raise InputError(f"OpenSTA rejects the netlist: {wrong[0]}; give netlist and cell library of one run")
@@ -230,7 +230,7 @@ def _counted(folder: Path) -> Counted:
     Version 2.0 adds rise and fall up for every toggle; for a data output it halves that where no related pin is named.
     """
     for name, template in (("cells.lib", "probe.lib"), ("netlist.v", "probe.v")):
-        (folder / name).write_text(opensta.TEMPLATES.get_template(template).render())
+        (folder / name).write_text(programs.filled(template))
     (found,) = run([set_up("probe"), "report probe 1"], folder)
     picojoules = [round(found[f"c{number}"][0] * PERIOD_S / 1e-12, 3) for number in range(3)]
     assert all(value > 0 for value in picojoules), found

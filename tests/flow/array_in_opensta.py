@@ -7,7 +7,7 @@ import re
 from collections import defaultdict
 from typing import Any
 
-from eskin.flow import opensta
+from eskin.flow import programs
 from eskin.flow.asic.constraints import sdc
 from eskin.flow.asic.synthesis import Netlist
 from eskin.flow.gatesim.flat_netlist import FlatNetlist, flatten
@@ -45,7 +45,7 @@ def period_s(timing: Timing, lines: Lines, library: Library) -> float:
     files: dict[str, str | bytes] = {"netlist.v": flat.verilog(), "wires.spef": spef(timing, lines, flat)}
     files |= {"constraints.sdc": sdc(made, "$period"), "cells.lib": OWN_WIRES.sub(b"", library.content)}
     high = 2e9 * timing.worst().period_s
-    said = opensta.run(SCRIPT.format(top=made.top, high=high, rounds=ROUNDS), files)
+    said = programs.opensta(SCRIPT.format(top=made.top, high=high, rounds=ROUNDS), files)
     return float(said.values["PERIOD"]) * 1e-9
 
 
@@ -104,4 +104,4 @@ def spef(timing: Timing, lines: Lines, flat: FlatNetlist) -> str:
             ends[net].insert(
                 0 if port.direction == "input" else len(ends[net]), f"*P {name} {port.direction[0].upper()}"
             )
-    return opensta.spef((net, 1e12 * wires_f.get(net, 0.0), on) for net, on in ends.items() if "'" not in net)
+    return programs.spef((net, 1e12 * wires_f.get(net, 0.0), on) for net, on in ends.items() if "'" not in net)

@@ -14,7 +14,7 @@ import pytest
 
 from eskin.base.errors import InputError
 from eskin.cocotb_tests.bench.readout import EventMonitor
-from eskin.flow import opensta
+from eskin.flow import programs
 from eskin.flow.asic import timing
 from eskin.flow.asic.synthesis import synthesise
 from eskin.flow.liberty.library import Library, read
@@ -197,4 +197,4 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(
         refuses(sentence if shutil.which("sta") else "error", "asic --lib=few.lib --out=out", words)
     monkeypatch.setattr(shutil, "which", lambda _: None)
     with pytest.raises(InputError, match=r"^OpenSTA not found; install with: apt-get install opensta$"):
-        opensta.check_program()
+        programs.check("sta")

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 
 from eskin.base.errors import InputError
+from eskin.flow import programs
 from eskin.flow.datasheet import classifier, frame_readout, skin
 from eskin.flow.datasheet.page import load_report, sheet_of
 from eskin.flow.datasheet.sheet import Wave
 from eskin.flow.datasheet.waves import latencies, reset_waves, waves
-from eskin.flow.gatesim import icarus
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
@@ -196,7 +196,7 @@ def checked(config: Config, shown: list[Wave], folder: Path, before: str = "") -
         "initial begin",
     ]
     bench += [*zero, *reset, *clocks, '$display("end"); $finish;', "end", "endmodule"]
-    assert icarus.run([text_of(config), *bench], "bench", folder) == "end\n"
+    assert programs.icarus([text_of(config), *bench], "bench", folder) == "end\n"
     return checks
 
 

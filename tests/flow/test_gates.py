@@ -12,8 +12,8 @@ from eskin.base.errors import InputError
 from eskin.cocotb_tests.runner.player import Job
 from eskin.cocotb_tests.runner.process import MismatchFound, Tally, run_job
 from eskin.cocotb_tests.runner.simulator import build
+from eskin.flow import programs
 from eskin.flow.asic.synthesis import Netlist, synthesise
-from eskin.flow.gatesim import icarus
 from eskin.flow.gatesim.flat_netlist import FlatNetlist, flatten
 from eskin.flow.gatesim.models import models
 from eskin.flow.gatesim.sim import from_reset
@@ -118,7 +118,7 @@ module bench;
   end
 endmodule
 """
-    assert icarus.run([models(made.library, {"PERCH", "SLUMBER"}), bench], "bench", tmp_path).split() == ["11x0x"]
+    assert programs.icarus([models(made.library, {"PERCH", "SLUMBER"}), bench], "bench", tmp_path).split() == ["11x0x"]
 
 
 def test_cells_that_are_missing_or_say_nothing_are_one_sentence(library: Library, tmp_path: Path) -> None:
