@@ -78,7 +78,10 @@ def from_reset(netlist: FlatNetlist, library: Library, folder: Path) -> Unknown:
         next(f"dut.{cell.pins[pin]}" for pin in library.cells[cell.kind].outputs if cell.pins.get(pin))
         for cell in flops
     ]
-    texts = [models(library, kinds), netlist.verilog(), _bench(netlist, state, outputs)]
+    # The testbench prints the flops at the end of reset, and flops and outputs at the end of the run.
+    values = {"top": netlist.top, "ports": netlist.ports, "state": state, "outputs": outputs}
+    bench = programs.filled("reset.v", reset_clocks=RESET_CLOCKS, quiet_clocks=QUIET_CLOCKS, **values)
+    texts = [models(library, kinds), netlist.verilog(), bench]
     in_reset, after, out = programs.icarus(texts, "bench", folder).split()
     places = [cell.place for cell in flops]
     left = [tuple(place for place, bit in zip(places, bits, strict=True) if bit == "x") for bits in (in_reset, after)]
@@ -87,10 +90,3 @@ def from_reset(netlist: FlatNetlist, library: Library, folder: Path) -> Unknown:
     return Unknown(
         len(flops), left[0], left[1], tuple(name for name, bit in zip(named, out, strict=True) if bit not in "01")
     )
-
-
-def _bench(netlist: FlatNetlist, state: list[str], outputs: list[str]) -> str:
-    """Return a testbench that prints the flops at the end of reset, and flops and outputs at the end of the run."""
-    clocks = {"reset_clocks": RESET_CLOCKS, "quiet_clocks": QUIET_CLOCKS}
-    values = {"top": netlist.top, "ports": netlist.ports, "state": state, "outputs": outputs}
-    return programs.filled("reset.v", **values, **clocks)

@@ -38,18 +38,14 @@ def play(
         file=DUMP,
     )
     StimulusDriver(config, folder).write(scenario.stimulus)
-    texts = [_defined(macros, netlist) + HARNESS.read_text(), netlist.verilog(gather=True), cells, player]
+    if any(port.name == "test_enable" for port in netlist.ports):  # the extra port of netlists
+        macros = macros | {"TEST_ENABLE": "1"}
+    defined = "".join(f"`define {name} {value}\n" for name, value in macros.items())
+    texts = [defined + HARNESS.read_text(), netlist.verilog(gather=True), cells, player]
     errors = int(programs.icarus(texts, "play", folder).split()[-1])
     events = EventMonitor(config, folder).read()
     _hold_to_model(scenario, events, errors)
     return read_dump(folder / DUMP, HALF_NS + 1, scenario.clocks, netlist.nets, parts), scenario.inside(events)
-
-
-def _defined(macros: dict[str, str], netlist: FlatNetlist) -> str:
-    """Return Verilog macros, including one for the extra port of netlists."""
-    if any(port.name == "test_enable" for port in netlist.ports):
-        macros = macros | {"TEST_ENABLE": "1"}
-    return "".join(f"`define {name} {value}\n" for name, value in macros.items())
 
 
 def _hold_to_model(scenario: Scenario, events: Any, errors: int) -> None:
