@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +11,7 @@ from eskin.flow.datasheet.sheet import Wave
 from eskin.model import link
 from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
-from eskin.model.readout import TAKEN, WAITED, State, Stimulus, simulate, simulate_counted, state_at
+from eskin.model.readout import TAKEN, WAITED, Stimulus, simulate, simulate_counted, state_at
 from eskin.rtl.delivery import ports
 from eskin.rtl.link import requests
 
@@ -103,11 +102,16 @@ def waves(config: ReadoutConfig) -> list[Wave]:
         # The taxel takes it with the edge that ends the clock of the tick.
         code = int(stimulus.samples[0, 0])
         found.append(Wave("sample, taxel 0", tuple(code if one else None for one in tick), bus=True))
-    else:
-        found.append(Wave("above, taxel 0", tuple(_above(config, state) for state in states)))
-    found.append(_of_taxel_0("reference, taxel 0", [_codes(config, state) for state in states]))
+    # References as sample codes, rounded down.
+    codes = [int(state.reference[0, 0] >> config.encoder.fraction_bits(config)) for state in states]
+    widths = [int(state.half_width[0, 0]) for state in states]
+    if config.frontend == "analog":
+        levels = [code + width + config.encoder.strict for code, width in zip(codes, widths, strict=True)]
+        above = tuple(int(state.sample[0, 0] >= level) for state, level in zip(states, levels, strict=True))
+        found.append(Wave("above, taxel 0", above))
+    found.append(Wave("reference, taxel 0", tuple(codes), bus=True))
     if config.closes:
-        found.append(_of_taxel_0("half width, taxel 0", [state.half_width for state in states]))
+        found.append(Wave("half width, taxel 0", tuple(widths), bus=True))
     found.append(Wave("request, row 0", tuple(int(state.pending[0].any()) for state in states)))
     send = _stream if config.link == "stream" else _four_phase
     return found + send(config, stimulus, events, traffic)
@@ -133,21 +137,6 @@ def address(config: ReadoutConfig, event: np.void) -> int:
     """Return the address word of an event: polarity, row, column."""
     word = int(event["y"]) << config.column_bits | int(event["x"])
     return word | int(event["p"]) << (config.row_bits + config.column_bits) if config.has_polarity else word
-
-
-def _codes(config: ReadoutConfig, state: State) -> NDArray[np.int64]:
-    """Return the references as sample codes, rounded down."""
-    return state.reference >> config.encoder.fraction_bits(config)
-
-
-def _above(config: ReadoutConfig, state: State) -> int:
-    """Return the output of taxel 0's comparator."""
-    level = _codes(config, state)[0, 0] + state.half_width[0, 0] + config.encoder.strict
-    return int(state.sample[0, 0] >= level)
-
-
-def _of_taxel_0(name: str, values: Sequence[NDArray[np.int64]]) -> Wave:
-    return Wave(name, tuple(int(value[0, 0]) for value in values), bus=True)
 
 
 def _stream(config: ReadoutConfig, stimulus: Stimulus, events: Events, traffic: NDArray[np.uint8]) -> list[Wave]:
