@@ -192,7 +192,11 @@ def measure_table(
     ``pool``: workers; this process by default.
     """
     base = base or ReadoutConfig()
-    configs, groups = _configurations(scan, base, resolutions, taus_s)
+    configs = [scan.configure(base.replace(encoding="lcs", resolution=n)) for n in resolutions]
+    configs += [scan.configure(base.replace(encoding="nlcs", resolution=n), tau) for tau in taus_s for n in resolutions]
+    groups: dict[float, list[int]] = {}  # by equal sample rate
+    for i, config in enumerate(configs):
+        groups.setdefault(config.sample_rate_hz, []).append(i)
     fine = [rate_hz for rate_hz in groups if rate_hz >= 2 * _HIGHEST_HZ]
     spectrum_rate_hz = min(fine) if fine else max(groups)
 
@@ -206,6 +210,7 @@ def measure_table(
                 rates[members] += found
                 spectrum += power
     rates /= len(dataset)
+    total = np.cumsum(spectrum)
     lcs, nlcs = rates[: len(resolutions)], rates[len(resolutions) :]
     return RateTable(
         dataset=dataset.name,
@@ -213,24 +218,12 @@ def measure_table(
         images=len(dataset),
         rows=base.rows,
         columns=base.columns,
-        bandwidth_hz=_bandwidth_hz(spectrum),
+        bandwidth_hz=float((np.searchsorted(total, POWER_SHARE * total[-1]) + 1) * _SPECTRUM_STEP_HZ),
         resolutions=tuple(resolutions),
         taus_s=tuple(taus_s),
         lcs_hz=lcs,
         nlcs_hz=nlcs.reshape(len(taus_s), len(resolutions), base.taxels),
     )
-
-
-def _configurations(
-    scan: Scan, base: ReadoutConfig, resolutions: Sequence[int], taus_s: Sequence[float]
-) -> tuple[list[ReadoutConfig], dict[float, list[int]]]:
-    """Return the configurations of a table, grouped by equal sample rate."""
-    configs = [scan.configure(base.replace(encoding="lcs", resolution=n)) for n in resolutions]
-    configs += [scan.configure(base.replace(encoding="nlcs", resolution=n), tau) for tau in taus_s for n in resolutions]
-    groups: dict[float, list[int]] = {}
-    for i, config in enumerate(configs):
-        groups.setdefault(config.sample_rate_hz, []).append(i)
-    return configs, groups
 
 
 _SPECTRUM_BINS = 20_000
@@ -260,9 +253,3 @@ def _spectrum(signals: FloatArray, sample_rate_hz: float) -> FloatArray:
     )
     # A sum of squares grows with the square of the sample rate times the duration.
     return np.bincount(bins, power, _SPECTRUM_BINS) / len(signals) ** 2
-
-
-def _bandwidth_hz(spectrum: FloatArray) -> float:
-    """Return the frequency below which 99 % of the power lies."""
-    total = np.cumsum(spectrum)
-    return float((np.searchsorted(total, POWER_SHARE * total[-1]) + 1) * _SPECTRUM_STEP_HZ)

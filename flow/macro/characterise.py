@@ -176,13 +176,7 @@ class Characteriser:
         found = simulate("".join(deck), self.folder)
         arcs = []
         for (pin, inverted), group in itertools.groupby(sorted(asked), key=lambda one: one[:2]):
-            tables = {
-                name: np.full((len(SLEWS_NS), len(LOADS_PF)), -np.inf)
-                for name in ("cell_rise", "cell_fall", "rise_transition", "fall_transition")
-            }
-            for _, _, n, i, j in group:
-                for name, what in zip(tables, ("dr", "df", "tr", "tf"), strict=True):
-                    tables[name][i, j] = max(tables[name][i, j], 1e9 * found[f"{what}{n}"])
+            tables = _tables(found, [(f"{n}", i, j) for _, _, n, i, j in group])
             arcs.append(Arc(pin, "negative_unate" if inverted else "positive_unate", tables))
         return Measured(arcs, *self._rest(cell, found), {})
 
@@ -229,12 +223,8 @@ class Characteriser:
                 n += 1
         deck += self._loads(cell, [(clock, {data: False}, False), (data, {clock: False}, False)])
         found = simulate("".join(deck), self.folder)
-        grid = [[f"{i}_{j}" for j in range(len(LOADS_PF))] for i in range(len(SLEWS_NS))]
-        names = {"cell_rise": "dr", "cell_fall": "df", "rise_transition": "tr", "fall_transition": "tf"}
-        tables = {
-            name: 1e9 * np.array([[found[what + point] for point in row] for row in grid])
-            for name, what in names.items()
-        }
+        points = itertools.product(range(len(SLEWS_NS)), range(len(LOADS_PF)))
+        tables = _tables(found, [(f"{i}_{j}", i, j) for i, j in points])
         return Measured([Arc(clock, "rising_edge", tables)], *self._rest(cell, found), self._limits(cell, tables))
 
     def _limits(self, cell: Cell, usual: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
@@ -272,3 +262,13 @@ class Characteriser:
             rows = [high[n] for n, point in enumerate(points) if point[:2] == (kind, value)]
             limits[kind][name] = np.reshape(rows, (2, 2))
         return limits
+
+
+def _tables(found: Mapping[str, float], points: Sequence[tuple[str, int, int]]) -> dict[str, np.ndarray]:
+    """Return the largest delays and transitions in ns of the instances at each point of slew and load."""
+    tables = {}
+    for name, what in (("cell_rise", "dr"), ("cell_fall", "df"), ("rise_transition", "tr"), ("fall_transition", "tf")):
+        tables[name] = np.full((len(SLEWS_NS), len(LOADS_PF)), -np.inf)
+        for instance, i, j in points:
+            tables[name][i, j] = max(tables[name][i, j], 1e9 * found[f"{what}{instance}"])
+    return tables

@@ -59,11 +59,10 @@ POTENTIALS = (
 
 @dataclass(frozen=True)
 class Window:
-    """Clocks of a simulation, and the events taken in them."""
+    """Clocks of a simulation."""
 
     start: int
     clocks: int
-    events: int = 0
 
 
 def outside(config: ClassifierConfig) -> str:
