@@ -76,7 +76,7 @@ class Open:
 
 @dataclass
 class Lines:
-    """Builder of the row and column lines of an array, with repeaters as cells."""
+    """The row and column lines of an array, which gets their repeaters as cells."""
 
     array: Array
     places: Placement
@@ -90,10 +90,8 @@ class Lines:
     delays: dict[str, list[float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.choice = repeaters(self.array.kinds)
-
-    def draw(self) -> None:
         """Build all lines except nets that layout buffers as trees."""
+        self.choice = repeaters(self.array.kinds)
         drivers, readers = self.array.ends()
         trees = self.array.trees()
         for net, ends in readers.items():
