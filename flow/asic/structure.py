@@ -155,9 +155,9 @@ def _without_reset(module: dict[str, Any], library: Library) -> list[str]:
             flop, pins = library.cells[instance["type"]].flop, instance["connections"]
             assert flop
             given = tuple((pin, value(bits[0], found)) for pin, bits in pins.items() if bits)
-            resets = [level for text, level in ((flop.clear, "0"), (flop.preset, "1"))
-                      if text and possible(text, given) == "1"]  # fmt: skip
-            held = resets[0] if resets else value(pins[flop.data][0], found)
+            held = value(pins[flop.data][0], found)
+            for text, level in ((flop.preset, "1"), (flop.clear, "0")):
+                held = level if text and possible(text, given) == "1" else held
             if held != "x":
                 waiting.remove(name)
                 for pin, inverted in flop.outputs.items():
