@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -25,8 +26,7 @@ CONFIG = ReadoutConfig(rows=1, columns=2, resolution=4)
 REAL = Path(__file__).resolve().parents[3] / "shared" / "data" / "ihp-sg13g2" / "sg13g2_stdcell_typ_1p20V_25C.lib"
 
 
-@dataclasses.dataclass(frozen=True)
-class Made:
+class Made(NamedTuple):
     """A netlist with its cell models, and its flat form."""
 
     library: Library
