@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eskin.base.errors import InputError
-from eskin.flow.liberty.library import Library, read
+from eskin.flow.liberty.library import read
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.rtl import yosys
 from eskin.rtl.verilog import Config, rtlil, top_block
@@ -52,18 +52,6 @@ def count_gates(config: Config, taxels: int, liberty: Path | None = None) -> Gat
     Without a cell library, generic two-input gates are counted. A classifier has 1 taxel.
     """
     library = None if liberty is None else read(liberty)
-    text = _statistics(config, library)
-    design = json.loads(text[text.index("{") :])["design"]
-    cells: dict[str, int] = design["num_cells_by_type"]
-    flop = GENERIC_FLOP.fullmatch if library is None else library.flops.__contains__
-    flops = sum(number for kind, number in cells.items() if flop(kind))
-    modules = sum(number for kind, number in cells.items() if kind.startswith("eskin_"))
-    area = float(design["area"]) if liberty is not None else None
-    return Gates(flops, sum(cells.values()) - flops - modules, taxels, area)
-
-
-def _statistics(config: Config, library: Library | None) -> str:
-    """Return the Yosys cell statistics of a readout."""
     files = {} if library is None else {"cells.lib": library.content}
     option = "" if library is None else " -liberty cells.lib"
     mapping = GENERIC if library is None else f"dfflibmap{option}; abc{option}"
@@ -73,7 +61,7 @@ def _statistics(config: Config, library: Library | None) -> str:
         f"tee -q -o stat.json stat -json{option}"
     )
     try:
-        return yosys.run(script, rtlil(config), "stat.json", files)
+        text = yosys.run(script, rtlil(config), "stat.json", files)
     except yosys.YosysError as error:
         if library is None:
             raise
@@ -82,3 +70,10 @@ def _statistics(config: Config, library: Library | None) -> str:
             f"the cell library {library.path} lacks cells: the readout needs a flip-flop, an inverter, a buffer, and a "
             f"NAND or NOR (Yosys: {error.reason})"
         ) from None
+    design = json.loads(text[text.index("{") :])["design"]
+    cells: dict[str, int] = design["num_cells_by_type"]
+    flop = GENERIC_FLOP.fullmatch if library is None else library.flops.__contains__
+    flops = sum(number for kind, number in cells.items() if flop(kind))
+    modules = sum(number for kind, number in cells.items() if kind.startswith("eskin_"))
+    area = float(design["area"]) if liberty is not None else None
+    return Gates(flops, sum(cells.values()) - flops - modules, taxels, area)

@@ -12,7 +12,7 @@ from typing import Any
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write, make_folder, origin, write_json
 from eskin.cocotb_tests.runner.reproduce import variables
-from eskin.flow import opensta
+from eskin.flow import programs
 from eskin.flow.asic.constraints import sdc
 from eskin.flow.asic.equivalence import Equivalence, design_of, prove
 from eskin.flow.asic.structure import Structure, check
@@ -94,6 +94,11 @@ class Report:
         config, library = self.netlist.config, self.netlist.library
         taxels, area = readout_of(config).taxels, self.area_um2()
         every = sum(self.cells.values(), Counter[str]())
+        gates, gate = "a latch and an AND: the library has no integrated clock gate", library.clock_gate
+        if not self.netlist.gated:
+            gates = "nothing: the library has neither a clock gate nor a latch, so every clock runs all the time"
+        elif gate:
+            gates = f"{gate.name} of the library"
         sequential = sum(library.cells[k].area_um2 * n for k, n in every.items() if k in library.flops)
         return {
             "name": self.name,
@@ -111,7 +116,7 @@ class Report:
             "gated_flops": self.equivalence.gated_flops,
             "equivalence": self.equivalence.to_dict(),
             "structure": self.structure.to_dict(),
-            "clock_gates_from": _gates_from(self.netlist),
+            "clock_gates_from": gates,
             "cells": every.total(),
             "cells_per_taxel": every.total() / taxels,
             "sequential_area_share": sequential / area,
@@ -143,14 +148,6 @@ class Report:
 def readout_of(config: Config) -> ReadoutConfig:
     """Return the array configuration of a spiking or frame readout."""
     return config if isinstance(config, ReadoutConfig) else config.readout
-
-
-def _gates_from(made: Netlist) -> str:
-    """Return a description of the kind of clock gates."""
-    if not made.gated:
-        return "nothing: the library has neither a clock gate nor a latch, so every clock runs all the time"
-    cell = made.library.clock_gate
-    return f"{cell.name} of the library" if cell else "a latch and an AND: the library has no integrated clock gate"
 
 
 def name_of(config: Config, library: Library) -> str:
@@ -189,7 +186,7 @@ def run(
     ``delivered``: start from the Verilog of ``eskin verilog --clock-gates``, as a user's flow does.
     Raises InputError if a program is missing or a library lacks cells.
     """
-    opensta.check_program()
+    programs.check("sta")
     libraries = {corner: read(path) for corner, path in corners.items()}
     library = libraries["typical"]
     on_stage(f"netlist of {library.name}")

@@ -72,19 +72,6 @@ def rate_table(
     return tables[0]
 
 
-def _with_bandwidth(
-    parameters: PowerParameters, source: RateSource, settings: Sequence[str], published_sensor: bool
-) -> PowerParameters:
-    """Return the parameters with the measured signal bandwidth, unless a setting or the paper fixes it."""
-    from eskin.power.rates import RateTable
-
-    if not isinstance(source, RateTable) or any(s.startswith("signal_bandwidth_hz=") for s in settings):
-        return parameters
-    if published_sensor and (source.dataset, source.preset) == ("kylberg", "paper"):
-        return parameters
-    return parameters.replace(signal_bandwidth_hz=source.bandwidth_hz)
-
-
 def build_model(
     corrections: frozenset[str],
     settings: Sequence[str] | None,
@@ -100,6 +87,7 @@ def build_model(
     ``sensor``: another sensor than the published one; its bandwidth is that of the rates, unless a setting gives it.
     """
     from eskin.power.equations import PowerModel
+    from eskin.power.rates import RateTable
     from eskin.power.synthesis import load_reports
 
     settings = settings or []
@@ -110,7 +98,10 @@ def build_model(
     measured = None
     if corrections & MEASURED:
         measured = source()
-        parameters = _with_bandwidth(parameters, measured, settings, sensor is None)
+        if isinstance(measured, RateTable):
+            published = sensor is None and (measured.dataset, measured.preset) == ("kylberg", "paper")
+            if not published and not any(setting.startswith("signal_bandwidth_hz=") for setting in settings):
+                parameters = parameters.replace(signal_bandwidth_hz=measured.bandwidth_hz)
     return PowerModel(parameters=parameters, corrections=corrections, measured=measured, gates=gates)
 
 

@@ -103,14 +103,8 @@ class Breakdown:
 
     def to_dict(self) -> dict[str, Any]:
         """Return all powers in watts as a dictionary."""
-        parts = {name: value.tolist() for name, value in self.converter_parts.items()}
-        return {
-            "afe": self.afe.tolist(),
-            "converter": self.converter.tolist(),
-            "io": self.io.tolist(),
-            "total": self.total.tolist(),
-            "converter_parts": parts,
-        }
+        watts = {name: getattr(self, name).tolist() for name in ("afe", "converter", "io", "total")}
+        return watts | {"converter_parts": {name: value.tolist() for name, value in self.converter_parts.items()}}
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ those of the two datasets in both presets.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -144,7 +145,7 @@ def _moments(rates: NDArray[np.float64]) -> FloatArray:
 def _rounded(rates: NDArray[np.float64]) -> Any:
     if rates.ndim > 1:
         return [_rounded(row) for row in rates]
-    return [float(f"{rate:.{_DIGITS}g}") for rate in rates]
+    return [int(value) if value.is_integer() else value for value in (float(f"{rate:.{_DIGITS}g}") for rate in rates)]
 
 
 def load_tables(path: Path = STORED) -> tuple[RateTable, ...]:
@@ -171,20 +172,9 @@ def stored_table(preset_name: str = "paper", dataset: str = "kylberg", path: Pat
 
 def tables_text(tables: Sequence[RateTable], command: str) -> str:
     """Return rate tables as JSON text, one list of taxels per line."""
-    blocks = []
-    for table in tables:
-        values = table.to_dict()
-        lines = [f'   "{name}": {json.dumps(values[name])}' for name in values if not name.endswith("s_hz")]
-        lines.append('   "lcs_hz": [\n    ' + _rows_text(values["lcs_hz"], 4) + "]")
-        lines.append('   "nlcs_hz": [\n    [' + "],\n    [".join(_rows_text(r, 5) for r in values["nlcs_hz"]) + "]]")
-        blocks.append("  {\n" + ",\n".join(lines) + "}")
     head = {"command": command, "unit": "events/s of every taxel, mean over the images"}
-    start = json.dumps(head, indent=1).removesuffix("\n}")
-    return start + ',\n "tables": [\n' + ",\n".join(blocks) + "]\n}\n"
-
-
-def _rows_text(rows: list[list[float]], indent: int) -> str:
-    return (",\n" + " " * indent).join(json.dumps(row).replace(".0,", ",").replace(".0]", "]") for row in rows)
+    text = json.dumps(head | {"tables": [table.to_dict() for table in tables]}, indent=1)
+    return re.sub(r"\[[^][{}]+\]", lambda found: json.dumps(json.loads(found[0])), text) + "\n"
 
 
 def measure_table(
@@ -202,7 +192,11 @@ def measure_table(
     ``pool``: workers; this process by default.
     """
     base = base or ReadoutConfig()
-    configs, groups = _configurations(scan, base, resolutions, taus_s)
+    configs = [scan.configure(base.replace(encoding="lcs", resolution=n)) for n in resolutions]
+    configs += [scan.configure(base.replace(encoding="nlcs", resolution=n), tau) for tau in taus_s for n in resolutions]
+    groups: dict[float, list[int]] = {}  # by equal sample rate
+    for i, config in enumerate(configs):
+        groups.setdefault(config.sample_rate_hz, []).append(i)
     fine = [rate_hz for rate_hz in groups if rate_hz >= 2 * _HIGHEST_HZ]
     spectrum_rate_hz = min(fine) if fine else max(groups)
 
@@ -216,6 +210,7 @@ def measure_table(
                 rates[members] += found
                 spectrum += power
     rates /= len(dataset)
+    total = np.cumsum(spectrum)
     lcs, nlcs = rates[: len(resolutions)], rates[len(resolutions) :]
     return RateTable(
         dataset=dataset.name,
@@ -223,24 +218,12 @@ def measure_table(
         images=len(dataset),
         rows=base.rows,
         columns=base.columns,
-        bandwidth_hz=_bandwidth_hz(spectrum),
+        bandwidth_hz=float((np.searchsorted(total, POWER_SHARE * total[-1]) + 1) * _SPECTRUM_STEP_HZ),
         resolutions=tuple(resolutions),
         taus_s=tuple(taus_s),
         lcs_hz=lcs,
         nlcs_hz=nlcs.reshape(len(taus_s), len(resolutions), base.taxels),
     )
-
-
-def _configurations(
-    scan: Scan, base: ReadoutConfig, resolutions: Sequence[int], taus_s: Sequence[float]
-) -> tuple[list[ReadoutConfig], dict[float, list[int]]]:
-    """Return the configurations of a table, grouped by equal sample rate."""
-    configs = [scan.configure(base.replace(encoding="lcs", resolution=n)) for n in resolutions]
-    configs += [scan.configure(base.replace(encoding="nlcs", resolution=n), tau) for tau in taus_s for n in resolutions]
-    groups: dict[float, list[int]] = {}
-    for i, config in enumerate(configs):
-        groups.setdefault(config.sample_rate_hz, []).append(i)
-    return configs, groups
 
 
 _SPECTRUM_BINS = 20_000
@@ -270,9 +253,3 @@ def _spectrum(signals: FloatArray, sample_rate_hz: float) -> FloatArray:
     )
     # A sum of squares grows with the square of the sample rate times the duration.
     return np.bincount(bins, power, _SPECTRUM_BINS) / len(signals) ** 2
-
-
-def _bandwidth_hz(spectrum: FloatArray) -> float:
-    """Return the frequency below which 99 % of the power lies."""
-    total = np.cumsum(spectrum)
-    return float((np.searchsorted(total, POWER_SHARE * total[-1]) + 1) * _SPECTRUM_STEP_HZ)

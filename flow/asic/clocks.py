@@ -12,6 +12,9 @@ from eskin.rtl.gates.cells import Bit
 
 Pins = dict[str, list[Bit]]
 
+SIMPLE = {"$_AND_": "A & B", "$_OR_": "A | B", "$_NOT_": "!A", "$_MUX_": "(A & !S) | (B & S)"}
+"""Functions of the logic gates of Yosys that ``with_enables`` adds to a netlist."""
+
 
 class ClockError(ValueError):
     """Raised for a clock network that is not known to be glitch-free."""
@@ -33,9 +36,8 @@ class Clocks:
             for pin, bits in cell["connections"].items():
                 if pin not in known.inputs:
                     self.driver |= dict.fromkeys(bits, (name, pin))
-        self._level: dict[tuple[Bit, bool, Bit | None], str] = {}
-        self._latches: dict[Bit, frozenset[str]] = {}
-        self._touches: dict[Bit, bool] = {self.root: True}
+        self._levels: dict[tuple[bool, Bit | None], dict[Bit, str]] = {}
+        self._sources: dict[Bit, frozenset[str]] = {self.root: frozenset({self.clock})}
 
     def cell(self, name: str) -> tuple[Cell, Pins]:
         """Return the library cell and the connections of an instance."""
@@ -54,40 +56,23 @@ class Clocks:
 
         A net that is ``stopped`` counts as low.
         """
-        if isinstance(bit, str):
-            return bit
-        if bit == stopped:
-            return "0"
-        if bit == self.root:
-            return "01"[clock]
-        key = (bit, clock, stopped)
-        if key not in self._level:
-            self._level[key] = "x"  # through a flop, or round a loop
-            self._level[key] = self._driven(bit, clock, stopped)
-        return self._level[key]
+        key = (clock, stopped)
+        if key not in self._levels:
+            known = {self.root: "01"[clock]} | ({} if stopped is None else {stopped: "0"})
+            self._levels[key] = levels(self.module, self.library, known)
+        return value(bit, self._levels[key])
 
-    def _driven(self, bit: Bit, clock: bool, stopped: Bit | None) -> str:
-        if bit not in self.driver:
-            return "x"
-        name, pin = self.driver[bit]
-        cell, pins = self.cell(name)
-        if cell.gate:
-            return "0" if self.level(pins[cell.gate.clock][0], clock, stopped) == "0" else "x"
-        if cell.flop or cell.latch or pin not in cell.functions:
-            return "x"
-        known = {name: self.level(pins[name][0], clock, stopped) for name in cell.inputs}
-        return possible(cell.functions[pin], tuple(known.items()))
-
-    def touches(self, bit: Bit) -> bool:
-        """Return True if the clock port or a latch drives a net through combinational cells and clock gates only."""
-        if bit not in self._touches:
-            self._touches[bit] = False  # round a loop
+    def sources(self, bit: Bit) -> frozenset[str]:
+        """Return the latches, and the clock port, that drive a net through combinational cells and clock gates only."""
+        if bit not in self._sources:
+            self._sources[bit] = frozenset()  # round a loop
             if bit in self.driver:
-                cell, pins = self.cell(self.driver[bit][0])
+                name, _ = self.driver[bit]
+                cell, pins = self.cell(name)
                 inputs = [cell.gate.clock] if cell.gate else [] if cell.flop else cell.inputs
-                touching = any(self.touches(b) for pin in inputs for b in pins.get(pin, []))
-                self._touches[bit] = cell.latch is not None or touching
-        return self._touches[bit]
+                behind = [self.sources(b) for pin in inputs for b in pins.get(pin, [])] if not cell.latch else []
+                self._sources[bit] = frozenset({name} if cell.latch else ()).union(*behind)
+        return self._sources[bit]
 
     def is_clock(self, bit: Bit) -> bool:
         """Return True if a net is a clock: the clock port, or a gated clock that is low while the clock is low."""
@@ -109,23 +94,46 @@ class Clocks:
             bit = sources[source][0]
         return bit if inverted == cell.latch.rising else None
 
-    def latches_behind(self, bit: Bit) -> frozenset[str]:
-        """Return the latches that drive a net through combinational cells and clock gates only."""
-        if bit not in self._latches:
-            self._latches[bit] = frozenset()  # round a loop
-            if bit in self.driver and self.touches(bit):
-                name, _ = self.driver[bit]
-                cell, pins = self.cell(name)
-                inputs = [cell.gate.clock] if cell.gate else cell.inputs
-                behind = [self.latches_behind(b) for pin in inputs for b in pins.get(pin, [])]
-                self._latches[bit] = frozenset({name}) if cell.latch else frozenset().union(*behind)
-        return self._latches[bit]
-
     def check(self, flop: str, bit: Bit) -> None:
         """Raise ClockError if the clock of a flop can rise while the latch of its clock gate is transparent."""
         if not self.is_clock(bit):
             raise ClockError(f"the clock of the flop {flop} is not low while {self.clock} is low")
-        for name in self.latches_behind(bit):
+        for name in self.sources(bit) - {self.clock}:
             parent = self.clock_of(*self.cell(name))
             if parent is None or self.level(bit, True, parent) != "0":
                 raise ClockError(f"the latch {name} may be open while the clock of the flop {flop} is high")
+
+
+def value(bit: Bit, known: dict[Bit, str]) -> str:
+    """Return the value of a net or a constant: "0", "1", or "x" if unknown."""
+    return bit if isinstance(bit, str) else known.get(bit, "x")
+
+
+def levels(module: dict[str, Any], library: Library, known: dict[Bit, str]) -> dict[Bit, str]:
+    """Return the values of the nets of a module that follow from known nets and constants.
+
+    Flops and latches have unknown outputs. A clock gate is low while its clock is low.
+    """
+    found = dict(known)
+    waiting: dict[Bit, list[str]] = {}
+    for name, instance in module["cells"].items():
+        for bits in instance["connections"].values():
+            for bit in bits:
+                waiting.setdefault(bit, []).append(name)
+    todo = list(module["cells"])
+    while todo:
+        instance = module["cells"][todo.pop()]
+        pins, cell = instance["connections"], library.cells.get(instance["type"])
+        functions = cell.functions if cell else {"Y": SIMPLE[instance["type"]]}
+        inputs = tuple((pin, value(bits[0], found)) for pin, bits in pins.items() if pin not in functions and bits)
+        if cell and cell.gate:
+            clock = value(pins[cell.gate.clock][0], found)
+            functions, inputs = {cell.gate.gated: "CLOCK"}, (("CLOCK", "0" if clock == "0" else "x"),)
+        elif cell and (cell.flop or cell.latch):
+            continue
+        for output, function in functions.items():
+            for bit in pins.get(output, []):
+                if bit not in found and (result := possible(function, inputs)) != "x":
+                    found[bit] = result
+                    todo += waiting[bit]
+    return found

@@ -8,10 +8,10 @@ from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.flow.asic.clocks import ClockError, Clocks
-from eskin.flow.asic.compare import compare
+from eskin.flow.asic.compare import add, compare
 from eskin.flow.asic.synthesis import Netlist
 from eskin.rtl import yosys
-from eskin.rtl.gates.cells import Bit, cell_of, highest_net
+from eskin.rtl.gates.cells import Bit
 from eskin.rtl.gates.clock_gates import TEST
 from eskin.rtl.verilog import rtlil
 
@@ -98,7 +98,7 @@ def with_enables(design: dict[str, Any], netlist: Netlist, test: str = "0") -> t
             pin: [test if bit in tested else bit for bit in bits] for pin, bits in cell["connections"].items()
         }
     clocks = Clocks(module, netlist.library)
-    work = _Enables(module, clocks)
+    high = _High(module, clocks)
     flops = gated = 0
     stopping = [name for name, _, _ in (*clocks.having("gate"), *clocks.having("latch"))]
     for name, cell, pins in list(clocks.having("flop")):
@@ -115,35 +115,24 @@ def with_enables(design: dict[str, Any], netlist: Netlist, test: str = "0") -> t
         output = next(pin for pin in sorted(flop.outputs, key=lambda pin: flop.outputs[pin]) if pins.get(pin))
         held = pins[output][0]
         if flop.outputs[output]:
-            held = work.add("$_NOT_", A=held)
-        pins[flop.data] = [work.add("$_MUX_", A=held, B=pins[flop.data][0], S=work.high(clock))]
+            held = add(module, "$_NOT_", A=held)
+        pins[flop.data] = [add(module, "$_MUX_", A=held, B=pins[flop.data][0], S=high.of(clock))]
         pins[flop.clock] = [clocks.root]
     for name in stopping:
         del module["cells"][name]
     return {"modules": {netlist.top: module}}, flops, gated
 
 
-class _Enables:
+class _High:
     """Logic added to a module that computes the clock network just before a rising edge."""
 
     def __init__(self, module: dict[str, Any], clocks: Clocks) -> None:
         self.module, self.clocks = module, clocks
-        self.highest = highest_net(module)
         self.made: dict[Bit, Bit] = {clocks.root: "1"}
 
-    def add(self, kind: str, **inputs: Bit) -> Bit:
-        """Add a logic gate and return its output net."""
-        return self._place(kind, "Y", inputs)
-
-    def _place(self, kind: str, output: str, inputs: dict[str, Bit]) -> Bit:
-        self.highest += 1
-        cell = cell_of(kind, inputs | {output: self.highest}, output)
-        self.module["cells"][f"$enable{len(self.module['cells'])}"] = cell
-        return self.highest
-
-    def high(self, bit: Bit) -> Bit:
+    def of(self, bit: Bit) -> Bit:
         """Return a data net with the value of a clock net while the clock is high."""
-        if isinstance(bit, str) or not self.clocks.touches(bit):
+        if isinstance(bit, str) or not self.clocks.sources(bit):
             return bit
         if bit not in self.made:
             self.made[bit] = self._driven(bit)
@@ -155,10 +144,9 @@ class _Enables:
         if cell.gate:
             enable = pins[cell.gate.enable][0]
             if cell.gate.test and pins[cell.gate.test] != ["0"]:
-                enable = self.add("$_OR_", A=enable, B=pins[cell.gate.test][0])
-            return self.add("$_AND_", A=self.high(pins[cell.gate.clock][0]), B=enable)
+                enable = add(self.module, "$_OR_", A=enable, B=pins[cell.gate.test][0])
+            return add(self.module, "$_AND_", A=self.of(pins[cell.gate.clock][0]), B=enable)
         if cell.latch:
-            inverted = cell.latch.outputs[output]
             stored = pins[cell.latch.data][0]
-            return self.add("$_NOT_", A=stored) if inverted else stored
-        return self._place(cell.name, output, {pin: self.high(pins[pin][0]) for pin in cell.inputs})
+            return add(self.module, "$_NOT_", A=stored) if cell.latch.outputs[output] else stored
+        return add(self.module, cell.name, output, **{pin: self.of(pins[pin][0]) for pin in cell.inputs})

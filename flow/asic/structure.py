@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from eskin.flow.asic.clocks import Clocks
+from eskin.flow.asic.clocks import Clocks, levels, value
 from eskin.flow.asic.equivalence import with_enables
 from eskin.flow.asic.synthesis import Netlist
 from eskin.flow.liberty.boolean import possible
-from eskin.flow.liberty.library import Cell, Library
+from eskin.flow.liberty.library import Library
 from eskin.rtl.gates.cells import Bit
-
-SIMPLE = {"$_AND_": "A & B", "$_OR_": "A | B", "$_NOT_": "!A", "$_MUX_": "(A & !S) | (B & S)"}
 
 NO_CHAIN = (
     "not inserted: the order of a scan chain follows from the placement, so a layout tool makes it; the netlist is "
@@ -96,7 +94,7 @@ def check(netlist: Netlist, design: dict[str, Any]) -> Structure:
     module = plain["modules"][netlist.top]
     without = _without_reset(module, netlist.library)
     tested, _, _ = with_enables(design, netlist, test="1")
-    in_test = _levels(tested["modules"][netlist.top], netlist.library, {})
+    in_test = levels(tested["modules"][netlist.top], netlist.library, {})
     stopped = [
         name
         for name, cell in tested["modules"][netlist.top]["cells"].items()
@@ -151,52 +149,17 @@ def _without_reset(module: dict[str, Any], library: Library) -> list[str]:
     known: dict[Bit, str] = dict.fromkeys(module["ports"]["rst"]["bits"], "1")
     waiting = {name for name, instance in module["cells"].items() if instance["type"] in library.flops}
     for _ in range(RESET_CLOCKS):
-        levels = _levels(module, library, known)
+        found = levels(module, library, known)
         for name in sorted(waiting):
             instance = module["cells"][name]
-            cell, pins = library.cells[instance["type"]], instance["connections"]
-            value = _after_reset(cell, pins, levels)
-            if cell.flop and value != "x":
+            flop, pins = library.cells[instance["type"]].flop, instance["connections"]
+            assert flop
+            given = tuple((pin, value(bits[0], found)) for pin, bits in pins.items() if bits)
+            held = value(pins[flop.data][0], found)
+            for text, level in ((flop.preset, "1"), (flop.clear, "0")):
+                held = level if text and possible(text, given) == "1" else held
+            if held != "x":
                 waiting.remove(name)
-                for pin, inverted in cell.flop.outputs.items():
-                    known |= dict.fromkeys(pins.get(pin, []), str(int(value) ^ inverted))
+                for pin, inverted in flop.outputs.items():
+                    known |= dict.fromkeys(pins.get(pin, []), str(int(held) ^ inverted))
     return sorted(waiting)
-
-
-def _after_reset(cell: Cell, pins: dict[str, list[Bit]], levels: dict[Bit, str]) -> str:
-    """Return the next value of a flop, or "x" if unknown."""
-    assert cell.flop
-    values = tuple((pin, _level(pins[pin][0], levels)) for pin in cell.inputs if pins.get(pin))
-    for text, value in ((cell.flop.clear, "0"), (cell.flop.preset, "1")):
-        if text and possible(text, values) == "1":
-            return value
-    return _level(pins[cell.flop.data][0], levels)
-
-
-def _level(bit: Bit, levels: dict[Bit, str]) -> str:
-    return bit if isinstance(bit, str) else levels.get(bit, "x")
-
-
-def _levels(module: dict[str, Any], library: Library, known: dict[Bit, str]) -> dict[Bit, str]:
-    """Return the values of the nets of a module that follow from known nets and constants."""
-    levels = dict(known)
-    waiting: dict[Bit, list[str]] = {}
-    for name, instance in module["cells"].items():
-        for bits in instance["connections"].values():
-            for bit in bits:
-                waiting.setdefault(bit, []).append(name)
-    todo = list(module["cells"])
-    while todo:
-        instance = module["cells"][todo.pop()]
-        pins = instance["connections"]
-        cell = library.cells.get(instance["type"])
-        if cell and (cell.flop or cell.latch or cell.gate):
-            continue
-        functions = cell.functions if cell else {"Y": SIMPLE[instance["type"]]}
-        inputs = tuple((pin, _level(bits[0], levels)) for pin, bits in pins.items() if pin not in functions and bits)
-        for output, function in functions.items():
-            for bit in pins.get(output, []):
-                if bit not in levels and (value := possible(function, inputs)) != "x":
-                    levels[bit] = value
-                    todo += waiting[bit]
-    return levels

@@ -144,7 +144,7 @@ def _cells(
         mapping=MAPPING,
         ties=ties(library),
         apart="".join(KEEP.format(name=name) for name in apart or ()),
-        drawn="" if apart is None else _drawn(source, apart),
+        drawn="".join(AS_DRAWN.format(name=n) for n in yosys.modules(source) if apart is not None and n not in apart),
     )
     try:
         return yosys.run(script, "", end.split()[-1], files)
@@ -195,11 +195,6 @@ def _blocks(source: str, top: str) -> list[str]:
     """Return the modules to map separately: the submodules of the top."""
     modules = yosys.modules(source)
     return [name for name in modules if name != top and f"  cell \\{name} " in modules[top]]
-
-
-def _drawn(source: str, apart: Sequence[str]) -> str:
-    """Return the Yosys commands that map the blocks around separately mapped modules."""
-    return "".join(AS_DRAWN.format(name=name) for name in yosys.modules(source) if name not in apart)
 
 
 def ties(library: Library) -> str:

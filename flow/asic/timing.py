@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import re
-import tempfile
 from collections.abc import Collection
 from dataclasses import dataclass
-from pathlib import Path
 
 from eskin.base.errors import InputError
-from eskin.flow import opensta
+from eskin.flow import programs
 from eskin.flow.asic.constraints import sdc
 from eskin.flow.asic.synthesis import Netlist
 from eskin.flow.liberty.library import Library
 
-PROGRESS = re.compile(r"^(\w+) <<(.*?)>>$", re.MULTILINE | re.DOTALL)
 SLACK = re.compile(r"(-?\d+\.\d+) +slack")
 STAGE = re.compile(r"^ +\S+ +(\d+\.\d+) +[v^] (\S+)/\S+ \((\w+)\)$", re.MULTILINE)
 
@@ -51,14 +48,18 @@ class Timing:
 
 def analyse(netlist: Netlist, library: Library, constant: Collection[str] = ()) -> Timing:
     """Return the timing of a netlist at the corner of a library; ``constant`` names output bits that never change."""
-    opensta.check_program()
+    programs.check("sta")
     used = set(re.findall(r"^  (\w+) (?:\\\S+|\w+) +\(", netlist.text, re.MULTILINE))
     if missing := sorted(used - set(library.cells)):
         raise InputError(f"the cell library {library.path} has no cell {missing[0]}; give corners of one library")
     for name in sorted(used):
         library.cells[name].check()  # OpenSTA gives no clear message for a wrong table
-    script = opensta.TEMPLATES.get_template("timing.tcl").render(top=netlist.top, own=1e9 / netlist.config.clock_hz)
-    found = _run(script, netlist, library)
+    script = programs.filled("timing.tcl", top=netlist.top, own=1e9 / netlist.config.clock_hz)
+    files: dict[str, str | bytes] = {"cells.lib": library.content, "netlist.v": netlist.text}
+    said = programs.opensta(script, files | {"constraints.sdc": sdc(netlist, "$period")})
+    found = said.values
+    if {"PERIOD", "PATH", "OWN", "SETUP"} - set(found):
+        raise RuntimeError(f"OpenSTA failed on {netlist.top}: {said.failed()}")
     setup, hold = map(float, found["OWN"].split())
     period, left = map(float, found["PERIOD"].split())
     if left < 0:
@@ -81,16 +82,3 @@ def _complaints(said: str, constant: Collection[str]) -> tuple[str, ...]:
     if kept and not kept[-1].startswith(" "):
         kept.pop()
     return tuple(line.strip() for line in kept)
-
-
-def _run(script: str, netlist: Netlist, library: Library) -> dict[str, str]:
-    """Return the output of an OpenSTA script, by heading."""
-    with tempfile.TemporaryDirectory() as name:
-        files: dict[str, str | bytes] = {"cells.lib": library.content, "netlist.v": netlist.text}
-        files["constraints.sdc"] = sdc(netlist, "$period")
-        said, _ = opensta.run(script, Path(name), files)
-    found = dict(PROGRESS.findall(said))
-    if {"PERIOD", "PATH", "OWN", "SETUP"} - set(found):
-        wrong = [line for line in said.splitlines() if "rror" in line]
-        raise RuntimeError(f"OpenSTA failed on {netlist.top}: {wrong[0] if wrong else said[-300:]}")
-    return found

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from eskin.flow.datasheet.sheet import Picture, Sheet
-from eskin.flow.datasheet.waves import Wave
+from eskin.flow.datasheet.sheet import Picture, Sheet, Wave
 from eskin.model.classifier.chip import ready_of
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.network import IntegerNetwork
@@ -17,55 +16,44 @@ EVENTS = 2
 """Events in the pictures: one on the highest channel, and one on the lowest channel."""
 
 
-class TwoEvents:
-    """Simulation of a bin with two events in a network with all weights zero; ``end`` is the clock of ``bin_end``."""
+def two_events(config: ClassifierConfig) -> tuple[list[Wave], ClassifierRun, int]:
+    """Simulate a bin with two events in a network with all weights zero, whose neurons never fire.
 
-    def __init__(self, config: ClassifierConfig) -> None:
-        self.config = config
-        ready = first_ready(config, -1)
-        self.end = ready + (EVENTS + 1) * config.groups
-        self.clocks = self.end + work_clocks(config, 0, 0) + 8
-        offered = [(0, config.inputs - 1), (0, 0)]
-        self.run: ClassifierRun = simulate(_silent(config), offered, [self.end], self.clocks)
-
-    def waves(self) -> list[Wave]:
-        """Return the waveforms of the ports from the end of reset."""
-        ready = ready_of(self.config, self.run, self.clocks)
-        channels = [self.config.inputs - 1, 0]
-        span, taken, valid = range(self.clocks), self.run.accepted, self.run.valid[0]
-        offered = [sum(clock > at for at in taken) for clock in span]
-        found = [Wave("event_valid", tuple(int(number < EVENTS) for number in offered))]
-        found.append(Wave("event_ready", tuple(int(value) for value in ready)))
-        if self.config.channel_bits:
-            values = tuple(channels[number] if number < EVENTS else None for number in offered)
-            found.append(Wave("event_channel", values, bus=True))
-        found.append(Wave("bin_end", tuple(int(clock == self.end) for clock in span)))
-        found.append(Wave("class_valid", tuple(int(clock == valid) for clock in span)))
-        winner = self.run.bins[0].winner
-        return [*found, Wave("class_index", tuple(winner if clock >= valid else None for clock in span), bus=True)]
-
-
-def _silent(config: ClassifierConfig) -> IntegerNetwork:
-    """Return a network whose neurons never fire."""
+    Return the waveforms of the ports from the end of reset, the run, and the clock of ``bin_end``.
+    """
     i, h, c = config.inputs, config.hidden, config.classes
-    shapes = ((i, h), (h, h), (h, c), (h,), (c,))
-    return IntegerNetwork(config, *(np.zeros(shape, np.int64) for shape in shapes))
+    weights = (np.zeros(shape, np.int64) for shape in ((i, h), (h, h), (h, c), (h,), (c,)))
+    end = first_ready(config, -1) + (EVENTS + 1) * config.groups
+    clocks = end + work_clocks(config, 0, 0) + 8
+    channels = [config.inputs - 1, 0]
+    run = simulate(IntegerNetwork(config, *weights), [(0, channel) for channel in channels], [end], clocks)
+    span, valid, winner = range(clocks), run.valid[0], run.bins[0].winner
+    offered = [sum(clock > at for at in run.accepted) for clock in span]
+    words = tuple(channels[number] if number < EVENTS else None for number in offered)
+    waves = [
+        Wave("event_valid", tuple(int(number < EVENTS) for number in offered)),
+        Wave("event_ready", tuple(int(value) for value in ready_of(config, run, clocks))),
+        *([Wave("event_channel", words, bus=True)] if config.channel_bits else []),
+        Wave("bin_end", tuple(int(clock == end) for clock in span)),
+        Wave("class_valid", tuple(int(clock == valid) for clock in span)),
+        Wave("class_index", tuple(winner if clock >= valid else None for clock in span), bus=True),
+    ]
+    return waves, run, end
 
 
 def sheet_of(config: ClassifierConfig) -> Sheet:
     """Return the datasheet of a classifier."""
-    played = TwoEvents(config)
-    waves, ready = played.waves(), first_ready(config, -1)
-    events = _window("event", "The first events after reset", waves, max(ready - 4, 0))
-    ends = _window("class", "The end of a bin's work", waves, max(played.run.valid[0] - SHOWN + 6, 0))
-    values = {"memories": _memories(config), "latencies": _times(config, played.run), "bin_end": played.end}
+    waves, run, end = two_events(config)
+
+    def window(name: str, title: str, start: int) -> Picture:
+        shown = [Wave(wave.name, wave.values[start : start + SHOWN], wave.bus) for wave in waves]
+        return Picture(name, title, shown, start)
+
+    events = window("event", "The first events after reset", max(first_ready(config, -1) - 4, 0))
+    ends = window("class", "The end of a bin's work", max(run.valid[0] - SHOWN + 6, 0))
+    values = {"memories": _memories(config), "latencies": _times(config, run), "bin_end": end}
     what = f"{config.inputs}-{config.hidden}-{config.classes}, {config.lanes} lanes"
     return Sheet(config, what, "classifier.md", values, (events, ends))
-
-
-def _window(name: str, title: str, waves: list[Wave], start: int) -> Picture:
-    """Return a timing diagram of a range of clocks."""
-    return Picture(name, title, [Wave(w.name, w.values[start : start + SHOWN], w.bus) for w in waves], start)
 
 
 def _memories(config: ClassifierConfig) -> list[tuple[str, str, str, str]]:

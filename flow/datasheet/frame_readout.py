@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from eskin.flow.datasheet.asic_results import of_netlist
-from eskin.flow.datasheet.sheet import Picture, Sheet
-from eskin.flow.datasheet.waves import Wave
+from eskin.flow.datasheet.sheet import Picture, Sheet, Wave
 from eskin.model.frame import FrameModel, Inputs
 from eskin.model.frame_config import FrameConfig
 
@@ -67,7 +65,7 @@ def sheet_of(config: FrameConfig, report: dict[str, Any] | None) -> Sheet:
     start = Picture("start", "From frame_start to the ADC", scan.waves(AT_ADC, 0, SHOWN))
     begin = max(stalled.first("word_valid") - 8, 0)
     word = Picture("word", "The first word of a frame", stalled.waves(AT_SINK, begin, SHOWN), begin)
-    values = {"scan": scan, "stalled": STALLED, "latencies": _times(config, scan), "netlist": of_netlist(report)}
+    values = {"scan": scan, "stalled": STALLED, "latencies": _times(config, scan), "report": report}
     what = f"{config.rows} x {config.columns} taxels, {config.resolution} b, words of {config.word_bits} b"
     return Sheet(config, what, "frame_readout.md", values, (start, word))
 

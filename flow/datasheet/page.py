@@ -6,8 +6,9 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+from eskin.base.errors import InputError
+from eskin.base.files import read_json
 from eskin.flow.datasheet import classifier, frame_readout, readout, skin
-from eskin.flow.datasheet.asic_results import load_report
 from eskin.flow.datasheet.sheet import Sheet
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
@@ -30,6 +31,22 @@ def sheet_of(config: Described, report: dict[str, Any] | None = None) -> Sheet:
     if isinstance(config, MergeConfig | TilesConfig):
         return skin.sheet_of(config)
     return readout.sheet_of(config, report)
+
+
+def load_report(path: Path, config: ReadoutConfig | FrameConfig) -> dict[str, Any]:
+    """Return the netlist report that belongs to a configuration."""
+    content: dict[str, Any] = read_json(path, "the report", dict)
+    needed = ("configuration", "library", "area_um2_per_taxel", "fmax_hz", "flops", "gated_flops")
+    if absent := [name for name in needed if name not in content]:
+        raise InputError(f"{path} lacks {absent[0]} and is not a report of make asic; give report.json of make asic")
+    stored, wanted = content["configuration"], config.to_dict()
+    for name in dict.fromkeys([*wanted, *stored]):
+        if stored.get(name) != wanted.get(name):
+            raise InputError(
+                f"the report {path} has {name} = {stored.get(name)}, not {wanted.get(name)}; give the report of "
+                f"this configuration"
+            )
+    return content
 
 
 def deliver(config: Config, folder: Path, report: Path | None = None, gated: bool = False) -> list[Path]:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from eskin.flow.datasheet.asic_results import of_netlist
-from eskin.flow.datasheet.latencies import Latencies
 from eskin.flow.datasheet.sheet import Picture, Sheet
-from eskin.flow.datasheet.waves import ACK_DELAY, RESET_CLOCKS, STALL, TAXELS, TICK, reset_waves, waves
+from eskin.flow.datasheet.waves import ACK_DELAY, RESET_CLOCKS, STALL, TAXELS, TICK, latencies, reset_waves, waves
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.fields import CHOICES, SETTABLE, fields_of
 from eskin.model.link import ACK_QUANTA
@@ -23,7 +21,7 @@ def sheet_of(config: ReadoutConfig, report: dict[str, Any] | None) -> Sheet:
     names = [port["name"] for port in ports(config)]
     own = config.fields in ("own", SETTABLE)
     values = {
-        "latencies": Latencies.of(config),
+        "latencies": latencies(config),
         "requests": [*requests(config)] if config.handshake else [],
         "event": ", ".join(name for name in names if name.startswith("event_") and name != "event_ready"),
         "tick": TICK,
@@ -32,7 +30,7 @@ def sheet_of(config: ReadoutConfig, report: dict[str, Any] | None) -> Sheet:
         "ack_delay": ACK_DELAY / ACK_QUANTA,
         "reset_clocks": RESET_CLOCKS,
         "registers": REGISTERS,
-        "netlist": of_netlist(report),
+        "report": report,
         "dac_out": DAC_OUT,
         "decision_in": DECISION_IN,
         "codes": _codes(config),

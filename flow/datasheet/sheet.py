@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from eskin.base.files import atomic_write
 from eskin.base.pages import templates
 from eskin.base.units import counted
-from eskin.flow.datasheet.pictures import timing_diagram
-from eskin.flow.datasheet.waves import Wave
 from eskin.model import __version__
 from eskin.rtl.delivery import ports
 from eskin.rtl.verilog import Config, top_block
@@ -25,17 +24,38 @@ RESETS = {
     "async": "The reset is active high and asynchronous at every flop. Assert the reset at any time, and release it "
     "synchronously to `clk`.",
 }
-NO_NETLIST = "`make asic` makes no netlist of this design, so this datasheet gives no area, power and highest clock."
 
 
-@dataclass(frozen=True)
-class Picture:
+class Wave(NamedTuple):
+    """A waveform: the value of a signal just before every rising edge, None where undefined."""
+
+    name: str
+    values: tuple[int | None, ...]
+    bus: bool = False  # a word instead of one bit
+    delay: float = 0.0  # clocks from the edge to the change of the signal
+
+
+class Picture(NamedTuple):
     """A timing diagram."""
 
     name: str  # part of the file name
     title: str
     waves: list[Wave]
     first: int = 0  # clock of its first column
+
+    def svg(self) -> str:
+        """Return the diagram as SVG text."""
+        runs = []  # of each wave: first clock, clock after the last, and value of each stretch of equal values
+        for wave in self.waves:
+            stretches = [(value, len([*group])) for value, group in itertools.groupby(wave.values)]
+            ends = [*itertools.accumulate(length for _, length in stretches)]
+            runs.append([(end - length, end, value) for end, (value, length) in zip(ends, stretches, strict=True)])
+        return PAGES.get_template("timing.svg").render(
+            waves=[*zip(self.waves, runs, strict=True)],
+            title=self.title,
+            first=self.first,
+            clocks=len(self.waves[0].values),
+        )
 
 
 @dataclass(frozen=True)
@@ -63,7 +83,6 @@ class Sheet:
             "what": self.what,
             "version": __version__,
             "reset": RESETS[self.config.reset],
-            "netlist": NO_NETLIST,
             "pictures": {picture.name: picture for picture in self.pictures},
             "fields": [(f"`{name}`", f"{value}") for name, value in self.config.to_dict().items()],
             "pins": [(f"`{pin['name']}`", pin["direction"], f"{pin['width']}", pin["meaning"]) for pin in pins],
@@ -77,8 +96,7 @@ class Sheet:
     def write(self, folder: Path) -> list[Path]:
         """Write page and pictures into a folder; return their paths."""
         texts = {f"{self.top}_datasheet.md": self.text()}
-        for shown in self.pictures:
-            texts[f"{self.top}_{shown.name}.svg"] = timing_diagram(shown.waves, shown.title, shown.first)
+        texts |= {f"{self.top}_{shown.name}.svg": shown.svg() for shown in self.pictures}
         for name, text in texts.items():
             with atomic_write(folder / name) as file:
                 file.write(text.encode())

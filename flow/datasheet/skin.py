@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from eskin.flow.datasheet.latencies import Latencies
-from eskin.flow.datasheet.sheet import Picture, Sheet
-from eskin.flow.datasheet.waves import Wave
+from eskin.flow.datasheet.sheet import Picture, Sheet, Wave
+from eskin.flow.datasheet.waves import latencies
 from eskin.model.tiles import merge
 from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.delivery import ports
@@ -73,5 +72,5 @@ def _times(skin: TilesConfig, alone: bool) -> list[tuple[str, int]]:
     ]
     rows.append((f"longest time from {begins} to the event at the output, sink always ready", bound))
     if not alone and "sample_valid" in {port["name"] for port in ports(skin.tile)}:
-        rows.insert(0, ("sample tick to `event_valid`, array idle", Latencies.of(skin.tile).latency + through))
+        rows.insert(0, ("sample tick to `event_valid`, array idle", latencies(skin.tile).latency + through))
     return rows

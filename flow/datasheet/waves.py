@@ -1,17 +1,17 @@
-"""Compute waveforms of a readout with its golden model, for timing diagrams."""
+"""Compute waveforms and latencies of a readout with its golden model."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eskin.flow.datasheet.sheet import Wave
 from eskin.model import link
 from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
-from eskin.model.readout import TAKEN, WAITED, State, Stimulus, simulate_counted, state_at
+from eskin.model.readout import TAKEN, WAITED, Stimulus, simulate, simulate_counted, state_at
 from eskin.rtl.delivery import ports
 from eskin.rtl.link import requests
 
@@ -30,17 +30,8 @@ ACK_DELAY = 4
 CLOCKS = {"stream": 12, "four_phase": 23, "four_phase_dual": 23}
 RESET_CLOCKS, CLOCKS_AFTER = 3, 9
 
-Value = int | None
-
-
-@dataclass(frozen=True)
-class Wave:
-    """A waveform: the value of a signal just before every rising edge, None where undefined."""
-
-    name: str
-    values: tuple[Value, ...]
-    bus: bool = False  # a word instead of one bit
-    delay: float = 0.0  # clocks from the edge to the change of the signal
+AHEAD_OF_A_GRANT, HELD_BY_LINK = 2, 1
+"""Clocks to be latched and to appear; an event in the register of the link (docs/design/microarchitecture.md)."""
 
 
 def from_zero(config: ReadoutConfig) -> ReadoutConfig:
@@ -69,6 +60,35 @@ def played(config: ReadoutConfig) -> Stimulus:
     )
 
 
+class Latencies(NamedTuple):
+    """Latencies of a readout in clocks."""
+
+    latency: int  # from the sample tick to ``event_valid``, or to the edge that raises ``aer_req``, array idle
+    clocks_per_event: int  # if every taxel has an event, the sink takes all and ACK follows REQ at once
+    longest_gap: int  # between two events of one taxel at most, in that simulation
+    # bound_events, bound_clocks: largest number of events, and of clocks, until the event of a request has left
+    bound_events: int
+    bound_clocks: int
+
+
+def latencies(config: ReadoutConfig) -> Latencies:
+    """Return the latencies of a readout."""
+    config = from_zero(config)
+    first = played(config)
+    first.ready[:] = 1
+    latency = int(simulate(config, first)["t"][0]) - TICK
+    eager = config.replace(decide_every="clock")  # every taxel requests as often as possible
+    sample = np.full((1, config.taxels), config.full_scale - 1, np.int32)
+    events = simulate(eager, Stimulus.from_samples(eager, sample, clocks=20 * (config.taxels + 2)))
+    # All taxels have an event from the first clock on, so at least this many events leave without a gap.
+    every = int(np.diff(events["t"][: max(config.taxels, 2)]).max())
+    taxel = events["y"].astype(int) * config.columns + events["x"]
+    order = np.argsort(taxel, kind="stable")
+    longest = int(np.diff(events["t"][order])[np.diff(taxel[order]) == 0].max())
+    bound = (config.rows + 1) * config.columns + (HELD_BY_LINK if config.handshake else 0)
+    return Latencies(latency, every, longest, bound, every * bound + AHEAD_OF_A_GRANT)
+
+
 def waves(config: ReadoutConfig) -> list[Wave]:
     """Return the waveforms on the path from a sample to its events."""
     config = from_zero(config)
@@ -82,11 +102,16 @@ def waves(config: ReadoutConfig) -> list[Wave]:
         # The taxel takes it with the edge that ends the clock of the tick.
         code = int(stimulus.samples[0, 0])
         found.append(Wave("sample, taxel 0", tuple(code if one else None for one in tick), bus=True))
-    else:
-        found.append(Wave("above, taxel 0", tuple(_above(config, state) for state in states)))
-    found.append(_of_taxel_0("reference, taxel 0", [_codes(config, state) for state in states]))
+    # References as sample codes, rounded down.
+    codes = [int(state.reference[0, 0] >> config.encoder.fraction_bits(config)) for state in states]
+    widths = [int(state.half_width[0, 0]) for state in states]
+    if config.frontend == "analog":
+        levels = [code + width + config.encoder.strict for code, width in zip(codes, widths, strict=True)]
+        above = tuple(int(state.sample[0, 0] >= level) for state, level in zip(states, levels, strict=True))
+        found.append(Wave("above, taxel 0", above))
+    found.append(Wave("reference, taxel 0", tuple(codes), bus=True))
     if config.closes:
-        found.append(_of_taxel_0("half width, taxel 0", [state.half_width for state in states]))
+        found.append(Wave("half width, taxel 0", tuple(widths), bus=True))
     found.append(Wave("request, row 0", tuple(int(state.pending[0].any()) for state in states)))
     send = _stream if config.link == "stream" else _four_phase
     return found + send(config, stimulus, events, traffic)
@@ -112,21 +137,6 @@ def address(config: ReadoutConfig, event: np.void) -> int:
     """Return the address word of an event: polarity, row, column."""
     word = int(event["y"]) << config.column_bits | int(event["x"])
     return word | int(event["p"]) << (config.row_bits + config.column_bits) if config.has_polarity else word
-
-
-def _codes(config: ReadoutConfig, state: State) -> NDArray[np.int64]:
-    """Return the references as sample codes, rounded down."""
-    return state.reference >> config.encoder.fraction_bits(config)
-
-
-def _above(config: ReadoutConfig, state: State) -> int:
-    """Return the output of taxel 0's comparator."""
-    level = _codes(config, state)[0, 0] + state.half_width[0, 0] + config.encoder.strict
-    return int(state.sample[0, 0] >= level)
-
-
-def _of_taxel_0(name: str, values: Sequence[NDArray[np.int64]]) -> Wave:
-    return Wave(name, tuple(int(value[0, 0]) for value in values), bus=True)
 
 
 def _stream(config: ReadoutConfig, stimulus: Stimulus, events: Events, traffic: NDArray[np.uint8]) -> list[Wave]:

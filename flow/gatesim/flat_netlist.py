@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from eskin.flow.asic.equivalence import flat_design
@@ -22,6 +21,11 @@ class Port:
     name: str
     direction: str
     nets: tuple[str, ...]
+
+    @property
+    def bits(self) -> list[str]:
+        """Names of the bits, lowest first."""
+        return _bits(self.name, len(self.nets))
 
 
 @dataclass(frozen=True)
@@ -55,35 +59,36 @@ class FlatNetlist:
         ``gather`` is for an event-driven simulation in units of 1 ns: output ports of at least ``WIDE`` bits are then
         assembled once, 1 ns after each clock edge, instead of at every change of a bit.
         """
-        late = {port.name: port for port in self.ports if gather and port.direction == "output" and _wide(port)}
-        names = {bit: bit.translate(APART) for port in late.values() for bit in _bits(port.name, len(port.nets))}
+        outputs = [port for port in self.ports if port.direction == "output"]
+        late = {port.name: port for port in outputs if gather and len(port.nets) >= WIDE}
+        names = {bit: bit.translate(APART) for port in late.values() for bit in port.bits}
         inner = sorted((net for net in self.nets if re.fullmatch(r"n\d+", net)), key=lambda net: int(net[1:]))
         lines = [f"module {self.top} ({', '.join(port.name for port in self.ports)});"]
         for port in self.ports:
             width = f"[{len(port.nets) - 1}:0] " if len(port.nets) > 1 else ""
             lines.append(f"  {port.direction} {'reg ' if port.name in late else ''}{width}{port.name};")
         lines += [f"  wire {net};" for net in [*inner, *names.values()]]
-        lines += [f"  assign {names.get(name, name)} = {names.get(net, net)};" for name, net in self._aliases()]
+        aliases = [pair for port in outputs for pair in zip(port.bits, port.nets, strict=True) if pair[0] != pair[1]]
+        lines += [f"  assign {names.get(name, name)} = {names.get(net, net)};" for name, net in aliases]
         for cell in self.cells:
             pins = ", ".join(f".{pin}({names.get(net, net)})" for pin, net in cell.pins.items())
             lines.append(f"  {cell.kind} {cell.name} ({pins});")
         for name, port in late.items():
-            whole = ", ".join(names[bit] for bit in reversed(_bits(name, len(port.nets))))
+            whole = ", ".join(names[bit] for bit in reversed(port.bits))
             lines.append(f"  always @(clk) #1 {name} = {{{whole}}};")
         return "\n".join([*lines, "endmodule", ""])
-
-    def _aliases(self) -> Iterator[tuple[str, str]]:
-        """Yield the output port bits that share a net with another name."""
-        for port in self.ports:
-            for name, net in zip(_bits(port.name, len(port.nets)), port.nets, strict=True):
-                if port.direction == "output" and name != net:
-                    yield name, net
 
 
 def flatten(text: str, top: str, liberty: bytes) -> FlatNetlist:
     """Return the flat form of a Verilog netlist; see ``flat_design``."""
     module = flat_design(text, top, liberty)["modules"][top]
-    named = _names_of_ports(module["ports"])
+    named = {  # an input gives its name to a shared net
+        bit: name
+        for way in ("output", "input")
+        for port, found in module["ports"].items()
+        if found["direction"] == way
+        for bit, name in zip(found["bits"], _bits(port, len(found["bits"])), strict=True)
+    }
 
     def net(bit: int | str) -> str:
         return CONSTANTS[bit] if isinstance(bit, str) else named.get(bit, f"n{bit}")
@@ -98,24 +103,6 @@ def flatten(text: str, top: str, liberty: bytes) -> FlatNetlist:
         for number, (place, cell) in enumerate(sorted(module["cells"].items()))
     )
     return FlatNetlist(top, ports, cells)
-
-
-def _names_of_ports(ports: dict[str, dict]) -> dict[int, str]:
-    """Return the net name of every port; an input gives its name to a shared net."""
-    named: dict[int, str] = {}
-    for direction in ("output", "input"):
-        for name, port in ports.items():
-            if port["direction"] == direction:
-                named |= {
-                    bit: bit_name
-                    for bit, bit_name in zip(port["bits"], _bits(name, len(port["bits"])), strict=True)
-                    if not isinstance(bit, str)
-                }
-    return named
-
-
-def _wide(port: Port) -> bool:
-    return len(port.nets) >= WIDE
 
 
 def _bits(name: str, width: int) -> list[str]:

@@ -10,9 +10,9 @@ from pathlib import Path
 from eskin.base.files import atomic_write
 from eskin.cocotb_tests.runner import sim
 from eskin.cocotb_tests.runner.process import Tally
+from eskin.flow import programs
 from eskin.flow.asic.structure import RESET_CLOCKS
 from eskin.flow.asic.synthesis import synthesise
-from eskin.flow.gatesim import icarus
 from eskin.flow.gatesim.flat_netlist import FlatNetlist, flatten
 from eskin.flow.gatesim.models import models
 from eskin.flow.liberty.library import Library, read
@@ -78,8 +78,11 @@ def from_reset(netlist: FlatNetlist, library: Library, folder: Path) -> Unknown:
         next(f"dut.{cell.pins[pin]}" for pin in library.cells[cell.kind].outputs if cell.pins.get(pin))
         for cell in flops
     ]
-    texts = [models(library, kinds), netlist.verilog(), _bench(netlist, state, outputs)]
-    in_reset, after, out = icarus.run(texts, "bench", folder).split()
+    # The testbench prints the flops at the end of reset, and flops and outputs at the end of the run.
+    values = {"top": netlist.top, "ports": netlist.ports, "state": state, "outputs": outputs}
+    bench = programs.filled("reset.v", reset_clocks=RESET_CLOCKS, quiet_clocks=QUIET_CLOCKS, **values)
+    texts = [models(library, kinds), netlist.verilog(), bench]
+    in_reset, after, out = programs.icarus(texts, "bench", folder).split()
     places = [cell.place for cell in flops]
     left = [tuple(place for place, bit in zip(places, bits, strict=True) if bit == "x") for bits in (in_reset, after)]
     widths = [len(port.nets) for port in netlist.ports if port.direction == "output"]
@@ -87,10 +90,3 @@ def from_reset(netlist: FlatNetlist, library: Library, folder: Path) -> Unknown:
     return Unknown(
         len(flops), left[0], left[1], tuple(name for name, bit in zip(named, out, strict=True) if bit not in "01")
     )
-
-
-def _bench(netlist: FlatNetlist, state: list[str], outputs: list[str]) -> str:
-    """Return a testbench that prints the flops at the end of reset, and flops and outputs at the end of the run."""
-    clocks = {"reset_clocks": RESET_CLOCKS, "quiet_clocks": QUIET_CLOCKS}
-    values = {"top": netlist.top, "ports": netlist.ports, "state": state, "outputs": outputs}
-    return icarus.TEMPLATES.get_template("reset.v").render(values | clocks)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from eskin.flow import programs
 from eskin.flow.layout.transistors import SwitchCell, does, stores
 
 
@@ -67,28 +68,5 @@ def check(cell: SwitchCell) -> None:
 
 def liberty(names: list[str], areas: Mapping[str, float]) -> str:
     """Return a liberty file of checked cells, with functions, areas in um^2, and equal delays."""
-    lines = ['library(cells) { delay_model : "table_lookup"; time_unit : "1ns"; capacitive_load_unit(1, pf);']
-    lines.append('nom_process : 1; nom_voltage : 1.8; nom_temperature : 25; voltage_unit : "1V";')
-    for name in names:
-        lines.append(f"cell({name}) {{ area : {areas[name]:.4f};")
-        if name == FLOP:
-            lines.append('ff(IQ, IQN) { clocked_on : "clk"; next_state : "i"; }')
-            lines += [_input("i"), _input("clk", " clock : true;"), _output("q", "IQ", ("clk",), "rising_edge")]
-        else:
-            gate = GATES[name.partition("_")[0]]
-            lines += [_input(pin) for pin in gate.inputs]
-            lines.append(_output(gate.output, gate.text, gate.inputs, "combinational"))
-        lines.append("}")
-    return "\n".join([*lines, "}\n"])
-
-
-def _input(pin: str, more: str = "") -> str:
-    return f"pin({pin}) {{ direction : input; capacitance : 0.002;{more} }}"
-
-
-def _output(pin: str, function: str, related: tuple[str, ...], kind: str) -> str:
-    """Return an output pin with one delay for every input, as liberty text."""
-    value = '(scalar) { values("0.1"); }'
-    tables = " ".join(f"{name}{value}" for name in ("cell_rise", "cell_fall", "rise_transition", "fall_transition"))
-    arcs = " ".join(f'timing() {{ related_pin : "{name}"; timing_type : {kind}; {tables} }}' for name in related)
-    return f'pin({pin}) {{ direction : output; function : "{function}"; max_capacitance : 0.1; {arcs} }}'
+    cells = [(name, areas[name], GATES.get(name.partition("_")[0])) for name in names]
+    return programs.filled("functions.lib", cells=cells)

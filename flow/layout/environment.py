@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 
 from eskin.base.errors import InputError
-from eskin.flow import opensta
-from eskin.flow.macro import characterise
+from eskin.flow import programs
 
 ROOT = Path(__file__).resolve().parents[2]
 VENV = ROOT / ".venv-layout"
@@ -18,7 +16,6 @@ PROGRAMS = Path(__file__).parent
 REQUIREMENTS = PROGRAMS / "requirements.txt"
 
 NO_PACKAGES = "the layout's packages are not there; `make layout` installs them (0.7 GB) in .venv-layout of a checkout"
-NO_KLAYOUT = "klayout not found; install with: apt-get install klayout"
 
 
 class Crashed(RuntimeError):
@@ -34,10 +31,7 @@ def check() -> None:
     """Check that all layout tools are installed."""
     if not (VENV / ".installed").is_file():
         raise InputError(NO_PACKAGES)
-    if shutil.which("klayout") is None:
-        raise InputError(NO_KLAYOUT)
-    characterise.check_program()
-    opensta.check_program()
+    programs.check("klayout", "ngspice", "sta")
 
 
 def run(program: str, *words: str, folder: Path) -> None:

@@ -165,10 +165,9 @@ class Layout:
             said = {"period_ns": period_ns, "difference_ns": model.check(text, block, known, part)}
             (part / "model.json").write_text(json.dumps(said))
 
-        script = Path(model.__file__).parents[1] / "templates" / "clocked.tcl"
         inputs = (
             Path(model.__file__).read_text(),
-            script.read_text(),
+            *_templates("clocked.tcl", "macro.lib", "macros.lib"),
             known.content.decode(),
             block.verilog(),
             placed.name,
@@ -213,11 +212,16 @@ class Layout:
             (part / "functions.lib").write_text(liberty)
             known = read(part / "functions.lib")
             characteriser = Characteriser(self.library / "cells.spi", self.library / "models.spice", part)
-            text = characteriser.library("cells", [known.cells[kind] for kind in sorted(self.circuit.kinds)])
+            text = characteriser.library([known.cells[kind] for kind in sorted(self.circuit.kinds)])
             (part / "cells.lib").write_text(text)
 
-        inputs = (self.library.name, liberty, Path(characterise.__file__).read_text(), *sorted(self.circuit.kinds))
+        source = (Path(characterise.__file__).read_text(), *_templates("measured.lib", "macros.lib"))
+        inputs = (self.library.name, liberty, *source, *sorted(self.circuit.kinds))
         return read(self.stages.made("delays", inputs, make) / "cells.lib")
+
+
+def _templates(*names: str) -> list[str]:
+    return [(PROGRAMS.parent / "templates" / name).read_text() for name in names]
 
 
 def _deliver(placed: Path, top: str, folder: Path, stages: Stages) -> None:

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import itertools
 import re
-import shutil
-import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from eskin.base.errors import InputError
+from eskin.flow import programs
 from eskin.flow.liberty.boolean import evaluate
 from eskin.flow.liberty.library import Cell
-
-NO_NGSPICE = "ngspice not found; install with: apt-get install ngspice"
 
 SUPPLY_V = 1.8
 TEMPERATURE_C = 25
@@ -42,23 +38,14 @@ HEAD = """cells
 Vdd vdd 0 {supply}
 """
 MEASURED = re.compile(r"^(\w+) += +(\S+)", re.MULTILINE)
-UNITS = """  delay_model : table_lookup; time_unit : "1ns"; voltage_unit : "1V"; current_unit : "1mA";
-  pulling_resistance_unit : "1kohm"; leakage_power_unit : "1nW"; capacitive_load_unit (1, pf);
-  nom_process : 1; nom_voltage : {supply}; nom_temperature : {temperature};
-  slew_lower_threshold_pct_rise : 20; slew_lower_threshold_pct_fall : 20;
-  slew_upper_threshold_pct_rise : 80; slew_upper_threshold_pct_fall : 80; slew_derate_from_library : 1;
-  input_threshold_pct_rise : 50; input_threshold_pct_fall : 50;
-  output_threshold_pct_rise : 50; output_threshold_pct_fall : 50;
-  lu_table_template(delay) {{
-    variable_1 : input_net_transition; variable_2 : total_output_net_capacitance;
-    index_1 ("{slews}"); index_2 ("{loads}"); }}
-  lu_table_template(check) {{
-    variable_1 : related_pin_transition; variable_2 : constrained_pin_transition;
-    index_1 ("{check}"); index_2 ("{check}"); }}
-  lu_table_template(limit) {{
-    variable_1 : related_pin_transition; variable_2 : constrained_pin_transition;
-    index_1 ("{slews}"); index_2 ("{slews}"); }}
-"""
+GRID = {
+    "slews": SLEWS_NS,
+    "loads": LOADS_PF,
+    "check": CHECK_SLEWS_NS,
+    "supply_v": SUPPLY_V,
+    "temperature_c": TEMPERATURE_C,
+}
+"""Corner and table axes of a Liberty file."""
 
 
 @dataclass(frozen=True)
@@ -70,24 +57,14 @@ class Arc:
     tables: dict[str, np.ndarray]  # in ns, by Liberty name; shape (slews, loads)
 
 
-def check_program() -> None:
-    """Raise InputError if ngspice is missing."""
-    if shutil.which("ngspice") is None:
-        raise InputError(NO_NGSPICE)
+@dataclass(frozen=True)
+class Measured:
+    """Measurements of a cell."""
 
-
-def units() -> str:
-    """Return units, thresholds and table templates as Liberty text."""
-    lists = {"slews": SLEWS_NS, "loads": LOADS_PF, "check": CHECK_SLEWS_NS}
-    return UNITS.format(
-        supply=SUPPLY_V, temperature=TEMPERATURE_C, **{name: ", ".join(map(str, row)) for name, row in lists.items()}
-    )
-
-
-def table(name: str, template: str, rows: np.ndarray) -> str:
-    """Return a table as Liberty text."""
-    lines = ", ".join('"' + ", ".join(f"{value:.5f}" for value in row) + '"' for row in rows)
-    return f"{name}({template}) {{ values({lines}); }}"
+    arcs: list[Arc]
+    capacitances_pf: dict[str, float]  # by input
+    leakage_nw: float  # mean over all states
+    limits: dict[str, dict[str, np.ndarray]]  # setup and hold times of a flop in ns, by edge; shape (2, 2)
 
 
 def trimmed(models: str, cells: str) -> str:
@@ -104,7 +81,7 @@ def trimmed(models: str, cells: str) -> str:
 def simulate(deck: str, folder: Path) -> dict[str, float]:
     """Return the measurements of an ngspice deck by name, without failed measurements."""
     (folder / "deck.sp").write_text(deck + f".tran 10p {END_NS}n 0 100p\n.end\n")
-    done = subprocess.run(["ngspice", "-b", "deck.sp"], cwd=folder, capture_output=True, text=True, check=False)
+    done = programs.call(folder, "ngspice", "-b", "deck.sp")
     found = {name: float(value) for name, value in MEASURED.findall(done.stdout) if value != "failed"}
     if not found:
         raise RuntimeError(f"ngspice measured nothing: {(done.stderr or done.stdout).strip()[-300:]}")
@@ -167,35 +144,14 @@ class Characteriser:
         wires = {"vdd": supply, "vss": "0"} | dict(nodes)
         return f"X{number} {' '.join(wires.get(p, f'{p}_{number}') for p in self.ports[cell.name])} {cell.name}\n"
 
-    def library(self, name: str, cells: Sequence[Cell]) -> str:
-        """Return cells as Liberty text."""
-        return "\n".join([f"library({name}) {{", units(), *map(self.cell, cells), "}", ""])
+    def library(self, cells: Sequence[Cell]) -> str:
+        """Return cells with measured times, capacitances and leakage as Liberty text."""
+        measured = [(cell, self._flop(cell) if cell.flop else self._gate(cell)) for cell in cells]
+        return programs.filled("measured.lib", cells=measured, grid=GRID)
 
-    def cell(self, cell: Cell) -> str:
-        """Return a cell as Liberty text."""
-        (output,) = cell.outputs
-        arcs, capacitances, leakage_nw = self._flop(cell, output) if cell.flop else self._gate(cell, output)
-        checks = self._checks(cell, output, arcs[0]) if cell.flop else ""
-        lines = [f"  cell({cell.name}) {{ area : {cell.area_um2:.4f}; cell_leakage_power : {leakage_nw:.6f};"]
-        if cell.flop:
-            flop = cell.flop
-            lines.append(f'    ff({flop.state}, {flop.inverse}) {{ clocked_on : "{flop.when}"; ')
-            lines.append(f'      next_state : "{flop.stored}"; }}')
-        for pin, value in capacitances.items():
-            more = "clock : true;" if pin in cell.clock_pins else checks
-            lines.append(f"    pin({pin}) {{ direction : input; capacitance : {value:.6f}; {more} }}")
-        lines.append(f'    pin({output}) {{ direction : output; function : "{cell.functions[output]}";')
-        lines.append(f"      max_capacitance : {LOADS_PF[-1]};")
-        for arc in arcs:
-            kind = f"timing_type : {arc.kind};" if cell.flop else f"timing_sense : {arc.kind};"
-            lines.append(f'      timing() {{ related_pin : "{arc.start}"; {kind}')
-            lines += [f"        {table(what, 'delay', rows)}" for what, rows in arc.tables.items()]
-            lines.append("      }")
-        return "\n".join([*lines, "    }", "  }"])
-
-    def _gate(self, cell: Cell, output: str) -> tuple[list[Arc], dict[str, float], float]:
-        """Return arcs, input capacitances in pF and mean leakage in nW of a gate."""
-        deck, numbers = [self.head], itertools.count()
+    def _gate(self, cell: Cell) -> Measured:
+        """Return the measurements of a gate."""
+        (output,), deck, numbers = cell.outputs, [self.head], itertools.count()
         first, second = EDGES_NS
         for index, slew in enumerate(SLEWS_NS):
             deck.append(wave(f"p{index}", [(0, 0), (first, 1), (second, 0)], slew))
@@ -220,15 +176,9 @@ class Characteriser:
         found = simulate("".join(deck), self.folder)
         arcs = []
         for (pin, inverted), group in itertools.groupby(sorted(asked), key=lambda one: one[:2]):
-            tables = {
-                name: np.full((len(SLEWS_NS), len(LOADS_PF)), -np.inf)
-                for name in ("cell_rise", "cell_fall", "rise_transition", "fall_transition")
-            }
-            for _, _, n, i, j in group:
-                for name, what in zip(tables, ("dr", "df", "tr", "tf"), strict=True):
-                    tables[name][i, j] = max(tables[name][i, j], 1e9 * found[f"{what}{n}"])
+            tables = _tables(found, [(f"{n}", i, j) for _, _, n, i, j in group])
             arcs.append(Arc(pin, "negative_unate" if inverted else "positive_unate", tables))
-        return arcs, *self._rest(cell, found)
+        return Measured(arcs, *self._rest(cell, found), {})
 
     def _leak(self, number: int, cell: Cell, nodes: Mapping[str, str]) -> str:
         """Return deck lines that measure the supply current of a cell at rest."""
@@ -251,10 +201,10 @@ class Characteriser:
         capacitances = {pin: -1e12 * found[f"q_{pin}"] / SUPPLY_V for pin in cell.inputs}
         return capacitances, 1e9 * SUPPLY_V * float(np.mean(leaks))
 
-    def _flop(self, cell: Cell, output: str) -> tuple[list[Arc], dict[str, float], float]:
-        """Return arc, input capacitances in pF and mean leakage in nW of a flip-flop of the rising edge."""
+    def _flop(self, cell: Cell) -> Measured:
+        """Return the measurements of a flip-flop of the rising edge."""
         (clock,), (data,) = cell.clock_pins, [name for name in cell.inputs if name not in cell.clock_pins]
-        deck, n = [self.head], 0
+        (output,), deck, n = cell.outputs, [self.head], 0
         first, second = EDGES_NS
         middle = (first + second) / 2
         for index, slew in enumerate(SLEWS_NS):
@@ -273,20 +223,20 @@ class Characteriser:
                 n += 1
         deck += self._loads(cell, [(clock, {data: False}, False), (data, {clock: False}, False)])
         found = simulate("".join(deck), self.folder)
-        grid = [[f"{i}_{j}" for j in range(len(LOADS_PF))] for i in range(len(SLEWS_NS))]
-        names = {"cell_rise": "dr", "cell_fall": "df", "rise_transition": "tr", "fall_transition": "tf"}
-        tables = {
-            name: 1e9 * np.array([[found[what + point] for point in row] for row in grid])
-            for name, what in names.items()
-        }
-        return [Arc(clock, "rising_edge", tables)], *self._rest(cell, found)
+        points = itertools.product(range(len(SLEWS_NS)), range(len(LOADS_PF)))
+        tables = _tables(found, [(f"{i}_{j}", i, j) for i, j in points])
+        return Measured([Arc(clock, "rising_edge", tables)], *self._rest(cell, found), self._limits(cell, tables))
 
-    def _checks(self, cell: Cell, output: str, usual: Arc) -> str:
-        """Return setup and hold times of a flip-flop as Liberty text, found by halving an interval."""
-        (clock,), (data,) = cell.clock_pins, [name for name in cell.inputs if name not in cell.clock_pins]
+    def _limits(self, cell: Cell, usual: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
+        """Return setup and hold times of a flip-flop by edge, found by halving an interval."""
+        (clock,), (data,), (output,) = (
+            cell.clock_pins,
+            [n for n in cell.inputs if n not in cell.clock_pins],
+            cell.outputs,
+        )
         middle = sum(EDGES_NS) / 2
         points = list(itertools.product(("setup", "hold"), (0, 1), CHECK_SLEWS_NS, CHECK_SLEWS_NS))
-        delays = {value: usual.tables[name] for value, name in ((0, "cell_fall"), (1, "cell_rise"))}
+        delays = {value: usual[name] for value, name in ((0, "cell_fall"), (1, "cell_rise"))}
         low, high = np.full(len(points), SEARCH_NS[0]), np.full(len(points), SEARCH_NS[1])
         for _ in range(ROUNDS):
             tried = (low + high) / 2
@@ -306,13 +256,19 @@ class Characteriser:
                 stored = abs(found[f"v{n}"] - value * SUPPLY_V) < SUPPLY_V / 4
                 kept = stored and found.get(f"d{n}", np.inf) <= most_s
                 (high if kept else low)[n] = tried[n]
-        lines = []
-        for kind in ("setup", "hold"):
-            lines.append(f'\n      timing() {{ related_pin : "{clock}"; timing_type : {kind}_rising;')
-            for value, name in ((1, "rise"), (0, "fall")):
-                # Hold: the edge away from a stored 0 rises.
-                wanted = value if kind == "setup" else 1 - value
-                rows = [high[n] for n, point in enumerate(points) if point[:2] == (kind, wanted)]
-                lines.append(f"        {table(f'{name}_constraint', 'check', np.reshape(rows, (2, 2)))}")
-            lines.append("      }")
-        return "\n".join([*lines, "    "])
+        limits: dict[str, dict[str, np.ndarray]] = {"setup": {}, "hold": {}}
+        for kind, value, name in (("setup", 1, "rise"), ("setup", 0, "fall"), ("hold", 0, "rise"), ("hold", 1, "fall")):
+            # Hold: the edge away from a stored 0 rises.
+            rows = [high[n] for n, point in enumerate(points) if point[:2] == (kind, value)]
+            limits[kind][name] = np.reshape(rows, (2, 2))
+        return limits
+
+
+def _tables(found: Mapping[str, float], points: Sequence[tuple[str, int, int]]) -> dict[str, np.ndarray]:
+    """Return the largest delays and transitions in ns of the instances at each point of slew and load."""
+    tables = {}
+    for name, what in (("cell_rise", "dr"), ("cell_fall", "df"), ("rise_transition", "tr"), ("fall_transition", "tf")):
+        tables[name] = np.full((len(SLEWS_NS), len(LOADS_PF)), -np.inf)
+        for instance, i, j in points:
+            tables[name][i, j] = max(tables[name][i, j], 1e9 * found[f"{what}{instance}"])
+    return tables

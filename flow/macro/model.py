@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from eskin.flow import opensta
+from eskin.flow import programs
 from eskin.flow.liberty.library import Library
-from eskin.flow.macro.characterise import LOADS_PF, SLEWS_NS, table, units
+from eskin.flow.macro.characterise import GRID, LOADS_PF, SLEWS_NS
 
 PERIOD_NS = 100.0
 
@@ -19,7 +20,7 @@ WIRES = {"m1": (0.32, 25.7784e-6, 40.567e-6), "m2": (0.37, 16.9423e-6, 37.759e-6
 """Width of the routed wires in um, capacitance in pF per um2 and of each edge in pF per um: widths of the placement,
 capacitances of SkyWater's LEF file of the routing layers. Coupling to neighbours is not in them."""
 
-SAID = re.compile(r"^(\w+) (\S+) (\S+) (\S+) <<(.*?)>>$", re.MULTILINE | re.DOTALL)
+WRONG = r"\b(Error|Warning)\b"
 NUMBER = r"(-?[\d.]+)"
 TIMES = re.compile(rf"(?:r|\^) {NUMBER}:{NUMBER} (?:f|v) {NUMBER}:{NUMBER}")
 
@@ -73,7 +74,11 @@ class Block:
             before = [f"*P {net} I"] if net in self.inputs else []
             behind = [f"*P {net} O"] if net in self.outputs else []
             nets.append((net, self.wires_pf.get(net, 0.0), before + pins + behind))
-        return opensta.spef(nets)
+        return programs.spef(nets)
+
+    def files(self, library: Library) -> dict[str, str | bytes]:
+        """Return library, netlist and wires for OpenSTA, by file name."""
+        return {"cells.lib": library.content, "netlist.v": self.verilog(), "wires.spef": self.spef(library)}
 
     def unstored(self, library: Library) -> list[tuple[str, str]]:
         """Return the pairs of input and output that a path without a flop connects."""
@@ -111,29 +116,35 @@ def wires_pf(routing: str) -> dict[str, float]:
     return found
 
 
-def _ask(script: str, files: Mapping[str, str], folder: Path) -> dict[tuple[str, float, float, str], tuple[float, ...]]:
-    """Return the rise and fall times that an OpenSTA script reports, by kind, two numbers and port."""
-    said, _ = opensta.run(script, folder, files)
-    (folder / "opensta.log").write_text(said)
-    wrong = [line for line in said.splitlines() if re.search(r"\b(Error|Warning)\b", line)]
+Times = dict[tuple[str, float, float, str], tuple[float, ...]]
+"""Rise and fall times that an OpenSTA script reports, by kind, two numbers and port."""
+
+
+def _ask(top: str, script: Sequence[str], files: Mapping[str, str | bytes], folder: Path) -> Times:
+    """Return the times that a script reports about a design, from its library, its Verilog and perhaps its wires."""
+    library, netlist, *wires = files
+    head = [
+        "set sta_report_default_digits 6",
+        f"read_liberty {library}",
+        f"read_verilog {netlist}",
+        f"link_design {top}",
+    ]
+    head += [f"read_spef {name}" for name in wires]
+    said = programs.opensta("\n".join([*head, *script]), files, folder)
+    (folder / "opensta.log").write_text(said.text)
     found = {}
-    for kind, first, second, port, text in SAID.findall(said):
-        times = TIMES.search(text)
-        if times:
+    for heading, text in said.values.items():
+        kind, first, second, port = heading.split()
+        if times := TIMES.search(text):
             found[kind, float(first), float(second), port] = tuple(float(word) for word in times.groups())
-    if wrong or not found:
-        raise RuntimeError(f"OpenSTA failed: {wrong[0] if wrong else said[-300:]}")
+    if not found or re.search(WRONG, said.text):
+        raise RuntimeError(f"OpenSTA failed: {said.failed(WRONG)}")
     return found
 
 
-def _load(library: str, netlist: str, top: str) -> str:
-    """Return the commands that read a netlist and its library."""
-    return f"set sta_report_default_digits 6\nread_liberty {library}\nread_verilog {netlist}\nlink_design {top}\n"
-
-
 def _clocked(block: Block) -> str:
-    return opensta.TEMPLATES.get_template("clocked.tcl").render(
-        period=PERIOD_NS, inputs=" ".join(block.data), outputs=" ".join(block.outputs)
+    return programs.filled(
+        "clocked.tcl", period=PERIOD_NS, inputs=" ".join(block.data), outputs=" ".join(block.outputs)
     )
 
 
@@ -141,51 +152,41 @@ def liberty(block: Block, library: Library, folder: Path) -> tuple[str, float]:
     """Return the timing model of a block as Liberty text, and its shortest clock period in ns between its own flops."""
     if paths := block.unstored(library):
         raise NoModel(f"a path without a flop leads from {paths[0][0]} to {paths[0][1]}; the model has no such arc")
-    script = [_load(library="cells.lib", netlist="netlist.v", top=block.name), "read_spef wires.spef"]
-    script += [_clocked(block), f"set_input_transition {SLEWS_NS[0]} [get_ports clk]"]
+    script = [_clocked(block), f"set_input_transition {SLEWS_NS[0]} [get_ports clk]"]
     script.append('puts "own 0 0 clk <<r [expr min([worst_slack -max], $period)]:0 f 0:0>>"')
     script += [f"leave {slew} {load}" for slew in SLEWS_NS for load in LOADS_PF]
     script.append("set_input_delay -clock clk 0 [get_ports $inputs]")
     script += [f"enter {clock} {data}" for clock in SLEWS_NS for data in SLEWS_NS]
-    files = {"cells.lib": library.content.decode(), "netlist.v": block.verilog(), "wires.spef": block.spef(library)}
-    found = _ask("\n".join(script), files, folder)
-    leakage_nw = 1e9 * sum(library.cells[kind].leakage_w for kind, _ in block.cells.values())
-    lines = [f"library({block.name}) {{", units(), f"  cell({block.name}) {{"]
-    lines.append(f"    area : {block.width_um * block.height_um:.3f}; cell_leakage_power : {leakage_nw:.3f};")
-    lines.append("    is_macro_cell : true; interface_timing : true;")
-    ends = block.ends(library)
+    found = _ask(block.name, script, block.files(library), folder)
+
+    def times(kind: str, name: str, column: int, seconds: Sequence[float]) -> NDArray[np.float64]:
+        return np.array([[found[kind, first, second, name][column] for second in seconds] for first in SLEWS_NS])
+
+    def limits(name: str) -> dict[str, dict[str, NDArray[np.float64]]]:
+        """Return setup and hold times of an input, from its slacks."""
+        slacks = [times("slack", name, column, SLEWS_NS) for column in range(4)]
+        return {
+            "setup": {"rise": PERIOD_NS - slacks[1], "fall": PERIOD_NS - slacks[3]},
+            "hold": {"rise": 0.0 - slacks[0], "fall": 0.0 - slacks[2]},
+        }
+
+    ends, inputs = block.ends(library), []
     for name in block.inputs:
         pins = sum(library.cells[block.cells[cell][0]].loads[pin] for cell, pin in ends.get(name, []))
         capacitance_pf = 1e12 * pins + block.wires_pf.get(name, 0.0)
-        clock = " clock : true;" if name == "clk" else ""
-        lines.append(f"    pin({name}) {{ direction : input; capacitance : {capacitance_pf:.5f};{clock}")
-        lines += _checks(name, found) if name in ends and not clock else []
-        lines.append("    }")
-    for name in block.outputs:
-        lines.append(f"    pin({name}) {{ direction : output; max_capacitance : {LOADS_PF[-1]};")
-        lines.append('      timing() { related_pin : "clk"; timing_type : rising_edge;')
-        for what, kind, edge in (
-            ("cell_rise", "arrival", 1),
-            ("cell_fall", "arrival", 3),
-            ("rise_transition", "slew", 1),
-            ("fall_transition", "slew", 3),
-        ):
-            rows = [[found[kind, slew, load, name][edge] for load in LOADS_PF] for slew in SLEWS_NS]
-            lines.append(f"        {table(what, 'delay', np.array(rows))}")
-        lines += ["      }", "    }"]
-    return "\n".join([*lines, "  }", "}", ""]), PERIOD_NS - found["own", 0.0, 0.0, "clk"][0]
-
-
-def _checks(name: str, found: Mapping[tuple[str, float, float, str], Sequence[float]]) -> list[str]:
-    """Return setup and hold times of an input as Liberty lines, from its slacks."""
-    lines = []
-    for kind, offset, column in (("setup", PERIOD_NS, 1), ("hold", 0.0, 0)):
-        lines.append(f'      timing() {{ related_pin : "clk"; timing_type : {kind}_rising;')
-        for edge, more in (("rise", 0), ("fall", 2)):
-            slacks = [[found["slack", c, d, name][column + more] for d in SLEWS_NS] for c in SLEWS_NS]
-            lines.append(f"        {table(f'{edge}_constraint', 'limit', offset - np.array(slacks))}")
-        lines.append("      }")
-    return lines
+        inputs.append((name, capacitance_pf, limits(name) if name in ends and name != "clk" else {}))
+    tables = (("cell_rise", "arrival", 1), ("cell_fall", "arrival", 3), ("rise_transition", "slew", 1),
+              ("fall_transition", "slew", 3))  # fmt: skip
+    text = programs.filled(
+        "macro.lib",
+        name=block.name,
+        area_um2=block.width_um * block.height_um,
+        leakage_nw=1e9 * sum(library.cells[kind].leakage_w for kind, _ in block.cells.values()),
+        inputs=inputs,
+        outputs={out: {what: times(kind, out, at, LOADS_PF) for what, kind, at in tables} for out in block.outputs},
+        grid=GRID,
+    )
+    return text, PERIOD_NS - found["own", 0.0, 0.0, "clk"][0]
 
 
 def check(text: str, block: Block, library: Library, folder: Path) -> float:
@@ -199,11 +200,8 @@ def check(text: str, block: Block, library: Library, folder: Path) -> float:
     slew, load = np.mean(SLEWS_NS[1:]), LOADS_PF[1]
     asked = [_clocked(block), f"leave {slew} {load}", "set_input_delay -clock clk 0 [get_ports $inputs]"]
     asked.append(f"enter {slew} {slew}")
-    files = {"cells.lib": library.content.decode(), "netlist.v": block.verilog(), "wires.spef": block.spef(library)}
-    script = [_load(library="cells.lib", netlist="netlist.v", top=block.name), "read_spef wires.spef"]
-    flat = _ask("\n".join(script + asked), files, folder)
-    script = [_load(library="macro.lib", netlist="outer.v", top="outer")]
-    model = _ask("\n".join(script + asked), {"macro.lib": text, "outer.v": outer}, folder)
+    flat = _ask(block.name, asked, block.files(library), folder)
+    model = _ask("outer", asked, {"macro.lib": text, "outer.v": outer}, folder)
     if missing := sorted(set(flat) ^ set(model)):
         raise RuntimeError(f"the model and the netlist differ in the times of {missing[0][3]}")
     apart = {key: np.abs(np.subtract(model[key], times)) for key, times in flat.items()}

@@ -6,7 +6,6 @@ import functools
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +17,6 @@ HALF_NS = 4
 """Half a clock of the harness, in time units of the harness."""
 DUMP = "activity.vcd"
 """File with the waveform dump of a simulation."""
-
-
-class Variable(NamedTuple):
-    """Code, width and lowest bit of a variable of a dump."""
-
-    code: str
-    width: int
-    low: int
 
 
 @dataclass(frozen=True)
@@ -82,9 +73,12 @@ def read_dump(path: Path, lead: int, clocks: int, nets: Iterable[str], parts: in
     return Activity(clocks, values)
 
 
-def _changes(path: Path) -> tuple[dict[str, Variable], list[int], dict[str, tuple[list[int], list[str]]]]:
-    """Return the variables of a VCD file by name, its times, and times and values of every code's changes."""
-    variables: dict[str, Variable] = {}
+def _changes(path: Path) -> tuple[dict[str, tuple[str, int, int]], list[int], dict[str, tuple[list[int], list[str]]]]:
+    """Return the contents of a VCD file.
+
+    These are code, width and lowest bit of each variable, the times, and times and values of every code's changes.
+    """
+    variables: dict[str, tuple[str, int, int]] = {}
     times: list[int] = []
     changes: dict[str, tuple[list[int], list[str]]] = {}
     with path.open("rb") as file:
@@ -92,7 +86,7 @@ def _changes(path: Path) -> tuple[dict[str, Variable], list[int], dict[str, tupl
             if token.kind is TokenKind.VAR:
                 found, bits = token.var, token.var.bit_index
                 low = bits[-1] if isinstance(bits, tuple) else bits or 0
-                variables[found.reference] = Variable(found.id_code, found.size, low)
+                variables[found.reference] = found.id_code, found.size, low
                 changes[found.id_code] = [], []
             elif token.kind is TokenKind.CHANGE_TIME:
                 times.append(token.time_change)

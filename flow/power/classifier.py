@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from eskin.cocotb_tests.bench.textures import scan
+from eskin.flow import programs
 from eskin.flow.asic.synthesis import cells_of
-from eskin.flow.gatesim import icarus
 from eskin.flow.gatesim.flat_netlist import FlatNetlist, flatten
 from eskin.flow.gatesim.models import models
 from eskin.flow.liberty.library import Library
@@ -59,11 +59,10 @@ POTENTIALS = (
 
 @dataclass(frozen=True)
 class Window:
-    """Clocks of a simulation, and the events taken in them."""
+    """Clocks of a simulation."""
 
     start: int
     clocks: int
-    events: int = 0
 
 
 def outside(config: ClassifierConfig) -> str:
@@ -116,7 +115,8 @@ def play(
         for port in netlist.ports
     ]
     first_edge = 2 * HALF_NS * (dumped.start + 1)
-    bench = icarus.TEMPLATES.get_template("classifier.v").render(
+    bench = programs.filled(
+        "classifier.v",
         events=len(offered),
         memories=memories,
         wires=wires,
@@ -128,7 +128,7 @@ def play(
         inside=2 * HALF_NS * dumped.clocks + 6,
         file=DUMP,
     )
-    said = icarus.run([bench, netlist.verilog(gather=True), cells], "play", folder)
+    said = programs.icarus([bench, netlist.verilog(gather=True), cells], "play", folder)
     run = simulate(network, offered, range(width - 1, clocks, width), clocks)
     _hold(run, config, said)
     return folder / DUMP, run

@@ -7,7 +7,7 @@ from typing import Any
 
 from eskin.cocotb_tests.bench.readout import read_events, write_stimulus
 from eskin.cocotb_tests.runner.simulator import HARNESS, shape
-from eskin.flow.gatesim import icarus
+from eskin.flow import programs
 from eskin.flow.gatesim.flat_netlist import FlatNetlist
 from eskin.flow.power.activity import DUMP, HALF_NS, Activity, read_dump
 from eskin.flow.power.scenarios import Scenario
@@ -30,25 +30,22 @@ def play(
     # Clock 0 ends at the edge 8 ns after `running` rises; the dump begins with the falling edge before its window.
     first_edge = 2 * HALF_NS * (scenario.start + 1)
     macros, parameters = shape(config)
-    player = icarus.TEMPLATES.get_template("player.v").render(
+    player = programs.filled(
+        "player.v",
         parameters=", ".join(f".{name}({value})" for name, value in parameters.items()),
         before=first_edge - HALF_NS - 1,
         inside=2 * HALF_NS * scenario.clocks + 6,
         file=DUMP,
     )
     write_stimulus(config, folder, scenario.stimulus)
-    texts = [_defined(macros, netlist) + HARNESS.read_text(), netlist.verilog(gather=True), cells, player]
-    errors = int(icarus.run(texts, "play", folder).split()[-1])
+    if any(port.name == "test_enable" for port in netlist.ports):  # the extra port of netlists
+        macros = macros | {"TEST_ENABLE": "1"}
+    defined = "".join(f"`define {name} {value}\n" for name, value in macros.items())
+    texts = [defined + HARNESS.read_text(), netlist.verilog(gather=True), cells, player]
+    errors = int(programs.icarus(texts, "play", folder).split()[-1])
     events = read_events(config, folder)
     _hold_to_model(scenario, events, errors)
     return read_dump(folder / DUMP, HALF_NS + 1, scenario.clocks, netlist.nets, parts), scenario.inside(events)
-
-
-def _defined(macros: dict[str, str], netlist: FlatNetlist) -> str:
-    """Return Verilog macros, including one for the extra port of netlists."""
-    if any(port.name == "test_enable" for port in netlist.ports):
-        macros = macros | {"TEST_ENABLE": "1"}
-    return "".join(f"`define {name} {value}\n" for name, value in macros.items())
 
 
 def _hold_to_model(scenario: Scenario, events: Any, errors: int) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from eskin.flow.gatesim import icarus
+from eskin.flow import programs
 from eskin.flow.gatesim.flat_netlist import FlatNetlist
 from eskin.flow.power.activity import DUMP, HALF_NS, Activity, read_dump
 from eskin.flow.power.event_bench import Mismatch
@@ -34,7 +34,20 @@ def _run(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path, fr
     widths = {port.name: len(port.nets) for port in netlist.ports}
     (folder / "inputs.txt").write_text("\n".join(_words(inputs, Inputs._fields, widths)))
     (folder / "outputs.txt").write_text("\n".join(_words(outputs, Outputs._fields, widths)))
-    said = icarus.run([netlist.verilog(), cells, _bench(netlist, clocks, widths)], "play", folder)
+    given, seen = ([name for name in one._fields if name in widths] for one in (Inputs, Outputs))
+    bench = programs.filled(  # applies the inputs, and counts clocks with a wrong output
+        "frames.v",
+        given=given,
+        seen=seen,
+        widths=widths,
+        wide=sum(widths[name] for name in given),
+        broad=sum(widths[name] for name in seen),
+        clocks=clocks,
+        top=netlist.top,
+        ports=[port.name for port in netlist.ports],
+        file=DUMP,
+    )
+    said = programs.icarus([netlist.verilog(), cells, bench], "play", folder)
     if int(said.split()[-1]):
         raise Mismatch(f"the netlist differs from the frame readout's model in {said.split()[-1]} clocks")
     return read_dump(folder / DUMP, HALF_NS, clocks, netlist.nets)
@@ -61,20 +74,3 @@ def _traces(config: FrameConfig, frames: int, clocks: int) -> tuple[list[Inputs]
 def _words(rows: list[Inputs] | list[Outputs], names: tuple[str, ...], widths: dict[str, int]) -> list[str]:
     present = [(number, widths[name]) for number, name in enumerate(names) if name in widths]
     return ["".join(format(int(np.uint64(row[number])), f"0{width}b") for number, width in present) for row in rows]
-
-
-def _bench(netlist: FlatNetlist, clocks: int, widths: dict[str, int]) -> str:
-    """Return a testbench that applies the inputs and counts clocks with a wrong output."""
-    given = [name for name in Inputs._fields if name in widths]
-    seen = [name for name in Outputs._fields if name in widths]
-    return icarus.TEMPLATES.get_template("frames.v").render(
-        given=given,
-        seen=seen,
-        widths=widths,
-        wide=sum(widths[name] for name in given),
-        broad=sum(widths[name] for name in seen),
-        clocks=clocks,
-        top=netlist.top,
-        ports=[port.name for port in netlist.ports],
-        file=DUMP,
-    )

@@ -159,6 +159,11 @@ def _summary(
         "energy_per_lone_event_j": energy(LONE, CLOSING if CLOSING in found else IDLE),  # few events: windows close
         "energy_per_texture_event_j": energy(TEXTURE),
     }
+    closing = {}
+    if isinstance(config, ReadoutConfig) and CLOSING in found:
+        power = found[CLOSING].power_w / taxels
+        joules = (power - idle.power_w / taxels) * closing_ticks(config) / config.sample_rate_hz
+        closing = {"closing_w_per_taxel": power, "energy_per_closed_window_j": joules}
     return {
         "readout": "frame" if isinstance(config, FrameConfig) else config.encoding,
         "frontend": "" if isinstance(config, FrameConfig) else config.frontend,
@@ -175,19 +180,9 @@ def _summary(
         "clock_power_w_per_hz": (idle.power_w - idle.leakage_w) / config.clock_hz,
         **{name: value for name, value in energies.items() if value is not None},
         "idle_w_per_taxel": idle.power_w / taxels,
-        **(_closing(config, found) if isinstance(config, ReadoutConfig) and CLOSING in found else {}),
+        **closing,
         "leakage_w_per_taxel": idle.leakage_w / taxels,
         "scenarios": {name: vars(stretch) | {"power_w": stretch.power_w} for name, stretch in found.items()},
-    }
-
-
-def _closing(config: ReadoutConfig, found: dict[str, ScenarioPower]) -> dict[str, float]:
-    """Return the power of a taxel while its window closes, and the energy of one complete closing."""
-    closing = found[CLOSING].power_w / config.taxels
-    more = closing - found[IDLE].power_w / config.taxels
-    return {
-        "closing_w_per_taxel": closing,
-        "energy_per_closed_window_j": more * closing_ticks(config) / config.sample_rate_hz,
     }
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.flow import opensta
+from eskin.flow import programs
 from eskin.flow.gatesim.flat_netlist import Cell, FlatNetlist
 from eskin.flow.liberty.library import Library
 from eskin.flow.power.activity import Activity
@@ -28,49 +28,6 @@ PERIOD_S = PERIOD_NS * 1e-9
 STILL = 1e-9
 """Activity that counts as no toggles: OpenSTA reports nothing for an activity of 0."""
 
-PROBE = """library (probe) {{
-  delay_model : table_lookup; time_unit : "1ns"; voltage_unit : "1V"; current_unit : "1uA";
-  leakage_power_unit : "1pW"; capacitive_load_unit (1,pf); nom_voltage : 1; nom_process : 1; nom_temperature : 25;
-  input_threshold_pct_rise : 50; input_threshold_pct_fall : 50;
-  output_threshold_pct_rise : 50; output_threshold_pct_fall : 50;
-  slew_lower_threshold_pct_rise : 20; slew_lower_threshold_pct_fall : 20;
-  slew_upper_threshold_pct_rise : 80; slew_upper_threshold_pct_fall : 80;
-  operating_conditions (one) {{ process : 1; voltage : 1; temperature : 25; }} default_operating_conditions : one;
-  power_lut_template (energy) {{ variable_1 : input_transition_time; index_1 ("0.0, 1.0"); }}
-  cell (OUT) {{ area : 1; pin (A) {{ direction : input; capacitance : 0.001; }}
-    {output} internal_power () {{ related_pin : "A"; when : "1"; {energy} }} }} }}
-  cell (IN) {{ area : 1; pin (A) {{ direction : input; capacitance : 0.001; internal_power () {{ {energy} }} }}
-    {output} }} }} }}
-"""
-PROBE_OUTPUT = """pin (Z) { direction : output; function : "A"; timing () { related_pin : "A";
-  timing_sense : positive_unate; cell_rise (scalar) { values ("0.1"); } cell_fall (scalar) { values ("0.1"); }
-  rise_transition (scalar) { values ("0.1"); } fall_transition (scalar) { values ("0.1"); } }"""
-PROBE_ENERGY = "".join(f'{e}_power (energy) {{ values ("1, 1"); }} ' for e in ("rise", "fall"))
-PROBED = """module probe (clk, a, w, x, y, z);
-  input clk, a;
-  output w, x, y, z;
-  OUT c0 (.A(a), .Z(w));
-  IN c1 (.A(clk), .Z(x));
-  OUT c2 (.A(clk), .Z(y));
-endmodule
-"""
-SET_UP = """read_liberty cells.lib
-read_verilog netlist.v
-link_design {top}
-create_clock -name clk -period {period} [get_ports clk]
-set_input_transition 0.1 [all_inputs]
-foreach port [all_inputs] {{
-  if {{[get_property $port full_name] != "clk"}} {{ set_input_delay 0 -clock clk $port }}
-}}
-proc report {{name activity}} {{
-  set_power_activity -global -activity $activity -duty 0.5
-  set out [open $name.txt w]
-  foreach cell [get_cells *] {{
-    puts $out "[get_full_name $cell] [sta::instance_power $cell [sta::cmd_corner]]"
-  }}
-  close $out
-}}
-"""
 Report = dict[str, tuple[float, float, float]]
 """Internal, switching and leakage power of every instance in watts."""
 
@@ -244,14 +201,14 @@ class OpenstaPower:
 
 def set_up(top: str) -> str:
     """Return the commands that read netlist and library and define ``report``."""
-    return SET_UP.format(top=top, period=PERIOD_NS)
+    return programs.filled("power.tcl", top=top, period=PERIOD_NS)
 
 
 def run(lines: list[str], folder: Path) -> list[Report]:
     """Run an OpenSTA script, and return the power reports of its commands ``report NAME ACTIVITY``."""
-    text, status = opensta.run("\n".join(lines), folder)
-    said = text.splitlines()
-    if wrong := [line for line in said if line.startswith("Error")] or (said[-1:] if status else []):
+    said = programs.opensta("\n".join(lines), {}, folder)
+    printed = said.text.splitlines()
+    if wrong := [line for line in printed if line.startswith("Error")] or (printed[-1:] if said.status else []):
         raise InputError(f"OpenSTA rejects the netlist: {wrong[0]}; give netlist and cell library of one run")
     files = [folder / f"{line.split()[1]}.txt" for line in lines if line.startswith("report ")]
     rows = [[line.split() for line in file.read_text().splitlines()] for file in files]
@@ -272,8 +229,8 @@ def _counted(folder: Path) -> Counted:
 
     Version 2.0 adds rise and fall up for every toggle; for a data output it halves that where no related pin is named.
     """
-    (folder / "cells.lib").write_text(PROBE.format(output=PROBE_OUTPUT, energy=PROBE_ENERGY))
-    (folder / "netlist.v").write_text(PROBED)
+    for name, template in (("cells.lib", "probe.lib"), ("netlist.v", "probe.v")):
+        (folder / name).write_text(programs.filled(template))
     (found,) = run([set_up("probe"), "report probe 1"], folder)
     picojoules = [round(found[f"c{number}"][0] * PERIOD_S / 1e-12, 3) for number in range(3)]
     assert all(value > 0 for value in picojoules), found

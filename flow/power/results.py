@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
+from eskin.flow import programs
 from eskin.flow.asic.synthesis import synthesise
-from eskin.flow.gatesim.icarus import NO_PROGRAM
 from eskin.flow.liberty.library import read
 from eskin.flow.power.measure import APART, GLITCH_DELAY_NS, Disagreement, glitches, measure
 from eskin.flow.power.scenarios import scenarios
@@ -24,8 +23,8 @@ FRAME_RATE_HZ = 200.0
 
 def why_not(config: ReadoutConfig | FrameConfig) -> str:
     """Return the reason why the power of a readout cannot be measured; empty if possible."""
-    if shutil.which("iverilog") is None:
-        return NO_PROGRAM
+    if missing := programs.absent("iverilog"):
+        return missing
     try:
         if not isinstance(config, FrameConfig):
             scenarios(config)

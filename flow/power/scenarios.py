@@ -119,21 +119,14 @@ def _saturated(config: ReadoutConfig) -> Scenario:
     most = MOST_SATURATED + 64  # what follows the window is not played
     ticks = 2 + -(-min(config.full_scale // config.step * config.taxels, most) // config.clocks_per_sample)
     stimulus, events = _run(config, np.full((ticks, config.taxels), config.full_scale - 1, np.int32), spare=1)
-    pace = 1 if config.link == "stream" else 8
-    run = _longest(events["t"], pace)
-    start, clocks = run[0] + 8, min(run[1] - run[0] - 16, MOST_SATURATED)
+    breaks = np.flatnonzero(np.diff(events["t"]) > (1 if config.link == "stream" else 8))
+    begins, ends = (events["t"][np.concatenate(at)] for at in (([0], breaks + 1), (breaks, [len(events) - 1])))
+    longest = int(np.argmax(ends - begins))  # interval without a larger gap between events
+    start = int(begins[longest]) + 8
+    clocks = min(int(ends[longest]) - int(begins[longest]) - 16, MOST_SATURATED)
     if clocks < 8:
         raise InputError(f"resolution {config.resolution} is too low for a saturated stretch; choose a higher one")
     return Scenario(SATURATED, stimulus, start, clocks, events)
-
-
-def _longest(times: NDArray[np.int64], pace: int) -> tuple[int, int]:
-    """Return start and end of the longest interval without a larger gap between events."""
-    breaks = np.flatnonzero(np.diff(times) > pace)
-    first = np.concatenate([[0], breaks + 1])
-    last = np.concatenate([breaks, [len(times) - 1]])
-    best = int(np.argmax(times[last] - times[first]))
-    return int(times[first[best]]), int(times[last[best]])
 
 
 def _texture(config: ReadoutConfig, ticks: int) -> Scenario:

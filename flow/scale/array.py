@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from eskin.flow.asic.synthesis import mapped
 from eskin.flow.liberty.library import Cell, Library
 from eskin.model.config import ReadoutConfig
+from eskin.rtl.block import Block
 from eskin.rtl.gates.clock_gates import TEST
 from eskin.rtl.verilog import top_block
 
@@ -159,32 +161,41 @@ def repeaters(kinds: dict[str, Cell]) -> list[Cell]:
 
 def build(config: ReadoutConfig, library: Library) -> Array:
     """Return an array as library cells, without repeaters."""
-    block = top_block(config)
-    design = mapped(block, library, [TAXEL])
+    return as_cells(top_block(config), config, library, [TAXEL])
+
+
+def as_cells(block: Block[Any], config: ReadoutConfig, library: Library, apart: Sequence[str] = ()) -> Array:
+    """Return a block as library cells, without repeaters; its taxels, if it has any, stay ``apart``."""
+    design = mapped(block, library, apart)
     top = design["modules"][block.module_name]
-    taxel = design["modules"][TAXEL]
+    taxel = design["modules"].get(TAXEL, {"ports": {}, "cells": {}})
     used = {cell["type"] for module in (top, taxel) for cell in module["cells"].values()} - {TAXEL}
     used |= {cell.name for cell in library.buffers}
-    kinds = {cell.name: cell for cell in library.used(used)}
-    numbers = numbered(top)
+    groups = [port["bits"] for port in top["ports"].values()]
+    groups += [bits for cell in top["cells"].values() for bits in cell["connections"].values()]
+    bits = sorted({bit for group in groups for bit in group if isinstance(bit, int)})
+    numbers = {bit: number for number, bit in enumerate(bits)}
     plain = {n: c for n, c in top["cells"].items() if c["type"] != TAXEL}
-    own = {f"{name} {i}": (p["direction"], b) for name, p in taxel["ports"].items() for i, b in enumerate(p["bits"])}
+    places = [f"row_{row}.taxel_{column}" for row in range(config.rows) for column in range(config.columns)]
     return Array(
         config=config,
-        kinds=kinds,
+        kinds={cell.name: cell for cell in library.used(used)},
         names=list(plain),
         cells=[cell["type"] for cell in plain.values()],
-        pins=pins_of(plain, numbers),
+        pins=[{p: numbers.get(b[0], NONE) for p, b in cell["connections"].items() if b} for cell in plain.values()],
         taxel=taxel,
-        taxel_bits=own,
+        taxel_bits={
+            f"{name} {i}": (port["direction"], bit)
+            for name, port in taxel["ports"].items()
+            for i, bit in enumerate(port["bits"])
+        },
         taxels=[
             {
                 f"{port} {i}": numbers.get(bit, NONE)
-                for port, bits in top["cells"][f"row_{row}.taxel_{column}"]["connections"].items()
-                for i, bit in enumerate(bits)
+                for port, own in top["cells"][place]["connections"].items()
+                for i, bit in enumerate(own)
             }
-            for row in range(config.rows)
-            for column in range(config.columns)
+            for place in (places if apart else ())
         ],
         ports=[
             (port["direction"], name, i, numbers.get(bit, NONE))
@@ -193,15 +204,3 @@ def build(config: ReadoutConfig, library: Library) -> Array:
         ],
         nets=len(numbers),
     )
-
-
-def numbered(module: dict[str, Any]) -> dict[Any, int]:
-    """Return the net numbers of a Yosys module, counted from 0."""
-    groups = [port["bits"] for port in module["ports"].values()]
-    groups += [bits for cell in module["cells"].values() for bits in cell["connections"].values()]
-    return {bit: n for n, bit in enumerate(sorted({bit for bits in groups for bit in bits if isinstance(bit, int)}))}
-
-
-def pins_of(cells: dict[str, Any], numbers: dict[Any, int]) -> list[dict[str, int]]:
-    """Return the nets at the pins of cells."""
-    return [{pin: numbers.get(b[0], NONE) for pin, b in c["connections"].items() if b} for c in cells.values()]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -50,12 +51,12 @@ def best_repeater(buffers: Iterable[Cell], wire: Wire) -> Repeater:
     return min(candidates, key=lambda repeater: repeater.s_per_mm)
 
 
-def degraded(slew_s: float, way_s: float) -> float:
+def degraded(slew_s: Any, way_s: Any) -> Any:
     """Return the slew (20 to 80 %) at the end of a wire, with ln 4 times its delay added in quadrature.
 
     C. V. Kashyap et al., Closed form expressions for extending step delay and slew metrics to ramp inputs, ISPD 2003.
     """
-    return float((slew_s**2 + (1.386 * way_s) ** 2) ** 0.5)
+    return (slew_s**2 + (1.386 * way_s) ** 2) ** 0.5
 
 
 @dataclass
@@ -75,7 +76,7 @@ class Open:
 
 @dataclass
 class Lines:
-    """Builder of the row and column lines of an array, with repeaters as cells."""
+    """The row and column lines of an array, which gets their repeaters as cells."""
 
     array: Array
     places: Placement
@@ -89,10 +90,8 @@ class Lines:
     delays: dict[str, list[float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.choice = repeaters(self.array.kinds)
-
-    def draw(self) -> None:
         """Build all lines except nets that layout buffers as trees."""
+        self.choice = repeaters(self.array.kinds)
         drivers, readers = self.array.ends()
         trees = self.array.trees()
         for net, ends in readers.items():

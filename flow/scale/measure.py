@@ -137,10 +137,12 @@ def _key(shape: dict[str, Any]) -> tuple[int, ...]:
 
 def _cut(results: list[dict[str, Any]]) -> list[str]:
     """Return sizes, tiles and relay stations of results as make variables."""
-    words = {"SIZES": [f"{r['rows']}x{r['columns']}" for r in results]}
     tiled = [r for r in results if "relays" in r]
-    words["TILES"] = [f"{r['tile_rows']}x{r['tile_columns']}" for r in tiled]
-    words["RELAYS"] = [f"{r['relays']}" for r in tiled]
+    words = {
+        "SIZES": ["{rows}x{columns}".format(**r) for r in results],
+        "TILES": ["{tile_rows}x{tile_columns}".format(**r) for r in tiled],
+        "RELAYS": [f"{r['relays']}" for r in tiled],
+    }
     return [f"{name}={','.join(dict.fromkeys(values))}" for name, values in words.items() if values]
 
 
@@ -194,25 +196,19 @@ def estimate(
         "taxel_um2": array.taxel_area_um2,
     }
     for name, kind in (("without_wires", NO_WIRE), ("with_wires", wire)):
-        drawn = lines(array.copy(), kind, pitch_um, repeater, places)
-        timing = Timing(drawn.array, drawn)
+        own = array.copy()
+        drawn = Lines(own, places(own, pitch_um), kind, repeater)
+        timing = Timing(own, drawn)
         path = timing.worst()
         found[name] = {
             "fmax_hz": 1 / path.period_s,
             "between_flops_hz": 1 / timing.worst(ports=False).period_s,
-            "area_um2_per_taxel": drawn.array.area_um2() / config.taxels,
+            "area_um2_per_taxel": own.area_um2() / config.taxels,
             "repeaters": drawn.added,
             "lines_m": drawn.length_um * 1e-6,
             **_of_path(path),
         }
     return found
-
-
-def lines(array: Array, wire: Wire, pitch_um: float, repeater: Repeater, places: MakePlacement = Placement) -> Lines:
-    """Return the estimated lines of an array, after adding their repeaters to the array."""
-    drawn = Lines(array, places(array, pitch_um), wire, repeater)
-    drawn.draw()
-    return drawn
 
 
 def _of_path(path: SlowestPath) -> dict[str, Any]:

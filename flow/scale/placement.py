@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import spsolve
 
@@ -68,21 +67,16 @@ class Placement:
                 else:
                     fixed.append((nets, *self.of(end)))
             nets += 1
-        return self._solve(cells, nets, np.array(pulls).reshape(-1, 2), np.array(fixed).reshape(-1, 3))
-
-    def _solve(
-        self, cells: int, nets: int, pulls: NDArray[np.int64], fixed: NDArray[np.float64]
-    ) -> list[tuple[float, float]]:
-        """Solve the least-squares equations for the positions of nets and cells."""
+        pulled, held = np.array(pulls).reshape(-1, 2), np.array(fixed).reshape(-1, 3)
         size = cells + nets
-        one, two = pulls[:, 0], cells + pulls[:, 1]
-        at = cells + fixed[:, 0].astype(np.int64)
+        one, two = pulled[:, 0], cells + pulled[:, 1]
+        at = cells + held[:, 0].astype(np.int64)
         links = coo_matrix((-np.ones(len(pulls)), (one, two)), (size, size))
         weak = 1e-6  # weight of a pull to the middle of the left edge, for cells without a path to a taxel
         degree = sum((np.bincount(ends, minlength=size) for ends in (one, two, at)), np.full(size, weak))
         home = (0.0, self.rows * self.pitch_um / 2)
         matrix = csr_matrix(links + links.T + coo_matrix((degree, (range(size), range(size)))))
         found = [
-            spsolve(matrix.tocsc(), np.bincount(at, fixed[:, axis + 1], size) + weak * home[axis]) for axis in (0, 1)
+            spsolve(matrix.tocsc(), np.bincount(at, held[:, axis + 1], size) + weak * home[axis]) for axis in (0, 1)
         ]
         return [(float(x), float(y)) for x, y in zip(found[0][:cells], found[1][:cells], strict=True)]

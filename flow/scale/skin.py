@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,9 +9,8 @@ from amaranth.lib.wiring import Out
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from eskin.flow.asic.synthesis import mapped
 from eskin.flow.liberty.library import Library
-from eskin.flow.scale.array import NONE, TREES, Array, build, numbered, pins_of
+from eskin.flow.scale.array import NONE, TREES, Array, as_cells, build
 from eskin.flow.scale.placement import Placement
 from eskin.model.tiles.config import TilesConfig
 from eskin.rtl.arbiter import event_ports
@@ -32,33 +30,20 @@ class Spot(NamedTuple):
     station: int = NONE
 
 
-@dataclass
-class Piece:
-    """The netlist of a part of a skin: standard cells, and nets numbered from 0."""
-
-    # names, cells, pins: name, kind and nets of the pins of every cell
-    names: list[str]
-    cells: list[str]
-    pins: list[dict[str, int]]
-    ports: dict[str, list[int]]
-    nets: int
-
-
 def build_skin(config: TilesConfig, library: Library) -> tuple[Array, Array, list[Spot]]:
     """Return a skin as library cells, the array of one tile as returned by ``build``, and the owner of each cell."""
     tile = build(config.tile, library)
-    merge = _piece(mapped(Merge(config), library), Merge.module_name)
-    relay = _piece(mapped(Relay(config), library), Relay.module_name) if config.relays else None
-    used = {kind for piece in (merge, relay) if piece for kind in piece.cells}
-    kinds = tile.kinds | {cell.name: cell for cell in library.used(used)}
+    merge = as_cells(Merge(config), config, library)
+    relay = as_cells(Relay(config), config, library) if config.relays else None
+    kinds = tile.kinds | merge.kinds | (relay.kinds if relay else {})
 
     work = _Assembly(config, kinds, tile)
-    into = work.place(merge, "merge", Spot(MERGE))
+    into = work.place(merge, "merge", [Spot(MERGE)] * len(merge.cells))
     stream = list(event_ports(config.tile, Out))
     for index in range(config.tiles):
         source = work.place_tile(index)
         stations = [
-            work.place(relay, f"relay_{index}_{station}", Spot(index, NONE, station))
+            work.place(relay, f"relay_{index}_{station}", [Spot(index, NONE, station)] * len(relay.cells))
             for station in range(config.relays)
             if relay
         ]
@@ -88,32 +73,27 @@ class _Assembly:
         self.taxels: list[dict[str, int]] = [{} for _ in range(config.taxels)]
         self.ports: list[tuple[str, str, int, int]] = []
         self.common: dict[str, list[int]] = {}
-        ports: dict[str, list[int]] = {}
-        for _, name, _, net in tile.ports:
-            ports.setdefault(name, []).append(net)
-        self.piece = Piece(tile.names, tile.cells, tile.pins, ports, tile.nets)
-
-    def new_nets(self, count: int) -> int:
-        """Return the first of several new nets."""
-        self.nets += count
-        return self.nets - count
 
     def join(self, nets: list[int], others: list[int]) -> None:
         """Join pairs of nets or constants."""
         self.joined += zip(nets, others, strict=True)
 
-    def place(self, piece: Piece, name: str, spot: Spot | None) -> dict[str, list[int]]:
+    def place(self, part: Array, name: str, spots: list[Spot]) -> dict[str, list[int]]:
         """Add a part and connect its common ports; return the nets of its ports."""
-        first = self.new_nets(piece.nets)
-        self.names += [f"{name}.{cell}" for cell in piece.names]
-        self.cells += piece.cells
-        self.pins += [{pin: _moved(net, first) for pin, net in pins.items()} for pins in piece.pins]
-        self.spots += [spot] * len(piece.cells) if spot else []
-        ports = {port: [_moved(net, first) for net in nets] for port, nets in piece.ports.items()}
+        first = self.nets
+        self.nets += part.nets
+        self.names += [f"{name}.{cell}" for cell in part.names]
+        self.cells += part.cells
+        self.pins += [{pin: _moved(net, first) for pin, net in pins.items()} for pins in part.pins]
+        self.spots += spots
+        ports: dict[str, list[int]] = {}
+        for _, port, _, net in part.ports:
+            ports.setdefault(port, []).append(_moved(net, first))
         for port in (*TREES, *common_ports(self.config)):
             if port in ports:
                 if port not in self.common:
-                    self.common[port] = [self.new_nets(1)]
+                    self.common[port] = [self.nets]
+                    self.nets += 1
                     self.port("input", port, self.common[port])
                 self.join(self.common[port], ports[port])
         return ports
@@ -121,8 +101,7 @@ class _Assembly:
     def place_tile(self, index: int) -> dict[str, list[int]]:
         """Add a tile with its ports; return the nets of the ports."""
         first = self.nets
-        self.spots += [Spot(index, cell) for cell in range(len(self.tile.cells))]
-        ports = self.place(self.piece, f"tile_{index}", None)
+        ports = self.place(self.tile, f"tile_{index}", [Spot(index, cell) for cell in range(len(self.tile.cells))])
         for number, taxel in zip(self.config.taxels_of(index), self.tile.taxels, strict=True):
             self.taxels[int(number)] = {bit: _moved(net, first) for bit, net in taxel.items()}
         ways = {name: way for way, name, _, _ in self.tile.ports}
@@ -159,19 +138,6 @@ class _Assembly:
 
 def _moved(net: int, first: int) -> int:
     return NONE if net == NONE else first + net
-
-
-def _piece(design: dict[str, Any], name: str) -> Piece:
-    """Return cells, ports and nets of a Yosys module that contains no other module."""
-    module = design["modules"][name]
-    numbers = numbered(module)
-    return Piece(
-        names=list(module["cells"]),
-        cells=[cell["type"] for cell in module["cells"].values()],
-        pins=pins_of(module["cells"], numbers),
-        ports={name: [numbers.get(bit, NONE) for bit in port["bits"]] for name, port in module["ports"].items()},
-        nets=len(numbers),
-    )
 
 
 class SkinPlacement(Placement):

@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix
 from eskin.flow.liberty.library import Cell
 from eskin.flow.liberty.tables import Arc, Floats
 from eskin.flow.scale.array import NONE, Array
-from eskin.flow.scale.lines import Lines
+from eskin.flow.scale.lines import Lines, degraded
 from eskin.rtl.delivery import OUTSIDE, UNCERTAINTY
 
 Ints = NDArray[np.int64]
@@ -182,7 +182,7 @@ class Timing:
         """Return slews (edge, pin) and arrival times (start, edge, pin) at input pins."""
         on = np.maximum(nets, 0)
         wire = self.wire[on]
-        slew = np.sqrt(self.slew[:, on] ** 2 + (1.386 * wire) ** 2)
+        slew = degraded(self.slew[:, on], wire)
         arrival = self.arrival[:, :, on] + wire
         arrival[:, :, nets < 0] = NEVER
         return slew, arrival

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from eskin.flow.datasheet.waves import address
 from eskin.flow.tapeout.pins import CLOCKS_PER_BIT
 from eskin.model.config import ReadoutConfig
 from eskin.model.readout import Stimulus, simulate
@@ -51,10 +52,10 @@ def case(config: ReadoutConfig) -> dict[str, Any]:
         enable=np.ones((1, config.taxels), np.bool_),
         ack_delay=np.full(1, ACK_EIGHTHS, np.int64),
     )
-    events = simulate(config, stimulus)
+    events, dual = simulate(config, stimulus), config.link == "four_phase_dual"
     return {
         "config": config.to_dict(),
-        "requests": 2 if config.link == "four_phase_dual" else 1,
+        "requests": 1 + dual,
         "period_ns": 2 * round(5e8 / config.clock_hz),
         "clocks_low": [4, 2],
         "sample_bits": config.sample_bits,
@@ -70,16 +71,8 @@ def case(config: ReadoutConfig) -> dict[str, Any]:
             for clock, short, row in zip(starts, missing, codes, strict=True)
         ],
         "end": end,
-        "events": [_word(config, event) for event in events],
+        "events": [  # clock, request, address
+            [int(event["t"]), int(event["p"]) if dual else 0, address(config, event) & (1 << config.address_bits) - 1]
+            for event in events
+        ],
     }
-
-
-def _word(config: ReadoutConfig, event: Any) -> list[int]:
-    """Return an event as [clock, request, address]."""
-    address = int(event["x"]) | int(event["y"]) << config.column_bits
-    polarity = int(event["p"])
-    if config.link == "four_phase_dual":
-        return [int(event["t"]), polarity, address]
-    if config.has_polarity:
-        address |= polarity << (config.row_bits + config.column_bits)
-    return [int(event["t"]), 0, address]

@@ -25,35 +25,6 @@ from eskin.rtl.registers.loader import SampleLoader
 from eskin.rtl.verilog import block_verilog, header, verilog
 
 TEMPLATES = Path(__file__).parent / "templates"
-HARDEN = {
-    "PL_TARGET_DENSITY_PCT": round(100 * DENSITY),
-    "PL_RESIZER_HOLD_SLACK_MARGIN": 0.1,
-    "GRT_RESIZER_HOLD_SLACK_MARGIN": 0.05,
-    "RUN_LINTER": 1,
-    "LINTER_INCLUDE_PDK_MODELS": 1,
-    "CLOCK_PORT": "clk",
-}
-"""Settings of LibreLane for all flows."""
-TINY_TAPEOUT = {
-    "RUN_KLAYOUT_XOR": 0,
-    "RUN_KLAYOUT_DRC": 0,
-    "DESIGN_REPAIR_BUFFER_OUTPUT_PORTS": 0,
-    "TOP_MARGIN_MULT": 1,
-    "BOTTOM_MARGIN_MULT": 1,
-    "LEFT_MARGIN_MULT": 6,
-    "RIGHT_MARGIN_MULT": 6,
-    "FP_SIZING": "absolute",
-    "GRT_ALLOW_CONGESTION": 1,
-    "FP_IO_HLENGTH": 2,
-    "FP_IO_VLENGTH": 2,
-    "FP_PDN_VPITCH": 38.87,
-    "RUN_CTS": 1,
-    "FP_PDN_MULTILAYER": 0,
-    "MAGIC_DEF_LABELS": 0,
-    "MAGIC_WRITE_LEF_PINONLY": 1,
-}
-"""Additional settings that Tiny Tapeout requires, because its tiles have the same grid of power lines."""
-
 SCRIPT = (
     "read_verilog {sources}; synth -flatten -top {top}; dfflibmap -liberty cells.lib; abc -liberty cells.lib; "
     "opt_clean -purge; read_liberty -lib -ignore_miss_func cells.lib; {ties}splitnets; "
@@ -88,7 +59,10 @@ class Tapeout:
         """Write the project folder, and return its files."""
         files = {f"src/{name}": text for name, text in self.sources.items()}
         files["docs/info.md"] = self._filled("info.md", **self._facts())
-        files["test/tb.v"] = self._filled("tb.v", instance=self._instance())
+        wires = ".ui_in(ui_in), .uo_out(uo_out), .uio_in(uio_in), .uio_out(uio_out), .uio_oe(uio_oe)"
+        instance = f"  {self.top} chip ({wires}, .ena(ena), .clk(clk), .rst_n(rst_n));\n"
+        pads = instance if self.shuttle.tiny else (TEMPLATES / "pads.v").read_text()
+        files["test/tb.v"] = self._filled("tb.v", instance=pads)
         files["test/test.py"] = (TEMPLATES / "test.txt").read_text()
         files["test/expected.json"] = json.dumps(case(self.config)) + "\n"
         files["test/requirements.txt"] = "cocotb>=2,<3\n"
@@ -110,8 +84,8 @@ class Tapeout:
 
     @property
     def period_ns(self) -> float:
-        """Clock period in ns."""
-        return 1e9 / self.config.clock_hz
+        """Clock period in ns, to a picosecond."""
+        return round(1e9 / self.config.clock_hz, 3)
 
     def _tiny(self) -> dict[str, str]:
         """Return the files required by Tiny Tapeout."""
@@ -132,25 +106,19 @@ class Tapeout:
         for group, names in groups.items():
             lines += [f"  {group}[{bit}]: {json.dumps(name)}" for bit, name in enumerate(names)]
         lines.append("yaml_version: 6")
-        settings = HARDEN | {"CLOCK_PERIOD": round(self.period_ns, 3)} | TINY_TAPEOUT
-        return {"info.yaml": "\n".join(lines) + "\n", "src/config.json": json.dumps(settings, indent=2) + "\n"}
+        # Beside the settings of every flow, those that Tiny Tapeout requires: its tiles have one grid of power lines.
+        settings = self._filled("config.json", density=round(100 * DENSITY), period=self.period_ns)
+        return {"info.yaml": "\n".join(lines) + "\n", "src/config.json": settings}
 
     def _wafer(self) -> dict[str, str]:
         """Return the files to copy over the template of wafer.space."""
         settings: dict[str, Any] = {
             "meta": {"version": 3, "flow": "Chip"},
             "VERILOG_FILES": [f"dir::../src/{name}" for name in ("chip_top.sv", "chip_core.sv", *self.sources)],
-            "CLOCK_PERIOD": round(self.period_ns, 3),
+            "CLOCK_PERIOD": self.period_ns,
         }
         core = self._filled("chip_core.sv")
         return {"src/chip_core.sv": core, "librelane/eskin.json": json.dumps(settings, indent=2) + "\n"}
-
-    def _instance(self) -> str:
-        """Return the instance of the chip in the testbench."""
-        if not self.shuttle.tiny:
-            return (TEMPLATES / "pads.v").read_text()
-        wires = ".ui_in(ui_in), .uo_out(uo_out), .uio_in(uio_in), .uio_out(uio_out), .uio_oe(uio_oe)"
-        return f"  {self.top} chip ({wires}, .ena(ena), .clk(clk), .rst_n(rst_n));\n"
 
     def _facts(self) -> dict[str, Any]:
         """Return the facts for the documentation."""

@@ -28,6 +28,7 @@ KINDS: dict[str, Config] = {
     "digital, leak, SPI, stream, async reset": TWO.replace(
         rows=2, columns=1, encoding="nlcs", registers="spi", reset="async"
     ),
+    "analog, leak: constant bits of references": TWO.replace(encoding="nlcs", frontend="analog"),
     "frames": FrameConfig(readout=ReadoutConfig(rows=2, columns=2)),
     "tiles and their merge": TilesConfig.of(TWO, 1, 2),
 }
@@ -40,6 +41,8 @@ def test_no_port_of_a_readout_is_without_a_constraint(config: Config, library: L
     found = timing.analyse(made, library, constant_outputs(made, design_of(made)))
     assert found.complaints == ()
     assert found.fmax_hz > 20e6
+    assert found.depth > 2
+    assert found.hold_slack_s > -1e-9
 
 
 def test_a_pin_of_the_host_that_is_forgotten_is_seen(library: Library, monkeypatch: pytest.MonkeyPatch) -> None:

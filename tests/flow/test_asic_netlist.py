@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.flow.asic.synthesis import single_bits, synthesise
+from eskin.flow.asic.synthesis import synthesise
 from eskin.flow.gate_count import count_gates
 from eskin.flow.liberty.library import Library, read
 from eskin.model.config import ReadoutConfig
@@ -134,9 +134,3 @@ def test_a_library_that_does_not_do_is_one_sentence(text: str, sentence: str, tm
 def test_a_library_without_the_gates_for_the_readout_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^the cell library .* lacks cells: the readout needs .* \(Yosys: .*\)$"):
         synthesise(CONFIG, library_without(tmp_path, "HOOT", "NEITHER", "UNLESS"))
-
-
-def test_constants_are_assigned_bit_by_bit() -> None:
-    before = "  assign { a[5:4], b, c[7] } = 4'h9;\n  assign d[1:0] = 2'h2;\n  assign e = f;\n"
-    after = "  assign a[5] = 1'b1;\n  assign a[4] = 1'b0;\n  assign b = 1'b0;\n  assign c[7] = 1'b1;\n"
-    assert single_bits(before) == after + "  assign d[1] = 1'b1;\n  assign d[0] = 1'b0;\n  assign e = f;\n"

@@ -14,14 +14,13 @@ import pytest
 
 from eskin.base.errors import InputError
 from eskin.cocotb_tests.bench.readout import read_events
-from eskin.flow import opensta
+from eskin.flow import programs
 from eskin.flow.asic import timing
-from eskin.flow.asic.equivalence import design_of
 from eskin.flow.asic.synthesis import synthesise
 from eskin.flow.liberty.library import Library, read
 from eskin.flow.power import event_bench
 from eskin.flow.power.results import why_not
-from eskin.flow.report import Report, command_of, constant_outputs, measured, run
+from eskin.flow.report import Report, command_of, measured, run
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.power.synthesis import SynthesisReport
@@ -31,11 +30,6 @@ NEEDS_STA = pytest.mark.skipif(shutil.which("sta") is None, reason="OpenSTA is n
 
 
 NEEDS_ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
-
-
-def cells_of(text: str) -> list[str]:
-    """Return a netlist without comments."""
-    return [line for line in text.splitlines() if not line.startswith("//")]
 
 
 def asic(*words: str) -> subprocess.CompletedProcess[str]:
@@ -182,22 +176,6 @@ def test_the_highest_clock_is_found_where_the_latch_of_a_gate_borrows_time(front
 
 
 @NEEDS_STA
-@pytest.mark.parametrize("frontend", ["analog", "digital"])
-def test_no_end_is_without_a_constraint_and_the_highest_clock_has_no_slack(frontend: str, library: Library) -> None:
-    config = ReadoutConfig(rows=2, columns=1, frontend=frontend, link="four_phase", encoding="nlcs")  # type: ignore[arg-type]
-    made = synthesise(config, library)
-    constant = constant_outputs(made, design_of(made))
-    assert bool(constant) == (frontend == "analog")  # a reference of N-LCS is never below zero
-    found = timing.analyse(made, library, constant)
-    assert found.complaints == ()
-    assert found.depth > 2
-    assert found.hold_slack_s > -1e-9
-    faster = synthesise(config.replace(sample_rate_hz=found.fmax_hz / 64), library)
-    assert cells_of(faster.text) == cells_of(made.text)
-    assert timing.analyse(faster, library).setup_slack_s == pytest.approx(0.0, abs=2e-12)
-
-
-@NEEDS_STA
 def test_a_wrong_table_of_a_cell_that_is_used_is_one_sentence(call: Any, folder: Path) -> None:
     (folder / "own.lib").write_text(example_library.library().replace('values ("0.038', 'values ("nan'))
     sentence = "error: the cell library own.lib is wrong: values of cell_rise of timing of pin Z of cell "
@@ -219,4 +197,4 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(
         refuses(sentence if shutil.which("sta") else "error", "asic --lib=few.lib --out=out", words)
     monkeypatch.setattr(shutil, "which", lambda _: None)
     with pytest.raises(InputError, match=r"^OpenSTA not found; install with: apt-get install opensta$"):
-        opensta.check_program()
+        programs.check("sta")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.flow.liberty.boolean import evaluate, possible, verilog_of
+from eskin.flow.liberty.boolean import evaluate, verilog_of
 from eskin.flow.liberty.library import Library, read
 from eskin.flow.liberty.tables import FALL, RISE
 from tests.flow import example_library
@@ -124,15 +124,6 @@ def is_sentence(error: pytest.ExceptionInfo[InputError], folder: Path, sentence:
 def test_a_library_of_nothing_is_one_sentence_and_exit_code_2(text: str, refuses: Any, folder: Path) -> None:
     written(folder, text)
     refuses("own.lib", "asic-scale --lib=own.lib --out=scale.json")
-
-
-def test_expressions_have_the_values_of_their_operators() -> None:
-    bits = {"A": np.array([False, False, True, True]), "B": np.array([False, True, False, True])}
-    for text, wanted in {"A B": "0001", "A + B": "0111", "A ^ B": "0110", "!A": "1100", "A'": "1100"}.items():
-        assert "".join(str(int(bit)) for bit in evaluate(text, bits)) == wanted
-    assert possible("A & B", (("A", "0"), ("B", "x"))) == "0"
-    assert possible("A & B", (("A", "1"), ("B", "x"))) == "x"
-    assert possible("1", ()) == "1"
 
 
 def test_a_unit_without_quotes_is_the_same_unit(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from eskin.cocotb_tests.bench.chip import network_of
 from eskin.flow.gatesim import flat_netlist
 from eskin.flow.liberty.library import Library
 from eskin.flow.power import classifier
+from eskin.flow.power import measure as power
 from eskin.flow.power.activity import Activity, read_dump
 from eskin.flow.power.event_bench import Mismatch, play
 from eskin.flow.power.liberty_power import LibertyPower
@@ -43,7 +45,21 @@ def made(library: Library) -> Made:
 
 
 @pytest.fixture(scope="module")
-def results(made: Made) -> list[dict[str, Any]]:
+def played(made: Made, tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Activity]]:
+    """Return the activity of the nets in each scenario, and let ``measure`` take it instead of a new simulation."""
+    seen = power._played(CONFIG, made.flat, made.cells, tmp_path_factory.mktemp("played"))
+    with pytest.MonkeyPatch.context() as patch:
+        simulate = power._played
+
+        def known(config: ReadoutConfig, flat: flat_netlist.FlatNetlist, *more: Any) -> Any:
+            return seen if flat == made.flat else simulate(config, flat, *more)
+
+        patch.setattr(power, "_played", known)
+        yield {name: activity for name, (activity, _) in seen[0].items()}
+
+
+@pytest.fixture(scope="module")
+def results(made: Made, played: dict[str, Activity]) -> list[dict[str, Any]]:
     return measure(CONFIG, made.netlist.text, made.library, (0.0, 200.0))
 
 
@@ -88,14 +104,13 @@ def test_a_port_that_is_put_together_late_shows_the_same(
     assert all(np.array_equal(bits, at_once.values[net]) for net, bits in late.values.items())
 
 
-def test_nothing_at_the_inputs_moves_but_clock_and_samples(made: Made, tmp_path: Path) -> None:
+def test_nothing_at_the_inputs_moves_but_clock_and_samples(made: Made, played: dict[str, Activity]) -> None:
     """Check that only clock and samples toggle at the inputs during the measurement."""
-    for scenario in scenarios(CONFIG):
-        activity, _ = play(scenario, CONFIG, made.flat, made.cells, tmp_path)
+    for name, activity in played.items():
         inputs = {port.name: port.nets for port in made.flat.ports if port.direction == "input"}
-        moved = {name for name, nets in inputs.items() if any(activity.toggles(net) for net in nets)}
+        moved = {port for port, nets in inputs.items() if any(activity.toggles(net) for net in nets)}
         assert moved <= {"clk", "sample", "sample_valid"}
-        if scenario.name in (IDLE, LONE):  # alike but for the events
+        if name in (IDLE, LONE):  # alike but for the events
             assert activity.toggles("sample_valid") == 2 / CONFIG.clocks_per_sample
 
 
@@ -124,11 +139,10 @@ def test_a_wrong_number_of_toggles_is_an_error(made: Made) -> None:
         ways.measure("clocked", right, 0)
 
 
-def test_both_ways_agree_behind_slow_nets(made: Made, tmp_path: Path) -> None:
+def test_both_ways_agree_behind_slow_nets(made: Made, played: dict[str, Activity]) -> None:
     """Check that gates driven by flops with 1 pF have equal internal energy, whichever input causes it."""
     cells = made.library.cells
-    scenario = next(s for s in scenarios(CONFIG) if s.name == SATURATED)
-    activity, _ = play(scenario, CONFIG, made.flat, made.cells, tmp_path)
+    activity = played[SATURATED]
     flops = [cell for cell in made.flat.cells if cells[cell.kind].flop]
     slow = {cell.pins[pin]: 1e-12 for cell in flops for pin in cells[cell.kind].outputs if pin in cell.pins}
     gates = [cell.name for cell in made.flat.cells if not cells[cell.kind].memory]
@@ -220,7 +234,7 @@ def test_wires_grow_with_what_they_cross(made: Made) -> None:
 
 
 def test_power_with_wires_that_the_two_ways_do_not_agree_on_is_not_given(
-    made: Made, monkeypatch: pytest.MonkeyPatch
+    made: Made, played: dict[str, Activity], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = PowerMeter.measure
 

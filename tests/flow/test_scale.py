@@ -6,7 +6,6 @@ import json
 import re
 import shutil
 from collections import Counter
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from eskin.base.errors import InputError
 from eskin.flow.liberty.library import Library
 from eskin.flow.scale.array import NONE, Array, build, repeaters
 from eskin.flow.scale.lines import Lines, best_repeater
-from eskin.flow.scale.measure import designs_of, lines, measure, sizes_of
+from eskin.flow.scale.measure import designs_of, measure, sizes_of
 from eskin.flow.scale.placement import Placement
 from eskin.flow.scale.skin import SkinPlacement, Spot, build_skin
 from eskin.flow.scale.timing import FROM_PORT, Timing
@@ -42,7 +41,7 @@ def plain(library: Library) -> Array:
 def drawn(plain: Array, wire: Wire = WIRE, pitch_um: float = PITCH_UM) -> Lines:
     """Return the lines of a copy of an array."""
     array = plain.copy()
-    return lines(array, wire, pitch_um, best_repeater(repeaters(array.kinds), WIRE))
+    return Lines(array, Placement(array, pitch_um), wire, best_repeater(repeaters(array.kinds), WIRE))
 
 
 def test_every_taxel_is_the_same_module_and_nothing_is_lost(plain: Array) -> None:
@@ -152,7 +151,7 @@ def test_the_highest_clock_is_that_of_opensta(plain: Array, library: Library, wi
     """Compare the highest clock with OpenSTA, without wire resistance."""
     found = drawn(plain, wire)
     timing = Timing(found.array, found)
-    assert timing.worst().period_s == pytest.approx(array_in_opensta.period_s(timing, library), rel=0.02)
+    assert timing.worst().period_s == pytest.approx(array_in_opensta.period_s(timing, found, library), rel=0.02)
 
 
 def test_the_command_leaves_numbers(library: Library, call: Any, folder: Path) -> None:
@@ -228,15 +227,10 @@ def test_the_lines_of_a_skin_go_from_tile_to_station_to_merge(far_tiles: tuple[A
 def test_the_clock_of_a_skin_is_that_of_opensta(far_tiles: tuple[Array, Array, list[Spot]], library: Library) -> None:
     skin, tile, spots = far_tiles
     wire = Wire(0.0, WIRE.farad_per_um)
-    found = lines(
-        skin.copy(),
-        wire,
-        4000.0,
-        best_repeater(repeaters(skin.kinds), WIRE),
-        partial(SkinPlacement, tile=tile, spots=spots),
-    )
+    array = skin.copy()
+    found = Lines(array, SkinPlacement(array, 4000.0, tile, spots), wire, best_repeater(repeaters(skin.kinds), WIRE))
     timing = Timing(found.array, found)
-    assert timing.worst().period_s == pytest.approx(array_in_opensta.period_s(timing, library), rel=0.02)
+    assert timing.worst().period_s == pytest.approx(array_in_opensta.period_s(timing, found, library), rel=0.02)
 
 
 def test_tiles_are_measured_in_all_ways_that_are_asked_for(library: Library, tmp_path: Path) -> None:
