@@ -37,8 +37,8 @@ class Bench(Elaboratable):
     def __init__(self, checker: Checker[Any], clocked: bool) -> None:
         self.checker, self.clocked = checker, clocked
         self.free: list[Signal] = []
-        self.bad = {p.name: Signal(name=f"bad_{p.name}") for p in checker.proved}
-        self.seen = {p.name: Signal(name=f"seen_{p.name}") for p in checker.proved}
+        self.bad = {name: Signal(name=f"bad_{name}") for name in checker.proved}
+        self.seen = {name: Signal(name=f"seen_{name}") for name in checker.proved}
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()

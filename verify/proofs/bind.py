@@ -93,7 +93,7 @@ def _ports(checker: Checker[Any]) -> dict[str, int]:
 def _assertions(checker: Checker[Any]) -> str:
     """Return the module with a checker's assertions."""
     name = checker.module_name.replace("_properties", "_assertions")
-    outputs = [f"{kind}_{item.name}" for item in checker.proved for kind in ("ok", "seen")]
+    outputs = [f"{kind}_{item}" for item in checker.proved for kind in ("ok", "seen")]
     outputs += [f"holds_{assumption}" for assumption in checker.assumptions]
     ports = {"clk": 1, "rst": 1, **_ports(checker)}
     count = watched(checker)
@@ -111,8 +111,8 @@ def _assertions(checker: Checker[Any]) -> str:
         "    always @(posedge clk) if (started && !rst) begin",
     ]
     for item in checker.proved:
-        lines.append(f"      assert (ok_{item.name});  // {item.meaning}")
-        lines.append(f"      cover (seen_{item.name});")
+        lines.append(f"      assert (ok_{item});  // {checker.properties[item]}")
+        lines.append(f"      cover (seen_{item});")
     for assumption, meaning in checker.assumptions.items():
         lines.append(f"      assert (holds_{assumption});  // assumed: {meaning}")
     return "\n".join([*lines, "    end", "  end endgenerate", "endmodule", ""])
