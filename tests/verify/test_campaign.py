@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from eskin.verify.mutants import campaign, questions
-from eskin.verify.mutants.arguments import arguments
-from eskin.verify.mutants.campaign import MODEL, RTL, Done, Finding, closing_line
+from eskin.verify.mutants.campaign import MODEL, RTL, Done, Finding, arguments, closing_line
 from eskin.verify.mutants.checkout import failing, first_failed, original
 from eskin.verify.mutants.configs import COUNT, configs
 from eskin.verify.mutants.edits import Mutant, mutated, places, sample

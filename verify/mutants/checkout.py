@@ -55,13 +55,7 @@ class Said:
 
 
 def original(folder: Path) -> Path:
-    """Return an unchanged copy of the checkout; all mutants share its builds.
-
-    Raises
-    ------
-    InputError
-        If there is no checkout.
-    """
+    """Return an unchanged copy of the checkout, whose builds all mutants share; raise InputError without a checkout."""
     listed = subprocess.run(["git", "ls-files", "-coz", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True)
     names = [name for name in sorted(listed.stdout.split("\0")) if name and os.path.lexists(ROOT / name)]
     if listed.returncode or not names:
@@ -119,25 +113,10 @@ def run(place: Path, words: Sequence[str], limit_s: float = MOST_S) -> Said:
 
 
 def first_failed(place: Path, tests: Sequence[str], checkout: Path, quick: bool, limit_s: float = MOST_S) -> str:
-    """Return the first test that fails with a mutant and passes without; empty if none.
+    """Return the first test that fails in ``place``, a copy with a mutant, and passes without; empty if none.
 
-    Parameters
-    ----------
-    place : Path
-        A copy of the checkout.
-    tests : sequence of str
-        Test files.
-    checkout : Path
-        The copy without a mutant.
-    quick : bool
-        Those of ``make check``, or else all others.
-    limit_s : float
-        Seconds of processor time for each process: an endless loop counts as a failure.
-
-    Raises
-    ------
-    RuntimeError
-        If pytest itself fails.
+    ``quick`` selects the tests of ``make check``, or else all others. A process has ``limit_s`` seconds of processor
+    time: an endless loop counts as a failure. RuntimeError is raised if pytest itself fails.
     """
     if quick:
         chosen = (checkout / "tests" / "quick.py").read_text()
@@ -184,10 +163,7 @@ def failing(checkout: Path) -> list[str]:
 def failed_property(place: Path, block: str, limit_s: float = MOST_S) -> str:
     """Return the first property of a block that is not proved, as ``block: property``; empty if all are.
 
-    Raises
-    ------
-    RuntimeError
-        If the proof itself fails.
+    RuntimeError is raised if the proof itself fails.
     """
     said = run(place, ["eskin", "dev", "formal", "--block", block], limit_s)
     if said.code == 0:

@@ -1,7 +1,12 @@
-"""Draw random configurations in which an equivalent mutant must behave like the original."""
+"""Draw random configurations in which an equivalent mutant must behave like the original.
+
+In a copy of the checkout, this file runs as a program that writes their RTLIL.
+"""
 
 from __future__ import annotations
 
+import json
+import sys
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,7 +20,8 @@ from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.encoders.registry import NAMES
 from eskin.model.frame_config import FrameConfig
 from eskin.model.tiles.config import MergeConfig, TilesConfig
-from eskin.rtl.verilog import Config
+from eskin.rtl.block import RtlilModules
+from eskin.rtl.verilog import Config, top_block
 
 COUNT = 16
 """Number of configurations per file."""
@@ -96,3 +102,21 @@ def _classifier(rng: np.random.Generator) -> ClassifierConfig:
         out_floor=_of(rng, None, -7, 0),
         reset=_of(rng, "sync", "async"),
     )
+
+
+def designs(file: str, seed: int, count: int) -> dict[str, dict[str, str]]:
+    """Return the RTLIL of all modules by configuration and name; empty if the generator raises an error."""
+    found: dict[str, dict[str, str]] = {}
+    for config in configs(file, seed)[:count]:
+        made = RtlilModules(config.reset == "async")
+        try:
+            made.add(top_block(config))
+        except Exception:  # a mutant may raise anything
+            made.modules = {}
+        found[f"{type(config).__name__} {config.to_dict()}"] = made.modules
+    return found
+
+
+if __name__ == "__main__":
+    file, seed, count, out = sys.argv[1:]
+    Path(out).write_text(json.dumps(designs(file, int(seed), int(count))))

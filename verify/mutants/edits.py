@@ -30,32 +30,15 @@ NO_HARDWARE = ("_Div", "_FloorDiv", "_Mod", "_Pow")
 
 @dataclass(frozen=True)
 class Mutant:
-    """One edit of one place in a file.
+    """One edit of one place in a file."""
 
-    Attributes
-    ----------
-    file : str
-        ``rtl/taxel.py``.
-    function : str
-        Qualified name of the innermost function or class around the construct; empty at the level of the module.
-    operator : str
-        Operator of Cosmic Ray, or of ``hardware.py``.
-    number : int
-        Number of the construct among those of the operator in that function, from 0.
-    line : int
-    edit : str
-        The line before and after, for a reader.
-    text : str
-        The whole file with the edit.
-    """
-
-    file: str
-    function: str
-    operator: str
-    number: int
+    file: str  # ``rtl/taxel.py``
+    function: str  # qualified name of the innermost function or class around the place; empty for the module
+    operator: str  # of Cosmic Ray, or of ``hardware.py``
+    number: int  # of the construct among those of the operator in that function, from 0
     line: int
-    edit: str
-    text: str
+    edit: str  # the line before and after, for a reader
+    text: str  # the whole file with the edit
 
     @property
     def name(self) -> str:

@@ -71,19 +71,12 @@ def miter(module: str, ports: list[tuple[int, str, str]]) -> str:
 def same(module: str, original: Mapping[str, str], mutated: Mapping[str, str], limit_s: int = 30) -> bool | None:
     """Return whether a module behaves equally in two designs after any reset; None if undecided.
 
-    Parameters
-    ----------
-    module : str
-    original, mutated : mapping of str to str
-        RTLIL of all modules of each design by their names.
-    limit_s : int
-        Seconds for the proof.
+    A design is the RTLIL of its modules, by name. The proof takes ``limit_s`` seconds at most.
     """
-    texts = []
-    for side, modules in (("gold", original), ("gate", mutated)):
-        text = "\n".join(modules.values())
-        text = re.sub(r"^(module|  cell) \\eskin_", rf"\1 \\{side}_eskin_", text, flags=re.MULTILINE)
-        texts.append(text)
+    texts = [
+        re.sub(r"^(module|  cell) \\eskin_", rf"\1 \\{side}_eskin_", "\n".join(modules.values()), flags=re.MULTILINE)
+        for side, modules in (("gold", original), ("gate", mutated))
+    ]
     ports = ports_of(original[module])
     if sorted(ports) != sorted(ports_of(mutated[module])):
         return False

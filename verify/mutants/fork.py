@@ -11,18 +11,9 @@ OURS = ("eskin", "tests", "cocotb_tests", "conftest")
 
 
 def play(place: str, words: list[str], log: str, limit_s: int) -> None:
-    """Run a Python module in a folder with its output in a file.
+    """Run a Python module with arguments in a copy of the checkout, with its output in a file.
 
-    Parameters
-    ----------
-    place : str
-        Copy of the checkout.
-    words : list of str
-        Module and arguments.
-    log : str
-        File for the output.
-    limit_s : int
-        Seconds of processor time that this process, and each that it starts, may use.
+    This process, and each that it starts, may use ``limit_s`` seconds of processor time.
     """
     os.setsid()
     resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s + 5))

@@ -26,18 +26,10 @@ NO_LOGIC = {"block", "yosys", "verilog", "delivery", "gates", "ports"}
 
 @dataclass(frozen=True)
 class Questions:
-    """Tests and proofs for the mutants of a file.
+    """Tests and proofs for the mutants of a file."""
 
-    Attributes
-    ----------
-    tests : tuple of str
-        Test files.
-    proofs : tuple of str
-        Blocks of ``make formal``.
-    """
-
-    tests: tuple[str, ...]
-    proofs: tuple[str, ...] = ()
+    tests: tuple[str, ...]  # test files
+    proofs: tuple[str, ...] = ()  # blocks of ``make formal``
 
 
 def mutated_files(packages: tuple[str, ...], root: Path = ROOT) -> list[str]:
