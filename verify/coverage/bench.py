@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import astuple, dataclass, field
+from collections.abc import Callable
+from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
@@ -24,51 +23,30 @@ UNCOUNTED = "/* verilator coverage_off */\n"
 """Directive before the harness, which coverage does not count because it is not delivered."""
 
 
-@dataclass
-class Counts:
-    """Coverage counts of several simulations."""
+def counted(points: Callable[[Config], list[Point]], play: Callable[[], object]) -> dict[str, Any]:
+    """Run simulations with coverage counters, and return the counts of all constructs as a dictionary for JSON.
 
-    counts: Counter[Construct] = field(default_factory=Counter)
-    # a Verilog text that holds it, for each module's name and digest
-    texts: dict[tuple[str, str], str] = field(default_factory=dict)
-
-    def add(self, counted: str, verilog: str) -> None:
-        """Add the coverage counts of one simulation."""
-        self.counts.update(read(counted, verilog, TEXT))
-        plain = POINT.sub("", verilog)
-        self.texts |= {(module.name, module.digest): plain for module in modules(plain)}
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the counts as a dictionary for JSON."""
-        texts = list(dict.fromkeys(self.texts.values()))
-        return {
-            "constructs": [[*astuple(construct), count] for construct, count in sorted(self.counts.items())],
-            "modules": [[name, digest, texts.index(text)] for (name, digest), text in self.texts.items()],
-            "texts": texts,
-        }
-
-    @classmethod
-    def from_dict(cls, content: dict[str, Any]) -> Counts:
-        """Return the counts for a dictionary written by ``to_dict``."""
-        counts = Counter({Construct(*fields): count for *fields, count in content["constructs"]})
-        return cls(counts, {(name, own): content["texts"][at] for name, own, at in content["modules"]})
-
-
-@contextmanager
-def counting(points: Callable[[Config], list[Point]]) -> Iterator[Counts]:
-    """Build simulations with coverage counters, and yield the collected counts.
-
-    ``points`` returns the points of a configuration.
+    ``points`` returns the points of a configuration. The dictionary has a text for every module, by name and digest.
     """
-    found = Counts()
+    counts: Counter[Construct] = Counter()
+    texts: dict[tuple[str, str], str] = {}
 
     def text(config: Config) -> str:
         return with_points(verilog_text(config), ((p.module, p.label, p.expression) for p in points(config)))
 
     def tested(program: Build, folder: Path) -> None:
-        found.add((folder / COUNTS).read_text(), (program.folder / TEXT).read_text())
+        verilog = (program.folder / TEXT).read_text()
+        counts.update(read((folder / COUNTS).read_text(), verilog, TEXT))
         (folder / COUNTS).unlink()  # otherwise a run without counts would count the old file again
+        plain = POINT.sub("", verilog)
+        texts.update({(module.name, module.digest): plain for module in modules(plain)})
 
     flags = (*(flag for flag in VERILATOR_FLAGS if flag != NO_POINTS), *FLAGS)
     with instrumented(Instruments(flags, text, UNCOUNTED, tested)):
-        yield found
+        play()
+    different = list(dict.fromkeys(texts.values()))
+    return {
+        "constructs": [[*astuple(construct), count] for construct, count in sorted(counts.items())],
+        "modules": [[name, digest, different.index(text)] for (name, digest), text in texts.items()],
+        "texts": different,
+    }

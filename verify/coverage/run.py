@@ -15,7 +15,7 @@ from eskin.board.config import BoardConfig
 from eskin.cocotb_tests.runner.build_cache import digest, scratch_folder, sources
 from eskin.rtl.verilog import Config
 from eskin.verify import coverage
-from eskin.verify.coverage.bench import Counts, counting
+from eskin.verify.coverage.bench import counted
 from eskin.verify.coverage.constructs import Construct
 from eskin.verify.coverage.plan import Run
 from eskin.verify.coverage.points.all_points import points
@@ -42,18 +42,22 @@ class Reached:
     points: Counter[tuple[str, str]] = field(default_factory=Counter)  # by group and name
     runs: list[str] = field(default_factory=list)
 
-    def add(self, name: str, counts: Counts, wanted: Iterable[Point]) -> None:
-        """Add the coverage counts of a run."""
-        self.runs.append(name)
+    def add(self, run: Run, piece: dict[str, Any], wanted: Iterable[Point]) -> list[int]:
+        """Add the coverage counts of a run (see ``counted``), and return those of its constructs."""
+        self.runs.append(run.name)
         by_label: Counter[str] = Counter()
-        for construct, count in counts.counts.items():
+        own: Counter[Construct] = Counter()
+        for *fields, count in piece["constructs"]:
+            construct = Construct(*fields)
             if construct.kind == "point":
                 by_label[construct.what] += count
-            else:
-                self.counts[construct] += count
-        self.texts |= counts.texts
+            elif not run.only or construct.module in run.only:
+                own[construct] = count
+        self.counts.update(own)
+        self.texts |= {(name, digest): piece["texts"][at] for name, digest, at in piece["modules"]}
         for point in wanted:
             self.points[point.group, point.name] += by_label[f"point_{point.label}"]
+        return list(own.values())
 
     def of(self, kind: str) -> list[Construct]:
         """Return all constructs of a kind."""
@@ -84,20 +88,14 @@ def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], No
     for run in runs:
         wanted = points(run.config)
         key = [run.name, _fields(run.config), [asdict(point) for point in wanted]]
-        counts = Counts.from_dict(pieces.of(digest(key), partial(_played, run, folder)))
-        if run.only:
-            kept = {c: n for c, n in counts.counts.items() if c.kind == "point" or c.module in run.only}
-            counts.counts = Counter(kept)
-        reached.add(run.name, counts, wanted)
-        own = [count for construct, count in counts.counts.items() if construct.kind != "point"]
+        own = reached.add(run, pieces.of(digest(key), partial(_played, run, folder)), wanted)
         on_run(run.name, len(own), sum(count > 0 for count in own))
     return reached
 
 
 def _played(run: Run, folder: Path) -> dict[str, Any]:
-    with scratch_folder(folder, "run") as running, counting(points) as counts:
-        run.play(running.resolve())
-    return counts.to_dict()
+    with scratch_folder(folder, "run") as running:
+        return counted(points, partial(run.play, running.resolve()))
 
 
 def _fields(config: Config | BoardConfig) -> dict[str, Any]:

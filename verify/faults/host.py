@@ -17,17 +17,7 @@ from eskin.model.registers.description import WORD_BYTES, Register, registers
 from eskin.model.registers.spi import HIGH_CLOCKS, LOW_CLOCKS, LOW_CLOCKS_TO_READ, Pins, transfer
 from eskin.rtl.readout import Readout
 from eskin.verify.faults.bench import bench_gates, inside
-from eskin.verify.faults.outcomes import (
-    CHANGED,
-    MOVED,
-    NEVER,
-    NOTHING,
-    WRITTEN,
-    UnlikeModel,
-    Upset,
-    counted,
-    slack,
-)
+from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, WRITTEN, UnlikeModel, Upset, counted, since, slack, told
 from eskin.verify.faults.parallel import last_clock, upset_runs
 from eskin.verify.faults.scenario import RESET, codes_of, events_of, inputs_of, pause_of, swings
 
@@ -83,15 +73,15 @@ def upsets(config: ReadoutConfig, mode: int = 0, stride: int = 1, flops: str = H
         stays = np.abs(left_alone).max(axis=0) > near
         stops = np.abs(left_alone.sum(axis=0)) > near
         never = misread[written].any(axis=0) | (np.abs(_more(config, codes[written])).max(axis=0) > slack(config))
-        for lane, (clock, name) in enumerate(part, 1):
-            passes = CHANGED if changed[lane] else MOVED if last[lane] >= 0 else NOTHING
-            outcome = NEVER if never[lane] else WRITTEN if stays[lane] else passes
-            if TRANSFER.match(name):
-                may_stay = selected[clock]
-            else:
-                may_stay = SETTING.match(name) is not None and not ("pattern" in name and stops[lane])
-            others = max(int(last[lane]) - clock, -1)
-            yield Upset(name, clock, outcome, other_clocks=others, may_stay=bool(may_stay))
+        last, never, stays, stops, changed = (of_runs[1:] for of_runs in (last, never, stays, stops, changed))
+        may_stay = [
+            selected[clock]
+            if TRANSFER.match(name)
+            else SETTING.match(name) is not None and not ("pattern" in name and stopped)
+            for (clock, name), stopped in zip(part, stops, strict=True)
+        ]
+        effects = {NEVER: never, WRITTEN: stays, CHANGED: changed, MOVED: last >= 0}
+        yield from told(part, effects, other_clocks=since(part, last), may_stay=np.array(may_stay))
 
 
 def _more(config: ReadoutConfig, codes: NDArray[np.int16]) -> NDArray[np.int64]:

@@ -15,6 +15,9 @@ WORDS = 16
 """Words of a net that are computed together: 1,024 runs, and the nets of a small array stay in the cache."""
 LANES = 64 * WORDS
 
+Flips = list[tuple[int, str]]
+"""Clock and flop of the bit flip of each run."""
+
 
 def simulate(
     gates: Gates, inputs: dict[str, NDArray[np.uint8]], upsets: NDArray[np.int64]
@@ -56,7 +59,7 @@ def simulate(
 
 def upset_runs(
     gates: Gates, inputs: dict[str, NDArray[np.uint8]], clocks: Iterable[int], flops: Iterable[int]
-) -> Iterator[tuple[list[tuple[int, str]], dict[str, NDArray[np.int64]]]]:
+) -> Iterator[tuple[Flips, dict[str, NDArray[np.int64]]]]:
     """Simulate a bit flip of each given flop in each given clock, one per run; run 0 has no bit flip.
 
     Yield clock and name of the flop for the runs 1, 2, ..., and the outputs, each of shape (clocks, runs).

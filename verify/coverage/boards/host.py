@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import cocotb
-from cocotb.triggers import FallingEdge, RisingEdge, Timer
+from cocotb.triggers import FallingEdge, Timer
 
 from eskin.board.config import ADDRESS_BITS, DESIGNS, BoardConfig
 from eskin.board.records import VERSION, Ack, Class, Event, Lost, Record, RecordReader, Refused, Tag, Words
@@ -198,9 +198,3 @@ def damaged(frame: Frame, at: Iterable[int] = (8,)) -> bytes:
     for place in at:
         data[place] ^= next(bit for bit in (1, 2, 4) if data[place] ^ bit not in (0x7E, 0x7D))
     return bytes(data)
-
-
-async def wait_for(signal: Any, value: int = 1) -> None:
-    """Wait until a pin has a given level."""
-    while int(signal.value) != value:
-        await (RisingEdge(signal) if value else FallingEdge(signal))

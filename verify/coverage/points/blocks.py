@@ -46,10 +46,8 @@ def _codes(config: FrameConfig) -> Named:
     yield "done still high at the next start", "adc_start && adc_done"
     waits = "sequencer.sample_valid && !sequencer.sample_ready"
     yield "code waits for the packer", waits
-    yield (
-        "conversion waits for the code before",
-        (f"{waits} && sequencer.scanning && !sequencer.converting && sequencer.settling == 0"),
-    )
+    begins = "sequencer.scanning && !sequencer.converting && sequencer.settling == 0"
+    yield "conversion waits for the code before", f"{waits} && {begins}"
 
 
 def _words(config: FrameConfig) -> Named:
@@ -80,33 +78,32 @@ def _words(config: FrameConfig) -> Named:
 
 
 def merge(config: TilesConfig) -> Iterator[Point]:
-    """Yield the coverage points of a merge."""
+    """Return the coverage points of a merge."""
+    return points_of(f"merge of {config.tiles} tiles", "eskin_merge", _merge(config))
+
+
+def _merge(config: TilesConfig) -> Named:
     tiles = config.tiles
-    group = f"merge of {tiles} tiles"
-
-    def point(name: str, expression: str) -> Point:
-        return Point(group, name, "eskin_merge", expression)
-
     for tile in range(tiles):
-        yield point(f"event of tile {tile} taken", f"tile_valid[{tile}] && tile_ready[{tile}]")
-        yield point(f"tile {tile} alone offers", f"tile_valid == {1 << tile}")
+        yield f"event of tile {tile} taken", f"tile_valid[{tile}] && tile_ready[{tile}]"
+        yield f"tile {tile} alone offers", f"tile_valid == {1 << tile}"
     last = f"tile_valid[{tiles - 1}:1] & behind"
-    yield point("a later tile has its turn", f"comes && |({last})")
-    yield point("the turn wraps", f"comes && behind != 0 && !(|({last}))")
-    yield point("the same tile twice", f"comes && $past(comes) && chosen == $past(chosen) && $past({tiles} > 1)")
-    yield point("all tiles offer", "&tile_valid")
-    yield point("no tile offers", "!(|tile_valid) && !rst")
-    yield point("taken while empty", "comes && !event_valid")
-    yield point("taken as one leaves", "comes && event_valid && event_ready")
-    yield point("taken while the sink stalls", "comes && event_valid && !event_ready")
-    yield point("full, and tiles wait", "full && |tile_valid && !event_ready")
-    yield point("full, and one leaves", "full && event_valid && event_ready")
-    yield point("runs empty", "event_valid && event_ready && !full && !comes")
-    yield point("reset while full", began("full"))
-    yield point("reset with one event held", began("event_valid && !full"))
+    yield "a later tile has its turn", f"comes && |({last})"
+    yield "the turn wraps", f"comes && behind != 0 && !(|({last}))"
+    yield "the same tile twice", f"comes && $past(comes) && chosen == $past(chosen) && $past({tiles} > 1)"
+    yield "all tiles offer", "&tile_valid"
+    yield "no tile offers", "!(|tile_valid) && !rst"
+    yield "taken while empty", "comes && !event_valid"
+    yield "taken as one leaves", "comes && event_valid && event_ready"
+    yield "taken while the sink stalls", "comes && event_valid && !event_ready"
+    yield "full, and tiles wait", "full && |tile_valid && !event_ready"
+    yield "full, and one leaves", "full && event_valid && event_ready"
+    yield "runs empty", "event_valid && event_ready && !full && !comes"
+    yield "reset while full", began("full")
+    yield "reset with one event held", began("event_valid && !full")
     if config.tile.has_polarity:
-        yield point("ON leaves", "event_valid && event_ready && event_polarity")
-        yield point("OFF leaves", "event_valid && event_ready && !event_polarity")
+        yield "ON leaves", "event_valid && event_ready && event_polarity"
+        yield "OFF leaves", "event_valid && event_ready && !event_polarity"
 
 
 def lines(config: TilesConfig) -> Iterator[Point]:
@@ -158,7 +155,5 @@ def _stations(config: TilesConfig) -> Named:
     yield "all stations empty", "!rst && " + " && ".join(f"!{station}.event_valid" for station in every)
     yield "all lines offer", "&merge.tile_valid"
     yield "sample tick of all tiles", "&sample_valid"
-    yield (
-        "sample tick while a stall reaches a tile",
-        "(&sample_valid) && (" + " || ".join(f"{s}.full" for s in every) + ")",
-    )
+    some = " || ".join(f"{station}.full" for station in every)
+    yield "sample tick while a stall reaches a tile", f"(&sample_valid) && ({some})"

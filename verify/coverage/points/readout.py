@@ -63,10 +63,8 @@ def _arbiter(config: ReadoutConfig) -> Named:
             yield f"burst of {size} in row {row}", taken
         for before in rows:
             way = "wraps" if row < before else "stays" if row == before else "moves on"
-            yield (
-                f"row {row} behind row {before}: the pointer {way}",
-                (f"arbiter.granted[{row}] && arbiter.event_row == {before} && arbiter.event_valid"),
-            )
+            follows = f"arbiter.granted[{row}] && arbiter.event_row == {before} && arbiter.event_valid"
+            yield f"row {row} behind row {before}: the pointer {way}", follows
     leaves = "arbiter.event_valid && arbiter.event_ready"
     yield "latch filled while empty", "arbiter.takes && !arbiter.event_valid"
     yield "latch filled as its last event leaves", f"arbiter.takes && {leaves}"

@@ -40,17 +40,16 @@ def _register(register: Register) -> Named:
 def _setting(register: Register, field: Field, name: str) -> Named:
     here = f"at_{_plain(register)}"
     low = field.bits * (register.index or 0)
-    value = f"{register.signal(field)}[{low} +: {field.bits}]" if field.bits > 1 else register.signal(field)
+    signal = register.signal(field)
+    value = f"{signal}[{low} +: {field.bits}]" if field.bits > 1 else signal
     data = f"write_data[{field.low} +: {field.width}]"
     yield f"{name} at its least, {field.least}", f"!rst && {value} == {field.least}"
     yield f"{name} at its most, {field.most}", f"!rst && {value} == {field.most}"
     for bit in range(field.bits):
         if field.least <= 1 << bit <= field.most or field.bits > 1:
-            yield f"{name} bit {bit} set", f"!rst && {value.split('[')[0]}{f'[{low + bit}]' if field.bits > 1 else ''}"
-            yield (
-                f"{name} bit {bit} clear",
-                f"!rst && !{value.split('[')[0]}{f'[{low + bit}]' if field.bits > 1 else ''}",
-            )
+            own = f"{signal}[{low + bit}]" if field.bits > 1 else signal
+            yield f"{name} bit {bit} set", f"!rst && {own}"
+            yield f"{name} bit {bit} clear", f"!rst && !{own}"
     refused = f"write && {here} && !write_{_plain(register)}"
     if field.least:
         yield f"{name} below its least refused", f"{refused} && {data} == {field.least - 1}"
@@ -67,10 +66,8 @@ def _file(config: ReadoutConfig) -> Named:
         yield f"{counter} counted", f"{counter}_count_counts && !clear && !rst"
         yield f"{counter} cleared in a clock to be counted", f"{counter}_count_counts && clear"
         yield f"{counter} cleared from above 0", f"{counter}_count_bits != 0 && clear"
-    yield (
-        "reset of what was set",
-        began("resolution_bits != " + str(config.resolution)) if config.resolution > 1 else "rst",
-    )
+    set_anew = began(f"resolution_bits != {config.resolution}") if config.resolution > 1 else "rst"
+    yield "reset of what was set", set_anew
 
 
 def _pattern(config: ReadoutConfig) -> Named:
@@ -81,10 +78,8 @@ def _pattern(config: ReadoutConfig) -> Named:
         yield f"mode {mode}: next request as the one before is taken", f"rises && taken && mode == {mode}"
         yield f"mode {mode}: restart while a request waits", f"restart && request && mode == {mode}"
         yield f"mode {mode}: pause between requests", f"!request && count != 0 && mode == {mode}"
-        yield (
-            f"mode {mode}: begun at the last taxel",
-            (f"restart && mode == {mode} && row == {config.rows - 1} && column == {config.columns - 1}"),
-        )
+        last = f"row == {config.rows - 1} && column == {config.columns - 1}"
+        yield f"mode {mode}: begun at the last taxel", f"restart && mode == {mode} && {last}"
     for interval in range(16):
         yield f"interval {interval}", f"rises && interval == {interval}"
     yield "round complete", "goes_on && last"
@@ -141,10 +136,8 @@ def _array(config: ReadoutConfig) -> Named:
         step = 1 << config.resolution - bits
         yield f"a taxel asks at {bits} bits", f"host.step == {step} && {some(config, 'T.asks')}"
         for way, side in _beyond(config):
-            yield (
-                f"a step {way} that would leave the scale at {bits} bits is not made",
-                f"host.step == {step} && {side}",
-            )
+            beyond = f"a step {way} that would leave the scale at {bits} bits is not made"
+            yield beyond, f"host.step == {step} && {side}"
     if config.frontend == "analog" and config.has_polarity:
         yield "both comparators fire", "|(above & below)"
     yield "resolution written while an event waits for the sink", f"{file}.resolution_bits_written && {waits}"
@@ -155,10 +148,8 @@ def _array(config: ReadoutConfig) -> Named:
     yield "test pattern begins while a burst of the array is drained", f"{tested} && arbiter.event_valid"
     yield "test pattern begins while a request of the array waits", f"{tested} && $past(|arbiter.row_request)"
     yield "event of the test pattern waits for the sink", f"host.pattern.testing && {waits}"
-    yield (
-        "test pattern ends while its event is latched",
-        ("!host.pattern.testing && $past(host.pattern.testing) && arbiter.event_valid"),
-    )
+    ends = "!host.pattern.testing && $past(host.pattern.testing)"
+    yield "test pattern ends while its event is latched", f"{ends} && arbiter.event_valid"
     yield "mask of the host alone silences", "|(taxel_enable & ~host.enabled) && !host.pattern.testing"
     yield "mask from outside alone silences", "|(~taxel_enable & host.registers.mask_rest_taxels)"
     if config.encoder.leaks:
