@@ -1,60 +1,39 @@
-"""Coverage points of the frame readout, the merge of tiles, and the relay stations."""
+"""Coverage points of frame readout, merge of tiles, relay stations, and boards."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
 
+from eskin.board.config import BoardConfig
+from eskin.board.records import Reason
+from eskin.board.serial_frames import MOST_PAYLOAD
 from eskin.model.frame_config import FrameConfig
 from eskin.model.frame_words import bit_positions
 from eskin.model.tiles.config import TilesConfig
-from eskin.verify.coverage.points.point import Named, Point, began, points_of
+from eskin.verify.coverage.points.classifier import loads
+from eskin.verify.coverage.points.point import Named, Point, points_of, table
 
 
 def frames(config: FrameConfig) -> Iterator[Point]:
     """Return the coverage points of a frame readout."""
     group = f"frames {config.rows} x {config.columns}, {config.resolution} in {config.word_bits} bits"
-    return points_of(group, "eskin_frame_readout", _scans(config), _codes(config), _words(config))
+    bits = config.resolution
+    waits = "sequencer.sample_valid && !sequencer.sample_ready"
+    values = {"bits": bits, "two_n": 2 * bits, "lowest": 1 << bits - 1, "highest": (1 << bits - 1) - 1, "waits": waits}
+    parts = (table("sequencer", **values), _taxels(config), _words(config))
+    return points_of(group, "eskin_frame_readout", *parts)
 
 
-def _scans(config: FrameConfig) -> Named:
-    """Yield the points of the sequencer: frame requests and resets in each state."""
-    ends = "sequencer.taken && sequencer.frame_ends"
-    yield "frame begun at rest", "frame_start && !sequencer.scanning && !packer.awake && !word_valid"
-    yield "frame begun while words of the one before wait", "frame_start && !sequencer.scanning && word_valid"
-    yield "start missed", "frame_start && sequencer.scanning && !sequencer.taken"
-    yield "start missed in the clock in which the frame ends", f"frame_start && {ends}"
-    yield "start in the clock behind the end", f"frame_start && $past({ends})"
-    yield "starts missed in two clocks running", "frame_overrun && $past(frame_overrun)"
+def _taxels(config: FrameConfig) -> Named:
     for row in range(config.rows):
         for column in range(config.columns):
             here = f"row_select == {1 << row} && column_select == {1 << column}"
             yield f"conversion of taxel {row}, {column}", f"adc_start && {here}"
-    yield "reset within a conversion", began("sequencer.converting")
-    yield "reset while a word waits", began("word_valid && !word_ready")
-    yield "reset while a multiplexer settles", began("sequencer.scanning && sequencer.settling != 0")
-
-
-def _codes(config: FrameConfig) -> Named:
-    """Yield the points of the ADC: conversion times, and both ends of the scale."""
-    bits = config.resolution
-    yield "lowest code", f"sequencer.taken && adc_code == {bits}'d{1 << bits - 1}"
-    yield "highest code", f"sequencer.taken && adc_code == {bits}'d{(1 << bits - 1) - 1}"
-    yield "code in the clock behind the start", "sequencer.taken && $past(adc_start)"
-    yield "code two N clocks behind the start", f"sequencer.taken && $past(adc_start, {2 * bits})"
-    yield "done without a conversion", "adc_done && !sequencer.converting"
-    yield "done still high at the next start", "adc_start && adc_done"
-    waits = "sequencer.sample_valid && !sequencer.sample_ready"
-    yield "code waits for the packer", waits
-    begins = "sequencer.scanning && !sequencer.converting && sequencer.settling == 0"
-    yield "conversion waits for the code before", f"{waits} && {begins}"
 
 
 def _words(config: FrameConfig) -> Named:
     """Yield the points of the packer: bit positions, partial words, and stalls."""
-    yield "word waits for the sink", "word_valid && !word_ready"
-    yield "first word of a frame taken", "word_valid && word_ready && word_sync"
-    yield "sink ready without a word", "!word_valid && word_ready"
     if config.word_bits == config.resolution:
         return
     # A code is put only where no word waits; so a word meets another if two steps that end one follow each other.
@@ -79,65 +58,35 @@ def _words(config: FrameConfig) -> Named:
 
 def merge(config: TilesConfig) -> Iterator[Point]:
     """Return the coverage points of a merge."""
-    return points_of(f"merge of {config.tiles} tiles", "eskin_merge", _merge(config))
-
-
-def _merge(config: TilesConfig) -> Named:
     tiles = config.tiles
+    own = table("merge", last=f"tile_valid[{tiles - 1}:1] & behind", tiles=tiles)
+    return points_of(f"merge of {tiles} tiles", "eskin_merge", _offers(tiles), own, _polarity(config))
+
+
+def _offers(tiles: int) -> Named:
     for tile in range(tiles):
         yield f"event of tile {tile} taken", f"tile_valid[{tile}] && tile_ready[{tile}]"
         yield f"tile {tile} alone offers", f"tile_valid == {1 << tile}"
-    last = f"tile_valid[{tiles - 1}:1] & behind"
-    yield "a later tile has its turn", f"comes && |({last})"
-    yield "the turn wraps", f"comes && behind != 0 && !(|({last}))"
-    yield "the same tile twice", f"comes && $past(comes) && chosen == $past(chosen) && $past({tiles} > 1)"
-    yield "all tiles offer", "&tile_valid"
-    yield "no tile offers", "!(|tile_valid) && !rst"
-    yield "taken while empty", "comes && !event_valid"
-    yield "taken as one leaves", "comes && event_valid && event_ready"
-    yield "taken while the sink stalls", "comes && event_valid && !event_ready"
-    yield "full, and tiles wait", "full && |tile_valid && !event_ready"
-    yield "full, and one leaves", "full && event_valid && event_ready"
-    yield "runs empty", "event_valid && event_ready && !full && !comes"
-    yield "reset while full", began("full")
-    yield "reset with one event held", began("event_valid && !full")
-    if config.tile.has_polarity:
-        yield "ON leaves", "event_valid && event_ready && event_polarity"
-        yield "OFF leaves", "event_valid && event_ready && !event_polarity"
+
+
+def _polarity(config: TilesConfig) -> Named:
+    return table("polarity") if config.tile.has_polarity else iter(())
 
 
 def lines(config: TilesConfig) -> Iterator[Point]:
     """Yield the coverage points of relay stations and lines."""
     kind = f"{config.tile.encoding}, reset {config.reset}"
-    yield from points_of(f"relay station {kind}", "eskin_relay", _station(config))
+    parts = (table("relay"), _addresses(config), _polarity(config))
+    yield from points_of(f"relay station {kind}", "eskin_relay", *parts)
     group = f"{config.relays} relay stations a line, {config.tiles} tiles {kind}"
     yield from points_of(group, "eskin_tiles", _stations(config))
 
 
-def _station(config: TilesConfig) -> Named:
-    """Yield the points of one relay station: full and empty entries, stalls, and resets in each state."""
-    leaves = "event_valid && event_ready"
-    yield "at rest", "!event_valid && !tile_valid && !rst"
-    yield "ready without an event", "!event_valid && event_ready && !rst"
-    yield "taken while empty", "comes && !event_valid"
-    yield "taken as one leaves", f"comes && {leaves}"
-    yield "taken in the clock of a stall", "comes && event_valid && !event_ready"
-    yield "the line waits for a full station", "full && tile_valid"
-    yield "full, and one leaves", f"full && {leaves}"
-    yield "full for several clocks", "full && $past(full) && $past(full, 2)"
-    yield "the second place moves up, and the line goes on", f"comes && $past(full && {leaves})"
-    yield "runs empty", f"{leaves} && !full && !comes"
-    yield "events in two clocks running", f"{leaves} && $past({leaves})"
-    yield "reset while full", began("full")
-    yield "reset with one event held", began("event_valid && !full")
-    yield "reset while empty", began("!event_valid")
+def _addresses(config: TilesConfig) -> Named:
     for name, bits in (("row", config.tile.row_bits), ("col", config.tile.column_bits)):
         for end, value in (("first", 0), ("last", (1 << bits) - 1)):
             if bits:
-                yield f"{end} {name} leaves", f"{leaves} && event_{name} == {value}"
-    if config.tile.has_polarity:
-        yield "ON leaves", f"{leaves} && event_polarity"
-        yield "OFF leaves", f"{leaves} && !event_polarity"
+                yield f"{end} {name} leaves", f"event_valid && event_ready && event_{name} == {value}"
 
 
 def _stations(config: TilesConfig) -> Named:
@@ -157,3 +106,15 @@ def _stations(config: TilesConfig) -> Named:
     yield "sample tick of all tiles", "&sample_valid"
     some = " || ".join(f"{station}.full" for station in every)
     yield "sample tick while a stall reaches a tile", f"(&sample_valid) && ({some})"
+
+
+def board(config: BoardConfig) -> Iterator[Point]:
+    """Yield the coverage points of a board: serial line, frames, queries, records, and its chip or another one."""
+    values = {"longest": MOST_PAYLOAD + 7, "words": MOST_PAYLOAD // 4, "records": config.serial.records}
+    values |= {reason.name.lower(): int(reason) for reason in Reason}
+    group = f"board, {config.design}"
+    for part in ("uart_receiver", "frames", "core", "core_recorder", "core_sender"):
+        yield from points_of(group, f"eskin_board_{part}", table(f"board_{part}", **values))
+    yield from points_of(group, "eskin_board_core", table(f"board_{config.design}"))
+    if config.chip:
+        yield from points_of(group, "eskin_board_core", loads(config.chip.classifier))

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig, highest, lowest
-from eskin.verify.coverage.points.point import Named, Point, began, points_of
+from eskin.verify.coverage.points.point import Named, Point, points_of, table
 
 STATES = (
     "at rest",
@@ -23,20 +23,17 @@ def classifier(config: ClassifierConfig) -> Iterator[Point]:
     """Return the coverage points of a classifier."""
     kind = f"{config.neuron_reset}, {config.membrane_bits} bits, {config.classes} classes"
     group = f"classifier {config.readout}, reset to {kind}"
-    parts = (_events(config), _bins(config), _ends(config), _classes(config))
+    parts = (table("classifier"), _states(), loads(config), _ends(config), _classes(config))
     return points_of(group, "eskin_classifier", *parts)
 
 
-def _events(config: ClassifierConfig) -> Named:
-    """Yield the points of events in every state, and the points of the memories."""
-    yield "event taken at rest", "event_valid && event_ready && state == 0"
-    yield "event taken as the one before ends", "event_valid && event_ready && state == 1"
-    for state, name in enumerate(STATES[1:], 1):
-        yield f"event waits while {name}", f"event_valid && !event_ready && state == {state}"
-    yield "event waits for the end of a bin that is due", "event_valid && !event_ready && state == 0 && pending"
-    yield "stall counted", "stall_count != 0"
-    yield "stalls forgotten", "scan_start && stall_count != 0"
-    yield from loads(config)
+def _states() -> Named:
+    """Yield the points of events, bin ends and scan starts in every state."""
+    for state, name in enumerate(STATES):
+        if state:
+            yield f"event waits while {name}", f"event_valid && !event_ready && state == {state}"
+        yield f"bin ends while {name}", f"bin_end && state == {state} && !scan_start"
+        yield f"scan begins while {name}", f"scan_start && state == {state}"
 
 
 def loads(config: ClassifierConfig) -> Named:
@@ -47,19 +44,6 @@ def loads(config: ClassifierConfig) -> Named:
     ):
         for place, address in (("first", 0), ("last", words - 1)):
             yield f"{place} word of {memory} written", f"load_valid && {chosen} && load_address == {address}"
-
-
-def _bins(config: ClassifierConfig) -> Named:
-    """Yield the points of bin ends and scan starts in every state."""
-    for state, name in enumerate(STATES):
-        yield f"bin ends while {name}", f"bin_end && state == {state} && !scan_start"
-        yield f"scan begins while {name}", f"scan_start && state == {state}"
-    yield "bin ends with an event", "bin_end && event_valid && event_ready"
-    yield "bin ends while one is due", "bin_end && pending && !scan_start"
-    yield "bin ends in the clock in which a scan begins", "bin_end && scan_start"
-    yield "overrun flagged", "overrun && !$past(overrun)"
-    yield "overrun forgotten", "scan_start && overrun"
-    yield "reset in the middle of work", began("state > 1")
 
 
 def _ends(config: ClassifierConfig) -> Named:
@@ -77,8 +61,6 @@ def _ends(config: ClassifierConfig) -> Named:
                 yield f"{name} potential at the bottom", f"{valid} && {value} == {lowest(bits)}"
         if floor is not None:
             yield f"{name} potential at its floor", f"{valid} && {value} == {floor}"
-    yield "hidden potential above 0, no spike", "hidden_valid && hidden_potential > 0 && !hidden_spike"
-    yield "hidden potential below 0", "hidden_valid && hidden_potential < 0"
 
 
 def _classes(config: ClassifierConfig) -> Named:
@@ -96,13 +78,4 @@ def _classes(config: ClassifierConfig) -> Named:
 
 def chip(config: ChipConfig) -> Iterator[Point]:
     """Return the coverage points of a chip."""
-    found = (
-        ("event of the readout taken by the classifier", "event_valid && event_ready"),
-        ("event of the readout waits for the classifier", "event_valid && !event_ready"),
-        ("class while an event waits", "class_valid && event_valid && !event_ready"),
-        ("class while none waits", "class_valid && !event_valid"),
-        ("class found", "class_valid"),
-        ("sample while an event waits", "sample_valid && event_valid && !event_ready"),
-        ("hidden neuron fires", "hidden_valid && hidden_spike"),
-    )
-    return points_of(f"chip {config.readout.encoding}", "eskin_chip", iter(found))
+    return points_of(f"chip {config.readout.encoding}", "eskin_chip", table("chip"))
