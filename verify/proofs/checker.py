@@ -6,7 +6,9 @@ Verilog is bound to the delivered text (``eskin.verify.proofs.bind``). Both watc
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, TypeVar
 
@@ -17,6 +19,9 @@ from amaranth.lib.wiring import In, Out
 from eskin.rtl.block import Block
 
 Config = TypeVar("Config")
+
+SENTENCES: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("properties.toml").read_text())
+"""Names and sentences of the properties, by checker."""
 
 
 Promises = Iterator[tuple[str, Any, Any]]
@@ -33,8 +38,8 @@ class Checker(Block[Config]):
     """
 
     block: ClassVar[type[Any]]
-    properties: ClassVar[Mapping[str, str]]
-    """Names of the properties, in snake case, each with a sentence about the block that must always hold."""
+    properties: ClassVar[Mapping[str, str]] = {}
+    """Names of the properties, in snake case, each with its sentence: those of ``properties.toml``."""
     only: ClassVar[Mapping[str, Callable[[Any], Any]]] = MappingProxyType({})
     """For some properties, whether a configuration has them; it has all others."""
     assumptions: ClassVar[Mapping[str, str]] = MappingProxyType({})
@@ -42,6 +47,10 @@ class Checker(Block[Config]):
     """Modules in the block with free outputs in every clock."""
     together: ClassVar[bool] = False
     """Whether the properties are proved as one property, because each property needs the others."""
+
+    def __init_subclass__(cls, **own: Any) -> None:
+        super().__init_subclass__(**own)
+        cls.properties = SENTENCES.get(cls.__name__, cls.properties)
 
     def __init__(self, config: Config) -> None:
         self.module_name = f"{self.block.module_name}_properties"

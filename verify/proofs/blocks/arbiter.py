@@ -21,25 +21,6 @@ class ArbiterChecker(Checker[ReadoutConfig]):
     """
 
     block = Arbiter
-    properties: ClassVar = {
-        "one_hot_grant": "at most one row is selected, and only the selected row is granted",
-        "grant_implies_request": "a selected or granted row has a request",
-        "idle_grants": "while the latch is empty, a request is granted in the same clock",
-        "no_bubble": "one clock after a request, an event is offered",
-        "address_correct": "an event names the watched taxel only if its request was latched before",
-        "exactly_one_event": "a latched request leaves exactly once, before the taxel's next request is latched",
-        "in_turn": "at most columns - 1 other requests leave before a latched request",
-        "polarity_kept": "an event carries the polarity that its request had when it was latched",
-        "payload_stable": "an event that is not taken stays offered unchanged",
-        "row_order": "the granted row is the first requesting row after the last granted row, cyclically",
-        "column_order": "the events of a row leave in rising column order",
-        "no_starvation": "an event is among the next (rows + 1) * columns after its request was raised",
-        "latched_is_offered": "while a latched request waits, an event is offered, whatever other taxels request",
-        "leaves_in_time": "a request leaves within (rows + 1) * columns clocks in which the sink is ready",
-        "sleeps": "the arbiter is awake exactly when it latches the requests of a row or an event leaves",
-        "fairness": "of two requesting taxels, neither is granted twice before the other: n steady taxels get "
-        "equal shares",
-    }
     only: ClassVar = {
         "polarity_kept": lambda config: config.has_polarity,
         "column_order": lambda config: config.columns > 1,

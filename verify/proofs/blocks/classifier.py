@@ -113,19 +113,6 @@ class ScheduleChecker(_ClassifierChecker):
     """Checker of addresses and timing; the potentials in the lanes are free."""
 
     cut = (*MEMORIES, "eskin_lane")
-    properties: ClassVar = {
-        "added_when_owed": "a word of weights is added only for an accepted event or for a spike of the previous bin",
-        "none_left_out": "all weights of an event or spike are added before the neurons of its bin are compared",
-        "spike_counted": "the output weights of every firing neuron are added once, and no other output weights "
-        "are added",
-        "rows_fit": "in a bin, a neuron receives at most one weight per event and one weight per hidden neuron",
-        "outputs_in_turn": "weights and outputs are processed in the order of the classes, and no class is skipped",
-        "class_per_bin": "class_valid rises only after a bin_end",
-        "class_in_time": "while overrun is low, class_valid follows every bin_end within the longest work",
-        "overrun_exact": "overrun rises exactly if a bin_end comes before the work of the previous bin is done",
-        "ready_in_time": "an event waits at most for one row, the work of two bins, and clearing",
-        "stalls_counted": "stall_count is the number of clocks in which an event waited, up to the counter's maximum",
-    }
 
     def check(self, m: Module) -> Promises:
         self._look(m)
@@ -220,13 +207,6 @@ class ScheduleChecker(_ClassifierChecker):
 
 class SumsChecker(_ClassifierChecker):
     """Checker of sums: a reference adder beside the classifier."""
-
-    properties: ClassVar = {
-        "neuron_exact": "the compared potential of a neuron equals the exact sum of its additions",
-        "output_exact": "the compared potential of an output equals the exact sum of its additions",
-        "evidence_exact": "the evidence of a class is the sum of its output's contributions since the scan began",
-        "first_of_most": "the reported class is the first class with the most evidence, and stays stable",
-    }
 
     def inner(self, config: ClassifierConfig) -> dict[str, Any]:
         found = super().inner(config) | {"most": In(signed(config.evidence_bits)), "best": In(config.class_bits)}

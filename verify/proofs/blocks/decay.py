@@ -22,11 +22,6 @@ class DecayChecker(Checker[ReadoutConfig]):
     """
 
     block: ClassVar[type[Any]] = DecayTicks
-    properties: ClassVar = {
-        "only_on_ticks": "rows leak only at sample ticks",
-        "at_its_phase": "row r leaks at tick floor(r P / R) of every P, counted from a reset or a new period",
-        "once_a_period": "the leaks of a row are P ticks apart",
-    }
 
     def observed(self, config: ReadoutConfig) -> dict[str, Any]:
         return super().observed(config) | {"watch": In(max(1, (config.rows - 1).bit_length()))}

@@ -37,14 +37,6 @@ class FieldsChecker(Checker[ReadoutConfig]):
     """Checker of the field signals of all taxels against plain sums."""
 
     block = Fields
-    properties: ClassVar = {
-        "nearest_code": "within the scale, a signal differs from sum / 2**shift by at most half a code",
-        "ties_to_even": "half-way between two codes, a signal within the scale is the even code",
-        "saturates": "a sum beyond an end of the scale gives that end of the scale",
-        "no_overflow": "a signal never has the opposite sign of its sum",
-        "own_is_the_sample": "a field of one taxel without a shift is its sample, as without fields",
-        "off_is_zero": "the signal of a taxel that is off is 0",
-    }
     only: ClassVar = {
         "ties_to_even": lambda config: _any(config, lambda field: field.shift),
         "saturates": lambda config: _any(config, _gains),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal
 from amaranth.lib.wiring import In
@@ -19,17 +19,6 @@ class FrameChecker(Checker[FrameConfig]):
     """
 
     block = FrameReadout
-    properties: ClassVar = {
-        "taxels_in_order": "during a scan exactly taxel i is selected for code i; between scans no taxel is selected",
-        "one_conversion_each": "a conversion starts once for each taxel, and never during another conversion",
-        "settled": "a conversion starts at least settle_clocks clocks after its taxel was selected",
-        "scan_goes_on": "while the sink takes words, the next conversion starts on time",
-        "overrun_exact": "frame_overrun reports exactly the frame_start pulses during a scan",
-        "words_carry_codes": "every bit of a word equals its bit of the code; bits after the last code are 0",
-        "sync_on_first": "only the first word of every frame is marked",
-        "frame_completes": "after the last code all words of the frame leave as soon as the sink takes them",
-        "word_stable": "a word that is not taken stays offered unchanged",
-    }
 
     def observed(self, config: FrameConfig) -> dict[str, Any]:
         return super().observed(config) | {"watch": In((config.words_per_frame * config.word_bits - 1).bit_length())}

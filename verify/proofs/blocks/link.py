@@ -15,19 +15,6 @@ class LinkChecker(Checker[ReadoutConfig]):
     """Checker of the four-phase link; ACK is free."""
 
     block = FourPhaseLink
-    properties: ClassVar = {
-        "request_of_polarity": "only the request of the event's polarity is high, never both requests",
-        "one_pulse_per_event": "REQ rises two clocks after an event is taken, and at no other time",
-        "address_of_event": "the bus has the address of the taken event from one clock before REQ rises until REQ "
-        "falls",
-        "address_stable": "the address is stable while REQ or the receiver's ACK is high",
-        "one_at_a_time": "an event is taken only after the previous event's REQ has risen and fallen",
-        "req_waits_for_ack": "REQ falls only after ACK has been high during REQ",
-        "req_after_ack_low": "REQ rises only while the receiver's ACK is low",
-        "req_answers_ack": "REQ falls at most three clocks after ACK rises",
-        "ack_is_synchronised": "taking an event and lowering REQ depend only on ACK after two flops",
-        "ready_answers_ack": "an idle link takes an event in the third clock with ACK low",
-    }
     only: ClassVar = {
         "request_of_polarity": lambda config: config.link == "four_phase_dual",
         "address_of_event": lambda config: config.address_bits > 0,

@@ -23,17 +23,6 @@ class MergeChecker(Checker[TilesConfig]):
     """
 
     block = Merge
-    properties: ClassVar = {
-        "takes_one": "in each clock at most one tile's event is taken, and that tile offers an event",
-        "takes_what_fits": "an offered event is taken exactly while fewer than two events are held",
-        "tile_order": "the next tile is the first offering tile after the last served tile, cyclically",
-        "in_order": "an event that leaves is its tile's oldest event",
-        "none_lost": "an event is offered exactly while one or two events are held",
-        "payload_stable": "an event that is not taken stays offered unchanged",
-        "no_bubble": "one clock after a tile offers an event, the merge offers an event",
-        "no_starvation": "at most tiles + 1 events leave before an offered event",
-        "fairness": "of two offering tiles, neither is taken twice before the other: n busy tiles get equal shares",
-    }
     only: ClassVar = {"fairness": lambda config: config.tiles > 1}
     assumptions: ClassVar = {
         "tiles_hold_events": "an event that a tile offers stays, the same in every bit, until taken"
@@ -125,15 +114,6 @@ class RelayChecker(Checker[TilesConfig]):
     """Checker of a relay station; both sides are free."""
 
     block = Relay
-    properties: ClassVar = {
-        "takes_what_fits": "ready is high exactly while fewer than two events are held",
-        "none_lost": "an event is offered exactly while one or two events are held",
-        "in_order": "events leave once, unchanged, in the order in which they were taken",
-        "payload_stable": "an event that is not taken stays offered unchanged",
-        "no_bubble": "one clock after an event is taken, an event is offered",
-        "full_rate": "one clock after the output end takes events, the station takes an event",
-        "latency": "an event that is taken while the station is or becomes empty is offered in the next clock",
-    }
     only: ClassVar = {"in_order": lambda config: config.tile.event_bits > 0}
 
     def check(self, m: Module) -> Promises:

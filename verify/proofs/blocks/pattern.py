@@ -19,16 +19,6 @@ class PatternChecker(Checker[ReadoutConfig]):
     """Checker of the test pattern; its register and the granted row are free."""
 
     block = TestPattern
-    properties: ClassVar = {
-        "one_request": "at most one taxel requests, and none while the pattern is off or restarts",
-        "waits_for_grant": "a request stays unchanged until its row is granted",
-        "starts_there": "the first request comes from the taxel in the register",
-        "in_turn": "the next request comes from the same taxel, or from the next one",
-        "at_its_pace": "a request rises 2**interval clocks after the previous one, or as soon as the previous one "
-        "is taken",
-        "polarity_turns": "the polarity is the register's; if alternating, it changes with every event (one taxel) "
-        "or every round",
-    }
     only: ClassVar = {"polarity_turns": lambda config: config.has_polarity}
 
     def inner(self, config: ReadoutConfig) -> dict[str, Any]:

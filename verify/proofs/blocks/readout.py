@@ -27,16 +27,6 @@ class ReadoutChecker(Checker[ReadoutConfig]):
     """
 
     block = Readout
-    properties: ClassVar = {
-        "one_event_per_step": "the events of an enabled taxel are its steps: each once, in order, with its sign",
-        "none_outstanding": "a taxel has at most as many events in flight as request, latch and link can hold",
-        "leaves_in_time": "a step's event leaves within (rows + 1) * columns + 2 clocks in which the sink is ready",
-        "masked_is_silent": "after masking, at most one latched event of a taxel leaves, or two with a four-phase link",
-        "masked_for_good": "a masked taxel's event leaves within columns + 1 clocks in which the sink is ready, or "
-        "never",
-        "masked_is_reset": "the reference of a masked taxel has its reset value",
-        "others_do_not_move": "the reference of an enabled taxel moves by D or not at all",
-    }
     only: ClassVar = {
         "leaves_in_time": lambda config: config.link == "stream",
         "masked_for_good": lambda config: config.link == "stream",

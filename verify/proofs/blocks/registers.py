@@ -29,15 +29,6 @@ class RegistersChecker(Checker[ReadoutConfig]):
     """
 
     block: ClassVar[type[RegisterFile]] = RegisterFile
-    properties: ClassVar = {
-        "read_as_written": "a read returns the last valid word written to the address, or the reset value",
-        "constants_hold": "an identification register never changes",
-        "holes_read_zero": "addresses without a register and pulse fields read 0",
-        "always_in_range": "no setting ever leaves its range",
-        "mask_reaches_taxel": "bit i of the mask is the last written bit for taxel i",
-        "told_once": "pulses and write strobes last one clock, the clock after the write",
-        "counted_once": "a counter rises by one in every counted clock, up to its maximum, and in no other clock",
-    }
 
     def observed(self, config: ReadoutConfig) -> dict[str, Any]:
         count = max(len(registers(config)), config.taxels)
@@ -161,14 +152,6 @@ class HostChecker(Checker[ReadoutConfig]):
     """
 
     block: ClassVar[type[Host]] = Host
-    properties: ClassVar = {
-        "set_as_written": "D, leak, window and fields have the values last written, or those of the reset",
-        "masked_as_written": "a taxel is enabled exactly if pin and mask say so, unless a pattern or clear stops it",
-        "read_as_written": "MISO shows the last valid word written to a setting, or its reset value",
-        "no_pattern_unasked": "no test request reaches the arbiter unless the host has set a test pattern",
-        "restarts_when_told": "the decay ticks restart one clock after a write to their register or to clear, and "
-        "at no other time",
-    }
     only: ClassVar = {"restarts_when_told": lambda config: config.encoder.leaks}
 
     def check(self, m: Module) -> Promises:

@@ -71,16 +71,6 @@ class SpiChecker(Checker[ReadoutConfig]):
     """Checker of the SPI slave; pins and data are free."""
 
     block: ClassVar[type[SpiSlave]] = SpiSlave
-    properties: ClassVar = {
-        "aborted_writes_nothing": "a word is written only with its last bit, in a write transfer that CS did not "
-        "interrupt",
-        "whole_is_written": "every complete word of a write transfer is written with its last bit",
-        "written_as_sent": "the written word has the sent bits",
-        "address_as_sent": "the address of a written word is the command's address plus the number of previous words",
-        "read_as_kept": "MISO sends the word that the address held before the word's first bit",
-        "quiet_otherwise": "MISO is 0 except during the words of a read transfer",
-        "opens_after_two": "a transfer lasts from CS low, after two clocks of CS high, until CS is sampled high",
-    }
 
     def check(self, m: Module) -> Promises:
         sent = Transfers(m, self, self.block)

@@ -44,24 +44,6 @@ class TaxelChecker(Checker[ReadoutConfig]):
     """Checker of one taxel; samples, comparators, grants, mask, ticks and settings are free."""
 
     block = Taxel
-    properties: ClassVar = {
-        "decides_exactly": "a free taxel raises a request exactly when x has crossed a threshold and the step "
-        "stays on the scale",
-        "asks_again": "a taxel whose request is taken may raise the next one in that clock: no bubble",
-        "reference_exact": "the reference moves only by its step with an event and by its leak",
-        "never_wraps": "no step or leak leaves the scale, whatever the comparators decide",
-        "ends_do_nothing": "a decision for a step beyond the scale causes no event and no step",
-        "approaches": "an event brings the reference nearer to the sample",
-        "polarity_of_step": "a request is ON after a step up and OFF after a step down",
-        "waits_unchanged": "while a request waits, request, polarity, reference and window are stable",
-        "disabled_is_silent": "a masked taxel raises no request, from the same clock on",
-        "disabled_is_reset": "one clock after masking, reference and window have their reset values",
-        "window_opens": "after an event the window is fully open",
-        "leak_is_monotone": "without an event the reference never moves away from zero",
-        "leak_reaches_floor": "a decay tick moves the reference towards zero, unless the reference is below "
-        "2**(k-1) units",
-        "code_is_floor": "the code at the DAC is the reference, rounded down",
-    }
     only: ClassVar = {
         "ends_do_nothing": _analog,
         "approaches": lambda config: _digital(config) and not _leaks(config),

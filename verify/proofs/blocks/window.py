@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any
 
 from amaranth.hdl import Module, Mux, Signal
 
@@ -16,14 +16,6 @@ class WindowChecker(Checker[ReadoutConfig]):
     """Checker of one taxel's window; the period set by a host is free."""
 
     block = ClosingWindow
-    properties: ClassVar = {
-        "within_bounds": "the half-width is never below one closing step and never above D",
-        "opens_fully": "the half-width is D after the signal to open",
-        "says_closed": "the window reports closed exactly when the half-width is one step",
-        "closes_step_by_step": "otherwise the half-width is stable, or decreases by one closing step on a sample tick",
-        "closes_on_time": "the half-width decreases at every window_period-th quiet tick, down to one step, and at "
-        "no other time",
-    }
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
         """Drive the period with any value in range."""
