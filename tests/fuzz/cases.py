@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import io
 import json
+import tomllib
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -30,84 +31,12 @@ HOSTILE_JSON = (
 )  # fmt: skip
 DEPTH = 200_000
 
-ENCODE = ("encode", "{}", "--rows", "1", "--columns", "4", "--sample-rate", "1000", "-o", "new.npz")
-FILES: dict[str, tuple[tuple[str, ...], ...]] = {
-    "events.npz": (
-        ("decode", "{}", "-o", "new.csv"), ("compare", "{}", "good/events.npz"),
-        ("convert", "{}", "-o", "new.nir"), ("convert", "{}", "-o", "new.npy"),
-        ("predict", "good/train/weights.npz", "--events", "{}", "-o", "new.json"),
-        ("compare", "good/events.npz", "{}", "--plot", "new.png"),
-    ),
-    "samples.npy": (ENCODE,),
-    "samples.npz": (ENCODE,),
-    "samples.csv": (ENCODE,),
-    "image.png": (("encode", "{}", "-o", "new.npz"),),
-    "config.json": (("encode", "good/samples.npz", "--config", "{}", "-o", "new.npz"),),
-    "rates.json": (
-        ("power", "--mode", "consistent", "--rates", "{}"),
-        ("explore", "--preset", "paper", "--rates", "{}", "-o", "new"),
-    ),
-    "synthesis.json": (("power", "--mode", "consistent", "--synthesis", "{}"),),
-    "fig9.json": (("report", "--accuracy", "{}", "-o", "new.html"),),
-    "train/weights.npz": (
-        ("export", "{}", "-o", "new.nir"), ("export", "{}", "--eight-bits", "-o", "new.npz"),
-    ),
-    "train/result.json": (("fig8", "--weights", "good/train/weights.npz", "--result", "{}", "-o", "new"),),
-    "network.nir": (("import", "{}", "-o", "new.npz"),),
-    "events.nir": (("convert", "{}", "-o", "new.npz"),),
-    "sweep/sweep.json": (("fig9", "--sweep", "{}", "-o", "new"),),
-}  # fmt: skip
-"""The commands that read each file of the corpus, ``{}`` in its place."""
-
 LONG = {command for command in (*CHECKS, *COMMANDS["Hardware"]) if command not in ("soak", "verilog", "gates")}
 """Commands that no option makes short: other tests refuse their wrong options."""
 
-GOOD: dict[str, tuple[str, ...]] = {
-    "encode": ("good/samples.npz", "--rows", "1", "--columns", "4", "-o", "new.npz"),
-    "decode": ("good/events.npz", "-o", "new.csv"),
-    "compare": ("good/events.npz", "good/events.npz"),
-    "rates": ("--dataset", "good/images", "--limit", "1"),
-    "event-rates": ("--dataset", "good/nothing", "-o", "new.json"),
-    "power": (),
-    "fig6": ("-o", "new"),
-    "fig7": ("-o", "new"),
-    "sensitivity": ("-o", "new"),
-    "explore": ("-o", "new"),
-    "frames": ("--dataset", "good/images", "--limit", "1"),
-    "study": ("--data", "good/nothing", "-o", "new"),
-    "report": ("-o", "new.html"),
-    "demo": ("good/nothing.npz", "--no-browser", "--port", "0"),
-    "play": ("good/nothing.npz", "--port", "good/nothing", "-o", "new.npz"),
-    "load": ("good/nothing.npz", "--port", "good/nothing"),
-    "listen": ("--port", "good/nothing", "-o", "new.npz"),
-    "rescue": ("good/nothing.npz.part",),
-    "verilog": ("-o", "good/config.json/new"),
-    "gates": ("--liberty", "good/nothing.lib"),
-    "train": ("--events", "good/events", "--folds", "2", "--fold", "9"),
-    "crossval": ("--events", "good/events", "--folds", "99"),
-    "sweep": ("--points", "lcs:4,lcs:4", "-o", "new"),
-    "predict": ("good/train/weights.npz", "--events", "good/events.npz", "-o", "new.json"),
-    "export": ("good/train/weights.npz", "-o", "new.nir"),
-    "import": ("good/network.nir", "-o", "new.npz"),
-    "pair": ("good/sweep/sweep.json:lcs-3", "good/sweep/sweep.json:lcs-3", "-o", "new.json"),
-    "counts": ("--points", "lcs:2", "--dataset", "good/images", "-o", "new.json"),
-    "robustness": ("good/nothing", "-o", "new"),
-    "noise-power": ("good/nothing", "-o", "new"),
-    "merits": ("good/nothing", "-o", "new"),
-    "precision": ("good/nothing", "-o", "new"),
-    "quantise": ("good/train/weights.npz", "-o", "new.npz"),
-    "cache": (),
-    "convert": ("good/events.npz", "-o", "new.npy"),
-    "fig8": ("--weights", "good/train/weights.npz", "-o", "new"),
-    "fig9": ("--sweep", "good/sweep/sweep.json", "-o", "new"),
-    "frontier": ("physical/leaky/lcs:2/across:9", "-o", "new"),
-    "soak": ("--sim", "good/nothing", "-o", "new"),
-    "sim": ("--only", "no-such-texture"),
-    "agree": ("good/train/weights.npz", "--bits", "9", "-o", "new"),
-    "touch": ("--only", "no-such-texture"),
-    "replay": ("--dataset", "good/images", "--only", "no-such-texture"),
-}
-"""Arguments with which each command ends soon; where it would run long, one of them is refused after all options."""
+LISTED = tomllib.loads(Path(__file__).with_name("commands.toml").read_text())
+FILES = {file: [tuple(line.split()) for line in lines] for file, lines in LISTED["files"].items()}
+GOOD = {name: tuple(line.split()) for name, line in LISTED["good"].items()}
 
 
 def commands() -> dict[str, click.Command]:
