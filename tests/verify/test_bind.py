@@ -10,7 +10,6 @@ import pytest
 
 from eskin.cocotb_tests.runner.cocotb_runners import build_environment
 from eskin.model.config import ReadoutConfig
-from eskin.model.frame_config import FrameConfig
 from eskin.rtl import yosys
 from eskin.rtl.verilog import verilog
 from eskin.verify.proofs.bind import checkers, properties
@@ -58,22 +57,11 @@ def test_a_receiver_that_breaks_an_assumption_stops_the_run(program: Path) -> No
     assert "Assertion failed" in done.stdout + done.stderr
 
 
-@pytest.mark.parametrize(
-    "config",
-    [
-        CONFIG.replace(encoding="nlcs", frontend="digital"),
-        CONFIG.replace(registers="spi"),
-        FrameConfig(readout=ReadoutConfig(rows=2, columns=2)),
-    ],
-    ids=["nlcs", "registers", "frame"],
-)
-def test_yosys_reads_properties_and_readout(config: ReadoutConfig | FrameConfig) -> None:
+def test_yosys_reads_properties_and_readout() -> None:
+    config = CONFIG.replace(registers="spi")
     files = {"eskin.v": verilog(config).encode(), "properties.sv": properties(config).encode()}
-    script = (
-        "read_verilog eskin.v; read_verilog -sv -formal properties.sv; hierarchy -check; proc; tee -o said.txt stat"
-    )
-    read = yosys.run(script, "", "said.txt", files)
-    assert "$assert" in read or "$check" in read
+    script = "read_verilog eskin.v; read_verilog -sv -formal properties.sv; hierarchy -check; tee -o said.txt stat"
+    assert "$check" in yosys.run(script, "", "said.txt", files)
 
 
 @pytest.mark.parametrize(("registers", "whole"), [("none", ReadoutChecker), ("spi", HostChecker)])

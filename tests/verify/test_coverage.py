@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from eskin.base.errors import InputError
 from eskin.cocotb_tests.runner import build_cache as store
 from eskin.verify.coverage import bench, plan, stimuli
 from eskin.verify.coverage.constructs import Construct, modules, read, with_points
@@ -123,10 +122,6 @@ def test_a_reason_that_is_not_true_is_refused() -> None:
 
 def test_every_waiver_gives_a_reason() -> None:
     assert all(len(waiver.reason) > 20 for waiver in waivers())
-    with pytest.raises(InputError, match="gives no reason"):
-        waivers("[[waiver]]\nkind = 'toggle'\nreason = ' '\n")
-    with pytest.raises(InputError, match="a waiver needs kind and reason"):
-        waivers("[[waiver]]\nkind = 'toggle'\n")
 
 
 @pytest.mark.parametrize(

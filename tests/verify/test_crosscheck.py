@@ -24,6 +24,7 @@ DELIVERED = [
     FEW.replace(encoding="cw-lcs", link="four_phase"),
     FEW.replace(rows=3, columns=5, encoding="nlcs", frontend="analog"),
     FEW.replace(rows=1, columns=1, frontend="analog", link="four_phase"),
+    FEW.replace(registers="spi", encoding="nlcs"),
     FrameConfig(readout=FEW),
 ]
 
@@ -56,11 +57,6 @@ def test_the_third_simulator_finds_a_bug() -> None:
 @pytest.mark.parametrize("config", DELIVERED, ids=lambda config: getattr(config, "encoding", "frame"))
 def test_slang_takes_what_is_delivered(config: ReadoutConfig | FrameConfig) -> None:
     assert texts(config) == {"verilog": [], "properties": []}
-
-
-def test_slang_takes_registers_too() -> None:
-    text = verilog(FEW.replace(registers="spi", encoding="nlcs"))
-    assert problems({"eskin_readout.v": text}, "eskin_readout") == []
 
 
 def test_slang_would_find_what_others_let_pass() -> None:

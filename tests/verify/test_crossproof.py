@@ -44,7 +44,7 @@ def test_both_find_the_same_first_clocks_of_a_block_and_of_mutants(
 def test_a_difference_is_a_problem(
     changes: dict[str, Any], problem: str, call: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def wrong(checker: Any, depth: int, blocks: Any = None) -> Any:
+    def wrong(checker: Any, depth: int, rtlil: str = "") -> Any:
         return replace(prove.solve(checker, depth, 0), **changes)
 
     monkeypatch.setattr(prove, "search", wrong)

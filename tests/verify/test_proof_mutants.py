@@ -38,7 +38,7 @@ def test_a_mutant_of_the_link_is_noticed_by_the_properties_on_what_it_breaks(onl
     checker = LINK.checker(LINK.config)
     (mutant,) = mutants(checker, 1, 0, f"-module eskin_link {only}")
     assert mutant.rtlil != netlist(checker)
-    assert set(solve(checker, LINK.depth, 0, mutant.instead).failed) >= fails
+    assert set(solve(checker, LINK.depth, 0, mutant.rtlil).failed) >= fails
     assert solve(checker, LINK.depth, 0).failed == {}
 
 

@@ -11,13 +11,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from eskin.base.errors import InputError
-from eskin.verify.proofs.bench import TOP, cutting, design, exposing, netlist
+from eskin.verify.proofs.bench import TOP, cutting, design, exposing
 from eskin.verify.proofs.checker import Checker
 from eskin.verify.proofs.engine import Verdict
 
@@ -55,12 +54,12 @@ class SolverFailed(RuntimeError):
     """Raised if SymbiYosys or z3 fails, with the end of the output."""
 
 
-def search(checker: Checker[Any], depth: int, blocks: Callable[[Checker[Any]], str] = netlist) -> Verdict:
+def search(checker: Checker[Any], depth: int, rtlil: str = "") -> Verdict:
     """Return the first clock of each failure, and of each covered case, within a depth."""
     if find_spec("z3") is None:
         raise InputError("z3-solver is missing; run make crossproof, or pip install -c constraints.txt -e '.[proof]'")
     started = time.monotonic()
-    text, bench = design(checker, blocks)
+    text, bench = design(checker, rtlil)
     covers = "\n".join(COVER.format(name=output.name) for output in [*bench.bad.values(), *bench.seen.values()])
     expose = (cutting(checker) + exposing(checker)).replace("; ", "\n")
     said = _ask(text, JOB.format(depth=depth, expose=expose, top=TOP, covers=covers))

@@ -122,7 +122,7 @@ def hunt(proof: Proof, seed: int) -> Hunt:
     """Generate mutants of a block in one configuration, and find the properties that each violates."""
     checker = proof.checker(proof.config)
     found = {
-        mutant.name: sorted(solve(checker, proof.depth, 0, mutant.instead, cases=False).failed)
+        mutant.name: sorted(solve(checker, proof.depth, 0, mutant.rtlil, cases=False).failed)
         for mutant in mutants(checker, DRAWN, seed)
     }
     return Hunt(proof.block, proof.size, seed, found)
