@@ -42,7 +42,7 @@ class Scans:
     ends: list[int]
 
 
-def upsets(config: ClassifierConfig, stride: int = 1, flops: str = "") -> Iterator[Upset]:
+def upsets(config: ClassifierConfig, stride: int, flops: str) -> Iterator[Upset]:
     """Flip every flop of a classifier in every clock of several bins, one per run; yield the outcomes.
 
     An outcome is "others moved" where all classes and evidences of the scan are right, if at other clocks or from other

@@ -20,7 +20,7 @@ FRAMES, UPSET_FRAMES = 7, 3
 """Number of frames of a run, and number of first frames with bit flips."""
 
 
-def upsets(config: FrameConfig, stride: int = 1, flops: str = "") -> Iterator[Upset]:
+def upsets(config: FrameConfig, stride: int, flops: str) -> Iterator[Upset]:
     """Flip every flop of a frame readout in every clock of several frames, one per run; yield the outcomes.
 
     An outcome is "others changed" where words are wrong, with their frames as ``lost``, and "others moved" where they

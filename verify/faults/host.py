@@ -45,7 +45,7 @@ class Play:
     written: int  # clock from which on everything must have recovered: all registers were written again
 
 
-def upsets(config: ReadoutConfig, mode: int = 0, stride: int = 1, flops: str = HOST) -> Iterator[Upset]:
+def upsets(config: ReadoutConfig, mode: int, stride: int, flops: str) -> Iterator[Upset]:
     """Flip every flop of the host interface in every clock of a window, one per run; yield the outcomes.
 
     An upset counts as *until written* if the readout is not as ever by itself, but is after the host has written all

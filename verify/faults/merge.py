@@ -20,7 +20,7 @@ LOADED, PAUSE, AGAIN = 160, 120, 120
 """Clocks of load with bit flips, of a pause, and of load without errors."""
 
 
-def upsets(config: TilesConfig, stride: int = 1, flops: str = "") -> Iterator[Upset]:
+def upsets(config: TilesConfig, stride: int, flops: str) -> Iterator[Upset]:
     """Yield the outcome of each run; in a run, one flop of a merge is flipped in one clock of the stimulus.
 
     Of a skin with relay stations it is one of those that is upset. Every event of a tile has a number of its own, so

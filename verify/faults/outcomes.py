@@ -88,7 +88,7 @@ def since(part: Flips, last: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.maximum(last - [clock for clock, _ in part], -1)
 
 
-def upsets(config: ReadoutConfig, calm: bool, slow: int = 0, stride: int = 1, flops: str = "") -> Iterator[Upset]:
+def upsets(config: ReadoutConfig, calm: bool, slow: int, stride: int, flops: str) -> Iterator[Upset]:
     """Flip every flop of a readout in every clock of a window, one per run; yield the outcomes.
 
     ``stride`` is the number of clocks from one upset to the next, and ``flops`` a pattern of the names of the flops.
