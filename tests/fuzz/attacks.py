@@ -96,13 +96,7 @@ CONFIG = ReadoutConfig(rows=3, columns=4)
 GOOD_HELLO = (VERSION, 2, BoardConfig(chip=None).identity, 50_000_000, 512, 4096, 2, 0)
 records = st.one_of(
     st.builds(Event, st.integers(0, 1 << 40), st.integers(0, 31) | st.integers(0, 4095)),
-    st.builds(
-        Class,
-        st.integers(0, 1 << 40),
-        st.integers(0, 63),
-        st.booleans(),
-        st.tuples(st.integers(-9, 9), st.integers(-9, 9)),
-    ),
+    st.builds(Class, st.integers(0, 1 << 40), st.integers(0, 63), st.booleans(), st.tuples(*[st.integers(-9, 9)] * 2)),
     st.builds(Lost, st.integers(0, (1 << 28) - 1)),
     st.builds(Ack, st.integers(0, 255)),
 )
@@ -151,14 +145,8 @@ def boards(draw: Draw, root: Path) -> None:
     payloads = [b"".join(word.to_bytes(4, "little") for word in words) for words in (said, *frames)]
     if draw(st.integers(0, 7)) == 0:
         payloads[-1] = payloads[-1][: draw(st.integers(0, len(payloads[-1])))]
-    kinds = [
-        draw(st.just(Kind.RECORDS) | st.integers(0, 255)) if draw(st.integers(0, 9)) == 0 else Kind.RECORDS
-        for _ in payloads
-    ]
-    data = [
-        Frame(kind, number, payload[:255]).encode()
-        for number, (kind, payload) in enumerate(zip(kinds, payloads, strict=True))
-    ]
+    kind = st.one_of(*[st.just(Kind.RECORDS)] * 9, st.integers(0, 255))
+    data = [Frame(draw(kind), number, payload[:255]).encode() for number, payload in enumerate(payloads)]
     path = root / "heard.npz"
     for left in root.glob("heard*"):
         left.unlink()
@@ -315,13 +303,12 @@ def folders(draw: Draw, root: Path) -> None:
         elif kind == "ring":
             (label / f"ring{number}").symlink_to(root / "skin")
         else:
-            make: dict[str, Callable[[], object]] = {
-                "folder": path.mkdir,
-                "dangling": lambda path=path: path.symlink_to("nowhere"),  # type: ignore[misc]
-                "fifo": lambda path=path: os.mkfifo(path),  # type: ignore[misc]
-                "device": lambda path=path: path.symlink_to("/dev/zero"),  # type: ignore[misc]
-            }
-            make[kind]()
+            if kind == "folder":
+                path.mkdir()
+            elif kind == "fifo":
+                os.mkfifo(path)
+            else:
+                path.symlink_to("/dev/zero" if kind == "device" else "nowhere")
             odd += not hidden
     odd += (root / "skin" / "x.csv").exists()
     strict = draw(st.booleans())

@@ -28,20 +28,18 @@ from tests.fuzz.attacks import ATTACKS
 from tests.fuzz.cases import FILES, GOOD, commands, hostile_commands, hostile_files
 from tests.fuzz.run import Command, Seen, complaint, run_command, tree
 
-CASES = int(os.environ.get("ESKIN_FUZZ", "60"))
+CASES, SEED, COUNTS = 60, None, None
+if piece := os.environ.get("ESKIN_FUZZ"):
+    cases, number, folder = piece.split(" ", 2)
+    CASES, SEED, COUNTS = int(cases), int(number), Path(folder)
+"""For a piece of a long campaign: cases, seed, and the folder for the log of all cases and for the counts."""
 CHEAP = 12
 """Cases of an attack that needs no command and no parser, for each other case of a long campaign."""
-COUNTS = "ESKIN_FUZZ_COUNTS"
-"""Names the folder for what a campaign counted."""
-SEED = "ESKIN_FUZZ_SEED"
-"""Of what is drawn."""
-LOG = "ESKIN_FUZZ_LOG"
-"""Names the file into which every case is written before it runs."""
 
 campaign = settings(
     max_examples=CASES,
     deadline=None,
-    derandomize="ESKIN_FUZZ" not in os.environ,
+    derandomize=SEED is None,
     suppress_health_check=list(HealthCheck),
     database=None,
     phases=[Phase.generate],  # every case is small, and all that is wrong shall be told at once
@@ -72,14 +70,14 @@ def clean(root: Path) -> None:
 
 
 def drawn(attack: Callable[[], None]) -> None:
-    """Run a fuzz function, with the seed of the environment if there is one."""
-    (seed(int(os.environ[SEED]))(attack) if SEED in os.environ else attack)()
+    """Run a fuzz function, with the seed of a piece."""
+    (attack if SEED is None else seed(SEED)(attack))()
 
 
 def note(command: Command) -> None:
     """Write a command to the log before it runs."""
-    if file := os.environ.get(LOG):
-        with Path(file).open("a") as log:
+    if COUNTS:
+        with (COUNTS / "log.txt").open("a") as log:
             log.write(f"{time.strftime('%H:%M:%S')} {command}"[:2000] + "\n")
 
 
@@ -131,16 +129,12 @@ class Campaign:
 
     def end(self, name: str) -> None:
         """Fail if a case failed, or if the campaign exercised too little."""
-        if folder := os.environ.get(COUNTS):
-            ends = {"refused": self.codes[2], "right or different": self.codes[0] + self.codes[1]}
-            counts = {
-                "cases": self.codes.total(),
-                "distinct in their piece": len(self.distinct),
-                **ends,
-                "wrong": len(self.wrong),
-            }
+        if COUNTS:
+            counts: dict[str, Any] = {"cases": self.codes.total(), "distinct in their piece": len(self.distinct)}
+            counts |= {"refused": self.codes[2], "right or different": self.codes[0] + self.codes[1]}
+            counts |= {"wrong": len(self.wrong)}
             counts |= {f"by {what}": dict(sorted(counter.items())) for what, counter in self.of.items() if counter}
-            write_json(Path(folder) / f"fuzz-{name}.json", counts)
+            write_json(COUNTS / f"fuzz-{name}.json", counts)
         assert not self.wrong, f"{len(self.wrong)} kinds of wrong ends:\n" + "\n".join(self.wrong.values())
         assert self.codes.total() >= CASES // 2
         assert self.codes[2] > self.codes.total() // 20, self.codes
@@ -193,7 +187,7 @@ def test_hostile_options(root: Path) -> None:
 def test_attacks_below_the_commands(name: str, tmp_path: Path) -> None:
     ends = Campaign(tmp_path)
 
-    @settings(campaign, max_examples=CASES * (CHEAP if name != "liberty" and "ESKIN_FUZZ" in os.environ else 1))
+    @settings(campaign, max_examples=CASES * (CHEAP if name != "liberty" and COUNTS else 1))
     @given(data=st.data())
     def attack(data: st.DataObject) -> None:
         ends.attack(name, data)

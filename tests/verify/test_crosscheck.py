@@ -15,8 +15,7 @@ from eskin.model.frame_config import FrameConfig
 from eskin.rtl.text.slang import ports_of
 from eskin.rtl.verilog import verilog
 from eskin.verify.crosscheck import cxxrtl
-from eskin.verify.crosscheck.check import Mismatch, play, texts
-from eskin.verify.crosscheck.slang import problems
+from eskin.verify.crosscheck.check import Mismatch, play, problems, texts
 
 FEW = ReadoutConfig(rows=2, columns=2, window_period=3)
 DELIVERED = [

@@ -148,10 +148,10 @@ def closing_line(reached: Reached, verdict: Verdict) -> str:
 
 def summary(reached: Reached, verdict: Verdict) -> dict[str, Any]:
     """Return the result as a dictionary for JSON."""
-    reasons: dict[str, dict[str, Any]] = {}
-    for waiver in verdict.explained.values():
-        line = reasons.setdefault(waiver.reason, {"constructs": 0, "proved": waiver.proof})
-        line["constructs"] += 1
+    reasons = {
+        waiver.reason: {"constructs": count, "proved": waiver.proof}
+        for waiver, count in Counter(verdict.explained.values()).items()
+    }
     groups: dict[str, dict[str, int]] = {}
     for (group, _), count in reached.points.items():
         own_group = groups.setdefault(group, {"points": 0, "reached": 0})

@@ -55,10 +55,9 @@ def _fits(wanted: Names, names: Iterable[str]) -> bool:
 def waivers() -> list[Waiver]:
     """Return the waivers of the project."""
     listed: list[dict[str, Any]] = tomllib.loads(FILE.read_text())["waiver"]
-    return [
-        Waiver(**{name: tuple(value) if isinstance(value, list) else value for name, value in entry.items()})
-        for entry in listed
-    ]
+    for entry in listed:
+        entry |= {name: tuple(value) for name, value in entry.items() if isinstance(value, list)}
+    return [Waiver(**entry) for entry in listed]
 
 
 def explained(

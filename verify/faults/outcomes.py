@@ -70,9 +70,7 @@ class UnlikeModel(AssertionError):
     """Raised if the run without bit flips differs from the model."""
 
 
-def told(
-    part: Flips, effects: dict[str, NDArray[np.bool_]], place: str = "", **fields: NDArray[Any]
-) -> Iterator[Upset]:
+def told(part: Flips, effects: dict[str, NDArray[Any]], place: str = "", /, **fields: NDArray[Any]) -> Iterator[Upset]:
     """Yield the outcome of each bit flip: the first effect that its run has, or ``NOTHING``.
 
     ``effects`` has the runs with each effect, from the largest effect on. ``fields`` has other fields of the outcomes

@@ -100,10 +100,8 @@ def campaign(small: bool, out: Path | None, tell: Callable[[str], None]) -> Done
     """
     pieces = Pieces(out, version(CODE))
     done = Done([], [], [])
-    jobs: list[tuple[str, Callable[[], dict[str, Any]]]] = []
-    jobs += [(f"{trial}", partial(_tried, trial)) for trial in plan.trials(small)]
-    jobs += [(f"{config}", partial(_met, config)) for config in plan.surroundings(small)]
-    for name, job in jobs:
+    jobs = [(str(trial), partial(_tried, trial)) for trial in plan.trials(small)]
+    for name, job in jobs + [(str(config), partial(_met, config)) for config in plan.surroundings(small)]:
         piece = pieces.of(name, job)
         done.blocks += piece["blocks"]
         done.cases += piece["cases"]

@@ -189,18 +189,15 @@ def summary(done: Done) -> dict[str, Any]:
         "argued_one_by_one": [{"name": one.name, "why": one.why} for one in findings if one.verdict == "argued"],
         "by_a_property_alone": sum(one.by.startswith("property ") for one in findings),
         "not_asked": sorted(done.skipped),
-        "first_pass": counted([_before_new_tests(one) for one in findings]),
+        "first_pass": counted(
+            [replace(one, verdict="alive", by="", quick=False) if one.first else one for one in findings]
+        ),  # before tests were added for survivors
         "mutants": [
             {"mutant": one.mutant.name, "edit": one.name, "verdict": one.verdict, "by": one.by}
             | ({"first": one.first} if one.first else {})
             for one in findings
         ],
     }
-
-
-def _before_new_tests(finding: Finding) -> Finding:
-    """Return a verdict as it was before tests were added for survivors."""
-    return replace(finding, verdict="alive", by="", quick=False) if finding.first else finding
 
 
 def closing_line(done: Done) -> str:

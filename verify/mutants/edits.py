@@ -131,7 +131,7 @@ def _operators(hardware: bool) -> dict[str, Operator]:
         short = name.partition("/")[2]
         if not LEFT_OUT.fullmatch(short) and not (hardware and short.endswith(NO_HARDWARE)):
             found[short] = get_operator(name)()
-    return found | {type(operator).__name__: operator for operator in HARDWARE if hardware}
+    return found | (HARDWARE if hardware else {})
 
 
 @cache

@@ -91,7 +91,8 @@ def shrink(found: Failure, fails: Callable[[Draw], Failure | None], tries: int =
     room, best = max(found.clock + 2, 200), _cut(found, fails)
     for name, values in SIMPLER.items():
         for value in values:
-            if tries == 0 or _now(best.draw, name) == value:
+            now = best.draw.set.get(name, getattr(best.draw.config, name, None))
+            if tries == 0 or now == value:
                 break
             tries -= 1
             smaller = dataclasses.replace(best.draw, set={**best.draw.set, name: value}, clocks=room)
@@ -99,11 +100,6 @@ def shrink(found: Failure, fails: Callable[[Draw], Failure | None], tries: int =
                 best = _cut(again, fails)
                 break
     return best
-
-
-def _now(draw: Draw, name: str) -> Any:
-    """Return the value of a parameter of a run, if known before the stimulus is drawn."""
-    return draw.set[name] if name in draw.set else getattr(draw.config, name, None)
 
 
 def _tried(draw: Draw, fails: Callable[[Draw], Failure | None]) -> Failure | None:

@@ -31,7 +31,7 @@ class Point:
         return re.sub(r"\W+", "_", f"{self.group} {self.name}")
 
 
-def table(section: str, of: Callable[[str], str] = str, **values: Any) -> Named:
+def table(section: str, of: Callable[[str], str] = str, /, **values: Any) -> Named:
     """Yield the points of a section of ``points.toml``; ``of`` returns the whole expression of a design."""
     for name, expression in TABLES[section].items():
         whole = of(expression.format(**values))
