@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from eskin.cocotb_tests.runner import build_cache as store
-from eskin.verify.coverage import bench, plan, stimuli
+from eskin.verify.coverage import plan, stimuli
 from eskin.verify.coverage.constructs import Construct, modules, read, with_points
 from eskin.verify.coverage.plan import Run, runs
 from eskin.verify.coverage.points.all_points import points
@@ -163,7 +163,7 @@ def test_a_dead_line_and_a_stimulus_that_is_missing_are_reported(
 ) -> None:
     text = store.verilog_text(TINY)
     assert text.count(DEAD) == 1
-    monkeypatch.setattr(bench, "verilog_text", lambda config: text.replace(DEAD, PLANTED + DEAD))
+    monkeypatch.setattr("eskin.verify.coverage.run.verilog_text", lambda config: text.replace(DEAD, PLANTED + DEAD))
     monkeypatch.setattr(stimuli, "LONG", [])
     monkeypatch.setattr(stimuli, "SIGNALS", ("rare",))
     reached = play([Run("tiny", TINY, stimuli.readout)], tmp_path, lambda *_: None)

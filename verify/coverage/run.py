@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, astuple, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,12 @@ from typing import Any
 from eskin import cocotb_tests, model, rtl
 from eskin.base.files import Pieces, origin, write_json
 from eskin.board.config import BoardConfig
-from eskin.cocotb_tests.runner.build_cache import digest, scratch_folder, sources
+from eskin.cocotb_tests.runner.build_cache import digest, scratch_folder, sources, verilog_text
+from eskin.cocotb_tests.runner.cocotb_runners import VERILATOR_FLAGS
+from eskin.cocotb_tests.runner.simulator import Build, Instruments, instrumented
 from eskin.rtl.verilog import Config
 from eskin.verify import coverage
-from eskin.verify.coverage.bench import counted
-from eskin.verify.coverage.constructs import Construct
+from eskin.verify.coverage.constructs import POINT, Construct, modules, read, with_points
 from eskin.verify.coverage.plan import Run
 from eskin.verify.coverage.points.all_points import points
 from eskin.verify.coverage.points.point import Point
@@ -26,9 +27,16 @@ SOURCES = sources(
     (
         *((package, "**/*.py") for package in (rtl, model, cocotb_tests)),
         (cocotb_tests, "**/*.v"),
-        *((coverage, f"{name}.py") for name in ("bench", "constructs", "stimuli", "boards/*")),
+        *((coverage, f"{name}.py") for name in ("run", "constructs", "stimuli", "boards/*")),
     )
 )
+FLAGS = ["--coverage-expr", "--coverage-line", "--coverage-toggle", "--coverage-user", "--coverage-max-width", "128"]
+NO_POINTS = "--no-assert"
+"""Option of Verilator that leaves cover statements out."""
+TEXT, COUNTS = "eskin_readout.v", "coverage.dat"
+UNCOUNTED = "/* verilator coverage_off */\n"
+"""Directive before the harness, which coverage does not count because it is not delivered."""
+
 KINDS = ("line", "branch", "toggle", "condition")
 
 
@@ -96,6 +104,35 @@ def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], No
 def _played(run: Run, folder: Path) -> dict[str, Any]:
     with scratch_folder(folder, "run") as running:
         return counted(points, partial(run.play, running.resolve()))
+
+
+def counted(points: Callable[[Config], list[Point]], play: Callable[[], object]) -> dict[str, Any]:
+    """Run simulations with coverage counters, and return the counts of all constructs as a dictionary for JSON.
+
+    ``points`` returns the points of a configuration. The dictionary has a text for every module, by name and digest.
+    """
+    counts: Counter[Construct] = Counter()
+    texts: dict[tuple[str, str], str] = {}
+
+    def text(config: Config) -> str:
+        return with_points(verilog_text(config), ((p.module, p.label, p.expression) for p in points(config)))
+
+    def tested(program: Build, folder: Path) -> None:
+        verilog = (program.folder / TEXT).read_text()
+        counts.update(read((folder / COUNTS).read_text(), verilog, TEXT))
+        (folder / COUNTS).unlink()  # otherwise a run without counts would count the old file again
+        plain = POINT.sub("", verilog)
+        texts.update({(module.name, module.digest): plain for module in modules(plain)})
+
+    flags = (*(flag for flag in VERILATOR_FLAGS if flag != NO_POINTS), *FLAGS)
+    with instrumented(Instruments(flags, text, UNCOUNTED, tested)):
+        play()
+    different = list(dict.fromkeys(texts.values()))
+    return {
+        "constructs": [[*astuple(construct), count] for construct, count in sorted(counts.items())],
+        "modules": [[name, digest, different.index(text)] for (name, digest), text in texts.items()],
+        "texts": different,
+    }
 
 
 def _fields(config: Config | BoardConfig) -> dict[str, Any]:

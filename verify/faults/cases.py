@@ -14,7 +14,7 @@ from eskin.model.readout import Stimulus
 from eskin.model.readout import simulate as simulate_model
 from eskin.rtl.readout import Readout
 from eskin.verify.faults.bench import bench_gates
-from eskin.verify.faults.parallel import LANES, simulate
+from eskin.verify.faults.gates import LANES, simulate
 from eskin.verify.faults.scenario import RESET, codes_of, course, events_of, inputs_of
 
 NO_UPSETS = np.zeros((0, 3), np.int64)

@@ -15,8 +15,8 @@ from eskin.model.classifier.network import IntegerNetwork
 from eskin.model.classifier.run import first_ready, simulate
 from eskin.rtl.classifier import core
 from eskin.verify.faults.bench import NUMBER_BITS, bench_gates, channel_of, inside
+from eskin.verify.faults.gates import last_clock, upset_runs
 from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, WRITTEN, UnlikeModel, Upset, since, told
-from eskin.verify.faults.parallel import last_clock, upset_runs
 from eskin.verify.faults.scenario import RESET
 
 GOES_ON = ("class_valid", "event_ready")

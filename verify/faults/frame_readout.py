@@ -12,8 +12,8 @@ from eskin.model.frame import Inputs as ModelInputs
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl.frame import FrameReadout
 from eskin.verify.faults.bench import ADC_CLOCKS, bench_gates, inside
+from eskin.verify.faults.gates import last_clock, upset_runs
 from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, UnlikeModel, Upset, told
-from eskin.verify.faults.parallel import last_clock, upset_runs
 from eskin.verify.faults.scenario import RESET
 
 FRAMES, UPSET_FRAMES = 7, 3

@@ -17,8 +17,8 @@ from eskin.model.registers.description import WORD_BYTES, Register, registers
 from eskin.model.registers.spi import HIGH_CLOCKS, LOW_CLOCKS, LOW_CLOCKS_TO_READ, Pins, transfer
 from eskin.rtl.readout import Readout
 from eskin.verify.faults.bench import bench_gates, inside
+from eskin.verify.faults.gates import last_clock, upset_runs
 from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, WRITTEN, UnlikeModel, Upset, counted, since, slack, told
-from eskin.verify.faults.parallel import last_clock, upset_runs
 from eskin.verify.faults.scenario import RESET, codes_of, events_of, inputs_of, pause_of, swings
 
 HOST = r"(host|ticks)\."

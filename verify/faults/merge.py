@@ -12,8 +12,8 @@ from eskin.model.tiles.merge import merge
 from eskin.rtl.tiles import merge as rtl_merge
 from eskin.rtl.tiles import relay
 from eskin.verify.faults.bench import FIELDS, NUMBER_BITS, bench_gates, inside
+from eskin.verify.faults.gates import last_clock, upset_runs
 from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, UnlikeModel, Upset, missing, since, told
-from eskin.verify.faults.parallel import last_clock, upset_runs
 from eskin.verify.faults.scenario import RESET
 
 LOADED, PAUSE, AGAIN = 160, 120, 120

@@ -14,7 +14,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.readout import simulate as simulate_model
 from eskin.rtl.readout import Readout
 from eskin.verify.faults.bench import bench_gates, inside
-from eskin.verify.faults.parallel import Flips, last_clock, upset_runs
+from eskin.verify.faults.gates import Flips, last_clock, upset_runs
 from eskin.verify.faults.scenario import Course, codes_of, course, events_of
 
 NOBODY = -9
