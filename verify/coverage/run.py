@@ -27,7 +27,7 @@ SOURCES = sources(
     (
         *((package, "**/*.py") for package in (rtl, model, cocotb_tests)),
         (cocotb_tests, "**/*.v"),
-        *((coverage, f"{name}.py") for name in ("run", "constructs", "stimuli", "boards/*")),
+        *((coverage, f"{name}.py") for name in ("run", "constructs", "plan", "stimuli", "boards/*")),
     )
 )
 FLAGS = ["--coverage-expr", "--coverage-line", "--coverage-toggle", "--coverage-user", "--coverage-max-width", "128"]
@@ -103,7 +103,7 @@ def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], No
 
 def _played(run: Run, folder: Path) -> dict[str, Any]:
     with scratch_folder(folder, "run") as running:
-        return counted(points, partial(run.play, running.resolve()))
+        return counted(points, partial(run.player, run.config, running.resolve()))
 
 
 def counted(points: Callable[[Config], list[Point]], play: Callable[[], object]) -> dict[str, Any]:
