@@ -1,6 +1,7 @@
-"""Fuzz tests of readers and writers below the commands.
+"""Attacks on commands, and on the readers and writers below them.
 
-An attack returns nothing where the result is right, raises InputError where it is refused, and fails otherwise.
+An attack of a command returns its exit code. Others return nothing where the result is right, and raise InputError
+where it is refused. All fail otherwise.
 """
 
 from __future__ import annotations
@@ -37,11 +38,42 @@ from eskin.model.events.recording import Recording
 from eskin.skin.recordings.folder import sources_of
 from eskin.skin.samples import ARRAY_SUFFIXES
 from eskin.verify.soak.campaign import PIECE, summary
-from tests.fuzz.cases import _cut, _flipped, _other_value
+from tests.fuzz.cases import FILES, _cut, _flipped, _other_value, damaged, hostile_commands
 from tests.fuzz.corpus import LIBERTY
+from tests.fuzz.run import Command, checked
 
 Draw = Callable[[Any], Any]
-Attack = Callable[[Draw, Path], None]
+Attack = Callable[[Draw, Path], int | None]
+
+# -- commands ----------------------------------------------------------------------------------------
+
+
+def files(draw: Draw, root: Path) -> int | None:
+    """Run a command on a damaged file of the corpus."""
+    name = draw(st.sampled_from(sorted(FILES)))
+    arguments = draw(st.sampled_from(FILES[name]))
+    place = root / "bad" / Path(name).name
+    clean(root)
+    place.parent.mkdir()
+    place.write_bytes(draw(damaged((root / "good" / name).read_bytes(), name)))
+    return checked(Command(tuple(f"bad/{place.name}" if a == "{}" else a for a in arguments)), root)
+
+
+def options(draw: Draw, root: Path) -> int | None:
+    """Run a command with random values of options."""
+    command = draw(hostile_commands())
+    clean(root)
+    code = checked(command, root)
+    assert not (root / "planted").exists()
+    return code
+
+
+def clean(root: Path) -> None:
+    """Remove all files except the corpus."""
+    for path in root.iterdir():
+        if path.name != "good":
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+
 
 # -- cell libraries ----------------------------------------------------------------------------------
 
@@ -324,6 +356,6 @@ def folders(draw: Draw, root: Path) -> None:
 
 
 ATTACKS: dict[str, Attack] = {
-    "liberty": liberty, "boards": boards, "state": state, "outputs": outputs, "folders": folders
-}  # fmt: skip
+    attack.__name__: attack for attack in (files, options, liberty, boards, state, outputs, folders)
+}
 """By the name under which their cases are counted."""

@@ -179,13 +179,3 @@ def _other_cell(draw: Callable[[Any], Any], good: bytes) -> bytes:
         line = draw(st.sampled_from(lines))
         line[draw(st.integers(0, len(line) - 1))] = draw(st.sampled_from(HOSTILE_TEXT))
     return "\n".join(",".join(line) for line in lines).encode()
-
-
-@st.composite
-def hostile_files(draw: Callable[[Any], Any], root: Path) -> tuple[Command, str, bytes]:
-    """Return a damaged file, its path, and a command that reads it."""
-    name = draw(st.sampled_from(sorted(FILES)))
-    arguments = draw(st.sampled_from(FILES[name]))
-    place = f"bad/{Path(name).name}"
-    content = draw(damaged((root / "good" / name).read_bytes(), name))
-    return Command(tuple(place if a == "{}" else a for a in arguments)), place, content
