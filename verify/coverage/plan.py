@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from eskin.board.config import BoardConfig
-from eskin.cocotb_tests.blocks import merge, pattern, registers, relay, skin, spi
-from eskin.cocotb_tests.touch import noise
+from eskin.cocotb_tests.blocks import pattern, registers, spi
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
@@ -20,7 +19,6 @@ from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.verilog import Config
 from eskin.verify.coverage import stimuli
 from eskin.verify.coverage.boards.play import board, small_board
-from eskin.verify.coverage.stimuli import VERILATOR
 
 
 @dataclass(frozen=True)
@@ -106,23 +104,11 @@ def _skins() -> Iterator[Run]:
     for down, across, encoding, reset in ((2, 2, "lcs", "sync"), (1, 3, "nlcs", "async")):
         tile = SMALL.replace(rows=2, columns=2, encoding=encoding)
         config = TilesConfig.of(tile, down, across)
-        yield Run(f"merge {config.tiles} tiles {encoding}", MergeConfig(config), _merge)
-        yield Run(f"skin {config.tiles} tiles {encoding}", config, _skin, only=("eskin_merge",))
+        yield Run(f"merge {config.tiles} tiles {encoding}", MergeConfig(config), stimuli.merge)
+        yield Run(f"skin {config.tiles} tiles {encoding}", config, stimuli.skin, only=("eskin_merge",))
         lines = TilesConfig.of(tile.replace(reset=reset), down, across, relays=2)
-        yield Run(f"relay {encoding}", lines, lambda config, folder: relay.play(config, VERILATOR, folder, 5))
-        yield Run(f"skin {config.tiles} tiles {encoding}, relays", lines, _skin, only=("eskin_relay",))
-
-
-def _skin(config: TilesConfig, folder: Path) -> None:
-    skin.play(config, VERILATOR, folder)
-
-
-def _merge(config: MergeConfig, folder: Path) -> None:
-    merge.play(config.skin, VERILATOR, folder, 3)
-
-
-def _chip(config: ChipConfig, folder: Path) -> None:
-    noise.play(config, VERILATOR, folder)
+        yield Run(f"relay {encoding}", lines, stimuli.relay)
+        yield Run(f"skin {config.tiles} tiles {encoding}, relays", lines, stimuli.skin, only=("eskin_relay",))
 
 
 def _classifiers() -> Iterator[Run]:
@@ -153,7 +139,9 @@ def _classifiers() -> Iterator[Run]:
         network = ClassifierConfig.from_dict(
             base | {"inputs": channels, "classes": 3, "bin_s": 0.0003, "floor": -200, "out_floor": -200}
         )
-        yield Run(f"chip {encoding}", ChipConfig(readout=readout, classifier=network), _chip, only=("eskin_bin_timer",))
+        yield Run(
+            f"chip {encoding}", ChipConfig(readout=readout, classifier=network), stimuli.chip, only=("eskin_bin_timer",)
+        )
 
 
 def _boards() -> Iterator[Run]:

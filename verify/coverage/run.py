@@ -27,7 +27,7 @@ SOURCES = sources(
     (
         *((package, "**/*.py") for package in (rtl, model, cocotb_tests)),
         (cocotb_tests, "**/*.v"),
-        *((coverage, f"{name}.py") for name in ("run", "constructs", "plan", "stimuli", "boards/*")),
+        *((coverage, f"{name}.py") for name in ("run", "constructs", "stimuli", "boards/*")),
     )
 )
 FLAGS = ["--coverage-expr", "--coverage-line", "--coverage-toggle", "--coverage-user", "--coverage-max-width", "128"]
@@ -95,7 +95,8 @@ def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], No
     pieces, reached = Pieces(folder / "coverage.json", SOURCES), Reached()
     for run in runs:
         wanted = points(run.config)
-        key = [run.name, _fields(run.config), [asdict(point) for point in wanted]]
+        fields = asdict(run.config) if isinstance(run.config, BoardConfig) else run.config.to_dict()
+        key = [run.name, fields, [asdict(point) for point in wanted]]
         own = reached.add(run, pieces.of(digest(key), partial(_played, run, folder)), wanted)
         on_run(run.name, len(own), sum(count > 0 for count in own))
     return reached
@@ -133,10 +134,6 @@ def counted(points: Callable[[Config], list[Point]], play: Callable[[], object])
         "modules": [[name, digest, different.index(text)] for (name, digest), text in texts.items()],
         "texts": different,
     }
-
-
-def _fields(config: Config | BoardConfig) -> dict[str, Any]:
-    return asdict(config) if isinstance(config, BoardConfig) else config.to_dict()
 
 
 def judge(reached: Reached, listed: list[Waiver], whole: bool = True) -> Verdict:

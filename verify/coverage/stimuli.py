@@ -17,12 +17,18 @@ from eskin.cocotb_tests.blocks.classifier import cosimulate as play_scans
 from eskin.cocotb_tests.blocks.frame import cosimulate as play_frames
 from eskin.cocotb_tests.blocks.host import pins_of
 from eskin.cocotb_tests.blocks.host import play as play_host
+from eskin.cocotb_tests.blocks.merge import play as play_merge
+from eskin.cocotb_tests.blocks.relay import play as play_relay
+from eskin.cocotb_tests.blocks.skin import play as play_skin
 from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.cocotb_tests.touch import noise
+from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.model.registers.description import Register, registers
 from eskin.model.registers.spi import Pins, transfer
+from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.verify.soak.play import play
 
 VERILATOR: Any = "verilator"
@@ -150,3 +156,23 @@ def classifier(config: ClassifierConfig, folder: Path) -> None:
     for seed in range(4):
         play_scans(config, VERILATOR, folder, seed)
         play_scans(config, VERILATOR, folder, seed, "scans_begin_at_any_time")
+
+
+def skin(config: TilesConfig, folder: Path) -> None:
+    """Simulate a whole skin."""
+    play_skin(config, VERILATOR, folder)
+
+
+def relay(config: TilesConfig, folder: Path) -> None:
+    """Simulate a relay station with busy and quiet tiles and all kinds of sinks."""
+    play_relay(config, VERILATOR, folder, 5)
+
+
+def merge(config: MergeConfig, folder: Path) -> None:
+    """Simulate a merge with busy and quiet tiles and all kinds of sinks."""
+    play_merge(config.skin, VERILATOR, folder, 3)
+
+
+def chip(config: ChipConfig, folder: Path) -> None:
+    """Simulate a texture scan on a chip with readout and classifier."""
+    noise.play(config, VERILATOR, folder)

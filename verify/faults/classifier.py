@@ -91,7 +91,7 @@ def _bins(outputs: dict[str, NDArray[np.int64]], scan: slice, run: int) -> list[
 def _scans(config: ClassifierConfig) -> Scans:
     """Return three scans of a random network."""
     rng = np.random.default_rng(0)
-    network = _network(config, rng)
+    network = IntegerNetwork.filled(config, lambda bits, *shape: rng.integers(lowest(bits), highest(bits) + 1, shape))
     images = [(0, weight_image(network)), (1, neuron_image(network))]
     words = [(1, neurons, address, word) for neurons, image in images for address, word in enumerate(image)]
     load: list[tuple[int, ...]] = []  # of every clock: valid, neurons, address, data
@@ -116,15 +116,6 @@ def _scans(config: ClassifierConfig) -> Scans:
         **{name: values[:, None] >> np.arange(widths[name].shape) & 1 for name, values in columns.items()},
     }
     return Scans(network, {name: bits.astype(np.uint8) for name, bits in inputs.items()}, starts, ends)
-
-
-def _network(config: ClassifierConfig, rng: np.random.Generator) -> IntegerNetwork:
-    """Return a network with random weights over their full range."""
-
-    def drawn(bits: int, *shape: int) -> NDArray[np.int64]:
-        return rng.integers(lowest(bits), highest(bits) + 1, shape)
-
-    return IntegerNetwork.filled(config, drawn)
 
 
 def _expected(config: ClassifierConfig, what: Scans) -> list[list[tuple[int, int, int]]]:

@@ -154,7 +154,8 @@ def simulate(
     for name, bits in gates.outputs.items():
         values = np.zeros((clocks, LANES), np.int64)
         for place in range(len(bits)):
-            values |= _unpacked(recorded[:, start + place]).astype(np.int64) << place
+            words = np.ascontiguousarray(recorded[:, start + place]).view(np.uint8)
+            values |= np.unpackbits(words, axis=1, bitorder="little").astype(np.int64) << place
         found[name], start = values, start + len(bits)
     return found
 
@@ -187,11 +188,6 @@ def _packed(bits: NDArray[np.uint8]) -> NDArray[np.uint64]:
     if bits.ndim == 2:
         return np.where(bits[:, :, None] != 0, ~np.uint64(0), np.uint64(0)).repeat(WORDS, axis=2)
     return np.packbits(bits, axis=2, bitorder="little").view("<u8")
-
-
-def _unpacked(words: NDArray[np.uint64]) -> NDArray[np.uint8]:
-    """Unpack words of 64 runs each into one bit for each run; return shape (clocks, LANES)."""
-    return np.unpackbits(np.ascontiguousarray(words).view(np.uint8), axis=1, bitorder="little")
 
 
 @njit(cache=True, nogil=True)

@@ -54,7 +54,9 @@ def upsets(config: ReadoutConfig, mode: int, stride: int, flops: str) -> Iterato
     ``mode`` is that of the test pattern, 0 for the array. ``flops`` is a pattern of the names of the flops.
     """
     gates, what = bench_gates(Readout(config)), _play(config, mode)
-    inputs = inputs_of(config, what.stimulus) | _levels(what.pins)
+    levels = np.array([Pins()] * RESET + what.pins, np.uint8)  # CS is high during reset
+    inputs = inputs_of(config, what.stimulus)
+    inputs |= {f"spi_{name}": levels[:, [place]] for place, name in enumerate(Pins._fields)}
     # Something of a transfer is still under way some clocks behind its end.
     selected = np.convolve(inputs["spi_cs_n"][:, 0] == 0, np.ones(ON_THE_WAY))[: len(inputs["rst"])] > 0
     clocks = range(RESET + what.upset.start, RESET + what.upset.stop, stride)
@@ -104,7 +106,8 @@ def _play(config: ReadoutConfig, mode: int) -> Play:
     upset = range(12, len(pins))
     pause = pause_of(config)
     start = len(pins) + SETTLES
-    ticks = [(clock, _moved(config, rng)) for clock in range(25, upset.stop, 30)]
+    moves = config.step * rng.integers(-2, 3, size=(len(range(25, upset.stop, 30)), config.taxels))
+    ticks = list(zip(range(25, upset.stop, 30), moves, strict=True))  # up to two steps from rest
     ticks += [*swings(config, start, 4, pause), (start + 4 * pause, np.zeros(config.taxels, np.int64))]
     pins += [Pins()] * (SETTLES + 4 * pause)
     for register in kept[::-1]:
@@ -128,21 +131,10 @@ def _play(config: ReadoutConfig, mode: int) -> Play:
     return Play(stimulus, pins, upset, range(start + 3 * pause, start + 4 * pause), written)
 
 
-def _moved(config: ReadoutConfig, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return samples up to two steps from rest."""
-    return config.step * rng.integers(-2, 3, size=config.taxels)
-
-
 def _transfer(register: Register, words: Sequence[int] = (), reads: int = 0) -> list[Pins]:
     """Return the SPI pins of a transfer that writes or reads words."""
     timing = Timing(HIGH_CLOCKS, LOW_CLOCKS_TO_READ if reads else LOW_CLOCKS)
     return list(waveform(transfer(register.address, words or [0] * reads, not reads), timing))
-
-
-def _levels(pins: Sequence[Pins]) -> dict[str, NDArray[np.uint8]]:
-    """Return SPI pins as inputs of the gates, with CS high during reset."""
-    levels = np.array([Pins()] * RESET + list(pins), np.uint8)
-    return {f"spi_{name}": levels[:, [place]] for place, name in enumerate(Pins._fields)}
 
 
 def _as_model(config: ReadoutConfig, expected: HostRun, codes: NDArray[np.int16], said: NDArray[np.int64]) -> bool:

@@ -129,7 +129,8 @@ def run(plan: Plan, out: Path, pool: WorkerPool | None, again: bool, on_finding:
             break
         checkout = original(out)
         todo = [mutant for mutant in mutants if before(mutant) == phase]
-        asked = {mutant.file: _asked(mutant.file, phase, checkout, plan.seed) for mutant in todo}
+        last = Questions(COSIMULATIONS if plan.packages == RTL else EVERYWHERE)
+        asked = {m.file: Asked(checkout, last if phase else questions(m.file), plan.seed) for m in todo}
         for mutant, verdict in zip(todo, each(pool, job, ((m, asked[m.file]) for m in todo)), strict=True):
             known = pieces.known(mutant.name) or {}
             survived = not phase and known.get("verdict") in SURVIVED  # it is judged again, with new tests
@@ -139,11 +140,6 @@ def run(plan: Plan, out: Path, pool: WorkerPool | None, again: bool, on_finding:
         done.skipped |= set(failing(checkout))
     done.findings = [_finding(mutant, piece) for mutant in mutants if (piece := pieces.known(mutant.name))]
     return done
-
-
-def _asked(file: str, phase: str, checkout: Path, seed: int) -> Asked:
-    last = Questions(COSIMULATIONS if file.startswith("rtl/") else EVERYWHERE)
-    return Asked(checkout, last if phase else questions(file), seed)
 
 
 def _finding(mutant: Mutant, piece: dict[str, Any]) -> Finding:

@@ -82,7 +82,8 @@ def places(file: str, text: str) -> dict[tuple[int, int], list[Place]]:
         occurrence = 0
         for node in nodes:
             for start, _ in operator.mutation_positions(node):
-                function = _around(functions, start[0])
+                around = [function for function in functions if function[0] <= start[0] <= function[1]]
+                function = max(around)[2] if around else ""
                 found.setdefault(start, []).append(Place(name, function, numbers[function], occurrence, start))
                 numbers[function] += 1
                 occurrence += 1
@@ -147,11 +148,6 @@ def _functions(text: str) -> list[tuple[int, int, str]]:
             yield from walk(child, inner)
 
     return list(walk(ast.parse(text), ""))
-
-
-def _around(functions: list[tuple[int, int, str]], line: int) -> str:
-    inside = [function for function in functions if function[0] <= line <= function[1]]
-    return max(inside)[2] if inside else ""
 
 
 @cache

@@ -6,7 +6,6 @@ import dataclasses
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 from eskin.base.errors import InputError
@@ -34,14 +33,18 @@ def play(draws: Sequence[Draw], simulator: Simulator, on_run: Callable[[Any], No
     config = draws[0].config
     program = build(config, simulator)
     with scratch_folder(BUILD / "run", "soak") as folder:
-        prepared = [_prepared(draw, simulator, folder / str(number)) for number, draw in enumerate(draws)]
+        prepared = [
+            prepare(
+                config,
+                f"seed {draw.seed}, run {draw.run}",
+                draw.stimulus,
+                folder / str(number),
+                draw=asdict(draw),
+                reproduce=command(draw, simulator),
+            )
+            for number, draw in enumerate(draws)
+        ]
         return run_job(program, Job(config.to_dict(), "", scenarios=prepared), folder, on_run)
-
-
-def _prepared(draw: Draw, simulator: Simulator, place: Path) -> dict[str, Any]:
-    """Prepare a run in a folder."""
-    name, again = f"seed {draw.seed}, run {draw.run}", command(draw, simulator)
-    return prepare(draw.config, name, draw.stimulus, place, draw=asdict(draw), reproduce=again)
 
 
 @dataclass(frozen=True)

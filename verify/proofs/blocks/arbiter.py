@@ -61,10 +61,12 @@ class ArbiterChecker(Checker[ReadoutConfig]):
             follows &= self.column_polarity == self._lines(self.polarity)[1]
         self.suppose(m, "lines_follow_requests", follows)
         yield from self._grants(m)
-        yield from self._stream(m)
         yield from self._order(m)
         yield from self._watched(m)
-        yield from self._fairness(m)
+        if self.config.rows > 1:
+            grants = Cat(grant.replicate(self.config.columns) for grant in self.granted)
+            takes, rival = (pick(self.request & grants, taxel) for taxel in (self.watch, self.rival))
+            yield "fairness", *self.fair(m, takes, pick(self.request, self.rival), rival)
 
     def _grants(self, m: Module) -> Promises:
         asked = self.row_request.any()
@@ -78,11 +80,9 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         asked_before = before(m, asked, "asked")
         left = before(m, self.event_valid & self.event_ready, "left")
         yield "no_bubble", implies(asked_before, self.event_valid), asked_before & left
-
-    def _stream(self, m: Module) -> Promises:
         payload = Cat(getattr(self, n) for n in ("event_row", "event_col", "event_polarity") if self.has(n))
-        stable = self.unchanged(m, self.event_valid, self.event_ready, payload, ("waits", "payload"))
-        yield "payload_stable", *stable
+        names = ("waits", "payload")
+        yield "payload_stable", *self.unchanged(m, self.event_valid, self.event_ready, payload, names)
 
     def _order(self, m: Module) -> Promises:
         asked, granted = self.row_request.any(), self.granted.any()
@@ -141,10 +141,3 @@ class ArbiterChecker(Checker[ReadoutConfig]):
             with m.If(takes):
                 m.d.sync += polarity.eq(pick(self.polarity, self.watch))
             yield "polarity_kept", implies(named & latched, self.event_polarity == polarity), named
-
-    def _fairness(self, m: Module) -> Promises:
-        if self.config.rows == 1:
-            return
-        grants = Cat(grant.replicate(self.config.columns) for grant in self.granted)
-        takes, rival = (pick(self.request & grants, taxel) for taxel in (self.watch, self.rival))
-        yield "fairness", *self.fair(m, takes, pick(self.request, self.rival), rival)

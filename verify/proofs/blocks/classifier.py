@@ -149,7 +149,8 @@ class ScheduleChecker(_ClassifierChecker):
     def _outputs(self, m: Module) -> Promises:
         """Track the output weight of a watched neuron and class, and the order of the classes."""
         config = self.config
-        address = Cat(_wide(self.rival, config.neuron_row_bits), self.watch)
+        bits = config.neuron_row_bits
+        address = Cat(Cat(self.rival, Const(0, bits))[:bits] if bits else Cat(), self.watch)
         adds = self.spike & (self.word == address) & (self.watch < config.hidden)
         shown = self.output_valid & (self.output_index == self.rival)
         owed = Signal(name="output_owed")
@@ -314,7 +315,8 @@ class SumsChecker(_ClassifierChecker):
         leak = Leak(config.out_leak_shift, config.out_leak_factor)
         synapse = Leak(config.out_synapse_shift, config.out_synapse_factor)
         found = []
-        passed = self._passed(m)
+        passed = Signal.like(self.turn)  # the class whose evidence is added next
+        self.keep(m, passed, self.scan_start, self.output, Mux(passed == config.classes - 1, 0, passed + 1))
         for number, count in enumerate(weights):
             own = self.turn == number
             total = Signal(signed(bits), name=f"output_{number}")
@@ -348,7 +350,9 @@ class SumsChecker(_ClassifierChecker):
                 good &= implies(begun, (total + low >= least) & (total + high <= most))
 
             gained: Value = Cat(fired, Const(0, 1)).as_signed() if fires else held
-            evidence = self._gathered(m, gained, shown, f"evidence_{number}")
+            evidence = Signal(signed(config.evidence_bits), name=f"evidence_{number}")
+            more, _ = _limited(evidence + gained, config.evidence_bits, True)
+            self.keep(m, evidence, self.scan_start, shown, more)
             good_evidence &= implies(
                 begun, self._in_turn(self.evidence, config.evidence_bits, number, passed) == evidence
             )
@@ -357,18 +361,6 @@ class SumsChecker(_ClassifierChecker):
         yield "output_exact", implies(self.fits, good), self.output_valid & (self.output_potential != 0)
         yield "evidence_exact", implies(self.fits, good_evidence), self.class_valid & moved
         return found
-
-    def _passed(self, m: Module) -> Signal:
-        """Return the class whose evidence is added next."""
-        passed = Signal.like(self.turn)
-        following = Mux(passed == self.config.classes - 1, 0, passed + 1)
-        return self.keep(m, passed, self.scan_start, self.output, following)
-
-    def _gathered(self, m: Module, gained: Value, shown: Value, name: str) -> Signal:
-        """Return the sum of the gains of a class since the scan began, limited to the bits of evidence."""
-        evidence = Signal(signed(self.config.evidence_bits), name=name)
-        more, _ = _limited(evidence + gained, self.config.evidence_bits, True)
-        return self.keep(m, evidence, self.scan_start, shown, more)
 
     def _in_turn(self, ring: Value, bits: int, number: int, turn: Signal) -> Value:
         """Return the word of a class in a ring after a number of rotations."""
@@ -408,11 +400,6 @@ class SumsChecker(_ClassifierChecker):
         spike: Value = held > threshold if threshold is not None else Const(0)
         m.d.comb += rest.eq(Mux(spike, held - (threshold or 0) if reset == "subtract" else 0, held))
         return held, spike, rest
-
-
-def _wide(value: Value, bits: int) -> Value:
-    """Return an unsigned value truncated or zero-extended to a width."""
-    return Cat(value, Const(0, bits))[:bits] if bits else Cat()
 
 
 def _leaked(value: Value, leak: Leak) -> Value:

@@ -113,7 +113,10 @@ class ReadoutChecker(Checker[ReadoutConfig]):
             now.eq(count + (step & (count <= depth))),
             held.eq(signs | (up << count) & step.replicate(depth + 1)),
         ]
-        m.d.sync += [count.eq(now - (event & (now != 0))), signs.eq(_shift(held, event))]
+        m.d.sync += [
+            count.eq(now - (event & (now != 0))),
+            signs.eq(Cat(Array([held, Cat(held[1:], Const(0, 1))])[event])),
+        ]
         right, falls = count != 0, Const(1)
         if self.config.has_polarity:
             right, falls = right & (polarity == signs[0]), ~polarity
@@ -136,8 +139,3 @@ class ReadoutChecker(Checker[ReadoutConfig]):
             clocks = Signal(range(bound + 1))
             self.count_up(m, clocks, enable, self.event_ready & (clocks != bound))
             yield "masked_for_good", implies(~enable & (clocks == bound), ~event), ~enable & event
-
-
-def _shift(word: Signal, taken: Signal) -> Any:
-    """Return a queue of bits after removal of its first bit, if taken."""
-    return Cat(Array([word, Cat(word[1:], Const(0, 1))])[taken])
