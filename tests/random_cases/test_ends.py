@@ -20,15 +20,9 @@ from eskin.model.readout import Stimulus, simulate
 from eskin.verify.crosscheck.cxxrtl import build, play
 from tests.random_cases.player import Design
 
-BASE: dict[str, Any] = {"rows": 1, "columns": 2, "sample_bits": 6, "resolution": 3, "link": "stream"}
-BASE |= {
-    "frontend": "digital",
-    "reset": "sync",
-    "registers": "none",
-    "fields": "own",
-    "decide_every": "clock",
-    "reference_reset": 0,
-}
+BASE: dict[str, Any] = {"rows": 1, "columns": 2, "sample_bits": 6, "resolution": 3, "reference_reset": 0}
+BASE |= {"link": "stream", "frontend": "digital", "reset": "sync", "registers": "none", "fields": "own"}
+BASE |= {"decide_every": "clock"}
 BASE |= {"closing_shift": 1, "window_period": 2, "leak_shift": 2, "leak_period": 3, "fraction_bits": 3}
 
 
