@@ -19,14 +19,6 @@ from eskin.verify.proofs.blocks.registers import HostChecker
 from eskin.verify.proofs.checker import Checker
 
 CONFIG = ReadoutConfig(rows=2, columns=2, frontend="analog", link="four_phase")
-MAIN = """#include "Vbound.h"
-int main(int argc, char** argv) {
-    Verilated::commandArgs(argc, argv);
-    Vbound top;
-    for (vluint64_t edge = 0; !Verilated::gotFinish(); ++edge) { top.clk = edge & 1; top.eval(); }
-    top.final();
-}
-"""
 FLAGS = ("--cc", "--exe", "--build", "--assert", "-Wno-fatal", "-Wno-lint", "-Wno-style", "--top", "bound")
 QUICK = ("-MAKEFLAGS", "OPT_FAST=-O0 OPT_SLOW=-O0 OPT_GLOBAL=-O0")
 
@@ -37,8 +29,8 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bound")
     (folder / "eskin_readout.v").write_text(verilog(CONFIG))
     (folder / "properties.sv").write_text(properties(CONFIG))
-    (folder / "main.cpp").write_text(MAIN)
-    sources = [str(Path(__file__).with_name("bound.sv")), "eskin_readout.v", "properties.sv", "main.cpp"]
+    own = [str(Path(__file__).with_name(f"bound.{kind}")) for kind in ("sv", "cpp")]
+    sources = [*own, "eskin_readout.v", "properties.sv"]
     with build_environment():
         done = subprocess.run(["verilator", *FLAGS, *QUICK, *sources], cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
