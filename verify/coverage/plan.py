@@ -60,7 +60,6 @@ def _readouts() -> Iterator[Run]:
 
 
 def _frames() -> Iterator[Run]:
-    """Yield runs of frame readouts with different word lengths and settling times."""
     for rows, columns, resolution, word_bits, own in (
         (3, 5, 5, 12, {}),
         (3, 2, 6, 6, {"reset": "async"}),
@@ -124,7 +123,6 @@ def _classifiers() -> Iterator[Run]:
 
 
 def _boards() -> Iterator[Run]:
-    """Yield runs of both board designs."""
     for design in ("player", "receiver"):
         own = tuple(f"eskin_board_{part}" for part in ("uart_receiver", "uart_sender", "frames_crc"))
         yield Run(f"board {design}", small_board(design), board, only=own)

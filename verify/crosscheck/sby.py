@@ -20,27 +20,9 @@ from eskin.verify.proofs.bench import TOP, cutting, design, exposing
 from eskin.verify.proofs.checker import Checker
 from eskin.verify.proofs.engine import Verdict
 
-JOB = """[options]
-mode cover
-depth {depth}
-vcd off
+JOB = Path(__file__).with_suffix(".txt").read_text()
+"""Job of SymbiYosys, to be formatted."""
 
-[engines]
-smtbmc z3
-
-[script]
-read_rtlil readout.il
-delete t:$meminit_v2
-{expose}
-hierarchy -check -top {top}
-cd {top}
-{covers}
-cd
-prep -top {top} -flatten
-
-[files]
-readout.il
-"""
 COVER = "add -cover {name}\nrename -enumerate -pattern {name}_% t:$cover\nsetattr -set keep 1 t:$cover"
 """Commands that turn each failure into a cover statement, because z3 stops its search at a failed assertion."""
 

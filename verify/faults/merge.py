@@ -46,7 +46,6 @@ def upsets(config: TilesConfig, stride: int, flops: str) -> Iterator[Upset]:
 
 
 def _inputs(config: TilesConfig) -> dict[str, NDArray[np.uint8]]:
-    """Return a stimulus with low load, overload, and a stalled sink."""
     rng = np.random.default_rng(0)
     total = RESET + LOADED + PAUSE + AGAIN
     since = np.arange(total) - RESET

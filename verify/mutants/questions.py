@@ -109,7 +109,6 @@ def _module(file: str) -> str:
 
 @cache
 def _imports(root: Path) -> dict[str, set[str]]:
-    """Return the imported modules of every file."""
     found: dict[str, set[str]] = {}
     for path in sorted(root.rglob("*.py")):
         parts = path.relative_to(root).parts

@@ -128,7 +128,6 @@ def _kept_piece(piece: Path) -> dict[str, Any]:
 
 
 def _pieces(folder: Path) -> list[dict[str, Any]]:
-    """Return the results of all configurations in a folder."""
     return [read_shaped(path, "the soaked piece", PIECE) for path in sorted((folder / "pieces").glob("*.json"))]
 
 

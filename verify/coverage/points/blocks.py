@@ -44,7 +44,6 @@ def _taxels(config: FrameConfig) -> Named:
 
 
 def _words(config: FrameConfig) -> Named:
-    """Yield the points of the packer: bit positions, partial words, and stalls."""
     if config.word_bits == config.resolution:
         return
     # A code is put only where no word waits; so a word meets another if two steps that end one follow each other.
@@ -159,7 +158,6 @@ def loads(config: ClassifierConfig) -> Named:
 
 
 def _ends(config: ClassifierConfig) -> Named:
-    """Yield the points of potentials at their limits and at the floor."""
     parts = [("hidden", config.membrane_bits, config.floor, config.saturates)]
     if config.readout == "spikes":
         parts += [("output", config.output_bits, config.out_floor, config.output_saturates)]

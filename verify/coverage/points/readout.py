@@ -56,7 +56,6 @@ def _holds(config: ReadoutConfig) -> Named:
 
 
 def _arbiter(config: ReadoutConfig) -> Named:
-    """Yield the points of the arbiter: burst sizes, orders of rows, and the burst latch."""
     rows, columns = range(config.rows), range(1, config.columns + 1)
     for row in rows:
         for size in columns:
@@ -72,7 +71,6 @@ def _arbiter(config: ReadoutConfig) -> Named:
 
 
 def _taxel(config: ReadoutConfig) -> Named:
-    """Yield the points of new requests in the clock in which the old request is granted."""
     kinds = _kinds(config)
     for old, was in kinds.items():
         for new, is_now in kinds.items():
@@ -100,7 +98,6 @@ def _requested(config: ReadoutConfig) -> str:
 
 
 def _link(config: ReadoutConfig) -> Named:
-    """Yield the points of the four-phase link: conditions that coincide with an ACK edge."""
     if not config.handshake:
         return
     news = some(config, "T.pending && !$past(T.pending)")
@@ -110,7 +107,6 @@ def _link(config: ReadoutConfig) -> Named:
 
 
 def _ends(config: ReadoutConfig) -> Named:
-    """Yield the points of samples and references at both ends of the scale."""
     bits = config.sample_bits
     if config.frontend == "digital":
         codes = [f"sample[{index * bits} +: {bits}]" for index in range(config.taxels)]
@@ -141,7 +137,6 @@ def _ends(config: ReadoutConfig) -> Named:
 
 
 def _window(config: ReadoutConfig) -> Named:
-    """Yield the points of CW-LCS: every window width, and conditions that coincide with a tick."""
     if not config.closes:
         return
     for width in range(1, (1 << config.closing_levels_log2) + 1):
@@ -152,7 +147,6 @@ def _window(config: ReadoutConfig) -> Named:
 
 
 def _leak(config: ReadoutConfig) -> Named:
-    """Yield the points of the leaks of every row, and of conditions that coincide with a leak."""
     if not config.encoder.leaks:
         return
     for row in range(config.rows):

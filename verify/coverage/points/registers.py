@@ -25,7 +25,6 @@ def _plain(register: Register) -> str:
 
 
 def _register(register: Register) -> Named:
-    """Yield the points of a register: limits and bits of every field, and rejected writes."""
     here = f"at_{_plain(register)}"
     name = register.key.replace("[", " ").replace("]", "")
     if not register.writable:
@@ -64,7 +63,6 @@ def _file(config: ReadoutConfig) -> Named:
 
 
 def _pattern(config: ReadoutConfig) -> Named:
-    """Yield the points of the test pattern: modes, rates, first and last taxel, restarts."""
     yield from table("pattern")
     for mode in (1, 2):
         yield from table("pattern_mode", mode=mode, row=config.rows - 1, column=config.columns - 1)
@@ -89,7 +87,6 @@ def _beyond(config: ReadoutConfig) -> Named:
 
 
 def _array(config: ReadoutConfig) -> Named:
-    """Yield the points of settings that change in each state of the array."""
     for bits in range(1, config.resolution + 1):
         step = 1 << config.resolution - bits
         yield f"a taxel asks at {bits} bits", f"host.step == {step} && {some(config, 'T.asks')}"

@@ -161,7 +161,6 @@ class TaxelChecker(Checker[ReadoutConfig]):
         return Now(reference, half_width, asks, acts, up, then)
 
     def _floor(self, shift: Any) -> Any:
-        """Return 2**(k - 1)."""
         return 1 << (shift - 1) if isinstance(shift, int) else (Const(1) << shift) >> 1
 
     def _comparators(self, m: Module, reference: Signal, half_width: Signal) -> tuple[Any, Any]:
@@ -262,7 +261,6 @@ class TaxelChecker(Checker[ReadoutConfig]):
 
 
 def _magnitude(m: Module, value: Value, name: str) -> Signal:
-    """Return the absolute value of a number."""
     size = Signal(len(value), name=name)
     m.d.comb += size.eq(Mux(value < 0, -value, value))
     return size
