@@ -15,7 +15,7 @@ from eskin.verify.coverage.plan import Run, runs
 from eskin.verify.coverage.points.all_points import points
 from eskin.verify.coverage.points.point import Point
 from eskin.verify.coverage.run import Reached, closing_line, judge, play
-from eskin.verify.coverage.waivers import Waiver, chosen, claim, explained, guards, unproved, waivers
+from eskin.verify.coverage.waivers import Waiver, chosen, claim, guards, unproved, waivers
 
 TEXT = """// a comment
 module eskin_a(clk, rst, x, y);
@@ -107,8 +107,6 @@ def test_what_is_not_reached_needs_a_reason() -> None:
 
 def test_a_waiver_that_explains_nothing_is_refused() -> None:
     waiver, other = Waiver("branch", "why not"), Waiver("toggle", "none", signal="low")
-    _, rest, stale = explained([construct("branch", "if")], [waiver, other])
-    assert (rest, stale) == ([], [other])
     reached = reached_of((construct("branch", "if"), 0))
     assert judge(reached, [waiver, other]).problems == ["explains nothing: the waiver of toggle low: none"]
     assert judge(reached, [waiver, other], whole=False).problems == []

@@ -21,7 +21,7 @@ from eskin.verify.coverage.constructs import POINT, Construct, modules, read, wi
 from eskin.verify.coverage.plan import Run
 from eskin.verify.coverage.points.all_points import points
 from eskin.verify.coverage.points.point import Point
-from eskin.verify.coverage.waivers import Waiver, claim, explained, unproved
+from eskin.verify.coverage.waivers import Waiver, claim, unproved
 
 SOURCES = sources(
     (
@@ -138,12 +138,20 @@ def counted(points: Callable[[Config], list[Point]], play: Callable[[], object])
 
 def judge(reached: Reached, listed: list[Waiver], whole: bool = True) -> Verdict:
     """Return the coverage result after applying the waivers."""
-    found, rest, stale = explained(reached.unreached(), listed)
+    found: dict[Construct, Waiver] = {}
+    rest = []
+    for construct in reached.unreached():
+        if waiver := next((one for one in listed if one.explains(construct)), None):
+            found[construct] = waiver
+        else:
+            rest.append(construct)
     problems = [f"not reached: {group}: {name}" for (group, name), count in reached.points.items() if not count]
     problems += [f"not reached, and no reason given: {construct.said}" for construct in rest]
     if whole:
         problems += [
-            f"explains nothing: the waiver of {waiver.kind} {waiver.signal}: {waiver.reason}" for waiver in stale
+            f"explains nothing: the waiver of {waiver.kind} {waiver.signal}: {waiver.reason}"
+            for waiver in listed
+            if waiver not in found.values()
         ]
     claims: dict[tuple[str, str], dict[Construct, str]] = {}
     for construct, waiver in found.items():

@@ -60,22 +60,6 @@ def waivers() -> list[Waiver]:
     return [Waiver(**entry) for entry in listed]
 
 
-def explained(
-    unreached: Iterable[Construct], listed: Iterable[Waiver]
-) -> tuple[dict[Construct, Waiver], list[Construct], list[Waiver]]:
-    """Return waived constructs with their waivers, unwaived constructs, and unused waivers."""
-    found: dict[Construct, Waiver] = {}
-    rest = []
-    listed = list(listed)
-    for construct in unreached:
-        waiver = next((one for one in listed if one.explains(construct)), None)
-        if waiver is None:
-            rest.append(construct)
-        else:
-            found[construct] = waiver
-    return found, rest, [waiver for waiver in listed if waiver not in found.values()]
-
-
 def claim(construct: Construct, once: bool, verilog: str = "") -> str:
     """Return an expression that is never true if a construct is unreachable.
 
