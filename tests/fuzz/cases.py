@@ -29,6 +29,7 @@ HOSTILE_JSON = (
     None, True, False, -1, 0, 1.5, 1e308, 10**400, float("nan"), float("inf"), "", "x" * 5000, "\x1b[31m", [], {}, [[]],
     ["a", "a"], "NaN", "1", 2**63, -(2**63),
 )  # fmt: skip
+HOSTILE_NUMBERS = (np.nan, np.float32(np.inf), -1, 2**62, "text", 1j)
 DEPTH = 200_000
 
 LONG = {command for command in (*CHECKS, *COMMANDS["Hardware"]) if command not in ("soak", "verilog", "gates")}
@@ -104,12 +105,8 @@ def _flipped(draw: Callable[[Any], Any], good: bytes) -> bytes:
 
 
 def _foreign(draw: Callable[[Any], Any], good: bytes) -> bytes:
-    return bytes(
-        draw(
-            st.sampled_from([b"", b"PK\x05\x06" + bytes(18), b"\x89HDF\r\n\x1a\n", b"{}", b"[]", b"\xff\xfe"])
-            | st.binary()
-        )
-    )
+    heads = [b"", b"PK\x05\x06" + bytes(18), b"\x89HDF\r\n\x1a\n", b"{}", b"[]", b"\xff\xfe"]
+    return bytes(draw(st.sampled_from(heads) | st.binary()))
 
 
 def _deep(draw: Callable[[Any], Any], good: bytes) -> bytes:
@@ -145,23 +142,9 @@ def _other_member(draw: Callable[[Any], Any], good: bytes) -> bytes:
     if array.dtype.kind == "U" and array.ndim == 0 and draw(st.booleans()):
         arrays[name] = np.array(_other_value(draw, str(array).encode()).decode())
     else:
-        change: Callable[[Any], Any] = draw(
-            st.sampled_from(
-                [
-                    lambda a: a.reshape(-1)[:0],
-                    lambda a: a[None],
-                    lambda a: np.resize(a, (max(a.size, 1) + 3,)),
-                    lambda a: np.full(a.shape, np.nan),
-                    lambda a: np.full(a.shape, np.inf, np.float32),
-                    lambda a: np.full(a.shape, -1),
-                    lambda a: np.full(a.shape, 2**62),
-                    lambda a: np.full(a.shape, "text"),
-                    lambda a: np.full(a.shape, 1j),
-                    lambda a: np.zeros((2**14, 2**13), np.int8),
-                ]
-            )
-        )
-        arrays[name] = change(array)
+        others = [array.reshape(-1)[:0], array[None], np.resize(array, (max(array.size, 1) + 3,))]
+        others += [np.zeros((2**14, 2**13), np.int8), *(np.full(array.shape, value) for value in HOSTILE_NUMBERS)]
+        arrays[name] = others[draw(st.integers(0, len(others) - 1))]
     if draw(st.integers(0, 5)) == 0:
         arrays.pop(name)
     made = io.BytesIO()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,16 @@ SET: dict[str, dict[str, Any]] = {
     "registers.decay": {"registers": "spi", "encoding": "nlcs", "leak_period": 20},
 }
 """Fixed fields of configurations that use a file."""
+
+CLASSIFIER: dict[str, Sequence[Any]] = dict.fromkeys(("in_bits", "rec_bits", "out_bits", "bias_bits"), range(2, 9))
+CLASSIFIER |= {"inputs": range(1, 7), "hidden": range(1, 10), "classes": range(1, 5), "lanes": (1, 2, 4)}
+CLASSIFIER |= {"clocks_per_bin": range(5, 50)} | dict.fromkeys(("in_shift", "rec_shift", "bias_shift"), range(4))
+CLASSIFIER |= dict.fromkeys(("out_shift", "out_bias_shift", "leak_shift", "out_leak_shift"), range(4))
+CLASSIFIER |= {"membrane_bits": range(9, 20), "output_bits": range(9, 20), "evidence_bits": range(8, 20)}
+CLASSIFIER |= {"threshold": range(1, 200), "floor": (None, -7, 0), "neuron_reset": ("zero", "subtract")}
+CLASSIFIER |= {"readout": ("spikes", "membrane"), "out_threshold": range(1, 200), "out_floor": (None, -7, 0)}
+CLASSIFIER |= {"reset": ("sync", "async")}
+"""Values of the fields of a classifier."""
 
 
 @cache
@@ -81,27 +92,7 @@ def _of(rng: np.random.Generator, *values: Any) -> Any:
 
 
 def _classifier(rng: np.random.Generator) -> ClassifierConfig:
-    bits = {name: int(rng.integers(2, 9)) for name in ("in_bits", "rec_bits", "out_bits", "bias_bits")}
-    shifts = ("in_shift", "rec_shift", "bias_shift", "out_shift", "out_bias_shift", "leak_shift", "out_leak_shift")
-    return ClassifierConfig(
-        inputs=int(rng.integers(1, 7)),
-        hidden=int(rng.integers(1, 10)),
-        classes=int(rng.integers(1, 5)),
-        lanes=_of(rng, 1, 2, 4),
-        clocks_per_bin=int(rng.integers(5, 50)),
-        **bits,
-        **{name: int(rng.integers(4)) for name in shifts},
-        membrane_bits=int(rng.integers(9, 20)),
-        output_bits=int(rng.integers(9, 20)),
-        evidence_bits=int(rng.integers(8, 20)),
-        threshold=int(rng.integers(1, 200)),
-        floor=_of(rng, None, -7, 0),
-        neuron_reset=_of(rng, "zero", "subtract"),
-        readout=_of(rng, "spikes", "membrane"),
-        out_threshold=int(rng.integers(1, 200)),
-        out_floor=_of(rng, None, -7, 0),
-        reset=_of(rng, "sync", "async"),
-    )
+    return ClassifierConfig.from_dict({name: _of(rng, *values) for name, values in CLASSIFIER.items()})
 
 
 def designs(file: str, seed: int, count: int) -> dict[str, dict[str, str]]:

@@ -28,23 +28,16 @@ def command(draw: Draw, simulator: Simulator) -> str:
     return " ".join(words)
 
 
-def play(draws: Sequence[Draw], simulator: Simulator, on_run: Callable[[Any], None] = lambda run: None) -> Tally:
+def play(draws: Sequence[Draw], simulator: Simulator) -> Tally:
     """Simulate random runs of one configuration, and return the comparison totals."""
     config = draws[0].config
     program = build(config, simulator)
     with scratch_folder(BUILD / "run", "soak") as folder:
-        prepared = [
-            prepare(
-                config,
-                f"seed {draw.seed}, run {draw.run}",
-                draw.stimulus,
-                folder / str(number),
-                draw=asdict(draw),
-                reproduce=command(draw, simulator),
-            )
-            for number, draw in enumerate(draws)
-        ]
-        return run_job(program, Job(config.to_dict(), "", scenarios=prepared), folder, on_run)
+        prepared = []
+        for number, draw in enumerate(draws):
+            name, place, again = f"seed {draw.seed}, run {draw.run}", folder / str(number), command(draw, simulator)
+            prepared.append(prepare(config, name, draw.stimulus, place, draw=asdict(draw), reproduce=again))
+        return run_job(program, Job(config.to_dict(), "", scenarios=prepared), folder)
 
 
 @dataclass(frozen=True)
