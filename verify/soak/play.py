@@ -64,21 +64,10 @@ def failure_of(draw: Draw, text: str) -> Failure:
     return Failure(draw, int(said[1]) if said else draw.clocks - 1, text)
 
 
-SIMPLER: dict[str, tuple[Any, ...]] = {
-    "masks": (0,),
-    "sink": ("always",),
-    "link": ("stream",),
-    "frontend": ("digital",),
-    "reset": ("sync",),
-    "registers": ("none",),
-    "decide_every": ("clock",),
-    "encoding": ("lcs",),
-    "rows": (1, 2, 3),
-    "columns": (1, 2, 3),
-    "gap": (1, 3),
-    "signal": ("hold",),
-    "reference_reset": (0,),
-}
+SIMPLER: dict[str, tuple[Any, ...]] = {"masks": (0,), "sink": ("always",), "link": ("stream",)}
+SIMPLER |= {"frontend": ("digital",), "reset": ("sync",), "registers": ("none",), "decide_every": ("clock",)}
+SIMPLER |= {"encoding": ("lcs",), "rows": (1, 2, 3), "columns": (1, 2, 3), "gap": (1, 3), "signal": ("hold",)}
+SIMPLER |= {"reference_reset": (0,)}
 """Simpler values for the parts of a draw, the simplest first."""
 
 
