@@ -52,7 +52,7 @@ COMMANDS = {
     "properties": "tests/verify/test_bind.py::test_the_command_writes_what_goes_with_the_verilog",
     "mutants": "tests/verify/test_campaign.py::test_every_edit_is_another_program",  # a campaign takes seconds
     "crosscheck": "tests/verify/test_crosscheck.py::test_slang_takes_what_is_delivered",  # compiling takes seconds
-    "crossproof": "tests/verify/test_crossproof.py::test_both_find_the_same_first_clocks_of_a_block_and_of_mutants",
+    "crossproof": "tests/verify/test_crosscheck.py::test_both_find_the_same_first_clocks_of_a_block_and_of_mutants",
     "asic": "tests/flow/test_asic_report.py::test_bad_input_is_one_sentence",  # runs take ten seconds and more
     "asic-scale": "tests/flow/test_scale.py::test_what_is_no_size_is_one_sentence",  # an array takes longer
     "layout": "tests/flow/test_layout.py::test_blif_and_spice",  # a layout takes half a minute

@@ -15,7 +15,7 @@ import pytest
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write
 from eskin.base.outputs import check_folder, file_of, has_earlier
-from eskin.verify.proofs.report import earlier
+from eskin.verify.proofs.run import earlier
 
 KILLED = """
 import os, signal, sys

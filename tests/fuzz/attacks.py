@@ -1,11 +1,13 @@
-"""Fuzz tests of readers and writers below the commands.
+"""Attacks on commands, and on the readers and writers below them.
 
-An attack returns nothing where the result is right, raises InputError where it is refused, and fails otherwise.
+An attack of a command returns its exit code. Others return nothing where the result is right, and raise InputError
+where it is refused. All fail otherwise.
 """
 
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import os
 import shutil
@@ -37,11 +39,42 @@ from eskin.model.events.recording import Recording
 from eskin.skin.recordings.folder import sources_of
 from eskin.skin.samples import ARRAY_SUFFIXES
 from eskin.verify.soak.campaign import PIECE, summary
-from tests.fuzz.cases import _cut, _flipped, _other_value
+from tests.fuzz.cases import FILES, _cut, _flipped, _other_value, damaged, hostile_commands
 from tests.fuzz.corpus import LIBERTY
+from tests.fuzz.run import Command, checked
 
 Draw = Callable[[Any], Any]
-Attack = Callable[[Draw, Path], None]
+Attack = Callable[[Draw, Path], int | None]
+
+# -- commands ----------------------------------------------------------------------------------------
+
+
+def files(draw: Draw, root: Path) -> int | None:
+    """Run a command on a damaged file of the corpus."""
+    name = draw(st.sampled_from(sorted(FILES)))
+    arguments = draw(st.sampled_from(FILES[name]))
+    place = root / "bad" / Path(name).name
+    clean(root)
+    place.parent.mkdir()
+    place.write_bytes(draw(damaged((root / "good" / name).read_bytes(), name)))
+    return checked(Command(tuple(f"bad/{place.name}" if a == "{}" else a for a in arguments)), root)
+
+
+def options(draw: Draw, root: Path) -> int | None:
+    """Run a command with random values of options."""
+    command = draw(hostile_commands())
+    clean(root)
+    code = checked(command, root)
+    assert not (root / "planted").exists()
+    return code
+
+
+def clean(root: Path) -> None:
+    """Remove all files except the corpus."""
+    for path in root.iterdir():
+        if path.name != "good":
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+
 
 # -- cell libraries ----------------------------------------------------------------------------------
 
@@ -96,35 +129,21 @@ CONFIG = ReadoutConfig(rows=3, columns=4)
 GOOD_HELLO = (VERSION, 2, BoardConfig(chip=None).identity, 50_000_000, 512, 4096, 2, 0)
 records = st.one_of(
     st.builds(Event, st.integers(0, 1 << 40), st.integers(0, 31) | st.integers(0, 4095)),
-    st.builds(
-        Class,
-        st.integers(0, 1 << 40),
-        st.integers(0, 63),
-        st.booleans(),
-        st.tuples(st.integers(-9, 9), st.integers(-9, 9)),
-    ),
+    st.builds(Class, st.integers(0, 1 << 40), st.integers(0, 63), st.booleans(), st.tuples(*[st.integers(-9, 9)] * 2)),
     st.builds(Lost, st.integers(0, (1 << 28) - 1)),
     st.builds(Ack, st.integers(0, 255)),
 )
 
 
-class Line:
+class Line(io.BytesIO):
     """Serial line of a fake board with given output."""
 
-    def __init__(self, data: bytes) -> None:
-        self.data, self.in_waiting = data, len(data)
+    in_waiting = 1 << 16
 
     def __call__(self, *_: Any, **__: Any) -> Line:
         return self
 
-    def read(self, size: int) -> bytes:
-        """Return the remaining bytes once."""
-        data, self.data, self.in_waiting = self.data, b"", 0
-        if not data:
-            time.sleep(0.001)
-        return data
-
-    def write(self, data: bytes) -> int:
+    def write(self, data: Any) -> int:
         """Accept bytes from the host."""
         return len(data)
 
@@ -151,14 +170,8 @@ def boards(draw: Draw, root: Path) -> None:
     payloads = [b"".join(word.to_bytes(4, "little") for word in words) for words in (said, *frames)]
     if draw(st.integers(0, 7)) == 0:
         payloads[-1] = payloads[-1][: draw(st.integers(0, len(payloads[-1])))]
-    kinds = [
-        draw(st.just(Kind.RECORDS) | st.integers(0, 255)) if draw(st.integers(0, 9)) == 0 else Kind.RECORDS
-        for _ in payloads
-    ]
-    data = [
-        Frame(kind, number, payload[:255]).encode()
-        for number, (kind, payload) in enumerate(zip(kinds, payloads, strict=True))
-    ]
+    kind = st.one_of(*[st.just(Kind.RECORDS)] * 9, st.integers(0, 255))
+    data = [Frame(draw(kind), number, payload[:255]).encode() for number, payload in enumerate(payloads)]
     path = root / "heard.npz"
     for left in root.glob("heard*"):
         left.unlink()
@@ -315,13 +328,12 @@ def folders(draw: Draw, root: Path) -> None:
         elif kind == "ring":
             (label / f"ring{number}").symlink_to(root / "skin")
         else:
-            make: dict[str, Callable[[], object]] = {
-                "folder": path.mkdir,
-                "dangling": lambda path=path: path.symlink_to("nowhere"),  # type: ignore[misc]
-                "fifo": lambda path=path: os.mkfifo(path),  # type: ignore[misc]
-                "device": lambda path=path: path.symlink_to("/dev/zero"),  # type: ignore[misc]
-            }
-            make[kind]()
+            if kind == "folder":
+                path.mkdir()
+            elif kind == "fifo":
+                os.mkfifo(path)
+            else:
+                path.symlink_to("/dev/zero" if kind == "device" else "nowhere")
             odd += not hidden
     odd += (root / "skin" / "x.csv").exists()
     strict = draw(st.booleans())
@@ -337,6 +349,6 @@ def folders(draw: Draw, root: Path) -> None:
 
 
 ATTACKS: dict[str, Attack] = {
-    "liberty": liberty, "boards": boards, "state": state, "outputs": outputs, "folders": folders
-}  # fmt: skip
+    attack.__name__: attack for attack in (files, options, liberty, boards, state, outputs, folders)
+}
 """By the name under which their cases are counted."""

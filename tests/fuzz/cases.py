@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import io
 import json
+import tomllib
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -28,86 +29,15 @@ HOSTILE_JSON = (
     None, True, False, -1, 0, 1.5, 1e308, 10**400, float("nan"), float("inf"), "", "x" * 5000, "\x1b[31m", [], {}, [[]],
     ["a", "a"], "NaN", "1", 2**63, -(2**63),
 )  # fmt: skip
+HOSTILE_NUMBERS = (np.nan, np.float32(np.inf), -1, 2**62, "text", 1j)
 DEPTH = 200_000
-
-ENCODE = ("encode", "{}", "--rows", "1", "--columns", "4", "--sample-rate", "1000", "-o", "new.npz")
-FILES: dict[str, tuple[tuple[str, ...], ...]] = {
-    "events.npz": (
-        ("decode", "{}", "-o", "new.csv"), ("compare", "{}", "good/events.npz"),
-        ("convert", "{}", "-o", "new.nir"), ("convert", "{}", "-o", "new.npy"),
-        ("predict", "good/train/weights.npz", "--events", "{}", "-o", "new.json"),
-        ("compare", "good/events.npz", "{}", "--plot", "new.png"),
-    ),
-    "samples.npy": (ENCODE,),
-    "samples.npz": (ENCODE,),
-    "samples.csv": (ENCODE,),
-    "image.png": (("encode", "{}", "-o", "new.npz"),),
-    "config.json": (("encode", "good/samples.npz", "--config", "{}", "-o", "new.npz"),),
-    "rates.json": (
-        ("power", "--mode", "consistent", "--rates", "{}"),
-        ("explore", "--preset", "paper", "--rates", "{}", "-o", "new"),
-    ),
-    "synthesis.json": (("power", "--mode", "consistent", "--synthesis", "{}"),),
-    "fig9.json": (("report", "--accuracy", "{}", "-o", "new.html"),),
-    "train/weights.npz": (
-        ("export", "{}", "-o", "new.nir"), ("export", "{}", "--eight-bits", "-o", "new.npz"),
-    ),
-    "train/result.json": (("fig8", "--weights", "good/train/weights.npz", "--result", "{}", "-o", "new"),),
-    "network.nir": (("import", "{}", "-o", "new.npz"),),
-    "events.nir": (("convert", "{}", "-o", "new.npz"),),
-    "sweep/sweep.json": (("fig9", "--sweep", "{}", "-o", "new"),),
-}  # fmt: skip
-"""The commands that read each file of the corpus, ``{}`` in its place."""
 
 LONG = {command for command in (*CHECKS, *COMMANDS["Hardware"]) if command not in ("soak", "verilog", "gates")}
 """Commands that no option makes short: other tests refuse their wrong options."""
 
-GOOD: dict[str, tuple[str, ...]] = {
-    "encode": ("good/samples.npz", "--rows", "1", "--columns", "4", "-o", "new.npz"),
-    "decode": ("good/events.npz", "-o", "new.csv"),
-    "compare": ("good/events.npz", "good/events.npz"),
-    "rates": ("--dataset", "good/images", "--limit", "1"),
-    "event-rates": ("--dataset", "good/nothing", "-o", "new.json"),
-    "power": (),
-    "fig6": ("-o", "new"),
-    "fig7": ("-o", "new"),
-    "sensitivity": ("-o", "new"),
-    "explore": ("-o", "new"),
-    "frames": ("--dataset", "good/images", "--limit", "1"),
-    "study": ("--data", "good/nothing", "-o", "new"),
-    "report": ("-o", "new.html"),
-    "demo": ("good/nothing.npz", "--no-browser", "--port", "0"),
-    "play": ("good/nothing.npz", "--port", "good/nothing", "-o", "new.npz"),
-    "load": ("good/nothing.npz", "--port", "good/nothing"),
-    "listen": ("--port", "good/nothing", "-o", "new.npz"),
-    "rescue": ("good/nothing.npz.part",),
-    "verilog": ("-o", "good/config.json/new"),
-    "gates": ("--liberty", "good/nothing.lib"),
-    "train": ("--events", "good/events", "--folds", "2", "--fold", "9"),
-    "crossval": ("--events", "good/events", "--folds", "99"),
-    "sweep": ("--points", "lcs:4,lcs:4", "-o", "new"),
-    "predict": ("good/train/weights.npz", "--events", "good/events.npz", "-o", "new.json"),
-    "export": ("good/train/weights.npz", "-o", "new.nir"),
-    "import": ("good/network.nir", "-o", "new.npz"),
-    "pair": ("good/sweep/sweep.json:lcs-3", "good/sweep/sweep.json:lcs-3", "-o", "new.json"),
-    "counts": ("--points", "lcs:2", "--dataset", "good/images", "-o", "new.json"),
-    "robustness": ("good/nothing", "-o", "new"),
-    "noise-power": ("good/nothing", "-o", "new"),
-    "merits": ("good/nothing", "-o", "new"),
-    "precision": ("good/nothing", "-o", "new"),
-    "quantise": ("good/train/weights.npz", "-o", "new.npz"),
-    "cache": (),
-    "convert": ("good/events.npz", "-o", "new.npy"),
-    "fig8": ("--weights", "good/train/weights.npz", "-o", "new"),
-    "fig9": ("--sweep", "good/sweep/sweep.json", "-o", "new"),
-    "frontier": ("physical/leaky/lcs:2/across:9", "-o", "new"),
-    "soak": ("--sim", "good/nothing", "-o", "new"),
-    "sim": ("--only", "no-such-texture"),
-    "agree": ("good/train/weights.npz", "--bits", "9", "-o", "new"),
-    "touch": ("--only", "no-such-texture"),
-    "replay": ("--dataset", "good/images", "--only", "no-such-texture"),
-}
-"""Arguments with which each command ends soon; where it would run long, one of them is refused after all options."""
+LISTED = tomllib.loads(Path(__file__).with_name("commands.toml").read_text())
+FILES = {file: [tuple(line.split()) for line in lines] for file, lines in LISTED["files"].items()}
+GOOD = {name: tuple(line.split()) for name, line in LISTED["good"].items()}
 
 
 def commands() -> dict[str, click.Command]:
@@ -175,12 +105,8 @@ def _flipped(draw: Callable[[Any], Any], good: bytes) -> bytes:
 
 
 def _foreign(draw: Callable[[Any], Any], good: bytes) -> bytes:
-    return bytes(
-        draw(
-            st.sampled_from([b"", b"PK\x05\x06" + bytes(18), b"\x89HDF\r\n\x1a\n", b"{}", b"[]", b"\xff\xfe"])
-            | st.binary()
-        )
-    )
+    heads = [b"", b"PK\x05\x06" + bytes(18), b"\x89HDF\r\n\x1a\n", b"{}", b"[]", b"\xff\xfe"]
+    return bytes(draw(st.sampled_from(heads) | st.binary()))
 
 
 def _deep(draw: Callable[[Any], Any], good: bytes) -> bytes:
@@ -216,23 +142,9 @@ def _other_member(draw: Callable[[Any], Any], good: bytes) -> bytes:
     if array.dtype.kind == "U" and array.ndim == 0 and draw(st.booleans()):
         arrays[name] = np.array(_other_value(draw, str(array).encode()).decode())
     else:
-        change: Callable[[Any], Any] = draw(
-            st.sampled_from(
-                [
-                    lambda a: a.reshape(-1)[:0],
-                    lambda a: a[None],
-                    lambda a: np.resize(a, (max(a.size, 1) + 3,)),
-                    lambda a: np.full(a.shape, np.nan),
-                    lambda a: np.full(a.shape, np.inf, np.float32),
-                    lambda a: np.full(a.shape, -1),
-                    lambda a: np.full(a.shape, 2**62),
-                    lambda a: np.full(a.shape, "text"),
-                    lambda a: np.full(a.shape, 1j),
-                    lambda a: np.zeros((2**14, 2**13), np.int8),
-                ]
-            )
-        )
-        arrays[name] = change(array)
+        others = [array.reshape(-1)[:0], array[None], np.resize(array, (max(array.size, 1) + 3,))]
+        others += [np.zeros((2**14, 2**13), np.int8), *(np.full(array.shape, value) for value in HOSTILE_NUMBERS)]
+        arrays[name] = others[draw(st.integers(0, len(others) - 1))]
     if draw(st.integers(0, 5)) == 0:
         arrays.pop(name)
     made = io.BytesIO()
@@ -250,13 +162,3 @@ def _other_cell(draw: Callable[[Any], Any], good: bytes) -> bytes:
         line = draw(st.sampled_from(lines))
         line[draw(st.integers(0, len(line) - 1))] = draw(st.sampled_from(HOSTILE_TEXT))
     return "\n".join(",".join(line) for line in lines).encode()
-
-
-@st.composite
-def hostile_files(draw: Callable[[Any], Any], root: Path) -> tuple[Command, str, bytes]:
-    """Return a damaged file, its path, and a command that reads it."""
-    name = draw(st.sampled_from(sorted(FILES)))
-    arguments = draw(st.sampled_from(FILES[name]))
-    place = f"bad/{Path(name).name}"
-    content = draw(damaged((root / "good" / name).read_bytes(), name))
-    return Command(tuple(place if a == "{}" else a for a in arguments)), place, content

@@ -20,15 +20,7 @@ from tests.fuzz.run import Command, run_command
 CONFIG = ReadoutConfig(rows=1, columns=4)
 TRAIN = ("--config", "good/config.json", "--bin", "0.02", "--set", "hidden=16", "--set", "batch=4", "--folds", "2")
 
-LIBERTY = """library (small) {
-  cell (INV) { area : 1; pin (A) { direction : input; } pin (Y) { direction : output; function : "!A"; } }
-  cell (NAND) { area : 1; pin (A) { direction : input; } pin (B) { direction : input; }
-    pin (Y) { direction : output; function : "!(A & B)"; } }
-  cell (DFF) { area : 4; ff (Q, QN) { clocked_on : "C"; next_state : "D"; }
-    pin (C) { direction : input; clock : true; } pin (D) { direction : input; }
-    pin (Q) { direction : output; function : "Q"; } }
-}
-"""
+LIBERTY = Path(__file__).with_suffix(".lib").read_text()
 
 
 def make(root: Path) -> None:

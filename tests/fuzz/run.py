@@ -1,4 +1,4 @@
-"""Run one command in this process, and record its visible results."""
+"""Run one command in this process, and judge its visible results."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import os
 import resource
 import signal
 import sys
+import time
 import traceback
 import unicodedata
 from collections.abc import Iterator
@@ -18,6 +19,11 @@ from typing import NamedTuple
 
 from eskin.app.cli import app, run
 
+CASES, SEED, COUNTS = 60, None, None
+if piece := os.environ.get("ESKIN_FUZZ"):
+    cases, number, folder = piece.split(" ", 2)
+    CASES, SEED, COUNTS = int(cases), int(number), Path(folder)
+"""For a piece of a long campaign: cases, seed, and the folder for the log of all cases and for the counts."""
 LONGEST_CPU_S = 30
 """Of this process: no case here takes three; one that takes so long has found a loop without end."""
 LONGEST_S = 600
@@ -116,3 +122,15 @@ def complaint(command: Command, seen: Seen, before: dict[str, int], after: dict[
         if changed := {n for n in before | after if before.get(n) != after.get(n)}:
             return f"files were left or changed by a refused command: {sorted(changed)[:5]}"
     return ""
+
+
+def checked(command: Command, root: Path) -> int | None:
+    """Run a command and return its exit code; fail if its results, or what it left in a folder, have a defect."""
+    before = tree(root)
+    if COUNTS:
+        with (COUNTS / "log.txt").open("a") as log:
+            log.write(f"{time.strftime('%H:%M:%S')} {command}"[:2000] + "\n")
+    seen = run_command(command)
+    if wrong := complaint(command, seen, before, tree(root)):
+        raise AssertionError("\n    ".join([str(command)[:400], *wrong.strip().splitlines()[-3:]]))
+    return seen.code

@@ -6,12 +6,8 @@ counted in docs/data/verification/fuzz.json.
 
 from __future__ import annotations
 
-import os
-import shutil
-import time
 import traceback
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,24 +20,18 @@ from eskin.base.errors import InputError
 from eskin.base.files import write_json
 from tests.fuzz import corpus
 from tests.fuzz import run as limits
-from tests.fuzz.attacks import ATTACKS
-from tests.fuzz.cases import FILES, GOOD, commands, hostile_commands, hostile_files
-from tests.fuzz.run import Command, Seen, complaint, run_command, tree
+from tests.fuzz.attacks import ATTACKS, clean
+from tests.fuzz.cases import FILES, GOOD, commands
+from tests.fuzz.run import CASES, COUNTS, SEED, Command, Seen, complaint, run_command
 
-CASES = int(os.environ.get("ESKIN_FUZZ", "60"))
 CHEAP = 12
 """Cases of an attack that needs no command and no parser, for each other case of a long campaign."""
-COUNTS = "ESKIN_FUZZ_COUNTS"
-"""Names the folder for what a campaign counted."""
-SEED = "ESKIN_FUZZ_SEED"
-"""Of what is drawn."""
-LOG = "ESKIN_FUZZ_LOG"
-"""Names the file into which every case is written before it runs."""
+SLOW = ("files", "options", "liberty")
 
 campaign = settings(
     max_examples=CASES,
     deadline=None,
-    derandomize="ESKIN_FUZZ" not in os.environ,
+    derandomize=SEED is None,
     suppress_health_check=list(HealthCheck),
     database=None,
     phases=[Phase.generate],  # every case is small, and all that is wrong shall be told at once
@@ -64,51 +54,17 @@ def here(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("ESKIN_DATA", raising=False)
 
 
-def clean(root: Path) -> None:
-    """Remove all files except the corpus."""
-    for path in root.iterdir():
-        if path.name != "good":
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
-
-
-def drawn(attack: Callable[[], None]) -> None:
-    """Run a fuzz function, with the seed of the environment if there is one."""
-    (seed(int(os.environ[SEED]))(attack) if SEED in os.environ else attack)()
-
-
-def note(command: Command) -> None:
-    """Write a command to the log before it runs."""
-    if file := os.environ.get(LOG):
-        with Path(file).open("a") as log:
-            log.write(f"{time.strftime('%H:%M:%S')} {command}"[:2000] + "\n")
-
-
 class Campaign:
-    """Runner that counts outcomes, and stores one case per failure."""
+    """Runner of an attack that counts outcomes, and keeps one case of every kind of failure."""
 
-    def __init__(self, root: Path) -> None:
-        self.root = root
+    def __init__(self, name: str, root: Path) -> None:
+        self.name, self.root = name, root
         self.codes: Counter[int | None] = Counter()
         self.of: dict[str, Counter[str]] = {"reader": Counter(), "command": Counter()}
         self.distinct: set[int] = set()
         self.wrong: dict[str, str] = {}
 
-    def run(self, command: Command, reader: str = "", content: bytes = b"") -> None:
-        self.of["command"][command.arguments[0]] += 1
-        if reader:
-            self.of["reader"][reader] += 1
-        self.distinct.add(hash((command, content)))
-        before = tree(self.root)
-        note(command)
-        seen = run_command(command)
-        self.codes[seen.code] += 1
-        if wrong := complaint(command, seen, before, tree(self.root)):
-            last = wrong.strip().splitlines()
-            kept = f"{str(command)[:400]}\n    " + "\n    ".join(last[-3:])
-            self.wrong.setdefault(f"{command.arguments[0]} {last[-1][:40]}", kept[:1500])
-
-    def attack(self, name: str, data: st.DataObject) -> None:
-        """Run a function of ``tests.fuzz.attacks``."""
+    def run(self, data: st.DataObject) -> None:
         values: list[Any] = []
 
         def draw(strategy: Any) -> Any:
@@ -116,31 +72,31 @@ class Campaign:
             return values[-1]
 
         try:
-            ATTACKS[name](draw, self.root)
-            code = 0
+            code = ATTACKS[self.name](draw, self.root) or 0
         except InputError as refused:
             code = 2
             if not str(refused):
-                self.wrong.setdefault(f"{name} no sentence", f"{values}"[:1500])
+                self.wrong.setdefault("no sentence", f"{values}"[:1500])
         except Exception:
             code = 1
             last = traceback.format_exc()
-            self.wrong.setdefault(f"{name} {last.strip().splitlines()[-1][:40]}", f"{values}\n{last}"[-1500:])
+            self.wrong.setdefault(last.strip().splitlines()[-1][:60], f"{values}\n{last}"[-1500:])
         self.codes[code] += 1
         self.distinct.add(hash(repr(values)))
+        if self.name == "files":
+            self.of["reader"][Path(values[0]).name] += 1
+        if self.name in ("files", "options"):
+            command = values[0] if self.name == "options" else Command(values[1])
+            self.of["command"][command.arguments[0]] += 1
 
-    def end(self, name: str) -> None:
+    def end(self) -> None:
         """Fail if a case failed, or if the campaign exercised too little."""
-        if folder := os.environ.get(COUNTS):
-            ends = {"refused": self.codes[2], "right or different": self.codes[0] + self.codes[1]}
-            counts = {
-                "cases": self.codes.total(),
-                "distinct in their piece": len(self.distinct),
-                **ends,
-                "wrong": len(self.wrong),
-            }
+        if COUNTS:
+            counts: dict[str, Any] = {"cases": self.codes.total(), "distinct in their piece": len(self.distinct)}
+            counts |= {"refused": self.codes[2], "right or different": self.codes[0] + self.codes[1]}
+            counts |= {"wrong": len(self.wrong)}
             counts |= {f"by {what}": dict(sorted(counter.items())) for what, counter in self.of.items() if counter}
-            write_json(Path(folder) / f"fuzz-{name}.json", counts)
+            write_json(COUNTS / f"fuzz-{self.name}.json", counts)
         assert not self.wrong, f"{len(self.wrong)} kinds of wrong ends:\n" + "\n".join(self.wrong.values())
         assert self.codes.total() >= CASES // 2
         assert self.codes[2] > self.codes.total() // 20, self.codes
@@ -159,47 +115,17 @@ def test_the_corpus_is_good(root: Path, name: str) -> None:
 
 
 @pytest.mark.filterwarnings("error::numpy.exceptions.ComplexWarning")  # half of a number is dropped
-def test_damaged_files(root: Path) -> None:
-    ends = Campaign(root)
+@pytest.mark.parametrize("name", ATTACKS)
+def test_attacks(name: str, root: Path, tmp_path: Path) -> None:
+    found = Campaign(name, root if name in ("files", "options") else tmp_path)
 
-    @campaign
-    @given(case=hostile_files(root))
-    def attack(case: tuple[Command, str, bytes]) -> None:
-        command, place, content = case
-        clean(root)
-        (root / place).parent.mkdir()
-        (root / place).write_bytes(content)
-        ends.run(command, Path(place).name, content)
-
-    drawn(attack)
-    ends.end("files")
-
-
-def test_hostile_options(root: Path) -> None:
-    ends = Campaign(root)
-
-    @campaign
-    @given(command=hostile_commands())
-    def attack(command: Command) -> None:
-        clean(root)
-        ends.run(command)
-        assert not (root / "planted").exists()
-
-    drawn(attack)
-    ends.end("options")
-
-
-@pytest.mark.parametrize("name", sorted(ATTACKS))
-def test_attacks_below_the_commands(name: str, tmp_path: Path) -> None:
-    ends = Campaign(tmp_path)
-
-    @settings(campaign, max_examples=CASES * (CHEAP if name != "liberty" and "ESKIN_FUZZ" in os.environ else 1))
+    @settings(campaign, max_examples=CASES * (CHEAP if name not in SLOW and COUNTS else 1))
     @given(data=st.data())
     def attack(data: st.DataObject) -> None:
-        ends.attack(name, data)
+        found.run(data)
 
-    drawn(attack)
-    ends.end(name)
+    (attack if SEED is None else seed(SEED)(attack))()
+    found.end()
 
 
 @pytest.mark.parametrize("swallowed", [False, True])

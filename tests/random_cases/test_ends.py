@@ -20,16 +20,24 @@ from eskin.model.readout import Stimulus, simulate
 from eskin.verify.crosscheck.cxxrtl import build, play
 from tests.random_cases.player import Design
 
-BASE: dict[str, Any] = {"rows": 1, "columns": 2, "sample_bits": 6, "resolution": 3, "link": "stream"}
-BASE |= {
+BASE: dict[str, Any] = {
+    "rows": 1,
+    "columns": 2,
+    "sample_bits": 6,
+    "resolution": 3,
+    "reference_reset": 0,
+    "link": "stream",
     "frontend": "digital",
     "reset": "sync",
     "registers": "none",
     "fields": "own",
     "decide_every": "clock",
-    "reference_reset": 0,
+    "closing_shift": 1,
+    "window_period": 2,
+    "leak_shift": 2,
+    "leak_period": 3,
+    "fraction_bits": 3,
 }
-BASE |= {"closing_shift": 1, "window_period": 2, "leak_shift": 2, "leak_period": 3, "fraction_bits": 3}
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ import pytest
 
 from eskin.cocotb_tests.runner.cocotb_runners import build_environment
 from eskin.model.config import ReadoutConfig
-from eskin.model.frame_config import FrameConfig
 from eskin.rtl import yosys
 from eskin.rtl.verilog import verilog
 from eskin.verify.proofs.bind import checkers, properties
@@ -20,14 +19,6 @@ from eskin.verify.proofs.blocks.registers import HostChecker
 from eskin.verify.proofs.checker import Checker
 
 CONFIG = ReadoutConfig(rows=2, columns=2, frontend="analog", link="four_phase")
-MAIN = """#include "Vbound.h"
-int main(int argc, char** argv) {
-    Verilated::commandArgs(argc, argv);
-    Vbound top;
-    for (vluint64_t edge = 0; !Verilated::gotFinish(); ++edge) { top.clk = edge & 1; top.eval(); }
-    top.final();
-}
-"""
 FLAGS = ("--cc", "--exe", "--build", "--assert", "-Wno-fatal", "-Wno-lint", "-Wno-style", "--top", "bound")
 QUICK = ("-MAKEFLAGS", "OPT_FAST=-O0 OPT_SLOW=-O0 OPT_GLOBAL=-O0")
 
@@ -38,8 +29,8 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bound")
     (folder / "eskin_readout.v").write_text(verilog(CONFIG))
     (folder / "properties.sv").write_text(properties(CONFIG))
-    (folder / "main.cpp").write_text(MAIN)
-    sources = [str(Path(__file__).with_name("bound.sv")), "eskin_readout.v", "properties.sv", "main.cpp"]
+    own = [str(Path(__file__).with_name(f"bound.{kind}")) for kind in ("sv", "cpp")]
+    sources = [*own, "eskin_readout.v", "properties.sv"]
     with build_environment():
         done = subprocess.run(["verilator", *FLAGS, *QUICK, *sources], cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
@@ -58,22 +49,11 @@ def test_a_receiver_that_breaks_an_assumption_stops_the_run(program: Path) -> No
     assert "Assertion failed" in done.stdout + done.stderr
 
 
-@pytest.mark.parametrize(
-    "config",
-    [
-        CONFIG.replace(encoding="nlcs", frontend="digital"),
-        CONFIG.replace(registers="spi"),
-        FrameConfig(readout=ReadoutConfig(rows=2, columns=2)),
-    ],
-    ids=["nlcs", "registers", "frame"],
-)
-def test_yosys_reads_properties_and_readout(config: ReadoutConfig | FrameConfig) -> None:
+def test_yosys_reads_properties_and_readout() -> None:
+    config = CONFIG.replace(registers="spi")
     files = {"eskin.v": verilog(config).encode(), "properties.sv": properties(config).encode()}
-    script = (
-        "read_verilog eskin.v; read_verilog -sv -formal properties.sv; hierarchy -check; proc; tee -o said.txt stat"
-    )
-    read = yosys.run(script, "", "said.txt", files)
-    assert "$assert" in read or "$check" in read
+    script = "read_verilog eskin.v; read_verilog -sv -formal properties.sv; hierarchy -check; tee -o said.txt stat"
+    assert "$check" in yosys.run(script, "", "said.txt", files)
 
 
 @pytest.mark.parametrize(("registers", "whole"), [("none", ReadoutChecker), ("spi", HostChecker)])

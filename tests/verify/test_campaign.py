@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from eskin.verify.mutants import campaign, questions
-from eskin.verify.mutants.arguments import arguments
-from eskin.verify.mutants.campaign import MODEL, RTL, Done, Finding, closing_line
+from eskin.verify.mutants.campaign import MODEL, RTL, Done, Finding, arguments, closing_line
 from eskin.verify.mutants.checkout import failing, first_failed, original
 from eskin.verify.mutants.configs import COUNT, configs
 from eskin.verify.mutants.edits import Mutant, mutated, places, sample
@@ -19,22 +18,13 @@ from eskin.verify.mutants.judge import Asked, judge
 from eskin.verify.mutants.questions import Questions, mutated_files
 
 ROOT = Path(__file__).parents[2]
+FILE = "rtl/arbiter.py"
 
 
 def drawn_from(file: str, text: str) -> list[Mutant]:
     """Return all mutants of a text."""
     every = (place for choices in places(file, text).values() for place in choices)
     return [mutant for mutant in (mutated(file, text, place) for place in every) if mutant]
-
-
-def the(file: str, function: str, operator: str, number: int) -> Mutant:
-    """Return one mutant of a file by its place."""
-    text = (ROOT / file).read_text()
-    every = (place for choices in places(file, text).values() for place in choices)
-    found = next(p for p in every if (p.function, p.operator, p.number) == (function, operator, number))
-    mutant = mutated(file, text, found)
-    assert mutant is not None
-    return mutant
 
 
 def test_every_edit_is_another_program() -> None:
@@ -165,14 +155,9 @@ def test_what_tests_do_not_kill_is_equivalent_or_alive_and_the_generator_may_ref
     checkout = original(tmp_path)
     assert (checkout / "build").readlink() == tmp_path / "build"  # programs never lie among the sources
     asked = Asked(checkout, Questions(()), 1, designs=2)
-    same, other, refused = (
-        the("rtl/arbiter.py", "Arbiter.elaborate", operator, number)
-        for operator, number in (
-            ("ReplaceBinaryOperator_Sub_Add", 0),
-            ("SwapReduction", 4),
-            ("ReplaceUnaryOperator_Invert_Not", 3),
-        )
-    )
+    mutants = {one.name: one for one in drawn_from(FILE, (ROOT / FILE).read_text())}
+    names = ("ReplaceBinaryOperator_Sub_Add 0", "SwapReduction 4", "ReplaceUnaryOperator_Invert_Not 3")
+    same, other, refused = (mutants[f"{FILE} Arbiter.elaborate {name}"] for name in names)
     assert judge(same, asked) == {"verdict": "equivalent"}
     found = judge(other, asked)
     assert found["verdict"] == "left"

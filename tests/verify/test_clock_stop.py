@@ -14,12 +14,13 @@ from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.registry import ENCODERS
 from eskin.model.frame_config import FrameConfig
-from eskin.rtl import readout, taxel
 from eskin.rtl.arbiter import Arbiter
 from eskin.rtl.classifier.chip import Chip
 from eskin.rtl.classifier.core import Classifier
 from eskin.rtl.frame import FramePacker, FrameReadout, FrameSequencer
+from eskin.rtl.readout import Readout
 from eskin.rtl.registers.host import Host
+from eskin.rtl.taxel import Row
 from eskin.rtl.verilog import top_block
 from eskin.verify.proofs.clock_stop import Clocked, clocked, rtlil_of, stands_still
 from eskin.verify.proofs.mutants import make
@@ -36,14 +37,12 @@ NETWORKS = [CONFIGS[1], CONFIGS[4], CONFIGS[6], *SYNAPTIC]
 """Classifiers with outputs of both kinds, with and without groups, saturation and synaptic currents."""
 BLOCKS = [
     Arbiter(FEW),
-    *(
-        taxel.Row(FEW.replace(encoding=code, decide_every=pace))
-        for code, pace in (("lcs", "sample"), ("nlcs", "clock"))
-    ),
-    taxel.Row(FEW.replace(encoding="cw-lcs", frontend="analog")),
-    readout.Readout(FEW.replace(encoding="cw-lcs", link="four_phase")),
-    readout.Readout(FEW.replace(encoding="nlcs", frontend="analog")),
-    readout.Readout(FEW.replace(encoding="nlcs", registers="spi")),
+    Row(FEW.replace(encoding="lcs", decide_every="sample")),
+    Row(FEW.replace(encoding="nlcs")),
+    Row(FEW.replace(encoding="cw-lcs", frontend="analog")),
+    Readout(FEW.replace(encoding="cw-lcs", link="four_phase")),
+    Readout(FEW.replace(encoding="nlcs", frontend="analog")),
+    Readout(FEW.replace(encoding="nlcs", registers="spi")),
     FrameReadout(FrameConfig(readout=FEW)),
     *map(Classifier, NETWORKS),
 ]
@@ -71,7 +70,7 @@ def test_a_block_that_is_awake_moves(block: Any) -> None:
     "wire", ["stirs -module eskin_taxel", "taxel_1_stirs -module eskin_row -cell taxel_1", "closing -port B", "awake"]
 )
 def test_a_row_that_sleeps_when_it_must_not_is_found(wire: str) -> None:
-    row = taxel.Row(FEW.replace(encoding="cw-lcs"))
+    row = Row(FEW.replace(encoding="cw-lcs"))
     found = make(rtlil_of(row), row.module_name, 4, 0, f"-mode const0 -wire {wire}")
     assert found
     assert not any(stands_still(row, mutant=mutant.rtlil) for mutant in found)
@@ -79,7 +78,7 @@ def test_a_row_that_sleeps_when_it_must_not_is_found(wire: str) -> None:
 
 @pytest.mark.parametrize("term", ["arbiter_awake", "row_0_awake", "row_1_awake", "tick"])
 def test_a_term_that_the_readout_leaves_out_is_found(term: str) -> None:
-    top = readout.Readout(FEW.replace(encoding="nlcs"))
+    top = Readout(FEW.replace(encoding="nlcs"))
     others, name, own = rtlil_of(top).partition(f"module \\{top.module_name}\n")
     mutant, count = re.subn(rf"(connect \\[AB]) \\{term} \[0\]\n", r"\1 1'0\n", own)
     assert count == 1
@@ -121,49 +120,36 @@ def each(*names: str) -> tuple[str, ...]:
     return tuple(f"taxel_{column}.{name}" for column in range(2) for name in names)
 
 
+IDLE = {"rest": NO_SAMPLE}
+HOST_PINS = tuple(f"host.{name}" for name in PINS)
+NEWEST = ("tick", "row_0.awake", "awake", *(f"row_0.{name}" for name in each("newest")))
+CLOSED = {f"row_0.{name}": 0 for name in FREE}
+IN_ROW = {"granted": 0, "decay": 0, "enable": 3} | NO_SAMPLE
 AT_REST: dict[str, tuple[Any, tuple[str, ...], dict[str, Any]]] = {
-    "nothing": (readout.Readout(PAIR), (), {"rest": NO_SAMPLE}),
-    "nothing, analog": (readout.Readout(LEAKING.replace(frontend="analog")), (), {"rest": NO_SAMPLE}),
-    "nothing, handshake": (
-        readout.Readout(CLOSING.replace(link="four_phase")),
-        LINK,
-        {"rest": NO_SAMPLE, "held": {"link.ack_sync": 0}},
-    ),
-    "nothing, host": (
-        readout.Readout(HOSTED),
-        tuple(f"host.{name}" for name in PINS),
-        {"rest": NO_SAMPLE, "held": {"host.registers.test_mode": 0}},
-    ),
-    "a sample that is the one before": (
-        readout.Readout(LEAKING),
-        ("tick", "row_0.awake", "awake", *(f"row_0.{name}" for name in each("newest"))),
-        {"rest": BETWEEN, "then": SAMPLE, "held": ON},
-    ),
+    "nothing": (Readout(PAIR), (), IDLE),
+    "nothing, analog": (Readout(LEAKING.replace(frontend="analog")), (), IDLE),
+    "nothing, handshake": (Readout(CLOSING.replace(link="four_phase")), LINK, IDLE | {"held": {"link.ack_sync": 0}}),
+    "nothing, host": (Readout(HOSTED), HOST_PINS, IDLE | {"held": {"host.registers.test_mode": 0}}),
+    "a sample that is the one before": (Readout(LEAKING), NEWEST, {"rest": BETWEEN, "then": SAMPLE, "held": ON}),
     "its tick, windows closed": (
-        readout.Readout(CLOSING.replace(frontend="analog")),
+        Readout(CLOSING.replace(frontend="analog")),
         ("tick", "awake"),
-        {"rest": BETWEEN | SAMPLE, "then": NO_SAMPLE, "held": {f"row_0.{name}": 0 for name in FREE}},
+        {"rest": BETWEEN | SAMPLE, "then": NO_SAMPLE, "held": CLOSED},
     ),
     "its tick, decided by the sample": (
-        taxel.Row(PAIR.replace(decide_every="sample")),
+        Row(PAIR.replace(decide_every="sample")),
         (),
         {"rest": {"granted": 0, "tick": 1} | NO_SAMPLE},
     ),
     "a leak": (
-        taxel.Row(LEAKING),
+        Row(LEAKING),
         ("awake", *each("charge", "enabled", "pending")),
-        {"rest": {"granted": 0, "decay": 0, "enable": 3} | NO_SAMPLE, "then": {"decay": 1}},
+        {"rest": IN_ROW, "then": {"decay": 1}},
     ),
     "no frame": (FrameReadout(FRAMES), (), {"rest": {"frame_start": 0, "adc_done": 0}}),
-    **{
-        f"no event, {network.readout}, {network.lanes} lanes": (
-            Classifier(network),
-            (),
-            {"rest": dict.fromkeys(ARRIVES, 0), "held": {"clearing": 0}},
-        )
-        for network in NETWORKS[1:4]
-    },
 }
+NO_EVENT = {"rest": dict.fromkeys(ARRIVES, 0), "held": {"clearing": 0}}
+AT_REST |= {f"no event, {n.readout}, {n.lanes} lanes": (Classifier(n), (), NO_EVENT) for n in NETWORKS[1:4]}
 """What gets a clock where nothing changes: nothing but what takes a sample, and what listens."""
 
 
@@ -175,9 +161,9 @@ def test_in_a_readout_at_rest_nothing_else_has_a_clock(case: str) -> None:
 
 WASTE = [
     (Arbiter(PAIR), {"rest": {"event_ready": 0, "row_request": 0}}, "const1 -wire awake -module eskin_arbiter"),
-    (taxel.Row(PAIR), {"rest": {"granted": 0} | NO_SAMPLE}, "const1 -wire stirs -module eskin_taxel"),
+    (Row(PAIR), {"rest": {"granted": 0} | NO_SAMPLE}, "const1 -wire stirs -module eskin_taxel"),
     (
-        taxel.Row(CLOSING),
+        Row(CLOSING),
         {"rest": {"granted": 0, "tick": 1, "enable": 3} | NO_SAMPLE, "held": FREE},
         "inv -wire closed",
     ),

@@ -1,9 +1,10 @@
-"""Test the delivered Verilog in CXXRTL and in slang."""
+"""Test that a second solver, a third simulator and a second front end agree, and that a difference is a failure."""
 
 from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,9 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl.text.slang import ports_of
 from eskin.rtl.verilog import verilog
-from eskin.verify.crosscheck import cxxrtl
-from eskin.verify.crosscheck.check import Mismatch, play, texts
-from eskin.verify.crosscheck.slang import problems
+from eskin.verify.crosscheck import cxxrtl, prove, sby
+from eskin.verify.crosscheck.check import Mismatch, play, problems, texts
+from eskin.verify.proofs.plan import proofs
 
 FEW = ReadoutConfig(rows=2, columns=2, window_period=3)
 DELIVERED = [
@@ -24,8 +25,10 @@ DELIVERED = [
     FEW.replace(encoding="cw-lcs", link="four_phase"),
     FEW.replace(rows=3, columns=5, encoding="nlcs", frontend="analog"),
     FEW.replace(rows=1, columns=1, frontend="analog", link="four_phase"),
+    FEW.replace(registers="spi", encoding="nlcs"),
     FrameConfig(readout=FEW),
 ]
+LINK = next(proof for proof in proofs() if proof.block == "link" and proof.small)
 
 
 @pytest.fixture(autouse=True)
@@ -58,11 +61,6 @@ def test_slang_takes_what_is_delivered(config: ReadoutConfig | FrameConfig) -> N
     assert texts(config) == {"verilog": [], "properties": []}
 
 
-def test_slang_takes_registers_too() -> None:
-    text = verilog(FEW.replace(registers="spi", encoding="nlcs"))
-    assert problems({"eskin_readout.v": text}, "eskin_readout") == []
-
-
 def test_slang_would_find_what_others_let_pass() -> None:
     late = "module late(input wire a, output wire y); assign y = b; wire b; assign b = a; endmodule"
     (said,) = problems({"late.v": late}, "late")
@@ -82,3 +80,52 @@ def test_a_module_in_a_comment_is_no_module() -> None:
     with pytest.raises(InputError, match="contains no module eskin_readout \\(its modules: other\\)"):
         ports_of("// module eskin_readout\n/* module eskin_readout */ module other; endmodule", "eskin_readout")
     assert ports_of("module other; endmodul\nmodule eskin_readout; endmodule", "eskin_readout") == {}
+
+
+def test_both_find_the_same_first_clocks_of_a_block_and_of_mutants(
+    call: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(prove, "MUTANTS", 1)
+    code, out, error = call("dev crossproof --block link --small --mutants --out found.json")
+    assert code == 0, error
+    kept = json.loads((folder / "found.json").read_text())
+    line = (
+        "crossproof: 19 properties of 2 designs, 2 generated mutants, 2 of them killed; "
+        "z3 finds the first clocks that ABC finds, 0 problems"
+    )
+    assert out.splitlines()[-1] == kept["result"] == line
+    whole = [one for one in kept["designs"] if not one["mutant"]]
+    changed = [one for one in kept["designs"] if one["mutant"]]
+    assert [one["failed"] for one in whole] == [{}, {}]
+    assert len(changed) == 2
+    assert all(one["mutant"].startswith("-mode ") and one["failed"] for one in changed)
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"failed": {"one_at_a_time": 3}}, "one_at_a_time fails in clock None by ABC, 3 by z3"),
+        ({"reached": {}}, "address_stable is seen in clock 1 by ABC, None by z3"),
+    ],
+)
+def test_a_difference_is_a_problem(
+    changes: dict[str, Any], problem: str, call: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def wrong(checker: Any, depth: int, rtlil: str = "") -> Any:
+        return replace(prove.solve(checker, depth, 0), **changes)
+
+    monkeypatch.setattr(prove, "search", wrong)
+    code, out, _ = call("dev crossproof --block link --small")
+    assert code == 1
+    assert f"PROBLEM: {problem}" in out
+
+
+def test_an_answer_that_is_missing_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sby, "_ask", lambda text, job: "reached cover statement bench.bad_one_at_a_time_0 at  step 3")
+    with pytest.raises(sby.SolverFailed, match="1 answers to 18 questions about eskin_link_properties"):
+        sby.search(LINK.checker(LINK.config), LINK.depth)
+
+
+def test_without_the_solver_there_is_one_sentence(refuses: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sby, "find_spec", lambda name: None)
+    refuses("z3-solver is missing; run make crossproof", "dev crossproof --block link --small")

@@ -12,17 +12,18 @@ import pytest
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl.readout import Readout
-from eskin.verify.faults import classifier, host, merge
-from eskin.verify.faults import frame_readout as frames
 from eskin.verify.faults.bench import bench_gates, inside
 from eskin.verify.faults.cases import CASES, ack_never_falls, cases
-from eskin.verify.faults.outcomes import CLASSES, UnlikeModel, Upset, upsets
+from eskin.verify.faults.outcomes import CLASSES, UnlikeModel, Upset
 from eskin.verify.faults.plan import FEW, FIELDS, Trial, classifiers, hosts, surroundings, tiles, trials
-from eskin.verify.faults.run import campaign, problems_of, run, write
+from eskin.verify.faults.run import campaign, problems_of, run, upsets_of, write
 from tests.planted import planted
 
 ROOT = Path(__file__).parents[2]
 HANDSHAKE = FEW.replace(link="four_phase")
+LOADED = Trial(FEW, calm=False, stride=17)
+NEVER = "never recovers"
+STAYS = "stays until the host writes anew, which only a setting may"
 
 HANGS = (
     ("self.event_ready.eq(~setup & ~request & ~ack_sync)", "self.event_ready.eq(idle & ~ack_sync)"),
@@ -74,23 +75,18 @@ FORGETS = (
 
 
 def test_under_load_an_upset_leaves_signals_no_further_off_than_stated() -> None:
-    trial = Trial(FEW, calm=False, stride=17)
-    lines, problems = run(trial)
+    lines, problems = run(LOADED)
     assert problems == []
     assert {line["block"]: line["off"] for line in lines} == {"arbiter": 2, "taxel": 0}
-    with planted("arbiter", *FORGETS):
-        found = list(upsets(FEW, calm=False, stride=17, flops="arbiter.skip"))
-    assert {problems_of(trial, upset).partition(" ")[2] for upset in found} >= {
-        "of others are 8 steps off for good, 4 stated"
-    }
 
 
 def test_a_link_that_an_upset_stops_for_good_is_found() -> None:
+    trial = Trial(HANDSHAKE, stride=9)
     with planted("link", *HANGS):
-        found = list(upsets(HANDSHAKE, calm=True, stride=9, flops="link"))
-    never = {upset.flop for upset in found if upset.outcome == "never recovers"}
+        found = list(upsets_of(trial, "link"))
+    never = {upset.flop for upset in found if upset.outcome == NEVER}
     assert {"link.idle", "link.aer_req"} <= never  # lost itself, or the handshake that would bring it back
-    assert not any(u.outcome == "never recovers" for u in upsets(HANDSHAKE, calm=True, stride=9, flops="link"))
+    assert not any(u.outcome == NEVER for u in upsets_of(trial, "link"))
 
 
 FRAMES = next(trial for trial in trials(small=True) if isinstance(trial.config, FrameConfig))
@@ -104,33 +100,11 @@ def test_a_frame_readout_is_right_again_after_two_frames() -> None:
     assert line["others changed"] > line["others moved"] > 0
 
 
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("row_ends.eq(~column[:-1].any())", "row_ends.eq(column[-1])"),
-        ("row_ends & ~row[:-1].any()", "row_ends & row[-1]"),
-        ("converting.eq(started & ~resting),", "converting.eq(started),"),
-        ("            m.d.sync += Cat(started, resting).eq(0b10)\n", ""),
-    ],
-)
-def test_a_frame_readout_that_an_upset_stops_for_good_is_found(old: str, new: str) -> None:
-    with planted("frame", (old, new)):
-        found = list(frames.upsets(FRAMES.config, stride=9, flops="sequencer"))  # type: ignore[arg-type]
-    assert any(upset.outcome == "never recovers" for upset in found)
-
-
 def test_a_merge_loses_repeats_or_changes_one_event_at_most() -> None:
     (line,), problems = run(Trial(tiles()[1], stride=5))
     assert problems == []
     assert (line["block"], line["flops"], line["lost"], line["added"]) == ("merge", 22, 1, 1)
     assert line["others changed"] > line["others moved"] > 0
-
-
-def test_a_merge_or_relay_station_that_an_upset_stops_for_good_is_found() -> None:
-    waits = ("moves = ~valid | block.event_ready", "moves = (~valid & ~full) | (valid & block.event_ready)")
-    with planted("tiles.relay", waits):
-        found = [list(merge.upsets(config, stride=9, flops="(valid|full|event_valid)")) for config in tiles()[:2]]
-    assert all(any(upset.outcome == "never recovers" for upset in upsets) for upsets in found)
 
 
 def test_what_the_host_wrote_stays_until_it_writes_again_and_all_else_passes() -> None:
@@ -143,30 +117,6 @@ def test_what_the_host_wrote_stays_until_it_writes_again_and_all_else_passes() -
     assert of["settable_ticks"]["until written"] == 0 < of["settable_ticks"]["others changed"]
 
 
-RANGE = "Cat(lines, place >= count - 1)"
-GAP = "Mux(rises, gap, (count - 1) & gap)"
-LINE = "Cat(~line[:-1].any(), line[:-1])"
-
-
-@pytest.mark.parametrize(
-    ("file", "old", "new", "flops", "readout", "mode"),
-    [
-        ("spi", "m.d.sync += [count.eq(0), in_data.eq(0)]", "m.d.sync += in_data.eq(0)", "host.spi.count", 0, 0),
-        ("file", "with m.If(write):\n", "with m.If(write & (kept <= field.most)):\n", "host.registers.test_mode", 0, 2),
-        ("pattern", RANGE, "Cat(lines, place == count - 1)", "host.pattern.at_row", 0, 2),
-        ("pattern", GAP, "Mux(rises, gap, count - 1)", "host.pattern.count", 0, 1),
-        ("decay", LINE, "line.rotate_left(1)", "ticks.line", 2, 0),
-    ],
-)
-def test_a_host_side_that_does_not_come_back_is_found(
-    file: str, old: str, new: str, flops: str, readout: int, mode: int
-) -> None:
-    config = hosts()[readout]
-    with planted(f"registers.{file}", (old, new)):
-        found = list(host.upsets(config, mode, stride=97, flops=flops))
-    assert any(problems_of(Trial(config, mode=mode), upset) for upset in found)
-
-
 @pytest.mark.parametrize("config", classifiers(), ids=lambda config: str(config.readout))
 def test_a_classifier_is_right_again_with_the_next_scan_and_its_weights_once_loaded(config: ClassifierConfig) -> None:
     lines, problems = run(Trial(config, stride=53))
@@ -177,10 +127,43 @@ def test_a_classifier_is_right_again_with_the_next_scan_and_its_weights_once_loa
     assert of["classifier"]["others changed"] > 0
 
 
-def test_a_classifier_that_an_upset_stops_is_found() -> None:
-    with planted("classifier.core", ("with m.Default():", "with m.Case(State.OUTPUTS):")):
-        found = list(classifier.upsets(classifiers()[0], stride=2, flops="state"))
-    assert any(problems_of(Trial(classifiers()[0]), upset) for upset in found)
+WAITS = ("moves = ~valid | block.event_ready", "moves = (~valid & ~full) | (valid & block.event_ready)")
+SEQUENCER = replace(FRAMES, stride=9), "sequencer", "frame", NEVER
+HOST, ALL = Trial(hosts()[0], stride=97), Trial(hosts()[0], stride=97, mode=2)
+FOUND: list[tuple[Any, ...]] = [
+    (LOADED, "arbiter.skip", "arbiter", "signals of others are 8 steps off for good, 4 stated", *FORGETS),
+    (*SEQUENCER, ("row_ends.eq(~column[:-1].any())", "row_ends.eq(column[-1])")),
+    (*SEQUENCER, ("row_ends & ~row[:-1].any()", "row_ends & row[-1]")),
+    (*SEQUENCER, ("converting.eq(started & ~resting),", "converting.eq(started),")),
+    (*SEQUENCER, ("            m.d.sync += Cat(started, resting).eq(0b10)\n", "")),
+    *((Trial(config, stride=9), "(valid|full|event_valid)", "tiles.relay", NEVER, WAITS) for config in tiles()[:2]),
+    (HOST, "host.spi.count", "registers.spi", NEVER, ("[count.eq(0), in_data.eq(0)]", "[in_data.eq(0)]")),
+    (ALL, "host.registers.test_mode", "registers.file", NEVER, ("m.If(write):", "m.If(write & (kept <= field.most)):")),
+    (ALL, "host.pattern.at_row", "registers.pattern", STAYS, ("place >= count - 1)", "place == count - 1)")),
+    (replace(HOST, mode=1), "host.pattern.count", "registers.pattern", STAYS, ("(count - 1) & gap)", "count - 1)")),
+    (
+        Trial(hosts()[2], stride=97),
+        "ticks.line",
+        "registers.decay",
+        STAYS,
+        ("Cat(~line[:-1].any(), line[:-1])", "line.rotate_left(1)"),
+    ),
+    (
+        Trial(classifiers()[0], stride=2),
+        "state",
+        "classifier.core",
+        NEVER,
+        ("with m.Default():", "with m.Case(State.OUTPUTS):"),
+    ),
+]
+"""Trials, the flops to flip, a file of the RTL, what must be reported with a bug in it, and the edits that plant it."""
+
+
+@pytest.mark.parametrize("found", FOUND, ids=lambda found: found[1])
+def test_a_block_that_an_upset_stops_or_shifts_for_good_is_found(found: tuple[Any, ...]) -> None:
+    trial, flops, file, problem, *edits = found
+    with planted(file, *edits):
+        assert problem in {problems_of(trial, upset) for upset in upsets_of(trial, flops)}
 
 
 def test_what_goes_beyond_what_is_stated_is_a_problem() -> None:
@@ -196,15 +179,15 @@ def test_what_goes_beyond_what_is_stated_is_a_problem() -> None:
     mask = Upset("host.registers.mask_rest_taxels[0]", 9, "until written", -1, 9, -1, 0, 0, may_stay=True)
     assert problems_of(Trial(hosts()[0]), mask) == ""
     count = Upset("host.pattern.count[14]", 9, "until written", -1, 9, -1, 0, 0)
-    assert problems_of(Trial(hosts()[0]), count) == "stays until the host writes anew, which only a setting may"
+    assert problems_of(Trial(hosts()[0]), count) == STAYS
     gone = Upset("link.setup", 9, CLASSES[-1], -1, 1000, 2, 1, 0)
-    assert problems_of(Trial(HANDSHAKE, calm=False), gone) == "never recovers"
+    assert problems_of(Trial(HANDSHAKE, calm=False), gone) == NEVER
 
 
 def test_gates_that_are_not_the_model_are_refused() -> None:
     wrong_step = ("fall.eq(-half_width)", "fall.eq(-half_width - 1)")
     with planted("encoders.lcs", wrong_step), pytest.raises(UnlikeModel, match="do not give the model's events"):
-        list(upsets(FEW, calm=True, stride=99))
+        list(upsets_of(Trial(FEW, stride=99)))
 
 
 @pytest.mark.parametrize("config", surroundings(small=True), ids=lambda config: str(config.link))

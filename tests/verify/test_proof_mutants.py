@@ -14,17 +14,16 @@ from eskin.verify.proofs.bench import netlist
 from eskin.verify.proofs.engine import solve
 from eskin.verify.proofs.mutants import mutants
 from eskin.verify.proofs.plan import proofs
-from eskin.verify.proofs.report import write
-from eskin.verify.proofs.run import FEWEST_MUTANTS, Hunt, hunts, judge, outcomes
+from eskin.verify.proofs.run import FEWEST_MUTANTS, Hunt, hunts, judge, outcomes, write
 
 ROOT = Path(__file__).parents[2]
 PROOFS = proofs()
-PROPERTIES = {(proof.block, item.name) for proof in PROOFS for item in proof.checker.properties}
+PROPERTIES = {(proof.block, name) for proof in PROOFS for name in proof.checker.properties}
 LINK = next(proof for proof in PROOFS if proof.block == "link" and proof.hunts)
 
 
 def test_every_property_applies_where_mutants_are_searched() -> None:
-    hunted = {(p.block, item.name) for p in PROOFS if p.hunts for item in p.checker(p.config).proved}
+    hunted = {(p.block, name) for p in PROOFS if p.hunts for name in p.checker(p.config).proved}
     assert hunted == PROPERTIES
 
 
@@ -39,7 +38,7 @@ def test_a_mutant_of_the_link_is_noticed_by_the_properties_on_what_it_breaks(onl
     checker = LINK.checker(LINK.config)
     (mutant,) = mutants(checker, 1, 0, f"-module eskin_link {only}")
     assert mutant.rtlil != netlist(checker)
-    assert set(solve(checker, LINK.depth, 0, mutant.instead).failed) >= fails
+    assert set(solve(checker, LINK.depth, 0, mutant.rtlil).failed) >= fails
     assert solve(checker, LINK.depth, 0).failed == {}
 
 
@@ -55,7 +54,7 @@ def test_a_seed_draws_the_same_mutants_again_and_none_of_a_clock() -> None:
 def test_more_are_drawn_until_every_property_has_its_mutants_and_a_stopped_search_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    names = [item.name for item in LINK.checker(LINK.config).proved]
+    names = LINK.checker(LINK.config).proved
     asked = []
 
     def fake(proof: object, seed: int) -> Hunt:
@@ -75,7 +74,7 @@ def test_more_are_drawn_until_every_property_has_its_mutants_and_a_stopped_searc
 
 def test_a_property_that_too_few_mutants_break_is_a_failure() -> None:
     results = outcomes([(LINK, solve(LINK.checker(LINK.config), LINK.depth))], whole=False)
-    names = [outcome.property.name for outcome in results]
+    names = [outcome.name for outcome in results]
     kills = {f"mutant {number}": names[: 1 if number else None] for number in range(FEWEST_MUTANTS)}
     judge(results, [Hunt("link", LINK.size, 0, kills | {"survivor": []})])
     assert results[0].problems == []

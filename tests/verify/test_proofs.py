@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 from amaranth.asserts import AnyConst
@@ -11,7 +11,7 @@ from amaranth.hdl import Fragment, Module, Signal
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.link import FourPhaseLink
 from eskin.verify.proofs.blocks.link import LinkChecker
-from eskin.verify.proofs.checker import Checker, Property
+from eskin.verify.proofs.checker import Checker, Promises
 from eskin.verify.proofs.engine import Verdict, solve
 from eskin.verify.proofs.plan import Proof, proofs
 from eskin.verify.proofs.run import closing_line, outcomes
@@ -42,26 +42,24 @@ class _Claims(Checker[ReadoutConfig]):
     """Properties for tests: true, false late, without a case, and with a free constant."""
 
     block = FourPhaseLink
-    properties = (
-        Property("true", "holds"),
-        Property("late", "fails when REQ rises, four clocks after reset at the earliest"),
-        Property("empty", "speaks of what never happens"),
-        Property("constant", "a free constant keeps its value"),
-    )
+    properties: ClassVar = {
+        "true": "holds",
+        "late": "fails when REQ rises, four clocks after reset at the earliest",
+        "empty": "speaks of what never happens",
+        "constant": "a free constant keeps its value",
+    }
 
-    def elaborate(self, platform: object) -> Module:
-        m = Module()
+    def check(self, m: Module) -> Promises:
         anything = AnyConst(2)
         first = Signal(2)
         started = Signal()
         m.d.sync += started.eq(1)
         with m.If(~started):
             m.d.sync += first.eq(anything)
-        self.promise(m, "true", 1, self.aer_req)
-        self.promise(m, "late", ~self.aer_req, self.aer_req)
-        self.promise(m, "empty", 1, 0)
-        self.promise(m, "constant", ~started | (first == anything), started & (anything == 2))
-        return self.finish(m)
+        yield "true", 1, self.aer_req
+        yield "late", ~self.aer_req, self.aer_req
+        yield "empty", 1, 0
+        yield "constant", ~started | (first == anything), started & (anything == 2)
 
 
 def test_a_false_and_an_empty_claim_are_failures() -> None:
@@ -71,7 +69,7 @@ def test_a_false_and_an_empty_claim_are_failures() -> None:
     assert verdict.failed == {"late": 4}
     assert set(verdict.reached) == {"true", "late", "constant"}
     results = outcomes([(Proof(_Claims, CONFIG, 8), verdict)])
-    assert {o.property.name for o in results if o.problems} == {"late", "empty"}
+    assert {o.name for o in results if o.problems} == {"late", "empty"}
     assert (
         closing_line([outcome.problems for outcome in results]) == "proved: 2 properties, 2 of them unbounded, 2 failed"
     )
@@ -79,9 +77,9 @@ def test_a_false_and_an_empty_claim_are_failures() -> None:
 
 def test_a_property_that_no_proof_has_or_that_ran_out_of_time_is_a_failure() -> None:
     proof = Proof(LinkChecker, ReadoutConfig(rows=1, columns=1, encoding="nlcs", link="four_phase"), 8)
-    names = {p.name for p in proof.checker(proof.config).proved}
+    names = set(proof.checker(proof.config).proved)
     verdict = Verdict(frozenset(names - {"one_at_a_time"}), {}, dict.fromkeys(names, 1), 8, 1.0)
-    failed = {o.property.name: o.problems for o in outcomes([(proof, verdict)]) if o.problems}
+    failed = {o.name: o.problems for o in outcomes([(proof, verdict)]) if o.problems}
     assert failed == {
         "one_at_a_time": ["1 x 1 unipolar: not proved"],
         "address_of_event": ["no proof has it"],
@@ -90,8 +88,14 @@ def test_a_property_that_no_proof_has_or_that_ran_out_of_time_is_a_failure() -> 
     }
 
 
-def test_a_checker_that_leaves_a_property_open_is_refused() -> None:
-    m = Module()
-    Fragment.get(m, None)  # used, for Amaranth
-    with pytest.raises(AssertionError, match="_Claims does not define constant, empty, late, true"):
-        _Claims(CONFIG).finish(m)
+class _Silent(LinkChecker):
+    """Checker that defines none of its properties, and not its assumption."""
+
+    def check(self, m: Module) -> Promises:
+        Fragment.get(m, None)  # used, for Amaranth
+        yield from ()
+
+
+def test_a_checker_that_leaves_a_property_or_an_assumption_open_is_refused() -> None:
+    with pytest.raises(AssertionError, match="_Silent does not define ack_follows_req, ack_is_synchronised, address_"):
+        Fragment.get(_Silent(CONFIG), None)

@@ -32,22 +32,9 @@ class Run:
     # modules whose constructs count; all modules if empty
     only: tuple[str, ...] = ()
 
-    def play(self, folder: Path) -> None:
-        """Simulate the design with all its stimuli."""
-        self.player(self.config, folder)
 
-
-SMALL = ReadoutConfig(
-    rows=3,
-    columns=3,
-    sample_bits=6,
-    resolution=3,
-    closing_shift=1,
-    window_period=3,
-    leak_shift=3,
-    leak_period=4,
-    fraction_bits=2,
-)
+FEW = {"rows": 3, "columns": 3, "sample_bits": 6, "resolution": 3, "closing_shift": 1, "window_period": 3}
+SMALL = ReadoutConfig.from_dict(FEW | {"leak_shift": 3, "leak_period": 4, "fraction_bits": 2})
 """Readout with few bits and three rows and columns, so that runs reach every limit."""
 
 
@@ -73,7 +60,6 @@ def _readouts() -> Iterator[Run]:
 
 
 def _frames() -> Iterator[Run]:
-    """Yield runs of frame readouts with different word lengths and settling times."""
     for rows, columns, resolution, word_bits, own in (
         (3, 5, 5, 12, {}),
         (3, 2, 6, 6, {"reset": "async"}),
@@ -113,17 +99,8 @@ def _skins() -> Iterator[Run]:
 
 def _classifiers() -> Iterator[Run]:
     """Yield runs of classifiers with saturation, leak and floor, and of chips with a classifier."""
-    base = {
-        "clocks_per_bin": 64 * 4,
-        "threshold": 300,
-        "out_threshold": 200,
-        "lanes": 2,
-        "inputs": 12,
-        "hidden": 4,
-        "membrane_bits": 10,
-        "output_bits": 9,
-        "evidence_bits": 4,
-    }
+    base = {"inputs": 12, "hidden": 4, "lanes": 2, "clocks_per_bin": 64 * 4, "threshold": 300, "out_threshold": 200}
+    base |= {"membrane_bits": 10, "output_bits": 9, "evidence_bits": 4}
     variants: dict[str, dict[str, Any]] = {
         "plain": {"classes": 3, "floor": -300, "out_floor": -200},
         "saturating": {"classes": 3, "in_shift": 3, "rec_shift": 6, "out_shift": 4, "lanes": 2},
@@ -136,16 +113,12 @@ def _classifiers() -> Iterator[Run]:
         yield Run(f"classifier {name}", config, stimuli.classifier)
     for encoding, channels in (("lcs", 18), ("nlcs", 9)):
         readout = SMALL.replace(encoding=encoding, sample_bits=8, resolution=5, clocks_per_sample=64)
-        network = ClassifierConfig.from_dict(
-            base | {"inputs": channels, "classes": 3, "bin_s": 0.0003, "floor": -200, "out_floor": -200}
-        )
-        yield Run(
-            f"chip {encoding}", ChipConfig(readout=readout, classifier=network), stimuli.chip, only=("eskin_bin_timer",)
-        )
+        own = {"inputs": channels, "classes": 3, "bin_s": 0.0003, "floor": -200, "out_floor": -200}
+        chip = ChipConfig(readout=readout, classifier=ClassifierConfig.from_dict(base | own))
+        yield Run(f"chip {encoding}", chip, stimuli.chip, only=("eskin_bin_timer",))
 
 
 def _boards() -> Iterator[Run]:
-    """Yield runs of both board designs."""
     for design in ("player", "receiver"):
         own = tuple(f"eskin_board_{part}" for part in ("uart_receiver", "uart_sender", "frames_crc"))
         yield Run(f"board {design}", small_board(design), board, only=own)

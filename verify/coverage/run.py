@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, astuple, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,23 +12,31 @@ from typing import Any
 from eskin import cocotb_tests, model, rtl
 from eskin.base.files import Pieces, origin, write_json
 from eskin.board.config import BoardConfig
-from eskin.cocotb_tests.runner.build_cache import digest, scratch_folder, sources
+from eskin.cocotb_tests.runner.build_cache import digest, scratch_folder, sources, verilog_text
+from eskin.cocotb_tests.runner.cocotb_runners import VERILATOR_FLAGS
+from eskin.cocotb_tests.runner.simulator import Build, Instruments, instrumented
 from eskin.rtl.verilog import Config
 from eskin.verify import coverage
-from eskin.verify.coverage.bench import Counts, counting
-from eskin.verify.coverage.constructs import Construct
+from eskin.verify.coverage.constructs import POINT, Construct, modules, read, with_points
 from eskin.verify.coverage.plan import Run
 from eskin.verify.coverage.points.all_points import points
 from eskin.verify.coverage.points.point import Point
-from eskin.verify.coverage.waivers import Waiver, claim, explained, unproved
+from eskin.verify.coverage.waivers import Waiver, claim, unproved
 
 SOURCES = sources(
     (
         *((package, "**/*.py") for package in (rtl, model, cocotb_tests)),
         (cocotb_tests, "**/*.v"),
-        *((coverage, f"{name}.py") for name in ("bench", "constructs", "stimuli", "boards/*")),
+        *((coverage, f"{name}.py") for name in ("run", "constructs", "stimuli", "boards/*")),
     )
 )
+FLAGS = ["--coverage-expr", "--coverage-line", "--coverage-toggle", "--coverage-user", "--coverage-max-width", "128"]
+NO_POINTS = "--no-assert"
+"""Option of Verilator that leaves cover statements out."""
+TEXT, COUNTS = "eskin_readout.v", "coverage.dat"
+UNCOUNTED = "/* verilator coverage_off */\n"
+"""Directive before the harness, which coverage does not count because it is not delivered."""
+
 KINDS = ("line", "branch", "toggle", "condition")
 
 
@@ -42,18 +50,22 @@ class Reached:
     points: Counter[tuple[str, str]] = field(default_factory=Counter)  # by group and name
     runs: list[str] = field(default_factory=list)
 
-    def add(self, name: str, counts: Counts, wanted: Iterable[Point]) -> None:
-        """Add the coverage counts of a run."""
-        self.runs.append(name)
+    def add(self, run: Run, piece: dict[str, Any], wanted: Iterable[Point]) -> list[int]:
+        """Add the coverage counts of a run (see ``counted``), and return those of its constructs."""
+        self.runs.append(run.name)
         by_label: Counter[str] = Counter()
-        for construct, count in counts.counts.items():
+        own: Counter[Construct] = Counter()
+        for *fields, count in piece["constructs"]:
+            construct = Construct(*fields)
             if construct.kind == "point":
                 by_label[construct.what] += count
-            else:
-                self.counts[construct] += count
-        self.texts |= counts.texts
+            elif not run.only or construct.module in run.only:
+                own[construct] = count
+        self.counts.update(own)
+        self.texts |= {(name, digest): piece["texts"][at] for name, digest, at in piece["modules"]}
         for point in wanted:
             self.points[point.group, point.name] += by_label[f"point_{point.label}"]
+        return list(own.values())
 
     def of(self, kind: str) -> list[Construct]:
         """Return all constructs of a kind."""
@@ -83,35 +95,63 @@ def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], No
     pieces, reached = Pieces(folder / "coverage.json", SOURCES), Reached()
     for run in runs:
         wanted = points(run.config)
-        key = [run.name, _fields(run.config), [asdict(point) for point in wanted]]
-        counts = Counts.from_dict(pieces.of(digest(key), partial(_played, run, folder)))
-        if run.only:
-            kept = {c: n for c, n in counts.counts.items() if c.kind == "point" or c.module in run.only}
-            counts.counts = Counter(kept)
-        reached.add(run.name, counts, wanted)
-        own = [count for construct, count in counts.counts.items() if construct.kind != "point"]
+        fields = asdict(run.config) if isinstance(run.config, BoardConfig) else run.config.to_dict()
+        key = [run.name, fields, [asdict(point) for point in wanted]]
+        own = reached.add(run, pieces.of(digest(key), partial(_played, run, folder)), wanted)
         on_run(run.name, len(own), sum(count > 0 for count in own))
     return reached
 
 
 def _played(run: Run, folder: Path) -> dict[str, Any]:
-    with scratch_folder(folder, "run") as running, counting(points) as counts:
-        run.play(running.resolve())
-    return counts.to_dict()
+    with scratch_folder(folder, "run") as running:
+        return counted(points, partial(run.player, run.config, running.resolve()))
 
 
-def _fields(config: Config | BoardConfig) -> dict[str, Any]:
-    return asdict(config) if isinstance(config, BoardConfig) else config.to_dict()
+def counted(points: Callable[[Config], list[Point]], play: Callable[[], object]) -> dict[str, Any]:
+    """Run simulations with coverage counters, and return the counts of all constructs as a dictionary for JSON.
+
+    ``points`` returns the points of a configuration. The dictionary has a text for every module, by name and digest.
+    """
+    counts: Counter[Construct] = Counter()
+    texts: dict[tuple[str, str], str] = {}
+
+    def text(config: Config) -> str:
+        return with_points(verilog_text(config), ((p.module, p.label, p.expression) for p in points(config)))
+
+    def tested(program: Build, folder: Path) -> None:
+        verilog = (program.folder / TEXT).read_text()
+        counts.update(read((folder / COUNTS).read_text(), verilog, TEXT))
+        (folder / COUNTS).unlink()  # otherwise a run without counts would count the old file again
+        plain = POINT.sub("", verilog)
+        texts.update({(module.name, module.digest): plain for module in modules(plain)})
+
+    flags = (*(flag for flag in VERILATOR_FLAGS if flag != NO_POINTS), *FLAGS)
+    with instrumented(Instruments(flags, text, UNCOUNTED, tested)):
+        play()
+    different = list(dict.fromkeys(texts.values()))
+    return {
+        "constructs": [[*astuple(construct), count] for construct, count in sorted(counts.items())],
+        "modules": [[name, digest, different.index(text)] for (name, digest), text in texts.items()],
+        "texts": different,
+    }
 
 
 def judge(reached: Reached, listed: list[Waiver], whole: bool = True) -> Verdict:
     """Return the coverage result after applying the waivers."""
-    found, rest, stale = explained(reached.unreached(), listed)
+    found: dict[Construct, Waiver] = {}
+    rest = []
+    for construct in reached.unreached():
+        if waiver := next((one for one in listed if one.explains(construct)), None):
+            found[construct] = waiver
+        else:
+            rest.append(construct)
     problems = [f"not reached: {group}: {name}" for (group, name), count in reached.points.items() if not count]
     problems += [f"not reached, and no reason given: {construct.said}" for construct in rest]
     if whole:
         problems += [
-            f"explains nothing: the waiver of {waiver.kind} {waiver.signal}: {waiver.reason}" for waiver in stale
+            f"explains nothing: the waiver of {waiver.kind} {waiver.signal}: {waiver.reason}"
+            for waiver in listed
+            if waiver not in found.values()
         ]
     claims: dict[tuple[str, str], dict[Construct, str]] = {}
     for construct, waiver in found.items():
@@ -150,10 +190,10 @@ def closing_line(reached: Reached, verdict: Verdict) -> str:
 
 def summary(reached: Reached, verdict: Verdict) -> dict[str, Any]:
     """Return the result as a dictionary for JSON."""
-    reasons: dict[str, dict[str, Any]] = {}
-    for waiver in verdict.explained.values():
-        line = reasons.setdefault(waiver.reason, {"constructs": 0, "proved": waiver.proof})
-        line["constructs"] += 1
+    reasons = {
+        waiver.reason: {"constructs": count, "proved": waiver.proof}
+        for waiver, count in Counter(verdict.explained.values()).items()
+    }
     groups: dict[str, dict[str, int]] = {}
     for (group, _), count in reached.points.items():
         own_group = groups.setdefault(group, {"points": 0, "reached": 0})

@@ -148,6 +148,13 @@ def frame(config: FrameConfig, folder: Path) -> None:
         play_frames(config, VERILATOR, folder, seed, samples)
 
 
+def classifier(config: ClassifierConfig, folder: Path) -> None:
+    """Simulate random networks with events at all rates, and with bins that end too early."""
+    for seed in range(4):
+        play_scans(config, VERILATOR, folder, seed)
+        play_scans(config, VERILATOR, folder, seed, "scans_begin_at_any_time")
+
+
 def skin(config: TilesConfig, folder: Path) -> None:
     """Simulate a whole skin."""
     play_steps(config, VERILATOR, "eskin_tiles", skin_steps, folder, 0)
@@ -161,13 +168,6 @@ def relay(config: TilesConfig, folder: Path) -> None:
 def merge(config: MergeConfig, folder: Path) -> None:
     """Simulate a merge with busy and quiet tiles and all kinds of sinks."""
     play_steps(config.skin, VERILATOR, "eskin_merge", merge_steps, folder, 3)
-
-
-def classifier(config: ClassifierConfig, folder: Path) -> None:
-    """Simulate random networks with events at all rates, and with bins that end too early."""
-    for seed in range(4):
-        play_scans(config, VERILATOR, folder, seed)
-        play_scans(config, VERILATOR, folder, seed, "scans_begin_at_any_time")
 
 
 def chip(config: ChipConfig, folder: Path) -> None:

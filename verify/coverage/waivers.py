@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from eskin.base.errors import InputError
 from eskin.rtl import yosys
 from eskin.verify.coverage.constructs import MODULE, Construct, modules
 
@@ -53,37 +52,12 @@ def _fits(wanted: Names, names: Iterable[str]) -> bool:
     return not regexes or any(re.fullmatch(regex, name) for regex in regexes for name in names)
 
 
-def waivers(text: str | None = None) -> list[Waiver]:
-    """Return the waivers in a text, by default those of the project."""
-    listed: list[dict[str, Any]] = tomllib.loads(FILE.read_text() if text is None else text).get("waiver", [])
+def waivers() -> list[Waiver]:
+    """Return the waivers of the project."""
+    listed: list[dict[str, Any]] = tomllib.loads(FILE.read_text())["waiver"]
     for entry in listed:
         entry |= {name: tuple(value) for name, value in entry.items() if isinstance(value, list)}
-    try:
-        found = [Waiver(**entry) for entry in listed]
-    except TypeError as wrong:
-        raise InputError(
-            f"a waiver needs kind and reason, and may have module, signal, operator and proof: {wrong}"
-        ) from None
-    for waiver in found:
-        if not waiver.reason.strip():
-            raise InputError(f"a waiver of {waiver.kind} {waiver.signal} gives no reason; state why no run reaches it")
-    return found
-
-
-def explained(
-    unreached: Iterable[Construct], listed: Iterable[Waiver]
-) -> tuple[dict[Construct, Waiver], list[Construct], list[Waiver]]:
-    """Return waived constructs with their waivers, unwaived constructs, and unused waivers."""
-    found: dict[Construct, Waiver] = {}
-    rest = []
-    listed = list(listed)
-    for construct in unreached:
-        waiver = next((one for one in listed if one.explains(construct)), None)
-        if waiver is None:
-            rest.append(construct)
-        else:
-            found[construct] = waiver
-    return found, rest, [waiver for waiver in listed if waiver not in found.values()]
+    return [Waiver(**entry) for entry in listed]
 
 
 def claim(construct: Construct, once: bool, verilog: str = "") -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,10 +15,25 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.compare import first_difference
 from eskin.model.frame_config import FrameConfig
 from eskin.model.readout import simulate
+from eskin.rtl.text.slang import compilation, top_of
 from eskin.rtl.verilog import top_block, verilog
 from eskin.skin.textures.dataset import embedded_dataset
-from eskin.verify.crosscheck import cxxrtl, slang
+from eskin.verify.crosscheck import cxxrtl
 from eskin.verify.proofs.bind import properties
+
+WAIVED = {
+    "sign-conversion": "registers are signed where numbers are; vectors that are only handed on are not",
+    "arith-op-mismatch": "likewise: widths are equal, which lint of another kind holds",
+    "width-expand": "a narrower operand is extended as Verilog defines it",
+    "bitwise-op-mismatch": "likewise",
+    "sign-compare": "an unsigned bit pattern that stands for a signed constant of the same width",
+    "case-overlap": "each condition of a case compares one state: at most one of them holds",
+    "case-too-complex": "a case that slang does not look through to the end",
+    "unused-port": "a checker shows all ports of what it watches",
+}
+"""Waived warnings, each with the reason why the code is intended."""
+
+SAID = re.compile(r"^(\S+:\d+:\d+: (?:error|warning): .*?)(?: \[-W([\w-]+)\])?$", re.MULTILINE)
 
 
 class Mismatch(AssertionError):
@@ -67,4 +84,16 @@ def texts(config: ReadoutConfig | FrameConfig) -> dict[str, list[str]]:
     top = top_block(config).module_name
     text = verilog(config)
     both = {f"{top}.v": text, f"{top}_properties.sv": properties(config)}
-    return {"verilog": slang.problems({f"{top}.v": text}, top), "properties": slang.problems(both, top)}
+    return {"verilog": problems({f"{top}.v": text}, top), "properties": problems(both, top)}
+
+
+def problems(texts: Mapping[str, str], top: str) -> list[str]:
+    """Return slang's messages about a design, without waived ones."""
+    design, sources = compilation(texts, top)
+    from pyslang import DiagnosticEngine
+
+    said = DiagnosticEngine.reportAll(sources, design.getAllDiagnostics())
+    found = [what for what, flag in SAID.findall(said) if flag not in WAIVED]
+    if top_of(design, top) is None:
+        found.append(f"no module {top}")
+    return found

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
+from functools import partial
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from eskin.base.files import Pieces, origin, pieces_of, write_json
 from eskin.verify.crosscheck.sby import search
 from eskin.verify.proofs import mutants
-from eskin.verify.proofs.engine import Verdict, solve
+from eskin.verify.proofs.engine import solve
 from eskin.verify.proofs.mutants import Mutant
 from eskin.verify.proofs.plan import Proof
 from eskin.verify.proofs.run import DRAWN, fingerprint
@@ -49,47 +51,39 @@ def campaign(proofs: list[Proof], grounds: list[Proof], out: Path | None) -> Ite
     written beside ``out`` until ``write``: a stopped run goes on there.
     """
     pieces = Pieces(out, VERSIONS)
-
-    def compared(proof: Proof, mutant: Mutant | None = None) -> Compared:
+    drawn = (
+        (proof, mutant)
+        for proof in grounds
+        for mutant in mutants.mutants(proof.checker(proof.config), DRAWN, 0)[:MUTANTS]
+    )
+    for proof, mutant in chain(((proof, None) for proof in proofs), drawn):
         name = f"{fingerprint(proof)} {proof.depth} {mutant.name if mutant else ''}"
-        return Compared(**pieces.of(name, lambda: {"found": asdict(compare(proof, mutant))})["found"])
+        yield Compared(**pieces.of(name, partial(_compared, proof, mutant))["found"])
 
-    yield from map(compared, proofs)
-    for proof in grounds:
-        for mutant in mutants.mutants(proof.checker(proof.config), DRAWN, 0)[:MUTANTS]:
-            yield compared(proof, mutant)
+
+def _compared(proof: Proof, mutant: Mutant | None) -> dict[str, Any]:
+    return {"found": asdict(compare(proof, mutant))}
 
 
 def compare(proof: Proof, mutant: Mutant | None = None) -> Compared:
-    """Return the results of both solvers for a block or a mutant."""
+    """Return the results of both solvers for a block or a mutant; for a mutant, up to its first failure."""
     checker, depth = proof.checker(proof.config), min(proof.depth, CLOCKS_OF.get(proof.block, CLOCKS))
-    if mutant is None:
-        first = solve(checker, depth, 0)
-        found = _compared(proof, "", first, search(checker, depth))
-        found.problems += [f"{name} fails in clock {clock}" for name, clock in first.failed.items()]
-        return found
-    first = solve(checker, proof.depth, 0, mutant.instead)
-    depth = min(first.failed.values(), default=depth - 1) + 1
-    return _compared(proof, mutant.name, _until(first, depth), search(checker, depth, mutant.instead))
-
-
-def _until(verdict: Verdict, depth: int) -> Verdict:
-    """Return the results of a search, limited to its first clocks."""
+    rtlil = mutant.rtlil if mutant else ""
+    first = solve(checker, proof.depth if mutant else depth, 0, rtlil)
+    if mutant:
+        depth = min(first.failed.values(), default=depth - 1) + 1
+    second = search(checker, depth, rtlil)
     failed, reached = (
-        {name: clock for name, clock in found.items() if clock < depth} for found in (verdict.failed, verdict.reached)
+        {name: clock for name, clock in found.items() if clock < depth} for found in (first.failed, first.reached)
     )
-    return replace(verdict, failed=failed, reached=reached, depth=depth)
-
-
-def _compared(proof: Proof, mutant: str, first: Verdict, second: Verdict) -> Compared:
-    count = len(proof.checker(proof.config).proved)
-    found = Compared(
-        proof.block, proof.size, mutant, first.depth, count, first.failed, seconds=round(second.seconds, 1)
-    )
-    for what, ours, theirs in (("fails", first.failed, second.failed), ("is seen", first.reached, second.reached)):
+    found = Compared(proof.block, proof.size, mutant.name if mutant else "", depth, len(checker.proved), failed)
+    found.seconds = round(second.seconds, 1)
+    for what, ours, theirs in (("fails", failed, second.failed), ("is seen", reached, second.reached)):
         for name in sorted({*ours, *theirs}):
             if ours.get(name) != theirs.get(name):
                 found.problems.append(f"{name} {what} in clock {ours.get(name)} by ABC, {theirs.get(name)} by z3")
+    if not mutant:
+        found.problems += [f"{name} fails in clock {clock}" for name, clock in failed.items()]
     return found
 
 

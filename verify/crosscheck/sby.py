@@ -11,37 +11,18 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from eskin.base.errors import InputError
-from eskin.verify.proofs.bench import TOP, cutting, design, exposing, netlist
+from eskin.verify.proofs.bench import TOP, cutting, design, exposing
 from eskin.verify.proofs.checker import Checker
 from eskin.verify.proofs.engine import Verdict
 
-JOB = """[options]
-mode cover
-depth {depth}
-vcd off
+JOB = Path(__file__).with_suffix(".txt").read_text()
+"""Job of SymbiYosys, to be formatted."""
 
-[engines]
-smtbmc z3
-
-[script]
-read_rtlil readout.il
-delete t:$meminit_v2
-{expose}
-hierarchy -check -top {top}
-cd {top}
-{covers}
-cd
-prep -top {top} -flatten
-
-[files]
-readout.il
-"""
 COVER = "add -cover {name}\nrename -enumerate -pattern {name}_% t:$cover\nsetattr -set keep 1 t:$cover"
 """Commands that turn each failure into a cover statement, because z3 stops its search at a failed assertion."""
 
@@ -55,12 +36,12 @@ class SolverFailed(RuntimeError):
     """Raised if SymbiYosys or z3 fails, with the end of the output."""
 
 
-def search(checker: Checker[Any], depth: int, blocks: Callable[[Checker[Any]], str] = netlist) -> Verdict:
+def search(checker: Checker[Any], depth: int, rtlil: str = "") -> Verdict:
     """Return the first clock of each failure, and of each covered case, within a depth."""
     if find_spec("z3") is None:
         raise InputError("z3-solver is missing; run make crossproof, or pip install -c constraints.txt -e '.[proof]'")
     started = time.monotonic()
-    text, bench = design(checker, blocks)
+    text, bench = design(checker, rtlil)
     covers = "\n".join(COVER.format(name=output.name) for output in [*bench.bad.values(), *bench.seen.values()])
     expose = (cutting(checker) + exposing(checker)).replace("; ", "\n")
     said = _ask(text, JOB.format(depth=depth, expose=expose, top=TOP, covers=covers))

@@ -26,9 +26,9 @@ from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.block import Block, RtlilModules
 from eskin.rtl.classifier.chip import BinTimer
-from eskin.verify.faults.gate_design import Gates, gates_of
+from eskin.verify.faults.gates import DUT, Gates, gates_of
 
-TOP, DUT, TIMER = "bench", "dut", "timer"
+TOP, TIMER = "bench", "timer"
 FIELDS = ("col", "row", "polarity")
 """Fields of an event, from the lowest bits of its number on; missing fields are skipped."""
 NUMBER_BITS = 8

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from eskin.model.readout import Stimulus
 from eskin.model.readout import simulate as simulate_model
 from eskin.rtl.readout import Readout
 from eskin.verify.faults.bench import bench_gates
-from eskin.verify.faults.parallel import LANES, simulate
+from eskin.verify.faults.gates import LANES, simulate
 from eskin.verify.faults.scenario import RESET, codes_of, course, events_of, inputs_of
 
 NO_UPSETS = np.zeros((0, 3), np.int64)
@@ -74,33 +75,25 @@ def _equal(config: ReadoutConfig, codes: NDArray[np.int16], stimulus: Stimulus) 
     return len(expected) > 0 and np.array_equal(found, expected)
 
 
-def _changed(
-    config: ReadoutConfig, changes: Callable[[int, np.random.Generator], dict[str, object]]
-) -> tuple[int, int]:
-    """Simulate the overload stimulus with changes, and compare it with the model."""
-    played = course(config, calm=False)
-    stimulus = dataclasses.replace(played.stimulus, **changes(played.stimulus.clocks, np.random.default_rng(1)))  # type: ignore[arg-type]
+def _changed(config: ReadoutConfig, played: Stimulus, **changes: NDArray[Any]) -> tuple[int, int]:
+    """Simulate a stimulus with changes, and compare it with the model."""
+    stimulus = dataclasses.replace(played, **changes)  # type: ignore[arg-type]
     _, codes = _play(config, inputs_of(config, stimulus))
     return int(_equal(config, codes[:, 0], stimulus)), 1
 
 
 def every_sample(config: ReadoutConfig) -> tuple[int, int]:
     """Compare a run with a new random sample in every clock with the model."""
-
-    def samples(clocks: int, rng: np.random.Generator) -> dict[str, object]:
-        codes = rng.integers(-config.full_scale, config.full_scale, (clocks, config.taxels))
-        return {"samples": codes.astype(np.int32), "sample_clock": np.arange(clocks)}
-
-    return _changed(config, samples)
+    played = course(config, calm=False).stimulus
+    codes = np.random.default_rng(1).integers(-config.full_scale, config.full_scale, (played.clocks, config.taxels))
+    return _changed(config, played, samples=codes.astype(np.int32), sample_clock=np.arange(played.clocks))
 
 
 def every_mask(config: ReadoutConfig) -> tuple[int, int]:
     """Compare a run with a new random mask in every clock with the model."""
-
-    def masks(clocks: int, rng: np.random.Generator) -> dict[str, object]:
-        return {"enable": rng.random((clocks, config.taxels)) < 0.8, "enable_clock": np.arange(clocks)}
-
-    return _changed(config, masks)
+    played = course(config, calm=False).stimulus
+    masks = np.random.default_rng(1).random((played.clocks, config.taxels)) < 0.8
+    return _changed(config, played, enable=masks, enable_clock=np.arange(played.clocks))
 
 
 def reset_at_every_phase(config: ReadoutConfig) -> tuple[int, int]:

@@ -15,8 +15,8 @@ from eskin.model.classifier.network import IntegerNetwork
 from eskin.model.classifier.run import first_ready, simulate
 from eskin.rtl.classifier import core
 from eskin.verify.faults.bench import NUMBER_BITS, bench_gates, channel_of, inside
-from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, NOTHING, WRITTEN, UnlikeModel, Upset
-from eskin.verify.faults.parallel import last_clock, upset_runs
+from eskin.verify.faults.gates import last_clock, upset_runs
+from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, WRITTEN, UnlikeModel, Upset, since, told
 from eskin.verify.faults.scenario import RESET
 
 GOES_ON = ("class_valid", "event_ready")
@@ -42,7 +42,7 @@ class Scans:
     ends: list[int]
 
 
-def upsets(config: ClassifierConfig, stride: int = 1, flops: str = "") -> Iterator[Upset]:
+def upsets(config: ClassifierConfig, stride: int, flops: str) -> Iterator[Upset]:
     """Flip every flop of a classifier in every clock of several bins, one per run; yield the outcomes.
 
     An outcome is "others moved" where all classes and evidences of the scan are right, if at other clocks or from other
@@ -61,15 +61,14 @@ def upsets(config: ClassifierConfig, stride: int = 1, flops: str = "") -> Iterat
             raise UnlikeModel("the gates of the classifier do not give the model's classes")
         differs = np.logical_or.reduce([values != values[:, :1] for values in _seen(outputs)])
         last = last_clock(differs)
-        values = [[one[1:] for one in _bins(outputs, scans[0], run)] for run in range(len(part) + 1)]
+        right, *found = ([one[1:] for one in _bins(outputs, scans[0], run)] for run in range(len(part) + 1))
         stays, never = (np.logical_or.reduce(differs[scan]) for scan in scans[1:])
         stops = ~np.logical_and.reduce([(outputs[name][late] != 0).any(axis=0) for name in GOES_ON])
-        for lane, (clock, name) in enumerate(part, 1):
-            passes = CHANGED if values[lane] != values[0] else MOVED if last[lane] >= 0 else NOTHING
-            outcome = NEVER if never[lane] else WRITTEN if stays[lane] or stops[lane] else passes
-            may_stay = MEMORY.match(name) is not None and not stops[lane]
-            others = max(int(last[lane]) - clock, -1)
-            yield Upset(f"classifier.{name}", clock, outcome, other_clocks=others, may_stay=may_stay)
+        last, never, stays, stops = (of_runs[1:] for of_runs in (last, never, stays, stops))
+        changed = np.array([values != right for values in found])
+        effects = {NEVER: never, WRITTEN: stays | stops, CHANGED: changed, MOVED: last >= 0}
+        may_stay = np.array([MEMORY.match(name) is not None for _, name in part]) & ~stops
+        yield from told(part, effects, "classifier.", other_clocks=since(part, last), may_stay=may_stay)
 
 
 def _seen(outputs: dict[str, NDArray[np.int64]]) -> list[NDArray[np.int64]]:
@@ -92,7 +91,7 @@ def _bins(outputs: dict[str, NDArray[np.int64]], scan: slice, run: int) -> list[
 def _scans(config: ClassifierConfig) -> Scans:
     """Return three scans of a random network."""
     rng = np.random.default_rng(0)
-    network = _network(config, rng)
+    network = IntegerNetwork.filled(config, lambda bits, *shape: rng.integers(lowest(bits), highest(bits) + 1, shape))
     images = [(0, weight_image(network)), (1, neuron_image(network))]
     words = [(1, neurons, address, word) for neurons, image in images for address, word in enumerate(image)]
     load: list[tuple[int, ...]] = []  # of every clock: valid, neurons, address, data
@@ -117,15 +116,6 @@ def _scans(config: ClassifierConfig) -> Scans:
         **{name: values[:, None] >> np.arange(widths[name].shape) & 1 for name, values in columns.items()},
     }
     return Scans(network, {name: bits.astype(np.uint8) for name, bits in inputs.items()}, starts, ends)
-
-
-def _network(config: ClassifierConfig, rng: np.random.Generator) -> IntegerNetwork:
-    """Return a network with random weights over their full range."""
-
-    def drawn(bits: int, *shape: int) -> NDArray[np.int64]:
-        return rng.integers(lowest(bits), highest(bits) + 1, shape)
-
-    return IntegerNetwork.filled(config, drawn)
 
 
 def _expected(config: ClassifierConfig, what: Scans) -> list[list[tuple[int, int, int]]]:

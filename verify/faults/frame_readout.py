@@ -12,15 +12,15 @@ from eskin.model.frame import Inputs as ModelInputs
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl.frame import FrameReadout
 from eskin.verify.faults.bench import ADC_CLOCKS, bench_gates, inside
-from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, NOTHING, UnlikeModel, Upset
-from eskin.verify.faults.parallel import upset_runs
+from eskin.verify.faults.gates import last_clock, upset_runs
+from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, UnlikeModel, Upset, told
 from eskin.verify.faults.scenario import RESET
 
 FRAMES, UPSET_FRAMES = 7, 3
 """Number of frames of a run, and number of first frames with bit flips."""
 
 
-def upsets(config: FrameConfig, stride: int = 1, flops: str = "") -> Iterator[Upset]:
+def upsets(config: FrameConfig, stride: int, flops: str) -> Iterator[Upset]:
     """Flip every flop of a frame readout in every clock of several frames, one per run; yield the outcomes.
 
     An outcome is "others changed" where words are wrong, with their frames as ``lost``, and "others moved" where they
@@ -39,13 +39,9 @@ def upsets(config: FrameConfig, stride: int = 1, flops: str = "") -> Iterator[Up
         wrong = _hashes(words, period)
         wrong = wrong[:, 1:] != wrong[:, :1]
         moved = (words[:, 1:] != words[:, :1]).any(axis=0)
-        for lane, (clock, flop) in enumerate(part):
-            bad = np.flatnonzero(wrong[:, lane])
-            last = int(bad[-1]) if len(bad) else -1
-            never = last >= FRAMES - 2
-            outcome = NEVER if never else CHANGED if len(bad) else MOVED if moved[lane] else NOTHING
-            ticks = last - (clock - RESET) // period if len(bad) else -1
-            yield Upset(flop, clock, outcome, ticks=ticks, lost=len(bad))
+        lost, last = wrong.sum(axis=0), last_clock(wrong)  # frames
+        ticks = np.where(lost, last - [(clock - RESET) // period for clock, _ in part], -1)
+        yield from told(part, {NEVER: last >= FRAMES - 2, CHANGED: lost > 0, MOVED: moved}, ticks=ticks, lost=lost)
 
 
 def _inputs(config: FrameConfig, period: int) -> dict[str, NDArray[np.uint8]]:

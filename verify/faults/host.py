@@ -17,18 +17,8 @@ from eskin.model.registers.description import WORD_BYTES, Register, registers
 from eskin.model.registers.spi import HIGH_CLOCKS, LOW_CLOCKS, LOW_CLOCKS_TO_READ, Pins, transfer
 from eskin.rtl.readout import Readout
 from eskin.verify.faults.bench import bench_gates, inside
-from eskin.verify.faults.outcomes import (
-    CHANGED,
-    MOVED,
-    NEVER,
-    NOTHING,
-    WRITTEN,
-    UnlikeModel,
-    Upset,
-    counted,
-    slack,
-)
-from eskin.verify.faults.parallel import last_clock, upset_runs
+from eskin.verify.faults.gates import last_clock, upset_runs
+from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, WRITTEN, UnlikeModel, Upset, counted, since, slack, told
 from eskin.verify.faults.scenario import RESET, codes_of, events_of, inputs_of, pause_of, swings
 
 HOST = r"(host|ticks)\."
@@ -55,7 +45,7 @@ class Play:
     written: int  # clock from which on everything must have recovered: all registers were written again
 
 
-def upsets(config: ReadoutConfig, mode: int = 0, stride: int = 1, flops: str = HOST) -> Iterator[Upset]:
+def upsets(config: ReadoutConfig, mode: int, stride: int, flops: str) -> Iterator[Upset]:
     """Flip every flop of the host interface in every clock of a window, one per run; yield the outcomes.
 
     An upset counts as *until written* if the readout is not as ever by itself, but is after the host has written all
@@ -64,7 +54,9 @@ def upsets(config: ReadoutConfig, mode: int = 0, stride: int = 1, flops: str = H
     ``mode`` is that of the test pattern, 0 for the array. ``flops`` is a pattern of the names of the flops.
     """
     gates, what = bench_gates(Readout(config)), _play(config, mode)
-    inputs = inputs_of(config, what.stimulus) | _levels(what.pins)
+    levels = np.array([Pins()] * RESET + what.pins, np.uint8)  # CS is high during reset
+    inputs = inputs_of(config, what.stimulus)
+    inputs |= {f"spi_{name}": levels[:, [place]] for place, name in enumerate(Pins._fields)}
     # Something of a transfer is still under way some clocks behind its end.
     selected = np.convolve(inputs["spi_cs_n"][:, 0] == 0, np.ones(ON_THE_WAY))[: len(inputs["rst"])] > 0
     clocks = range(RESET + what.upset.start, RESET + what.upset.stop, stride)
@@ -83,15 +75,15 @@ def upsets(config: ReadoutConfig, mode: int = 0, stride: int = 1, flops: str = H
         stays = np.abs(left_alone).max(axis=0) > near
         stops = np.abs(left_alone.sum(axis=0)) > near
         never = misread[written].any(axis=0) | (np.abs(_more(config, codes[written])).max(axis=0) > slack(config))
-        for lane, (clock, name) in enumerate(part, 1):
-            passes = CHANGED if changed[lane] else MOVED if last[lane] >= 0 else NOTHING
-            outcome = NEVER if never[lane] else WRITTEN if stays[lane] else passes
-            if TRANSFER.match(name):
-                may_stay = selected[clock]
-            else:
-                may_stay = SETTING.match(name) is not None and not ("pattern" in name and stops[lane])
-            others = max(int(last[lane]) - clock, -1)
-            yield Upset(name, clock, outcome, other_clocks=others, may_stay=bool(may_stay))
+        last, never, stays, stops, changed = (of_runs[1:] for of_runs in (last, never, stays, stops, changed))
+        may_stay = [
+            selected[clock]
+            if TRANSFER.match(name)
+            else SETTING.match(name) is not None and not ("pattern" in name and stopped)
+            for (clock, name), stopped in zip(part, stops, strict=True)
+        ]
+        effects = {NEVER: never, WRITTEN: stays, CHANGED: changed, MOVED: last >= 0}
+        yield from told(part, effects, other_clocks=since(part, last), may_stay=np.array(may_stay))
 
 
 def _more(config: ReadoutConfig, codes: NDArray[np.int16]) -> NDArray[np.int64]:
@@ -114,7 +106,8 @@ def _play(config: ReadoutConfig, mode: int) -> Play:
     upset = range(12, len(pins))
     pause = pause_of(config)
     start = len(pins) + SETTLES
-    ticks = [(clock, _moved(config, rng)) for clock in range(25, upset.stop, 30)]
+    moves = config.step * rng.integers(-2, 3, size=(len(range(25, upset.stop, 30)), config.taxels))
+    ticks = list(zip(range(25, upset.stop, 30), moves, strict=True))  # up to two steps from rest
     ticks += [*swings(config, start, 4, pause), (start + 4 * pause, np.zeros(config.taxels, np.int64))]
     pins += [Pins()] * (SETTLES + 4 * pause)
     for register in kept[::-1]:
@@ -138,21 +131,10 @@ def _play(config: ReadoutConfig, mode: int) -> Play:
     return Play(stimulus, pins, upset, range(start + 3 * pause, start + 4 * pause), written)
 
 
-def _moved(config: ReadoutConfig, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return samples up to two steps from rest."""
-    return config.step * rng.integers(-2, 3, size=config.taxels)
-
-
 def _transfer(register: Register, words: Sequence[int] = (), reads: int = 0) -> list[Pins]:
     """Return the SPI pins of a transfer that writes or reads words."""
     timing = Timing(HIGH_CLOCKS, LOW_CLOCKS_TO_READ if reads else LOW_CLOCKS)
     return list(waveform(transfer(register.address, words or [0] * reads, not reads), timing))
-
-
-def _levels(pins: Sequence[Pins]) -> dict[str, NDArray[np.uint8]]:
-    """Return SPI pins as inputs of the gates, with CS high during reset."""
-    levels = np.array([Pins()] * RESET + list(pins), np.uint8)
-    return {f"spi_{name}": levels[:, [place]] for place, name in enumerate(Pins._fields)}
 
 
 def _as_model(config: ReadoutConfig, expected: HostRun, codes: NDArray[np.int16], said: NDArray[np.int64]) -> bool:

@@ -12,15 +12,15 @@ from eskin.model.tiles.merge import merge
 from eskin.rtl.tiles import merge as rtl_merge
 from eskin.rtl.tiles import relay
 from eskin.verify.faults.bench import FIELDS, NUMBER_BITS, bench_gates, inside
-from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, NOTHING, UnlikeModel, Upset
-from eskin.verify.faults.parallel import last_clock, upset_runs
+from eskin.verify.faults.gates import last_clock, upset_runs
+from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, UnlikeModel, Upset, missing, since, told
 from eskin.verify.faults.scenario import RESET
 
 LOADED, PAUSE, AGAIN = 160, 120, 120
 """Clocks of load with bit flips, of a pause, and of load without errors."""
 
 
-def upsets(config: TilesConfig, stride: int = 1, flops: str = "") -> Iterator[Upset]:
+def upsets(config: TilesConfig, stride: int, flops: str) -> Iterator[Upset]:
     """Yield the outcome of each run; in a run, one flop of a merge is flipped in one clock of the stimulus.
 
     Of a skin with relay stations it is one of those that is upset. Every event of a tile has a number of its own, so
@@ -39,18 +39,13 @@ def upsets(config: TilesConfig, stride: int = 1, flops: str = "") -> Iterator[Up
         more = _counts(config, events[:, 1:]) - _counts(config, events[:, :1])
         differs = events[:, 1:] != events[:, :1]
         last = last_clock(differs)
-        never = differs[-AGAIN:].any(axis=0)
-        for lane, (clock, flop) in enumerate(part):
-            lost, added = int(-more[:, lane].clip(max=0).sum()), int(more[:, lane].clip(min=0).sum())
-            moved = MOVED if last[lane] >= 0 else NOTHING
-            outcome = NEVER if never[lane] else CHANGED if lost or added else moved
-            others = max(int(last[lane]) - clock, -1)
-            name = f"{'relay' if config.relays else 'merge'}.{flop}"
-            yield Upset(name, clock, outcome, other_clocks=others, lost=lost, added=added)
+        lost, added = missing(more), missing(-more)
+        effects = {NEVER: differs[-AGAIN:].any(axis=0), CHANGED: lost + added > 0, MOVED: last >= 0}
+        place = "relay." if config.relays else "merge."
+        yield from told(part, effects, place, other_clocks=since(part, last), lost=lost, added=added)
 
 
 def _inputs(config: TilesConfig) -> dict[str, NDArray[np.uint8]]:
-    """Return a stimulus with low load, overload, and a stalled sink."""
     rng = np.random.default_rng(0)
     total = RESET + LOADED + PAUSE + AGAIN
     since = np.arange(total) - RESET

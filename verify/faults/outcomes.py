@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.readout import simulate as simulate_model
 from eskin.rtl.readout import Readout
 from eskin.verify.faults.bench import bench_gates, inside
-from eskin.verify.faults.parallel import last_clock, upset_runs
+from eskin.verify.faults.gates import Flips, last_clock, upset_runs
 from eskin.verify.faults.scenario import Course, codes_of, course, events_of
 
 NOBODY = -9
@@ -69,7 +70,23 @@ class UnlikeModel(AssertionError):
     """Raised if the run without bit flips differs from the model."""
 
 
-def upsets(config: ReadoutConfig, calm: bool, slow: int = 0, stride: int = 1, flops: str = "") -> Iterator[Upset]:
+def told(part: Flips, effects: dict[str, NDArray[Any]], place: str = "", /, **fields: NDArray[Any]) -> Iterator[Upset]:
+    """Yield the outcome of each bit flip: the first effect that its run has, or ``NOTHING``.
+
+    ``effects`` has the runs with each effect, from the largest effect on. ``fields`` has other fields of the outcomes
+    by run, and ``place`` is put before the names of the flops.
+    """
+    for lane, (clock, flop) in enumerate(part):
+        outcome = next((name for name, runs in effects.items() if runs[lane]), NOTHING)
+        yield Upset(place + flop, clock, outcome, **{name: values[lane].item() for name, values in fields.items()})
+
+
+def since(part: Flips, last: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the clocks from each bit flip to the last clock in which its run differs; -1 if none does."""
+    return np.maximum(last - [clock for clock, _ in part], -1)
+
+
+def upsets(config: ReadoutConfig, calm: bool, slow: int, stride: int, flops: str) -> Iterator[Upset]:
     """Flip every flop of a readout in every clock of a window, one per run; yield the outcomes.
 
     ``stride`` is the number of clocks from one upset to the next, and ``flops`` a pattern of the names of the flops.
@@ -77,20 +94,19 @@ def upsets(config: ReadoutConfig, calm: bool, slow: int = 0, stride: int = 1, fl
     """
     gates, played = bench_gates(Readout(config), slow), course(config, calm, slow)
     expected = simulate_model(config, played.stimulus)
-    turned = inside(gates, flops)
-    for part, outputs in upset_runs(gates, played.inputs, range(played.first, played.last, stride), turned):
+    clocks = range(played.first, played.last, stride)
+    for part, outputs in upset_runs(gates, played.inputs, clocks, inside(gates, flops)):
         codes = codes_of(config, outputs, played.inputs["event_ready"])
         found = events_of(config, codes[:, 0])
         if not len(expected) or not np.array_equal(found[: len(expected)], expected):
             raise UnlikeModel(f"{config.encoding}, {config.link}: the gates do not give the model's events")
-        yield from _judged(config, (played, calm), codes, part)
+        yield from _judged(config, played, calm, codes, part)
 
 
 def _judged(
-    config: ReadoutConfig, run: tuple[Course, bool], codes: NDArray[np.int16], part: list[tuple[int, str]]
+    config: ReadoutConfig, played: Course, calm: bool, codes: NDArray[np.int16], part: Flips
 ) -> Iterator[Upset]:
     """Return the outcomes of runs by comparison with run 0, which has no bit flip."""
-    played, calm = run
     places = [TAXEL.match(flop) for _, flop in part]
     own = np.array([int(at[1]) * config.columns + int(at[2]) if at else NOBODY for at in places])
     good, runs = codes[:, :1], codes[:, 1:]
@@ -103,8 +119,8 @@ def _judged(
     others = np.where(np.arange(len(more))[:, None] >> 1 == own, 0, more)
     answers = _answers(config, runs, played) != _answers(config, good, played)
     odd = (answers & (np.arange(len(more))[:, None, None] >> 1 != own)).any(axis=0)
-    since = np.searchsorted(played.ticks, [clock for clock, _ in part], side="right") - 1
-    ticks = np.where(odd.any(axis=0), last_clock(odd) - since, -1)
+    tick = np.searchsorted(played.ticks, [clock for clock, _ in part], side="right") - 1
+    ticks = np.where(odd.any(axis=0), last_clock(odd) - tick, -1)
     answer = counted(config, good[played.answer :])
     assert answer.reshape(config.taxels, 2).sum(axis=1).all(), "the last swing is not answered by every taxel"
     lasting = np.abs(counted(config, runs[played.answer :]) - answer)
@@ -115,12 +131,15 @@ def _judged(
     counts = kept & (np.arange(config.taxels)[:, None] != own)
     adds_up = config.has_polarity and not config.encoder.leaks and not config.closes  # by one fixed step per event
     off = (wrong * counts).sum(axis=0) if adds_up else np.full(len(part), -1)
-    for lane, (clock, name) in enumerate(part):
-        lost, added = int(-others[:, lane].clip(max=0).sum()), int(others[:, lane].clip(min=0).sum())
-        own_differ = OWN if own_last[lane] >= 0 else NOTHING
-        outcome = NEVER if never[lane] else CHANGED if lost or added else MOVED if other_last[lane] >= 0 else own_differ
-        own_clocks, other_clocks = (max(int(last[lane]) - clock, -1) for last in (own_last, other_last))
-        yield Upset(name, clock, outcome, own_clocks, other_clocks, int(ticks[lane]), lost, added, off=int(off[lane]))
+    lost, added = missing(others), missing(-others)
+    effects = {NEVER: never, CHANGED: lost + added > 0, MOVED: other_last >= 0, OWN: own_last >= 0}
+    times = {"own_clocks": since(part, own_last), "other_clocks": since(part, other_last), "ticks": ticks}
+    yield from told(part, effects, **times, lost=lost, added=added, off=off)
+
+
+def missing(more: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the number of missing events of each run, from the differences of its counts, shape (events, runs)."""
+    return np.asarray(-more.clip(max=0).sum(axis=0))
 
 
 def _answers(config: ReadoutConfig, codes: NDArray[np.int16], played: Course) -> NDArray[np.int64]:

@@ -63,24 +63,25 @@ def run(trial: Trial) -> tuple[list[dict[str, Any]], list[str]]:
     if getattr(trial.config, "fields", "own") != "own":
         of_block["fields"] = []  # a line in the report even without a flop
     problems: list[str] = []
-    for upset in _upsets(trial):
+    for upset in upsets_of(trial):
         of_block.setdefault(upset.block, []).append(upset)
         if wrong := problems_of(trial, upset):
             problems.append(f"{trial.name}: {upset.flop} turned at clock {upset.clock}: {wrong}")
     return [_line(trial, block, found) for block, found in sorted(of_block.items())], problems
 
 
-def _upsets(trial: Trial) -> Iterator[Upset]:
+def upsets_of(trial: Trial, flops: str = "") -> Iterator[Upset]:
+    """Flip the flops of a trial whose names match a pattern, one per run; yield the outcomes."""
     config, stride = trial.config, trial.stride
     if isinstance(config, FrameConfig):
-        return frames.upsets(config, stride)
+        return frames.upsets(config, stride, flops)
     if isinstance(config, ClassifierConfig):
-        return classifier.upsets(config, stride)
+        return classifier.upsets(config, stride, flops)
     if isinstance(config, TilesConfig):
-        return merge.upsets(config, stride)
+        return merge.upsets(config, stride, flops)
     if config.registers != "none":
-        return host.upsets(config, trial.mode, stride)
-    return upsets(config, trial.calm, trial.slow, stride)
+        return host.upsets(config, trial.mode, stride, flops or host.HOST)
+    return upsets(config, trial.calm, trial.slow, stride, flops)
 
 
 def _line(trial: Trial, block: str, found: list[Upset]) -> dict[str, Any]:
@@ -99,10 +100,8 @@ def campaign(small: bool, out: Path | None, tell: Callable[[str], None]) -> Done
     """
     pieces = Pieces(out, version(CODE))
     done = Done([], [], [])
-    jobs: list[tuple[str, Callable[[], dict[str, Any]]]] = []
-    jobs += [(f"{trial}", partial(_tried, trial)) for trial in plan.trials(small)]
-    jobs += [(f"{config}", partial(_met, config)) for config in plan.surroundings(small)]
-    for name, job in jobs:
+    jobs = [(str(trial), partial(_tried, trial)) for trial in plan.trials(small)]
+    for name, job in jobs + [(str(config), partial(_met, config)) for config in plan.surroundings(small)]:
         piece = pieces.of(name, job)
         done.blocks += piece["blocks"]
         done.cases += piece["cases"]

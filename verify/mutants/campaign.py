@@ -7,8 +7,10 @@ judged again at the end: in the RTL by all co-simulations, elsewhere by all test
 from __future__ import annotations
 
 import hashlib
+import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,6 @@ from eskin.base.workers.cluster import Needs, version
 from eskin.base.workers.pool import WorkerPool, each
 from eskin.cocotb_tests.runner.build_cache import ROOT
 from eskin.snn.experiments.intervals import wilson
-from eskin.verify.mutants.arguments import arguments
 from eskin.verify.mutants.checkout import failing, original
 from eskin.verify.mutants.edits import Mutant, sample
 from eskin.verify.mutants.judge import Asked, ask_all, judge
@@ -44,44 +45,26 @@ COSIMULATIONS, EVERYWHERE = ("cocotb_tests",), ("tests", "cocotb_tests")
 
 @dataclass(frozen=True)
 class Plan:
-    """Parameters of a mutation campaign.
+    """Parameters of a mutation campaign."""
 
-    Attributes
-    ----------
-    packages : tuple of str
-        ``RTL`` or ``MODEL``.
-    share : float
-        Of the places of each file.
-    seed : int
-    block : str
-        Only the files of this block or room.
-    limit : int, optional
-        Mutants at most.
-    apart_from : int, optional
-        Seed of an earlier campaign with the same share, whose mutants are left out.
-    """
-
-    packages: tuple[str, ...]
-    share: float
+    packages: tuple[str, ...]  # ``RTL`` or ``MODEL``
+    share: float  # of the places of each file
     seed: int
-    block: str = ""
-    limit: int | None = None
-    apart_from: int | None = None
+    block: str = ""  # only the files of this block or room
+    limit: int | None = None  # mutants at most
+    apart_from: int | None = None  # seed of an earlier campaign with the same share, whose mutants are left out
 
 
 @dataclass
 class Finding:
-    """A mutant and its verdict.
-
-    ``first`` is the verdict before tests were written for survivors.
-    """
+    """A mutant and its verdict."""
 
     mutant: Mutant
     verdict: str
-    by: str = ""
-    quick: bool = False
+    by: str = ""  # the test or property that kills it
+    quick: bool = False  # whether a test of ``make check`` kills it
     differs: str = ""
-    first: str = ""
+    first: str = ""  # the verdict before tests were written for survivors
 
     @property
     def name(self) -> str:
@@ -92,6 +75,13 @@ class Finding:
     def why(self) -> str:
         """Written argument that the mutant is equivalent; empty if none."""
         return arguments().get(self.mutant.name, "")
+
+
+@cache
+def arguments() -> dict[str, str]:
+    """Return the written arguments that certain mutants are equivalent, by the name of the mutant."""
+    listed = tomllib.loads(Path(__file__).with_name("arguments.toml").read_text())
+    return {f"{file} {construct}": why for file, own in listed.items() for construct, why in own.items()}
 
 
 @dataclass
@@ -120,19 +110,10 @@ def drawn(plan: Plan) -> tuple[list[Mutant], dict[str, int]]:
 
 
 def run(plan: Plan, out: Path, pool: WorkerPool | None, again: bool, on_finding: Callable[[Finding], None]) -> Done:
-    """Test the mutants of a campaign, except those with stored verdicts.
+    """Test the mutants of a campaign, except those with stored verdicts, and return all findings.
 
-    Parameters
-    ----------
-    plan : Plan
-    out : Path
-        Folder: a line for each mutant, and copies of the checkout.
-    pool : WorkerPool or None
-        Judges mutants side by side; with None none is judged, and what was found before is returned.
-    again : bool
-        Whether those alive are judged once more, since tests are new.
-    on_finding : callable
-        Called with every new finding.
+    The folder ``out`` holds a line for each mutant, and copies of the checkout. Without a pool no mutant is judged.
+    ``again`` judges survivors once more, since tests are new. ``on_finding`` is called with every new finding.
     """
     out.mkdir(parents=True, exist_ok=True)
     mutants, places = drawn(plan)
@@ -148,7 +129,8 @@ def run(plan: Plan, out: Path, pool: WorkerPool | None, again: bool, on_finding:
             break
         checkout = original(out)
         todo = [mutant for mutant in mutants if before(mutant) == phase]
-        asked = {mutant.file: _asked(mutant.file, phase, checkout, plan.seed) for mutant in todo}
+        last = Questions(COSIMULATIONS if plan.packages == RTL else EVERYWHERE)
+        asked = {m.file: Asked(checkout, last if phase else questions(m.file), plan.seed) for m in todo}
         for mutant, verdict in zip(todo, each(pool, job, ((m, asked[m.file]) for m in todo)), strict=True):
             known = pieces.known(mutant.name) or {}
             survived = not phase and known.get("verdict") in SURVIVED  # it is judged again, with new tests
@@ -158,11 +140,6 @@ def run(plan: Plan, out: Path, pool: WorkerPool | None, again: bool, on_finding:
         done.skipped |= set(failing(checkout))
     done.findings = [_finding(mutant, piece) for mutant in mutants if (piece := pieces.known(mutant.name))]
     return done
-
-
-def _asked(file: str, phase: str, checkout: Path, seed: int) -> Asked:
-    last = Questions(COSIMULATIONS if file.startswith("rtl/") else EVERYWHERE)
-    return Asked(checkout, last if phase else questions(file), seed)
 
 
 def _finding(mutant: Mutant, piece: dict[str, Any]) -> Finding:
@@ -208,18 +185,15 @@ def summary(done: Done) -> dict[str, Any]:
         "argued_one_by_one": [{"name": one.name, "why": one.why} for one in findings if one.verdict == "argued"],
         "by_a_property_alone": sum(one.by.startswith("property ") for one in findings),
         "not_asked": sorted(done.skipped),
-        "first_pass": counted([_before_new_tests(one) for one in findings]),
+        "first_pass": counted(
+            [replace(one, verdict="alive", by="", quick=False) if one.first else one for one in findings]
+        ),  # before tests were added for survivors
         "mutants": [
             {"mutant": one.mutant.name, "edit": one.name, "verdict": one.verdict, "by": one.by}
             | ({"first": one.first} if one.first else {})
             for one in findings
         ],
     }
-
-
-def _before_new_tests(finding: Finding) -> Finding:
-    """Return a verdict as it was before tests were added for survivors."""
-    return replace(finding, verdict="alive", by="", quick=False) if finding.first else finding
 
 
 def closing_line(done: Done) -> str:
@@ -245,15 +219,6 @@ def _killed_share(count: dict[str, int]) -> tuple[float, float]:
 
 
 def write(path: Path, command: str, done: Done, part: str) -> None:
-    """Write the results of a campaign with command, commit and date.
-
-    Parameters
-    ----------
-    path : Path
-    command : str
-    done : Done
-    part : str
-        Name of the campaign within the file: ``rtl`` or ``model``.
-    """
+    """Write the results of a campaign with command, commit and date into its part of a file, ``rtl`` or ``model``."""
     before = read_json(path, "the results of mutants", dict) if path.exists() else {}
     write_json(path, {**before, part: {**origin(command), **summary(done)}})

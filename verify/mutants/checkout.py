@@ -1,22 +1,18 @@
-"""Copy the checkout for each mutant, and run tests and proofs there in separate processes.
-
-One process loads the libraries, and nothing of this project; all others are its forks. So they start at once, which is
-most of the time of a test that fails early.
-"""
+"""Copy the checkout for each mutant, and run tests and proofs there in separate processes."""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
 import math
-import multiprocessing
 import os
 import re
+import resource
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -25,7 +21,6 @@ from pathlib import Path
 from eskin.base.cache import is_private
 from eskin.base.errors import InputError
 from eskin.cocotb_tests.runner.build_cache import ROOT, scratch_folder
-from eskin.verify.mutants.fork import play
 
 PYTEST = ("pytest", "-q", "--tb=no", "-rfE", "-p", "no:cacheprovider", "--hypothesis-profile=ci", "-k", "not verilator")
 """Command that runs tests without cases on Verilator: they repeat tests on another simulator, and building takes
@@ -40,28 +35,20 @@ PASSED = (0, NO_TESTS)
 REST = ("-m", "not quick")
 MOST_S, WAITS = 600, 6
 """Limit of processor time of a process in seconds, and the limit of elapsed time as a multiple of this limit."""
-LIBRARIES = ("numpy", "scipy", "numba", "amaranth", "hypothesis", "pytest", "cocotb_tools.runner")
 JUDGED = (1, 2, 4)
 """Exit codes of pytest for failing tests, or for tests that the mutant makes unreadable."""
 
 
 @dataclass(frozen=True)
 class Said:
-    """Result of a command: exit code (None after a timeout), output and seconds."""
+    """Result of a command: exit code (None after a timeout) and output."""
 
     code: int | None
     text: str
-    seconds: float
 
 
 def original(folder: Path) -> Path:
-    """Return an unchanged copy of the checkout; all mutants share its builds.
-
-    Raises
-    ------
-    InputError
-        If there is no checkout.
-    """
+    """Return an unchanged copy of the checkout, whose builds all mutants share; raise InputError without a checkout."""
     listed = subprocess.run(["git", "ls-files", "-coz", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True)
     names = [name for name in sorted(listed.stdout.split("\0")) if name and os.path.lexists(ROOT / name)]
     if listed.returncode or not names:
@@ -101,43 +88,35 @@ def mutated(source: Path, file: str, text: str) -> Iterator[Path]:
 
 
 def run(place: Path, words: Sequence[str], limit_s: float = MOST_S) -> Said:
-    """Run a Python module in a copy of the checkout, with at most ``limit_s`` seconds per process."""
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(list(LIBRARIES))
-    begun = time.monotonic()
-    with tempfile.NamedTemporaryFile("r", errors="replace") as log:
-        process = context.Process(target=play, args=(str(place), list(words), log.name, math.ceil(limit_s)))
-        process.start()
-        group = process.pid
-        assert group is not None
-        process.join(WAITS * limit_s)
-        code = process.exitcode
+    """Run a Python module in a copy of the checkout, with at most ``limit_s`` seconds of processor time per process."""
+    most = math.ceil(limit_s)
+    own = {"PYTHONPATH": str(place), "ESKIN_HOLDOUT": "1", "OMP_NUM_THREADS": "1"}
+    with tempfile.TemporaryFile("w+", errors="replace") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-m", *words],
+            cwd=place,
+            env=os.environ | own,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (most, most + 5)),
+        )
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(WAITS * limit_s)
+        code = process.poll()
         with contextlib.suppress(ProcessLookupError):
-            os.killpg(group, signal.SIGKILL)
-        process.join()
-        return Said(code, log.read(), time.monotonic() - begun)
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        log.seek(0)
+        return Said(code, log.read())
 
 
 def first_failed(place: Path, tests: Sequence[str], checkout: Path, quick: bool, limit_s: float = MOST_S) -> str:
-    """Return the first test that fails with a mutant and passes without; empty if none.
+    """Return the first test that fails in ``place``, a copy with a mutant, and passes without; empty if none.
 
-    Parameters
-    ----------
-    place : Path
-        A copy of the checkout.
-    tests : sequence of str
-        Test files.
-    checkout : Path
-        The copy without a mutant.
-    quick : bool
-        Those of ``make check``, or else all others.
-    limit_s : float
-        Seconds of processor time for each process: an endless loop counts as a failure.
-
-    Raises
-    ------
-    RuntimeError
-        If pytest itself fails.
+    ``quick`` selects the tests of ``make check``, or else all others. A process has ``limit_s`` seconds of processor
+    time: an endless loop counts as a failure. RuntimeError is raised if pytest itself fails.
     """
     if quick:
         chosen = (checkout / "tests" / "quick.py").read_text()
@@ -184,10 +163,7 @@ def failing(checkout: Path) -> list[str]:
 def failed_property(place: Path, block: str, limit_s: float = MOST_S) -> str:
     """Return the first property of a block that is not proved, as ``block: property``; empty if all are.
 
-    Raises
-    ------
-    RuntimeError
-        If the proof itself fails.
+    RuntimeError is raised if the proof itself fails.
     """
     said = run(place, ["eskin", "dev", "formal", "--block", block], limit_s)
     if said.code == 0:

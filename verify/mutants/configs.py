@@ -1,7 +1,13 @@
-"""Draw random configurations in which an equivalent mutant must behave like the original."""
+"""Draw random configurations in which an equivalent mutant must behave like the original.
+
+In a copy of the checkout, this file runs as a program that writes their RTLIL.
+"""
 
 from __future__ import annotations
 
+import json
+import sys
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,7 +21,8 @@ from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.encoders.registry import NAMES
 from eskin.model.frame_config import FrameConfig
 from eskin.model.tiles.config import MergeConfig, TilesConfig
-from eskin.rtl.verilog import Config
+from eskin.rtl.block import RtlilModules
+from eskin.rtl.verilog import Config, top_block
 
 COUNT = 16
 """Number of configurations per file."""
@@ -30,6 +37,25 @@ SET: dict[str, dict[str, Any]] = {
     "registers.decay": {"registers": "spi", "encoding": "nlcs", "leak_period": 20},
 }
 """Fixed fields of configurations that use a file."""
+
+CLASSIFIER: dict[str, Sequence[Any]] = {
+    "inputs": range(1, 7),
+    "hidden": range(1, 10),
+    "classes": range(1, 5),
+    "lanes": (1, 2, 4),
+    "clocks_per_bin": range(5, 50),
+    **dict.fromkeys(("in_bits", "rec_bits", "out_bits", "bias_bits"), range(2, 9)),
+    **dict.fromkeys(("in_shift", "rec_shift", "bias_shift", "out_shift", "out_bias_shift"), range(4)),
+    **dict.fromkeys(("leak_shift", "out_leak_shift"), range(4)),
+    **dict.fromkeys(("membrane_bits", "output_bits"), range(9, 20)),
+    "evidence_bits": range(8, 20),
+    **dict.fromkeys(("threshold", "out_threshold"), range(1, 200)),
+    **dict.fromkeys(("floor", "out_floor"), (None, -7, 0)),
+    "neuron_reset": ("zero", "subtract"),
+    "readout": ("spikes", "membrane"),
+    "reset": ("sync", "async"),
+}
+"""Values of the fields of a classifier."""
 
 
 @cache
@@ -75,24 +101,22 @@ def _of(rng: np.random.Generator, *values: Any) -> Any:
 
 
 def _classifier(rng: np.random.Generator) -> ClassifierConfig:
-    bits = {name: int(rng.integers(2, 9)) for name in ("in_bits", "rec_bits", "out_bits", "bias_bits")}
-    shifts = ("in_shift", "rec_shift", "bias_shift", "out_shift", "out_bias_shift", "leak_shift", "out_leak_shift")
-    return ClassifierConfig(
-        inputs=int(rng.integers(1, 7)),
-        hidden=int(rng.integers(1, 10)),
-        classes=int(rng.integers(1, 5)),
-        lanes=_of(rng, 1, 2, 4),
-        clocks_per_bin=int(rng.integers(5, 50)),
-        **bits,
-        **{name: int(rng.integers(4)) for name in shifts},
-        membrane_bits=int(rng.integers(9, 20)),
-        output_bits=int(rng.integers(9, 20)),
-        evidence_bits=int(rng.integers(8, 20)),
-        threshold=int(rng.integers(1, 200)),
-        floor=_of(rng, None, -7, 0),
-        neuron_reset=_of(rng, "zero", "subtract"),
-        readout=_of(rng, "spikes", "membrane"),
-        out_threshold=int(rng.integers(1, 200)),
-        out_floor=_of(rng, None, -7, 0),
-        reset=_of(rng, "sync", "async"),
-    )
+    return ClassifierConfig.from_dict({name: _of(rng, *values) for name, values in CLASSIFIER.items()})
+
+
+def designs(file: str, seed: int, count: int) -> dict[str, dict[str, str]]:
+    """Return the RTLIL of all modules by configuration and name; empty if the generator raises an error."""
+    found: dict[str, dict[str, str]] = {}
+    for config in configs(file, seed)[:count]:
+        made = RtlilModules(config.reset == "async")
+        try:
+            made.add(top_block(config))
+        except Exception:  # a mutant may raise anything
+            made.modules = {}
+        found[f"{type(config).__name__} {config.to_dict()}"] = made.modules
+    return found
+
+
+if __name__ == "__main__":
+    file, seed, count, out = sys.argv[1:]
+    Path(out).write_text(json.dumps(designs(file, int(seed), int(count))))

@@ -30,32 +30,15 @@ NO_HARDWARE = ("_Div", "_FloorDiv", "_Mod", "_Pow")
 
 @dataclass(frozen=True)
 class Mutant:
-    """One edit of one place in a file.
+    """One edit of one place in a file."""
 
-    Attributes
-    ----------
-    file : str
-        ``rtl/taxel.py``.
-    function : str
-        Qualified name of the innermost function or class around the construct; empty at the level of the module.
-    operator : str
-        Operator of Cosmic Ray, or of ``hardware.py``.
-    number : int
-        Number of the construct among those of the operator in that function, from 0.
-    line : int
-    edit : str
-        The line before and after, for a reader.
-    text : str
-        The whole file with the edit.
-    """
-
-    file: str
-    function: str
-    operator: str
-    number: int
+    file: str  # ``rtl/taxel.py``
+    function: str  # qualified name of the innermost function or class around the place; empty for the module
+    operator: str  # of Cosmic Ray, or of ``hardware.py``
+    number: int  # of the construct among those of the operator in that function, from 0
     line: int
-    edit: str
-    text: str
+    edit: str  # the line before and after, for a reader
+    text: str  # the whole file with the edit
 
     @property
     def name(self) -> str:
@@ -99,7 +82,8 @@ def places(file: str, text: str) -> dict[tuple[int, int], list[Place]]:
         occurrence = 0
         for node in nodes:
             for start, _ in operator.mutation_positions(node):
-                function = _around(functions, start[0])
+                around = [function for function in functions if function[0] <= start[0] <= function[1]]
+                function = max(around)[2] if around else ""
                 found.setdefault(start, []).append(Place(name, function, numbers[function], occurrence, start))
                 numbers[function] += 1
                 occurrence += 1
@@ -148,7 +132,7 @@ def _operators(hardware: bool) -> dict[str, Operator]:
         short = name.partition("/")[2]
         if not LEFT_OUT.fullmatch(short) and not (hardware and short.endswith(NO_HARDWARE)):
             found[short] = get_operator(name)()
-    return found | {type(operator).__name__: operator for operator in HARDWARE if hardware}
+    return found | (HARDWARE if hardware else {})
 
 
 @cache
@@ -164,11 +148,6 @@ def _functions(text: str) -> list[tuple[int, int, str]]:
             yield from walk(child, inner)
 
     return list(walk(ast.parse(text), ""))
-
-
-def _around(functions: list[tuple[int, int, str]], line: int) -> str:
-    inside = [function for function in functions if function[0] <= line <= function[1]]
-    return max(inside)[2] if inside else ""
 
 
 @cache

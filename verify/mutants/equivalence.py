@@ -18,6 +18,8 @@ CELL = re.compile(r"^  cell \\(eskin_\w+) ", re.MULTILINE)
 DIFFERS = re.compile(r"Output\s+0 was asserted in frame")
 """Message of a difference, from bounded search or proof."""
 
+PROVE_S = 30
+
 GUARDS = {
     "eskin_arbiter": dict.fromkeys(("event_row", "event_col", "event_polarity"), "event_valid"),
     "eskin_readout": dict.fromkeys(("event_row", "event_col", "event_polarity"), "event_valid"),
@@ -68,29 +70,22 @@ def miter(module: str, ports: list[tuple[int, str, str]]) -> str:
     return f"module miter({named});\n  output bad;\n{body}\n  assign bad = {' | '.join(differences)};\nendmodule\n"
 
 
-def same(module: str, original: Mapping[str, str], mutated: Mapping[str, str], limit_s: int = 30) -> bool | None:
+def same(module: str, original: Mapping[str, str], mutated: Mapping[str, str]) -> bool | None:
     """Return whether a module behaves equally in two designs after any reset; None if undecided.
 
-    Parameters
-    ----------
-    module : str
-    original, mutated : mapping of str to str
-        RTLIL of all modules of each design by their names.
-    limit_s : int
-        Seconds for the proof.
+    A design is the RTLIL of its modules, by name. The proof takes ``PROVE_S`` seconds at most.
     """
-    texts = []
-    for side, modules in (("gold", original), ("gate", mutated)):
-        text = "\n".join(modules.values())
-        text = re.sub(r"^(module|  cell) \\eskin_", rf"\1 \\{side}_eskin_", text, flags=re.MULTILINE)
-        texts.append(text)
+    texts = [
+        re.sub(r"^(module|  cell) \\eskin_", rf"\1 \\{side}_eskin_", "\n".join(modules.values()), flags=re.MULTILINE)
+        for side, modules in (("gold", original), ("gate", mutated))
+    ]
     ports = ports_of(original[module])
     if sorted(ports) != sorted(ports_of(mutated[module])):
         return False
     if not any(way == "output" for _, way, _ in ports):
         raise ValueError(f"{module} has no output to compare")
     commands = ["set abcout said.txt", "read_aiger miter.aig", "strash", "bmc3 -a -F 12 -T 10"]
-    commands += ["read_aiger miter.aig", "strash", "scorr -C 10000", "dc2", f"pdr -a -T {limit_s}"]
+    commands += ["read_aiger miter.aig", "strash", "scorr -C 10000", "dc2", f"pdr -a -T {PROVE_S}"]
     commands += ["read_blif gate.blif", "strash"]
     files = {"one_gate.v": ONE_GATE, "gate.blif": MAPPED_GATE, "solve.abc": "\n".join(commands).encode() + b"\n"}
     files["miter.v"] = miter(module, ports).encode()

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import parso
@@ -16,9 +15,8 @@ Edit = tuple[Any, str]
 class HardwareOperator(Operator):
     """Mutation operator that replaces a part of a syntax tree node."""
 
-    @abstractmethod
-    def edits(self, node: Any) -> Iterator[Edit]:
-        """Yield the edits of a node."""
+    def __init__(self, edits: Callable[[Any], Iterator[Edit]]) -> None:
+        self.edits = edits
 
     def mutation_positions(self, node: Any) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
         """Yield start and end position of each edit."""
@@ -47,49 +45,43 @@ def arguments(node: Any, *names: str) -> Any:
     return call[1] if callee in names and call[0].value == "(" and len(call) == 3 else None
 
 
-class DropAssignment(HardwareOperator):
-    """Operator that drops an assignment from ``m.d.comb += ...`` or ``m.d.sync += [..., ...]``."""
-
-    def edits(self, node: Any) -> Iterator[Edit]:
-        """Yield one edit for each assignment."""
-        if node.type != "expr_stmt" or not node.get_code(include_prefix=False).startswith("m.d."):
-            return
-        value = node.children[-1]
-        if value.type != "atom" or value.children[0].value != "[":
-            yield value, "[]"
-        elif getattr(value.children[1], "type", "") == "testlist_comp":
-            items = value.children[1].children
-            if not any(item.type in ("sync_comp_for", "comp_for") for item in items):
-                yield from ((item, "*[]") for item in items[::2])
+def drop_assignment(node: Any) -> Iterator[Edit]:
+    """Drop an assignment from ``m.d.comb += ...`` or ``m.d.sync += [..., ...]``."""
+    if node.type != "expr_stmt" or not node.get_code(include_prefix=False).startswith("m.d."):
+        return
+    value = node.children[-1]
+    if value.type != "atom" or value.children[0].value != "[":
+        yield value, "[]"
+    elif getattr(value.children[1], "type", "") == "testlist_comp":
+        items = value.children[1].children
+        if not any(item.type in ("sync_comp_for", "comp_for") for item in items):
+            yield from ((item, "*[]") for item in items[::2])
 
 
-class StickCondition(HardwareOperator):
-    """Operator that makes the condition of ``m.If`` or ``m.Elif`` true, false or inverted."""
-
-    def edits(self, node: Any) -> Iterator[Edit]:
-        """Yield the three edits of a condition."""
-        if condition := arguments(node, "m.If", "m.Elif"):
-            yield from ((condition, code) for code in ("1", "0", f"({condition.get_code().strip()}) == 0"))
+def stick_condition(node: Any) -> Iterator[Edit]:
+    """Make the condition of ``m.If`` or ``m.Elif`` true, false or inverted."""
+    if condition := arguments(node, "m.If", "m.Elif"):
+        yield from ((condition, code) for code in ("1", "0", f"({condition.get_code().strip()}) == 0"))
 
 
-class SwapChoice(HardwareOperator):
-    """Operator that swaps the two values of a ``Mux``."""
-
-    def edits(self, node: Any) -> Iterator[Edit]:
-        """Yield the edit that swaps the values."""
-        chosen = arguments(node, "Mux")
-        if chosen is not None and chosen.type == "arglist":
-            condition, yes, no = (part.get_code().strip() for part in chosen.children[::2][:3])
-            yield chosen, f"{condition}, {no}, {yes}"
+def swap_choice(node: Any) -> Iterator[Edit]:
+    """Swap the two values of a ``Mux``."""
+    chosen = arguments(node, "Mux")
+    if chosen is not None and chosen.type == "arglist":
+        condition, yes, no = (part.get_code().strip() for part in chosen.children[::2][:3])
+        yield chosen, f"{condition}, {no}, {yes}"
 
 
-class SwapReduction(HardwareOperator):
-    """Operator that swaps the reductions ``all`` and ``any``."""
-
-    def edits(self, node: Any) -> Iterator[Edit]:
-        """Yield the edit that swaps the reduction."""
-        if node.type == "trailer" and node.children[0].value == "." and node.children[1].value in ("any", "all"):
-            yield node.children[1], {"any": "all", "all": "any"}[node.children[1].value]
+def swap_reduction(node: Any) -> Iterator[Edit]:
+    """Swap the reductions ``all`` and ``any``."""
+    if node.type == "trailer" and node.children[0].value == "." and node.children[1].value in ("any", "all"):
+        yield node.children[1], {"any": "all", "all": "any"}[node.children[1].value]
 
 
-HARDWARE = (DropAssignment(), StickCondition(), SwapChoice(), SwapReduction())
+HARDWARE = {
+    "DropAssignment": HardwareOperator(drop_assignment),
+    "StickCondition": HardwareOperator(stick_condition),
+    "SwapChoice": HardwareOperator(swap_choice),
+    "SwapReduction": HardwareOperator(swap_reduction),
+}
+"""Operators by the name that their mutants have."""

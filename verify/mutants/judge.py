@@ -21,23 +21,12 @@ MAKE_S, COMPARE_S, PROVE_S = 300, 900, 1800
 
 @dataclass(frozen=True)
 class Asked:
-    """Tests and proofs for all mutants of a file.
+    """Tests and proofs for all mutants of a file."""
 
-    Attributes
-    ----------
-    checkout : Path
-        Copy of the checkout without a mutant.
-    questions : Questions
-    seed : int
-        Of the configurations in which equivalence is proved.
-    designs : int
-        How many these are.
-    """
-
-    checkout: Path
+    checkout: Path  # without a mutant
     questions: Questions
-    seed: int
-    designs: int = COUNT
+    seed: int  # of the configurations in which equivalence is proved
+    designs: int = COUNT  # number of these configurations
 
 
 def judge(mutant: Mutant, asked: Asked) -> dict[str, Any]:
@@ -76,7 +65,7 @@ def ask_all(mutant: Mutant, asked: Asked) -> dict[str, Any]:
 
 def _made(checkout: Path, file: str, seed: int, out: Path, count: int) -> bool:
     """Write the designs of a checkout to a file; return True if at least one was generated."""
-    said = run(checkout, ["eskin.verify.mutants.designs", file, str(seed), str(count), str(out)], MAKE_S)
+    said = run(checkout, ["eskin.verify.mutants.configs", file, str(seed), str(count), str(out)], MAKE_S)
     return said.code == 0 and "module" in out.read_text()
 
 

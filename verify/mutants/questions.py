@@ -26,28 +26,17 @@ NO_LOGIC = {"block", "yosys", "verilog", "delivery", "gates", "ports"}
 
 @dataclass(frozen=True)
 class Questions:
-    """Tests and proofs for the mutants of a file.
+    """Tests and proofs for the mutants of a file."""
 
-    Attributes
-    ----------
-    tests : tuple of str
-        Test files.
-    proofs : tuple of str
-        Blocks of ``make formal``.
-    """
-
-    tests: tuple[str, ...]
-    proofs: tuple[str, ...] = ()
+    tests: tuple[str, ...]  # test files
+    proofs: tuple[str, ...] = ()  # blocks of ``make formal``
 
 
-def mutated_files(packages: tuple[str, ...], root: Path = ROOT) -> list[str]:
+def mutated_files(packages: tuple[str, ...]) -> list[str]:
     """Return the files to mutate: all files with results, but only files with logic for ``rtl``."""
-    found = []
-    for path in sorted(file for package in packages for file in (root / package).rglob("*.py")):
-        parts = set(path.relative_to(root).with_suffix("").parts)
-        if not parts & NO_RESULTS and not (packages == ("rtl",) and path.stem in NO_LOGIC):
-            found.append(path.relative_to(root).as_posix())
-    return found
+    paths = sorted(path.relative_to(ROOT) for package in packages for path in (ROOT / package).rglob("*.py"))
+    found = [path for path in paths if not {*path.parts, path.stem} & NO_RESULTS]
+    return [path.as_posix() for path in found if packages != ("rtl",) or path.stem not in NO_LOGIC]
 
 
 def questions(file: str, root: Path = ROOT) -> Questions:
@@ -80,10 +69,8 @@ def _own(file: str, root: Path) -> list[str]:
     near = [path for path in tests if path.startswith((f"tests/{package}/", "cocotb_tests/"))]
     named = [path for path in near if Path(path).stem in {f"test_{name}" for name in (package, *names)}]
     importing = [path for path in tests if _module(file) in imports[path] and path not in named]
-    if (
-        package == "app"
-        and len(called := [path for path in tests if _calls(root, path) & _commands(root, file)]) <= MOST
-    ):
+    called = [path for path in tests if _calls(root, path) & _commands(root, file)] if package == "app" else []
+    if len(called) <= MOST:
         importing = list(dict.fromkeys([*importing, *(path for path in called if path not in named)]))
     return named + importing if len(importing) <= MOST else named or importing
 
@@ -122,7 +109,6 @@ def _module(file: str) -> str:
 
 @cache
 def _imports(root: Path) -> dict[str, set[str]]:
-    """Return the imported modules of every file."""
     found: dict[str, set[str]] = {}
     for path in sorted(root.rglob("*.py")):
         parts = path.relative_to(root).parts

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from amaranth.asserts import AnyConst
@@ -37,8 +36,8 @@ class Bench(Elaboratable):
     def __init__(self, checker: Checker[Any], clocked: bool) -> None:
         self.checker, self.clocked = checker, clocked
         self.free: list[Signal] = []
-        self.bad = {p.name: Signal(name=f"bad_{p.name}") for p in checker.proved}
-        self.seen = {p.name: Signal(name=f"seen_{p.name}") for p in checker.proved}
+        self.bad = {name: Signal(name=f"bad_{name}") for name in checker.proved}
+        self.seen = {name: Signal(name=f"seen_{name}") for name in checker.proved}
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
@@ -83,12 +82,13 @@ def netlist(checker: Checker[Any]) -> str:
     return made.text
 
 
-def design(checker: Checker[Any], blocks: Callable[[Checker[Any]], str] = netlist) -> tuple[str, Bench]:
+def design(checker: Checker[Any], rtlil_of_block: str = "") -> tuple[str, Bench]:
     """Return the RTLIL of block, checker and bench (top module ``bench``), and the bench.
 
-    The first clock of a run stands for the one that ends a reset. Later resets are free, at any time.
+    The first clock of a run stands for the one that ends a reset. Later resets are free, at any time. A mutant's RTLIL
+    can take the place of the block's own.
     """
-    text = blocks(checker)
+    text = rtlil_of_block or netlist(checker)
     name = checker.block.module_name
     bench = Bench(checker, yosys.is_clocked(text[text.rindex(f"module \\{name}\n") :]))
     fragment = Fragment.get(bench, "formal")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
+import jinja2
 from amaranth.lib import wiring
 
 from eskin.model.config import ReadoutConfig
@@ -23,6 +25,10 @@ from eskin.verify.proofs.blocks.window import WindowChecker
 from eskin.verify.proofs.checker import Checker
 
 ReadoutOrFrame = ReadoutConfig | FrameConfig
+
+TEMPLATE = jinja2.Template(
+    Path(__file__).with_name("assertions.sv").read_text(), trim_blocks=True, keep_trailing_newline=True
+)
 
 
 def checkers(config: ReadoutOrFrame) -> Iterator[tuple[Checker[Any], str, dict[str, str]]]:
@@ -79,48 +85,27 @@ def properties(config: ReadoutOrFrame) -> str:
         made = RtlilModules(async_reset=False)
         made.add(checker)
         text = yosys.run(YOSYS_SCRIPT.format(top=checker.module_name), made.text, "readout.v")
-        parts += [yosys.tidy(text), _assertions(checker), _binding(checker, module, places)]
+        parts += [yosys.tidy(text), _assertions(checker, module, places)]
     return "\n".join(parts)
 
 
-def _ports(checker: Checker[Any]) -> dict[str, int]:
-    """Return the widths of a checker's inputs, without its free constants."""
-    members = checker.signature.members
-    found = {name: len(getattr(checker, name)) for name, member in members.items() if member.flow is wiring.In}
-    return {name: width for name, width in found.items() if name not in CONSTANTS}
-
-
-def _assertions(checker: Checker[Any]) -> str:
-    """Return the module with a checker's assertions."""
-    name = checker.module_name.replace("_properties", "_assertions")
-    outputs = [f"{kind}_{item.name}" for item in checker.proved for kind in ("ok", "seen")]
+def _assertions(checker: Checker[Any], module: str, places: dict[str, str]) -> str:
+    """Return a checker's assertions, and the line that binds them to a module."""
+    inputs = {name: len(getattr(checker, name)) for name, m in checker.signature.members.items() if m.flow is wiring.In}
+    ports = {"clk": 1, "rst": 1} | {name: width for name, width in inputs.items() if name not in CONSTANTS}
+    outputs = [f"{kind}_{item}" for item in checker.proved for kind in ("ok", "seen")]
     outputs += [f"holds_{assumption}" for assumption in checker.assumptions]
-    ports = {"clk": 1, "rst": 1, **_ports(checker)}
     count = watched(checker)
     wires = [f".{port}({port})" for port in (*ports, *outputs)]
     for offset, constant in enumerate(filter(checker.has, CONSTANTS)):
-        bits = len(getattr(checker, constant))
-        wires.append(f".{constant}({bits}'((index + {offset}) % {count}))")
-    lines = [f"module {name}("]
-    lines.append(",\n".join(f"  input wire [{width - 1}:0] {port}" for port, width in ports.items()))
-    lines += [");", "  reg started = 1'b0;", "  always @(posedge clk) if (rst) started <= 1'b1;"]
-    lines += ["  genvar index;", f"  generate for (index = 0; index < {count}; index = index + 1) begin : each"]
-    lines += [f"    wire {output};" for output in outputs]
-    lines += [
-        f"    {checker.module_name} watcher({', '.join(wires)});",
-        "    always @(posedge clk) if (started && !rst) begin",
-    ]
-    for item in checker.proved:
-        lines.append(f"      assert (ok_{item.name});  // {item.meaning}")
-        lines.append(f"      cover (seen_{item.name});")
-    for assumption, meaning in checker.assumptions.items():
-        lines.append(f"      assert (holds_{assumption});  // assumed: {meaning}")
-    return "\n".join([*lines, "    end", "  end endgenerate", "endmodule", ""])
-
-
-def _binding(checker: Checker[Any], module: str, places: dict[str, str]) -> str:
-    """Return the SystemVerilog line that binds a checker to a module."""
-    name = checker.module_name.replace("_properties", "_assertions")
-    wires = [f".{port}({places.get(port, port)})" for port in ("clk", "rst", *_ports(checker))]
-    line = f"bind {module} {name} {name.removeprefix('eskin_')}({', '.join(wires)});"
-    return f"`ifndef YOSYS  // Yosys knows no bind: there the assertions are placed by hand\n{line}\n`endif\n"
+        wires.append(f".{constant}({inputs[constant]}'((index + {offset}) % {count}))")
+    return TEMPLATE.render(
+        name=checker.module_name.removesuffix("_properties"),
+        checker=checker,
+        ports=ports,
+        outputs=outputs,
+        count=count,
+        wires=", ".join(wires),
+        module=module,
+        bound=", ".join(f".{port}({places.get(port, port)})" for port in ports),
+    )

@@ -6,8 +6,9 @@ Verilog is bound to the delivered text (``eskin.verify.proofs.bind``). Both watc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, TypeVar
 
@@ -19,14 +20,12 @@ from eskin.rtl.block import Block
 
 Config = TypeVar("Config")
 
+SENTENCES: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("properties.toml").read_text())
+"""Names and sentences of the properties, by checker."""
 
-@dataclass(frozen=True)
-class Property:
-    """A property: a sentence about a block that must always hold."""
 
-    name: str  # in snake case, part of the checker's outputs ``ok_NAME`` and ``seen_NAME``
-    meaning: str
-    applies: Callable[[Any], bool] = lambda config: True  # whether a configuration has this property
+Promises = Iterator[tuple[str, Any, Any]]
+"""Names of properties, each with an expression that it holds in this clock, and one that its case happens."""
 
 
 class Checker(Block[Config]):
@@ -39,19 +38,24 @@ class Checker(Block[Config]):
     """
 
     block: ClassVar[type[Any]]
-    properties: ClassVar[tuple[Property, ...]]
+    properties: ClassVar[Mapping[str, str]] = {}
+    """Names of the properties, in snake case, each with its sentence: those of ``properties.toml``."""
+    only: ClassVar[Mapping[str, Callable[[Any], Any]]] = MappingProxyType({})
+    """For some properties, whether a configuration has them; it has all others."""
     assumptions: ClassVar[Mapping[str, str]] = MappingProxyType({})
     cut: ClassVar[tuple[str, ...]] = ()
     """Modules in the block with free outputs in every clock."""
     together: ClassVar[bool] = False
     """Whether the properties are proved as one property, because each property needs the others."""
 
+    def __init_subclass__(cls, **own: Any) -> None:
+        super().__init_subclass__(**own)
+        cls.properties = SENTENCES.get(cls.__name__, cls.properties)
+
     def __init__(self, config: Config) -> None:
         self.module_name = f"{self.block.module_name}_properties"
-        self.proved = tuple(p for p in self.properties if p.applies(config))
-        self.given: dict[str, Value] = {}
-        self._said: set[str] = set()
-        outputs = [f"{kind}_{p.name}" for p in self.proved for kind in ("ok", "seen")]
+        self.proved = [name for name in self.properties if name not in self.only or self.only[name](config)]
+        outputs = [f"{kind}_{name}" for name in self.proved for kind in ("ok", "seen")]
         outputs += [f"holds_{name}" for name in self.assumptions]
         super().__init__(config, {**self.observed(config), **{name: Out(1) for name in outputs}})
 
@@ -72,16 +76,25 @@ class Checker(Block[Config]):
         """Drive constrained inputs of the block; return their names, all others are free."""
         return set()
 
-    def promise(self, m: Module, name: str, ok: Any, seen: Any) -> None:
-        """Define when a property holds and when its case occurs."""
-        if any(p.name == name for p in self.proved):
-            m.d.comb += [getattr(self, f"ok_{name}").eq(ok), getattr(self, f"seen_{name}").eq(seen)]
-            self._said.add(name)
+    def check(self, m: Module) -> Promises:
+        """Yield every property that the configuration has, and define the assumptions; other properties are ignored."""
+        raise NotImplementedError
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        self._left = {*self.proved, *self.assumptions}
+        for name, ok, seen in self.check(m):
+            if name in self.proved:
+                m.d.comb += [getattr(self, f"ok_{name}").eq(ok), getattr(self, f"seen_{name}").eq(seen)]
+                self._left.discard(name)
+        if self._left:
+            raise AssertionError(f"{type(self).__name__} does not define {', '.join(sorted(self._left))}")
+        return m
 
     def suppose(self, m: Module, name: str, holds: Any) -> None:
         """Define when an assumption holds."""
         m.d.comb += getattr(self, f"holds_{name}").eq(holds)
-        self._said.add(name)
+        self._left.discard(name)
 
     @staticmethod
     def keep(m: Module, value: Signal, clears: Any, when: Any, new: Any, start: Any = 0) -> Signal:
@@ -108,13 +121,6 @@ class Checker(Block[Config]):
         due, waits = Signal(name="owed"), asks & ~other
         self.keep(m, due, given, due, waits, start=waits)
         return ~(due & given & asks & ~other), due & other
-
-    def finish(self, m: Module) -> Module:
-        """Return the module; raise an error for an undefined property or assumption."""
-        left = {p.name for p in self.proved} | set(self.assumptions)
-        if left - self._said:
-            raise AssertionError(f"{type(self).__name__} does not define {', '.join(sorted(left - self._said))}")
-        return m
 
     def port(self, name: str) -> Any:
         """Return an input or output of the checker, 0 if the configuration lacks it."""

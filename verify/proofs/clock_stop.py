@@ -107,7 +107,12 @@ def clocked(
     for number, (name, cell) in enumerate(flops):
         if not int(cell["parameters"].get("EN_POLARITY", "1"), 2):
             raise AssertionError(f"{name} of {block.module_name} has an active-low enable, which is not supported")
-        gates = [f"cut_awake[{place}]" for place, signal in enumerate(awake) if _stops(signal, name)]
+        paths = [signal.removesuffix(AWAKE) for signal in awake]  # a signal stops the registers of its block
+        gates = [
+            f"cut_awake[{place}]"
+            for place, path in enumerate(paths)
+            if name.startswith(path) and (path or name.partition(".")[0] not in LISTENS)
+        ]
         when.setdefault(name, []).append(" & ".join([f"cut_enable[{number}]", *gates]))
     when |= {signal: [f"cut_awake[{place}]"] for place, signal in enumerate(awake)}
     if missing := sorted(set(expected) - set(when)):
@@ -197,12 +202,6 @@ def _name(nets: Any, flop: str, cell: Any) -> str:
         name for name, net in nets.items() if name.startswith(path) and held in net["bits"] and not net["hide_name"]
     ]
     return min((name for name in known if "." not in name[len(path) :]), key=len, default=flop)
-
-
-def _stops(signal: str, register: str) -> bool:
-    """Return True if a signal ``awake`` stops the clock of a register."""
-    path = signal.removesuffix(AWAKE)
-    return register.startswith(path) and not (path == "" and register.partition(".")[0] in LISTENS)
 
 
 def _both(

@@ -123,7 +123,6 @@ def _cells(design: Design, name: str) -> dict[str, Any]:
 
 
 def _initial(module: Design) -> dict[str, Any]:
-    """Return the initial values of registers and memories, by name."""
     wires = {name: net["attributes"]["init"] for name, net in module["netnames"].items() if "init" in net["attributes"]}
     cells = module["cells"].items()
     return wires | {name: cell["parameters"]["INIT"] for name, cell in cells if cell["type"] == MEMORY}

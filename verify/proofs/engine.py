@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from eskin.rtl import yosys
-from eskin.verify.proofs.bench import TOP, cutting, design, exposing, netlist
+from eskin.verify.proofs.bench import TOP, cutting, design, exposing
 from eskin.verify.proofs.checker import Checker
 
 TO_GATES = (
@@ -52,20 +51,14 @@ class Verdict:
     seconds: float
 
 
-def solve(
-    checker: Checker[Any],
-    depth: int,
-    limit_s: int = 120,
-    blocks: Callable[[Checker[Any]], str] = netlist,
-    cases: bool = True,
-) -> Verdict:
+def solve(checker: Checker[Any], depth: int, limit_s: int = 120, rtlil: str = "", cases: bool = True) -> Verdict:
     """Search for counterexamples and covered cases, then prove the properties.
 
     The search has ``depth`` clocks, and takes most of its time for covered ``cases``. The proof of properties that did
-    not fail takes ``limit_s`` seconds at most; 0 leaves it out. ``blocks`` returns the RTLIL of the block.
+    not fail takes ``limit_s`` seconds at most; 0 leaves it out. ``rtlil`` takes the place of the block's own.
     """
     started = time.monotonic()
-    text, bench = design(checker, blocks)
+    text, bench = design(checker, rtlil)
     names = [("bad", name) for name in bench.bad] + [("seen", name) for name in bench.seen]
     shrink, ways = (["scorr"], TOGETHER) if checker.together else ([], EACH)
     searched = "search.aig" if cases else "proof.aig"

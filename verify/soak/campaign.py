@@ -22,6 +22,7 @@ from eskin.verify.soak.play import Failure, failure, failure_of, play, shrink
 MOST_SAMPLES = 4_000_000
 """Largest number of samples of a run, over all taxels."""
 RUN_CLOCKS = 2_000_000
+SUMMED = ("runs", "clocks", "events")
 SMALL_CLOCKS = 20_000
 """Largest number of clocks of a failure that is shrunk with Icarus, because its programs build fast."""
 
@@ -91,14 +92,14 @@ def draws_of(plan: Plan, seed: int) -> list[Draw]:
 def _piece(plan: Plan, seed: int, before: dict[str, Any], end: float) -> dict[str, Any]:
     """Continue the runs of a configuration until the time is over, and return the totals."""
     draws = draws_of(plan, seed)
-    total = Counter({name: before.get(name, 0) for name in ("runs", "clocks", "events")})
+    total = Counter({name: before.get(name, 0) for name in SUMMED})
     began = time.monotonic()
     for draw in draws[total["runs"] :]:
         try:
             tally = play([draw], plan.simulator)
         except MismatchFound as found:
             raise SoakFailed(_kept(plan, failure_of(draw, str(found)))) from None
-        total.update({"runs": tally.runs, "clocks": tally.clocks, "events": tally.events})
+        total.update({name: getattr(tally, name) for name in SUMMED})
         if time.monotonic() >= end:
             break
     spent = round(before.get("seconds", 0) + time.monotonic() - began, 1)
@@ -135,7 +136,6 @@ def _kept_piece(piece: Path) -> dict[str, Any]:
 
 
 def _pieces(folder: Path) -> list[dict[str, Any]]:
-    """Return the results of all configurations in a folder."""
     return [read_shaped(path, "the soaked piece", PIECE) for path in sorted((folder / "pieces").glob("*.json"))]
 
 
@@ -143,7 +143,7 @@ def summary(folder: Path) -> dict[str, Any]:
     """Return the totals of all results in a folder, for the current and for other sources."""
     pieces = _pieces(folder)
     mismatches = len(list((folder / "mismatches").glob("*.txt")))
-    total = {name: sum(piece[name] for piece in pieces) for name in ("runs", "clocks", "events")}
+    total = {name: sum(piece[name] for piece in pieces) for name in SUMMED}
     by: dict[str, Counter[str]] = {}
     for piece in pieces:
         for name in ("encoding", "link", "frontend", "decide_every", "reset", "registers"):

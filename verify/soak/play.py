@@ -27,12 +27,12 @@ def command(draw: Draw, simulator: Simulator) -> str:
     return " ".join(words)
 
 
-def play(draws: Sequence[Draw], simulator: Simulator, on_run: Callable[[Any], None] = lambda run: None) -> Tally:
+def play(draws: Sequence[Draw], simulator: Simulator) -> Tally:
     """Simulate random runs of one configuration, and return the comparison totals."""
     config = draws[0].config
     program = build(config, simulator)
     with scratch_folder(BUILD / "run", "soak") as folder:
-        return play_runs(program, (_run(draw, simulator) for draw in draws), folder, on_run)
+        return play_runs(program, (_run(draw, simulator) for draw in draws), folder)
 
 
 def _run(draw: Draw, simulator: Simulator) -> ReadoutRun:
@@ -87,7 +87,8 @@ def shrink(found: Failure, fails: Callable[[Draw], Failure | None], tries: int =
     room, best = max(found.clock + 2, 200), _cut(found, fails)
     for name, values in SIMPLER.items():
         for value in values:
-            if tries == 0 or _now(best.draw, name) == value:
+            now = best.draw.set.get(name, getattr(best.draw.config, name, None))
+            if tries == 0 or now == value:
                 break
             tries -= 1
             smaller = dataclasses.replace(best.draw, set={**best.draw.set, name: value}, clocks=room)
@@ -95,11 +96,6 @@ def shrink(found: Failure, fails: Callable[[Draw], Failure | None], tries: int =
                 best = _cut(again, fails)
                 break
     return best
-
-
-def _now(draw: Draw, name: str) -> Any:
-    """Return the value of a parameter of a run, if known before the stimulus is drawn."""
-    return draw.set[name] if name in draw.set else getattr(draw.config, name, None)
 
 
 def _tried(draw: Draw, fails: Callable[[Draw], Failure | None]) -> Failure | None:

@@ -33,8 +33,17 @@ def formal(
     continues. With --block, the file keeps its results for other blocks.
     """
     from eskin.verify.proofs.engine import solve
-    from eskin.verify.proofs.report import YOSYS, earlier, write
-    from eskin.verify.proofs.run import Hunt, closing_line, hunts, judge, mutants_line, outcomes
+    from eskin.verify.proofs.run import (
+        YOSYS,
+        Hunt,
+        closing_line,
+        earlier,
+        hunts,
+        judge,
+        mutants_line,
+        outcomes,
+        write,
+    )
 
     chosen, verdicts = _chosen(block, small), []
     if block:
@@ -57,7 +66,7 @@ def formal(
         pieces_of(out).unlink(missing_ok=True)
     for outcome in results:
         for problem in outcome.problems:
-            print(f"{outcome.block}: {outcome.property.name}: {problem}")
+            print(f"{outcome.block}: {outcome.name}: {problem}")
     if mutants:
         print(mutants_line(results, found))
     problems = [outcome.problems for outcome in results]

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import cocotb
-from cocotb.triggers import FallingEdge, RisingEdge, Timer
+from cocotb.triggers import FallingEdge, Timer
 
 from eskin.board.config import ADDRESS_BITS, DESIGNS, BoardConfig
 from eskin.board.records import VERSION, Ack, Class, Event, Lost, Record, RecordReader, Refused, Tag, Words
@@ -38,7 +38,6 @@ class Host:
         self._begin()
 
     def _begin(self) -> None:
-        """Reset the state for a new session."""
         chip = self.config.chip
         described = (chip.classifier.inputs, self.interval) if chip else ()
         self.frames, self.records = FrameReader(), RecordReader(self.classes, *described)
@@ -102,11 +101,15 @@ class Host:
             before = self.came
             await self.bits(QUIET_BITS)
 
-    async def expect(self, *records: Record) -> None:
-        """Receive until the board is quiet, and compare the records with the expected ones."""
+    async def heard(self) -> list[Record]:
+        """Receive until the board is quiet, and return the records that are not data."""
         await self.quiet()
         said, self.said = self.said, []
-        if said != list(records):
+        return said
+
+    async def expect(self, *records: Record) -> None:
+        """Receive until the board is quiet, and compare the records with the expected ones."""
+        if (said := await self.heard()) != list(records):
             raise Mismatch(f"the board says {said}; it must say {list(records)}")
 
     # -- sessions --------------------------------------------------------------------------------
@@ -171,8 +174,7 @@ class Host:
         """Send an invalid frame, and check its rejection."""
         await self.put(data)
         self.refused += 1
-        await self.quiet()
-        said, self.said = self.said, []
+        said = await self.heard()
         first = said[0] if said else None
         ok = len(said) == 1 and isinstance(first, Refused)
         if not ok or (first.expected, first.reason) != (self.sequence, reason) or number not in (None, first.sequence):  # type: ignore[union-attr]
@@ -181,8 +183,7 @@ class Host:
     async def status(self, **values: int) -> dict[str, int]:
         """Query the counters of the board, and check them."""
         ack = await self.send(Kind.STATUS)
-        await self.quiet()
-        said, self.said = self.said, []
+        said = await self.heard()
         if len(said) != 2 or not isinstance(said[0], Words) or said[1] != ack:
             raise Mismatch(f"the board says {said}; it must say its status, and {ack}")
         known = {"taken": self.taken, "refused": self.refused, **self.counted, **values}
@@ -192,15 +193,9 @@ class Host:
         return said[0].values
 
 
-def damaged(frame: Frame, at: Iterable[int] = (8,)) -> bytes:
+def damaged(frame: Frame, at: Iterable[int]) -> bytes:
     """Return the bytes of a frame with bits flipped, without creating flag or escape bytes."""
     data = bytearray(frame.encode())
     for place in at:
         data[place] ^= next(bit for bit in (1, 2, 4) if data[place] ^ bit not in (0x7E, 0x7D))
     return bytes(data)
-
-
-async def wait_for(signal: Any, value: int = 1) -> None:
-    """Wait until a pin has a given level."""
-    while int(signal.value) != value:
-        await (RisingEdge(signal) if value else FallingEdge(signal))

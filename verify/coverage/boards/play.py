@@ -28,7 +28,7 @@ from eskin.rtl import yosys
 from eskin.rtl.verilog import YOSYS_SCRIPT
 from eskin.verify.coverage.boards.host import JOB, RUN_CLOCKS
 from eskin.verify.coverage.constructs import with_points
-from eskin.verify.coverage.points.board import board as points
+from eskin.verify.coverage.points.blocks import board as points
 
 
 def text(config: BoardConfig) -> str:
@@ -46,20 +46,10 @@ def small_board(design: str) -> BoardConfig:
     """Return a ``player`` or ``receiver`` board with a fast serial line and small memories."""
     serial = SerialConfig(baud=12_500_000, buffer_bytes=512, idle_bits=64, records=128)
     readout = ReadoutConfig(rows=2, columns=3, sample_bits=8, resolution=5, clocks_per_sample=64)
-    network = ClassifierConfig(
-        inputs=12,
-        hidden=6,
-        classes=3,
-        lanes=2,
-        threshold=60,
-        floor=-200,
-        out_threshold=40,
-        out_floor=-200,
-        bin_s=0.0002,
-    )
-    return BoardConfig(
-        chip=ChipConfig(readout=readout, classifier=network) if design == "player" else None, serial=serial
-    )
+    fields = {"inputs": 12, "hidden": 6, "classes": 3, "lanes": 2, "bin_s": 0.0002}
+    fields |= {"threshold": 60, "floor": -200, "out_threshold": 40, "out_floor": -200}
+    chip = ChipConfig(readout=readout, classifier=ClassifierConfig.from_dict(fields))
+    return BoardConfig(chip=chip if design == "player" else None, serial=serial)
 
 
 def board(config: BoardConfig, folder: Path) -> None:

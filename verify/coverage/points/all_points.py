@@ -9,9 +9,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.verilog import Config
-from eskin.verify.coverage.points.blocks import frames, lines, merge
-from eskin.verify.coverage.points.board import board
-from eskin.verify.coverage.points.classifier import chip, classifier
+from eskin.verify.coverage.points.blocks import board, chip, classifier, frames, lines, merge
 from eskin.verify.coverage.points.point import Point
 from eskin.verify.coverage.points.readout import readout
 from eskin.verify.coverage.points.registers import registers

@@ -1,62 +1,49 @@
-"""Coverage points of the frame readout, the merge of tiles, and the relay stations."""
+"""Coverage points of frame readout, merge of tiles, relay stations, boards, classifier and chip."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
 
+from eskin.board.config import BoardConfig
+from eskin.board.records import Reason
+from eskin.board.serial_frames import MOST_PAYLOAD
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig, highest, lowest
 from eskin.model.frame_config import FrameConfig
 from eskin.model.frame_words import bit_positions
 from eskin.model.tiles.config import TilesConfig
-from eskin.verify.coverage.points.point import Named, Point, began, points_of
+from eskin.verify.coverage.points.point import Named, Point, points_of, table
+
+STATES = (
+    "at rest",
+    "adding an event",
+    "adding recurrent spikes",
+    "comparing",
+    "in the gap",
+    "adding to outputs",
+    "ending",
+)
 
 
 def frames(config: FrameConfig) -> Iterator[Point]:
     """Return the coverage points of a frame readout."""
     group = f"frames {config.rows} x {config.columns}, {config.resolution} in {config.word_bits} bits"
-    return points_of(group, "eskin_frame_readout", _scans(config), _codes(config), _words(config))
+    bits = config.resolution
+    waits = "sequencer.sample_valid && !sequencer.sample_ready"
+    values = {"bits": bits, "two_n": 2 * bits, "lowest": 1 << bits - 1, "highest": (1 << bits - 1) - 1, "waits": waits}
+    parts = (table("sequencer", **values), _taxels(config), _words(config))
+    return points_of(group, "eskin_frame_readout", *parts)
 
 
-def _scans(config: FrameConfig) -> Named:
-    """Yield the points of the sequencer: frame requests and resets in each state."""
-    ends = "sequencer.taken && sequencer.frame_ends"
-    yield "frame begun at rest", "frame_start && !sequencer.scanning && !packer.awake && !word_valid"
-    yield "frame begun while words of the one before wait", "frame_start && !sequencer.scanning && word_valid"
-    yield "start missed", "frame_start && sequencer.scanning && !sequencer.taken"
-    yield "start missed in the clock in which the frame ends", f"frame_start && {ends}"
-    yield "start in the clock behind the end", f"frame_start && $past({ends})"
-    yield "starts missed in two clocks running", "frame_overrun && $past(frame_overrun)"
+def _taxels(config: FrameConfig) -> Named:
     for row in range(config.rows):
         for column in range(config.columns):
             here = f"row_select == {1 << row} && column_select == {1 << column}"
             yield f"conversion of taxel {row}, {column}", f"adc_start && {here}"
-    yield "reset within a conversion", began("sequencer.converting")
-    yield "reset while a word waits", began("word_valid && !word_ready")
-    yield "reset while a multiplexer settles", began("sequencer.scanning && sequencer.settling != 0")
-
-
-def _codes(config: FrameConfig) -> Named:
-    """Yield the points of the ADC: conversion times, and both ends of the scale."""
-    bits = config.resolution
-    yield "lowest code", f"sequencer.taken && adc_code == {bits}'d{1 << bits - 1}"
-    yield "highest code", f"sequencer.taken && adc_code == {bits}'d{(1 << bits - 1) - 1}"
-    yield "code in the clock behind the start", "sequencer.taken && $past(adc_start)"
-    yield "code two N clocks behind the start", f"sequencer.taken && $past(adc_start, {2 * bits})"
-    yield "done without a conversion", "adc_done && !sequencer.converting"
-    yield "done still high at the next start", "adc_start && adc_done"
-    waits = "sequencer.sample_valid && !sequencer.sample_ready"
-    yield "code waits for the packer", waits
-    yield (
-        "conversion waits for the code before",
-        (f"{waits} && sequencer.scanning && !sequencer.converting && sequencer.settling == 0"),
-    )
 
 
 def _words(config: FrameConfig) -> Named:
-    """Yield the points of the packer: bit positions, partial words, and stalls."""
-    yield "word waits for the sink", "word_valid && !word_ready"
-    yield "first word of a frame taken", "word_valid && word_ready && word_sync"
-    yield "sink ready without a word", "!word_valid && word_ready"
     if config.word_bits == config.resolution:
         return
     # A code is put only where no word waits; so a word meets another if two steps that end one follow each other.
@@ -80,67 +67,36 @@ def _words(config: FrameConfig) -> Named:
 
 
 def merge(config: TilesConfig) -> Iterator[Point]:
-    """Yield the coverage points of a merge."""
+    """Return the coverage points of a merge."""
     tiles = config.tiles
-    group = f"merge of {tiles} tiles"
+    own = table("merge", last=f"tile_valid[{tiles - 1}:1] & behind", tiles=tiles)
+    return points_of(f"merge of {tiles} tiles", "eskin_merge", _offers(tiles), own, _polarity(config))
 
-    def point(name: str, expression: str) -> Point:
-        return Point(group, name, "eskin_merge", expression)
 
+def _offers(tiles: int) -> Named:
     for tile in range(tiles):
-        yield point(f"event of tile {tile} taken", f"tile_valid[{tile}] && tile_ready[{tile}]")
-        yield point(f"tile {tile} alone offers", f"tile_valid == {1 << tile}")
-    last = f"tile_valid[{tiles - 1}:1] & behind"
-    yield point("a later tile has its turn", f"comes && |({last})")
-    yield point("the turn wraps", f"comes && behind != 0 && !(|({last}))")
-    yield point("the same tile twice", f"comes && $past(comes) && chosen == $past(chosen) && $past({tiles} > 1)")
-    yield point("all tiles offer", "&tile_valid")
-    yield point("no tile offers", "!(|tile_valid) && !rst")
-    yield point("taken while empty", "comes && !event_valid")
-    yield point("taken as one leaves", "comes && event_valid && event_ready")
-    yield point("taken while the sink stalls", "comes && event_valid && !event_ready")
-    yield point("full, and tiles wait", "full && |tile_valid && !event_ready")
-    yield point("full, and one leaves", "full && event_valid && event_ready")
-    yield point("runs empty", "event_valid && event_ready && !full && !comes")
-    yield point("reset while full", began("full"))
-    yield point("reset with one event held", began("event_valid && !full"))
-    if config.tile.has_polarity:
-        yield point("ON leaves", "event_valid && event_ready && event_polarity")
-        yield point("OFF leaves", "event_valid && event_ready && !event_polarity")
+        yield f"event of tile {tile} taken", f"tile_valid[{tile}] && tile_ready[{tile}]"
+        yield f"tile {tile} alone offers", f"tile_valid == {1 << tile}"
+
+
+def _polarity(config: TilesConfig) -> Named:
+    return table("polarity") if config.tile.has_polarity else iter(())
 
 
 def lines(config: TilesConfig) -> Iterator[Point]:
     """Yield the coverage points of relay stations and lines."""
     kind = f"{config.tile.encoding}, reset {config.reset}"
-    yield from points_of(f"relay station {kind}", "eskin_relay", _station(config))
+    parts = (table("relay"), _addresses(config), _polarity(config))
+    yield from points_of(f"relay station {kind}", "eskin_relay", *parts)
     group = f"{config.relays} relay stations a line, {config.tiles} tiles {kind}"
     yield from points_of(group, "eskin_tiles", _stations(config))
 
 
-def _station(config: TilesConfig) -> Named:
-    """Yield the points of one relay station: full and empty entries, stalls, and resets in each state."""
-    leaves = "event_valid && event_ready"
-    yield "at rest", "!event_valid && !tile_valid && !rst"
-    yield "ready without an event", "!event_valid && event_ready && !rst"
-    yield "taken while empty", "comes && !event_valid"
-    yield "taken as one leaves", f"comes && {leaves}"
-    yield "taken in the clock of a stall", "comes && event_valid && !event_ready"
-    yield "the line waits for a full station", "full && tile_valid"
-    yield "full, and one leaves", f"full && {leaves}"
-    yield "full for several clocks", "full && $past(full) && $past(full, 2)"
-    yield "the second place moves up, and the line goes on", f"comes && $past(full && {leaves})"
-    yield "runs empty", f"{leaves} && !full && !comes"
-    yield "events in two clocks running", f"{leaves} && $past({leaves})"
-    yield "reset while full", began("full")
-    yield "reset with one event held", began("event_valid && !full")
-    yield "reset while empty", began("!event_valid")
+def _addresses(config: TilesConfig) -> Named:
     for name, bits in (("row", config.tile.row_bits), ("col", config.tile.column_bits)):
         for end, value in (("first", 0), ("last", (1 << bits) - 1)):
             if bits:
-                yield f"{end} {name} leaves", f"{leaves} && event_{name} == {value}"
-    if config.tile.has_polarity:
-        yield "ON leaves", f"{leaves} && event_polarity"
-        yield "OFF leaves", f"{leaves} && !event_polarity"
+                yield f"{end} {name} leaves", f"event_valid && event_ready && event_{name} == {value}"
 
 
 def _stations(config: TilesConfig) -> Named:
@@ -158,7 +114,78 @@ def _stations(config: TilesConfig) -> Named:
     yield "all stations empty", "!rst && " + " && ".join(f"!{station}.event_valid" for station in every)
     yield "all lines offer", "&merge.tile_valid"
     yield "sample tick of all tiles", "&sample_valid"
-    yield (
-        "sample tick while a stall reaches a tile",
-        "(&sample_valid) && (" + " || ".join(f"{s}.full" for s in every) + ")",
-    )
+    some = " || ".join(f"{station}.full" for station in every)
+    yield "sample tick while a stall reaches a tile", f"(&sample_valid) && ({some})"
+
+
+def board(config: BoardConfig) -> Iterator[Point]:
+    """Yield the coverage points of a board: serial line, frames, queries, records, and its chip or another one."""
+    values = {"longest": MOST_PAYLOAD + 7, "words": MOST_PAYLOAD // 4, "records": config.serial.records}
+    values |= {reason.name.lower(): int(reason) for reason in Reason}
+    group = f"board, {config.design}"
+    for part in ("uart_receiver", "frames", "core", "core_recorder", "core_sender"):
+        yield from points_of(group, f"eskin_board_{part}", table(f"board_{part}", **values))
+    yield from points_of(group, "eskin_board_core", table(f"board_{config.design}"))
+    if config.chip:
+        yield from points_of(group, "eskin_board_core", loads(config.chip.classifier))
+
+
+def classifier(config: ClassifierConfig) -> Iterator[Point]:
+    """Return the coverage points of a classifier."""
+    kind = f"{config.neuron_reset}, {config.membrane_bits} bits, {config.classes} classes"
+    group = f"classifier {config.readout}, reset to {kind}"
+    parts = (table("classifier"), _states(), loads(config), _ends(config), _classes(config))
+    return points_of(group, "eskin_classifier", *parts)
+
+
+def _states() -> Named:
+    """Yield the points of events, bin ends and scan starts in every state."""
+    for state, name in enumerate(STATES):
+        if state:
+            yield f"event waits while {name}", f"event_valid && !event_ready && state == {state}"
+        yield f"bin ends while {name}", f"bin_end && state == {state} && !scan_start"
+        yield f"scan begins while {name}", f"scan_start && state == {state}"
+
+
+def loads(config: ClassifierConfig) -> Named:
+    """Yield the points of first and last words of both weight memories."""
+    for memory, words, chosen in (
+        ("rows", config.weight_words, "!load_neurons"),
+        ("neurons", config.neuron_words, "load_neurons"),
+    ):
+        for place, address in (("first", 0), ("last", words - 1)):
+            yield f"{place} word of {memory} written", f"load_valid && {chosen} && load_address == {address}"
+
+
+def _ends(config: ClassifierConfig) -> Named:
+    parts = [("hidden", config.membrane_bits, config.floor, config.saturates)]
+    if config.readout == "spikes":
+        parts += [("output", config.output_bits, config.out_floor, config.output_saturates)]
+    for name, bits, floor, saturates in parts:
+        value, valid = f"{name}_potential", f"{name}_valid"
+        yield f"{name} neuron fires", f"{valid} && {name}_spike"
+        yield f"{name} neuron does not fire", f"{valid} && !{name}_spike"
+        if saturates:
+            yield f"{name} potential at the top", f"{valid} && {value} == {highest(bits)}"
+            if floor is None:
+                yield f"{name} potential at the bottom", f"{valid} && {value} == {lowest(bits)}"
+        if floor is not None:
+            yield f"{name} potential at its floor", f"{valid} && {value} == {floor}"
+
+
+def _classes(config: ClassifierConfig) -> Named:
+    bits = config.evidence_bits
+    for number in range(config.classes):
+        yield f"class {number} found", f"class_valid && class_index == {number}"
+    if config.classes > 1:
+        first, second = (f"evidence[{number * bits} +: {bits}]" for number in (0, 1))
+        yield "equal evidence: the first stays", f"class_valid && {first} == {second} && class_index == 0"
+        yield "class changes", "class_valid && class_index != $past(class_index)"
+    if config.readout == "spikes" and bits < 8:
+        top = highest(bits)
+        yield "evidence at the top", f"class_valid && $signed(evidence[0 +: {bits}]) == {top}"
+
+
+def chip(config: ChipConfig) -> Iterator[Point]:
+    """Return the coverage points of a chip."""
+    return points_of(f"chip {config.readout.encoding}", "eskin_chip", table("chip"))

@@ -1,14 +1,19 @@
-"""A functional coverage point."""
+"""A functional coverage point, and the table of points that do not depend on the sizes of a design."""
 
 from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Iterator
+import tomllib
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 Named = Iterator[tuple[str, str]]
 """Names of points, and their expressions."""
+
+TABLES: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("points.toml").read_text())
 
 
 @dataclass(frozen=True)
@@ -24,6 +29,13 @@ class Point:
     def label(self) -> str:
         """Name of the point for Verilator, equal in all designs of a group."""
         return re.sub(r"\W+", "_", f"{self.group} {self.name}")
+
+
+def table(section: str, of: Callable[[str], str] = str, /, **values: Any) -> Named:
+    """Yield the points of a section of ``points.toml``; ``of`` returns the whole expression of a design."""
+    for name, expression in TABLES[section].items():
+        whole = of(expression.format(**values))
+        yield name.format(**values), began(whole) if name.startswith("reset ") else whole
 
 
 def points_of(group: str, module: str, *found: Named) -> Iterator[Point]:

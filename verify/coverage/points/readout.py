@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.link import requests
-from eskin.verify.coverage.points.point import Named, Point, any_of, began, points_of
+from eskin.verify.coverage.points.point import Named, Point, any_of, began, points_of, table
 
 
 def readout(config: ReadoutConfig) -> Iterator[Point]:
@@ -14,7 +15,7 @@ def readout(config: ReadoutConfig) -> Iterator[Point]:
     group = f"{config.encoding} {config.frontend} {config.link}"
     if config.decide_every == "sample":
         group += " by the sample"
-    parts = (_holds, _arbiter, _taxel, _masks, _resets, _link, _ends, _window, _leak)
+    parts = (_holds, _arbiter, _taxel, _masks, _link, _ends, _window, _leak)
     return points_of(group, "eskin_readout", *(part(config) for part in parts))
 
 
@@ -55,7 +56,6 @@ def _holds(config: ReadoutConfig) -> Named:
 
 
 def _arbiter(config: ReadoutConfig) -> Named:
-    """Yield the points of the arbiter: burst sizes, orders of rows, and the burst latch."""
     rows, columns = range(config.rows), range(1, config.columns + 1)
     for row in rows:
         for size in columns:
@@ -63,22 +63,14 @@ def _arbiter(config: ReadoutConfig) -> Named:
             yield f"burst of {size} in row {row}", taken
         for before in rows:
             way = "wraps" if row < before else "stays" if row == before else "moves on"
-            yield (
-                f"row {row} behind row {before}: the pointer {way}",
-                (f"arbiter.granted[{row}] && arbiter.event_row == {before} && arbiter.event_valid"),
-            )
-    leaves = "arbiter.event_valid && arbiter.event_ready"
-    yield "latch filled while empty", "arbiter.takes && !arbiter.event_valid"
-    yield "latch filled as its last event leaves", f"arbiter.takes && {leaves}"
-    yield "latch runs empty", f"{leaves} && arbiter.load && !arbiter.takes"
-    yield "all rows request", "&arbiter.row_request"
+            follows = f"arbiter.granted[{row}] && arbiter.event_row == {before} && arbiter.event_valid"
+            yield f"row {row} behind row {before}: the pointer {way}", follows
     taxels = [f"row_{row}.taxel_{column}" for row in rows for column in range(config.columns)]
     yield "all taxels request", " && ".join(f"{taxel}.request" for taxel in taxels)
-    yield "nothing requests while a burst is drained", f"{leaves} && !(|arbiter.row_request)"
+    yield from table("arbiter")
 
 
 def _taxel(config: ReadoutConfig) -> Named:
-    """Yield the points of new requests in the clock in which the old request is granted."""
     kinds = _kinds(config)
     for old, was in kinds.items():
         for new, is_now in kinds.items():
@@ -95,26 +87,8 @@ def _taxel(config: ReadoutConfig) -> Named:
 
 
 def _masks(config: ReadoutConfig) -> Named:
-    latched = "arbiter.waiting[COLUMN] && arbiter.event_row == ROW && !T.enable"
     crossed = "(T.above || T.below)" if config.has_polarity else "T.above"
-    asks = f"!T.enable && $past(T.enable && !T.pending && !T.asks) && {crossed}"
-    for name, expression in {
-        "disabled while its request waits": "T.pending && !T.enable && !T.granted",
-        "disabled in the clock in which its row is granted": "T.pending && !T.enable && T.granted",
-        "disabled while its event is latched": latched,
-        "disabled at rest": "T.enabled && !T.pending && !T.enable",
-        "disabled for a single clock": "T.enable && !$past(T.enable) && $past(T.enable, 2)",
-        "disabled in the clock in which it would ask": asks,
-    }.items():
-        yield name, some(config, expression)
-    yield "all taxels disabled", "!rst && taxel_enable == 0"
-    yield "one taxel alone enabled", "!rst && $onehot(taxel_enable)"
-
-
-def _resets(config: ReadoutConfig) -> Named:
-    yield "reset while bursting", began("$countones(arbiter.waiting) > 1")
-    yield "reset while a request waits", began(some(config, "T.pending"))
-    yield "reset at rest", began("!arbiter.awake && !arbiter.event_valid")
+    yield from table("taxel", partial(some, config), crossed=crossed)
     if config.link == "stream":
         yield "reset while the sink stalls", began("event_valid && !event_ready")
 
@@ -124,26 +98,15 @@ def _requested(config: ReadoutConfig) -> str:
 
 
 def _link(config: ReadoutConfig) -> Named:
-    """Yield the points of the four-phase link: conditions that coincide with an ACK edge."""
     if not config.handshake:
         return
     news = some(config, "T.pending && !$past(T.pending)")
     for edge, now, before in (("rises", "aer_ack", "!aer_ack"), ("falls", "!aer_ack", "aer_ack")):
         yield f"ACK {edge} in the clock of a new request", f"{now} && $past({before}) && {news}"
-    fallen = "!link.ack_sync && $past(link.ack_sync) && !rst && !$past(rst)"
-    yield "ACK has fallen while the next event waits", f"{fallen} && link.event_valid"
-    yield "ACK has fallen and no event waits", f"{fallen} && !link.event_valid"
-    yield "event offered to a link at rest", "link.event_valid && link.event_ready && !$past(link.event_valid)"
-    for name, state in (
-        ("an address settles", "link.setup"),
-        ("REQ is high", f"{_requested(config)} && !link.ack_sync"),
-        ("ACK is high", "aer_ack"),
-    ):
-        yield f"reset while {name}", began(state)
+    yield from table("link", req=_requested(config))
 
 
 def _ends(config: ReadoutConfig) -> Named:
-    """Yield the points of samples and references at both ends of the scale."""
     bits = config.sample_bits
     if config.frontend == "digital":
         codes = [f"sample[{index * bits} +: {bits}]" for index in range(config.taxels)]
@@ -174,29 +137,18 @@ def _ends(config: ReadoutConfig) -> Named:
 
 
 def _window(config: ReadoutConfig) -> Named:
-    """Yield the points of CW-LCS: every window width, and conditions that coincide with a tick."""
     if not config.closes:
         return
     for width in range(1, (1 << config.closing_levels_log2) + 1):
         yield f"window {width} steps wide", some(config, f"T.window.half_width == {width}")
         event = f"T.asks && T.moves && T.window.half_width == {width}"
         yield f"event in a window {width} steps wide", some(config, event)
-    closes = "T.window.open && T.window.tick && T.window.last && !T.window.closed"
-    yield "event in the clock in which the window would close", some(config, closes)
-    yield "tick while a request waits", some(config, "T.tick && T.request && !T.granted")
-    yield "tick in a closed window", some(config, "T.window.tick && T.window.closed")
-    yield "closed window opened by the mask", some(config, "T.window.closed && T.enabled && !T.enable")
+    yield from table("window", partial(some, config))
 
 
 def _leak(config: ReadoutConfig) -> Named:
-    """Yield the points of the leaks of every row, and of conditions that coincide with a leak."""
     if not config.encoder.leaks:
         return
     for row in range(config.rows):
         yield f"leak in row {row}", f"row_{row}.decay"
-    yield "event and leak in one clock", some(config, "T.decay && T.moves && T.asks && T.enabled")
-    yield "leak while a request waits", some(config, "T.decay && T.request && !T.granted")
-    leaks, bit = "T.decay && T.moves && !T.asks && T.enable", config.leak_shift - 1
-    yield "leak rounded up", some(config, f"{leaks} && T.charge[{bit}]")
-    yield "leak rounded down", some(config, f"{leaks} && !T.charge[{bit}] && T.share != 0")
-    yield "leak at the floor", some(config, f"{leaks} && T.share == 0 && T.charge != 0")
+    yield from table("leak", partial(some, config), bit=config.leak_shift - 1)

@@ -10,7 +10,7 @@ from amaranth.lib.wiring import In
 
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.arbiter import Arbiter
-from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, cyclic, implies, pick, within
+from eskin.verify.proofs.checker import Checker, Promises, at_most_one, before, cyclic, implies, pick, within
 
 
 class ArbiterChecker(Checker[ReadoutConfig]):
@@ -21,43 +21,11 @@ class ArbiterChecker(Checker[ReadoutConfig]):
     """
 
     block = Arbiter
-    properties = (
-        Property("one_hot_grant", "at most one row is selected, and only the selected row is granted"),
-        Property("grant_implies_request", "a selected or granted row has a request"),
-        Property("idle_grants", "while the latch is empty, a request is granted in the same clock"),
-        Property("no_bubble", "one clock after a request, an event is offered"),
-        Property("address_correct", "an event names the watched taxel only if its request was latched before"),
-        Property(
-            "exactly_one_event", "a latched request leaves exactly once, before the taxel's next request is latched"
-        ),
-        Property("in_turn", "at most columns - 1 other requests leave before a latched request"),
-        Property(
-            "polarity_kept",
-            "an event carries the polarity that its request had when it was latched",
-            applies=lambda config: config.has_polarity,
-        ),
-        Property("payload_stable", "an event that is not taken stays offered unchanged"),
-        Property("row_order", "the granted row is the first requesting row after the last granted row, cyclically"),
-        Property(
-            "column_order",
-            "the events of a row leave in rising column order",
-            applies=lambda config: config.columns > 1,
-        ),
-        Property("no_starvation", "an event is among the next (rows + 1) * columns after its request was raised"),
-        Property(
-            "latched_is_offered", "while a latched request waits, an event is offered, whatever other taxels request"
-        ),
-        Property(
-            "leaves_in_time",
-            "a request leaves within (rows + 1) * columns clocks in which the sink is ready",
-        ),
-        Property("sleeps", "the arbiter is awake exactly when it latches the requests of a row or an event leaves"),
-        Property(
-            "fairness",
-            "of two requesting taxels, neither is granted twice before the other: n steady taxels get equal shares",
-            applies=lambda config: config.rows > 1,
-        ),
-    )
+    only: ClassVar = {
+        "polarity_kept": lambda config: config.has_polarity,
+        "column_order": lambda config: config.columns > 1,
+        "fairness": lambda config: config.rows > 1,
+    }
     assumptions: ClassVar = {
         "lines_follow_requests": "row and column lines are those of the taxels' requests, as a row drives them"
     }
@@ -86,63 +54,51 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         gated = [word & self.select[row].replicate(columns) for row, word in enumerate(words)]
         return Cat(word.any() for word in words), Cat(gated)
 
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
+    def check(self, m: Module) -> Promises:
         rows, columns = self._lines(self.request)
         follows = (self.row_request == rows) & (self.column_request == columns)
         if self.config.has_polarity:
             follows &= self.column_polarity == self._lines(self.polarity)[1]
         self.suppose(m, "lines_follow_requests", follows)
-        self._grants(m)
-        self._stream(m)
-        self._order(m)
-        self._watched(m)
-        self._fairness(m)
-        return self.finish(m)
+        yield from self._grants(m)
+        yield from self._order(m)
+        yield from self._watched(m)
+        if self.config.rows > 1:
+            grants = Cat(grant.replicate(self.config.columns) for grant in self.granted)
+            takes, rival = (pick(self.request & grants, taxel) for taxel in (self.watch, self.rival))
+            yield "fairness", *self.fair(m, takes, pick(self.request, self.rival), rival)
 
-    def _grants(self, m: Module) -> None:
+    def _grants(self, m: Module) -> Promises:
         asked = self.row_request.any()
-        self.promise(
-            m,
-            "one_hot_grant",
-            at_most_one(self.select) & at_most_one(self.granted) & within(self.granted, self.select),
-            self.granted.any() & asked,
-        )
-        self.promise(
-            m, "grant_implies_request", within(self.select | self.granted, self.row_request), self.granted.any()
-        )
+        one = at_most_one(self.select) & at_most_one(self.granted) & within(self.granted, self.select)
+        yield "one_hot_grant", one, self.granted.any() & asked
+        yield "grant_implies_request", within(self.select | self.granted, self.row_request), self.granted.any()
         leaves = self.event_valid & self.event_ready
-        self.promise(m, "sleeps", self.awake == (self.granted.any() | leaves), ~self.awake & self.event_ready)
+        yield "sleeps", self.awake == (self.granted.any() | leaves), ~self.awake & self.event_ready
         idle = ~self.event_valid & asked
-        self.promise(m, "idle_grants", implies(idle, self.granted.any()), idle)
+        yield "idle_grants", implies(idle, self.granted.any()), idle
         asked_before = before(m, asked, "asked")
-        self.promise(
-            m,
-            "no_bubble",
-            implies(asked_before, self.event_valid),
-            asked_before & before(m, self.event_valid & self.event_ready, "left"),
-        )
-
-    def _stream(self, m: Module) -> None:
+        left = before(m, self.event_valid & self.event_ready, "left")
+        yield "no_bubble", implies(asked_before, self.event_valid), asked_before & left
         payload = Cat(getattr(self, n) for n in ("event_row", "event_col", "event_polarity") if self.has(n))
-        stable = self.unchanged(m, self.event_valid, self.event_ready, payload, ("waits", "payload"))
-        self.promise(m, "payload_stable", *stable)
+        names = ("waits", "payload")
+        yield "payload_stable", *self.unchanged(m, self.event_valid, self.event_ready, payload, names)
 
-    def _order(self, m: Module) -> None:
+    def _order(self, m: Module) -> Promises:
         asked, granted = self.row_request.any(), self.granted.any()
         # Rows from the one behind the last granted on, in cyclic order, up to the granted one: none of them asks.
         last, jumps = cyclic(m, self.row_request, self.granted)
         wraps = granted & (self.granted <= last)
-        self.promise(m, "row_order", ~jumps, wraps & asked)
+        yield "row_order", ~jumps, wraps & asked
         if self.config.columns > 1:
             row = self.port("event_row")
             goes_on = before(m, self.event_valid & self.event_ready & ~granted, "goes_on") & self.event_valid
             again = goes_on & before(m, self.event_valid, "valid")
             rises = (self.event_col > before(m, self.event_col, "column")) & (row == before(m, row, "row"))
             fresh = before(m, granted, "granted")
-            self.promise(m, "column_order", implies(again & ~fresh, rises), again & ~fresh)
+            yield "column_order", implies(again & ~fresh, rises), again & ~fresh
 
-    def _watched(self, m: Module) -> None:
+    def _watched(self, m: Module) -> Promises:
         """Track the requests of one taxel until their events leave."""
         columns = self.config.columns
         bound = (self.config.rows + 1) * columns
@@ -155,21 +111,21 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         latched = Signal()
         m.d.sync += latched.eq(takes | (latched & ~mine))
         alone = latched & ~self.row_request.any()
-        self.promise(m, "latched_is_offered", implies(latched, self.event_valid), alone)
+        yield "latched_is_offered", implies(latched, self.event_valid), alone
         # Clocks of a ready sink since the request was raised; one that is raised again is counted anew.
         clocks = Signal(range(bound + 1))
         with m.If(self.event_ready & (clocks != bound)):
             m.d.sync += clocks.eq(clocks + 1)
         with m.If(~latched & ~requests | mine):
             m.d.sync += clocks.eq(0)
-        self.promise(m, "leaves_in_time", clocks != bound, mine & (clocks >= columns))
+        yield "leaves_in_time", clocks != bound, mine & (clocks >= columns)
         exists = ~self.event_valid | ((row < self.config.rows) & (column < self.config.columns))
-        self.promise(m, "address_correct", implies(named, latched) & exists, named)
-        self.promise(m, "exactly_one_event", implies(takes & latched, mine), takes & latched)
+        yield "address_correct", implies(named, latched) & exists, named
+        yield "exactly_one_event", implies(takes & latched, mine), takes & latched
 
         ahead = Signal(range(columns + 1))
         self.count_up(m, ahead, takes, leaves & (ahead != columns))
-        self.promise(m, "in_turn", implies(latched, ahead < columns), mine & (ahead == columns - 1))
+        yield "in_turn", implies(latched, ahead < columns), mine & (ahead == columns - 1)
 
         # Events that left since the request was raised, the one that leaves now not counted; kept when it is latched.
         waited, kept = Signal(range(bound + 2)), Signal(range(bound + 2))
@@ -178,17 +134,10 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         m.d.sync += waited.eq(after & (requests & ~takes).replicate(len(after)))
         self.count_up(m, kept, takes, leaves & (kept != bound), start=after)
         late = (latched & (kept >= bound)) | (waited >= bound)
-        self.promise(m, "no_starvation", ~late, mine & (kept == bound - 1))
+        yield "no_starvation", ~late, mine & (kept == bound - 1)
 
         if self.config.has_polarity:
             polarity = Signal()
             with m.If(takes):
                 m.d.sync += polarity.eq(pick(self.polarity, self.watch))
-            self.promise(m, "polarity_kept", implies(named & latched, self.event_polarity == polarity), named)
-
-    def _fairness(self, m: Module) -> None:
-        if self.config.rows == 1:
-            return
-        grants = Cat(grant.replicate(self.config.columns) for grant in self.granted)
-        takes, rival = (pick(self.request & grants, taxel) for taxel in (self.watch, self.rival))
-        self.promise(m, "fairness", *self.fair(m, takes, pick(self.request, self.rival), rival))
+            yield "polarity_kept", implies(named & latched, self.event_polarity == polarity), named

@@ -6,7 +6,7 @@ looks at what is added, and takes from the other how much there is of it in a bi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from typing import Any, ClassVar
 
 from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal, Value, signed
@@ -15,7 +15,7 @@ from amaranth.lib.wiring import In
 from eskin.model.classifier.config import ClassifierConfig, Leak, highest, lowest
 from eskin.rtl.classifier.core import STALL_BITS, Classifier, State
 from eskin.rtl.classifier.memory import address_bits
-from eskin.verify.proofs.checker import Checker, Property, before, implies
+from eskin.verify.proofs.checker import Checker, Promises, before, implies
 
 SPARE_BITS = 3
 """Additional bits of the sums in a checker, so that the checker sees an overflow of the classifier."""
@@ -113,47 +113,16 @@ class ScheduleChecker(_ClassifierChecker):
     """Checker of addresses and timing; the potentials in the lanes are free."""
 
     cut = (*MEMORIES, "eskin_lane")
-    properties = (
-        Property(
-            "added_when_owed",
-            "a word of weights is added only for an accepted event or for a spike of the previous bin",
-        ),
-        Property(
-            "none_left_out", "all weights of an event or spike are added before the neurons of its bin are compared"
-        ),
-        Property(
-            "spike_counted",
-            "the output weights of every firing neuron are added once, and no other output weights are added",
-        ),
-        Property(
-            "rows_fit", "in a bin, a neuron receives at most one weight per event and one weight per hidden neuron"
-        ),
-        Property(
-            "outputs_in_turn", "weights and outputs are processed in the order of the classes, and no class is skipped"
-        ),
-        Property("class_per_bin", "class_valid rises only after a bin_end"),
-        Property("class_in_time", "while overrun is low, class_valid follows every bin_end within the longest work"),
-        Property(
-            "overrun_exact", "overrun rises exactly if a bin_end comes before the work of the previous bin is done"
-        ),
-        Property("ready_in_time", "an event waits at most for one row, the work of two bins, and clearing"),
-        Property(
-            "stalls_counted",
-            "stall_count is the number of clocks in which an event waited, up to the counter's maximum",
-        ),
-    )
 
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
+    def check(self, m: Module) -> Promises:
         self._look(m)
         self.compared = self.hidden_valid & (self.hidden_index == self.watch)
-        self._rows(m)
-        self._outputs(m)
-        self._bins(m)
-        self._waits(m)
-        return self.finish(m)
+        yield from self._rows(m)
+        yield from self._outputs(m)
+        yield from self._bins(m)
+        yield from self._waits(m)
 
-    def _rows(self, m: Module) -> None:
+    def _rows(self, m: Module) -> Promises:
         """Track how often a watched word of weights must be added to the potentials."""
         config = self.config
         group = self.rival[: config.row_bits]
@@ -171,16 +140,17 @@ class ScheduleChecker(_ClassifierChecker):
         had = Signal()
         with m.If(adds | judged):
             m.d.sync += had.eq(adds)
-        self.promise(m, "added_when_owed", implies(adds, owed != 0), adds)
-        self.promise(m, "none_left_out", implies(judged, owed == 0), judged & had)
+        yield "added_when_owed", implies(adds, owed != 0), adds
+        yield "none_left_out", implies(judged, owed == 0), judged & had
         _, _, rows, events = self._added(m, self.watch, "")
         fits = (rows <= config.hidden) & (events <= config.events_per_bin)
-        self.promise(m, "rows_fit", fits | (self.watch >= config.hidden), events == config.events_per_bin)
+        yield "rows_fit", fits | (self.watch >= config.hidden), events == config.events_per_bin
 
-    def _outputs(self, m: Module) -> None:
+    def _outputs(self, m: Module) -> Promises:
         """Track the output weight of a watched neuron and class, and the order of the classes."""
         config = self.config
-        address = Cat(_wide(self.rival, config.neuron_row_bits), self.watch)
+        bits = config.neuron_row_bits
+        address = Cat(Cat(self.rival, Const(0, bits))[:bits] if bits else Cat(), self.watch)
         adds = self.spike & (self.word == address) & (self.watch < config.hidden)
         shown = self.output_valid & (self.output_index == self.rival)
         owed = Signal(name="output_owed")
@@ -190,23 +160,23 @@ class ScheduleChecker(_ClassifierChecker):
             m.d.sync += owed.eq(self.hidden_spike & (self.rival < config.classes))
         with m.Elif(adds):
             m.d.sync += owed.eq(0)
-        self.promise(m, "spike_counted", implies(adds, owed) & implies(shown, ~owed), adds)
+        yield "spike_counted", implies(adds, owed) & implies(shown, ~owed), adds
         ordered = implies(self.output, self.output_index == self.turn) & implies(self.spike, self.number == self.turn)
         aligned = implies(self.class_valid, self.turn == 0)
         fits = self._weights(m, self.rival, "") <= config.hidden
-        self.promise(m, "outputs_in_turn", ordered & aligned & fits, self.spike & (self.turn == config.classes - 1))
+        yield "outputs_in_turn", ordered & aligned & fits, self.spike & (self.turn == config.classes - 1)
 
-    def _bins(self, m: Module) -> None:
+    def _bins(self, m: Module) -> Promises:
         """Count unanswered bins, and the waiting time of the oldest."""
         longest = self._longest
         bins, more = Signal(3), Signal(4)
         m.d.comb += more.eq(bins + self.bin_end - (self.class_valid & (bins != 0)))
         m.d.sync += bins.eq(Mux(self.scan_start, 0, Mux(more > 7, 7, more)))
-        self.promise(m, "class_per_bin", implies(self.class_valid, bins != 0), self.class_valid)
+        yield "class_per_bin", implies(self.class_valid, bins != 0), self.class_valid
         age = Signal(range(longest + 2))
         m.d.sync += age.eq(Mux(self.class_valid | self.scan_start | (bins == 0), 0, age + (age <= longest)))
         late = implies(~self.overrun, (age <= longest) & (bins <= 2))
-        self.promise(m, "class_in_time", late, self.class_valid & ~self.overrun)
+        yield "class_in_time", late, self.class_valid & ~self.overrun
         waiting = before(m, bins, "bins") - before(m, self.class_valid, "answered") - self.class_valid
         busy = before(m, self.left != 0, "clearing") | (waiting > 0)
         rises = before(m, self.bin_end, "bin_end") & busy
@@ -215,7 +185,7 @@ class ScheduleChecker(_ClassifierChecker):
         old = before(m, self.overrun, "overrun")
         reset = before(m, self.scan_start, "scan_start")
         exact = self.overrun == (~reset & (old | rises))
-        self.promise(m, "overrun_exact", implies(begun, exact), rises & ~reset & ~old)
+        yield "overrun_exact", implies(begun, exact), rises & ~reset & ~old
 
     @property
     def _longest(self) -> int:
@@ -224,29 +194,20 @@ class ScheduleChecker(_ClassifierChecker):
         hidden, classes, groups = config.hidden, config.classes, config.groups
         return groups + 1 + hidden * groups + hidden + 2 + hidden * classes + classes + 2
 
-    def _waits(self, m: Module) -> None:
+    def _waits(self, m: Module) -> Promises:
         """Count the clocks in which no event is taken."""
         config = self.config
         most = config.groups + 2 * self._longest + config.hidden + config.classes + 2
         waits = Signal(range(most + 2))
         self.count_up(m, waits, self.event_ready | self.bin_end | self.scan_start, waits <= most)
-        self.promise(m, "ready_in_time", waits <= most, self.event_ready & (waits > config.hidden))
+        yield "ready_in_time", waits <= most, self.event_ready & (waits > config.hidden)
         stalls = Signal(STALL_BITS)
         self.count_up(m, stalls, self.scan_start, self.event_valid & ~self.event_ready & ~stalls.all())
-        self.promise(m, "stalls_counted", self.stall_count == stalls, stalls != 0)
+        yield "stalls_counted", self.stall_count == stalls, stalls != 0
 
 
 class SumsChecker(_ClassifierChecker):
     """Checker of sums: a reference adder beside the classifier."""
-
-    properties = (
-        Property("neuron_exact", "the compared potential of a neuron equals the exact sum of its additions"),
-        Property("output_exact", "the compared potential of an output equals the exact sum of its additions"),
-        Property(
-            "evidence_exact", "the evidence of a class is the sum of its output's contributions since the scan began"
-        ),
-        Property("first_of_most", "the reported class is the first class with the most evidence, and stays stable"),
-    )
 
     def inner(self, config: ClassifierConfig) -> dict[str, Any]:
         found = super().inner(config) | {"most": In(signed(config.evidence_bits)), "best": In(config.class_bits)}
@@ -259,8 +220,7 @@ class SumsChecker(_ClassifierChecker):
             found["rest_ring"] = In(config.classes * config.output_bits)
         return found
 
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
+    def check(self, m: Module) -> Promises:
         config = self.config
         self._look(m)
         now = implies(self.output, self.output_index == self.turn) & implies(self.spike, self.number == self.turn)
@@ -274,16 +234,16 @@ class SumsChecker(_ClassifierChecker):
         fitted = Signal(init=1)
         self.fits = now & fitted
         m.d.sync += fitted.eq(self.fits)
-        self._neurons(m, added)
-        self._class(m, self._outputs(m, weights))
-        return self.finish(m)
+        yield from self._neurons(m, added)
+        evidence = yield from self._outputs(m, weights)
+        yield from self._class(m, evidence)
 
     def _begun(self, m: Module, begins: Value, name: str) -> Signal:
         """Return whether a given condition has occurred since the start of the scan."""
         begun = Signal(name=f"{name}_begun")
         return self.keep(m, begun, self.scan_start, begins, 1)
 
-    def _neurons(self, m: Module, added: list[tuple[Value, Value, Signal, Signal]]) -> None:
+    def _neurons(self, m: Module, added: list[tuple[Value, Value, Signal, Signal]]) -> Promises:
         config = self.config
         bits = config.membrane_bits
         least, most = config.hidden_range or (0, 0)
@@ -330,7 +290,7 @@ class SumsChecker(_ClassifierChecker):
                 good &= implies(begun, (total + low >= least) & (total + high <= most))
         if synapse.shift:
             good &= self._currents(m)
-        self.promise(m, "neuron_exact", implies(self.fits, good), fires)
+        yield "neuron_exact", implies(self.fits, good), fires
 
     def _currents(self, m: Module) -> Value:
         """Return whether each neuron uses its own memory word, and whether no current grows without a bias."""
@@ -341,7 +301,7 @@ class SumsChecker(_ClassifierChecker):
         decays = Mux(old < 0, (new >= old) & (new <= 0), (new <= old) & (new >= 0))
         return placed & implies(self.hidden_valid & (self.held_bias == 0), decays)
 
-    def _outputs(self, m: Module, weights: list[Signal]) -> list[Signal]:
+    def _outputs(self, m: Module, weights: list[Signal]) -> Generator[tuple[str, Any, Any], None, list[Signal]]:
         """Track the output potentials; return the evidence of each class."""
         config = self.config
         bits, fires = config.output_bits, config.readout == "spikes"
@@ -355,7 +315,8 @@ class SumsChecker(_ClassifierChecker):
         leak = Leak(config.out_leak_shift, config.out_leak_factor)
         synapse = Leak(config.out_synapse_shift, config.out_synapse_factor)
         found = []
-        passed = self._passed(m)
+        passed = Signal.like(self.turn)  # the class whose evidence is added next
+        self.keep(m, passed, self.scan_start, self.output, Mux(passed == config.classes - 1, 0, passed + 1))
         for number, count in enumerate(weights):
             own = self.turn == number
             total = Signal(signed(bits), name=f"output_{number}")
@@ -389,27 +350,17 @@ class SumsChecker(_ClassifierChecker):
                 good &= implies(begun, (total + low >= least) & (total + high <= most))
 
             gained: Value = Cat(fired, Const(0, 1)).as_signed() if fires else held
-            evidence = self._gathered(m, gained, shown, f"evidence_{number}")
+            evidence = Signal(signed(config.evidence_bits), name=f"evidence_{number}")
+            more, _ = _limited(evidence + gained, config.evidence_bits, True)
+            self.keep(m, evidence, self.scan_start, shown, more)
             good_evidence &= implies(
                 begun, self._in_turn(self.evidence, config.evidence_bits, number, passed) == evidence
             )
             moved |= evidence != 0
             found.append(evidence)
-        self.promise(m, "output_exact", implies(self.fits, good), self.output_valid & (self.output_potential != 0))
-        self.promise(m, "evidence_exact", implies(self.fits, good_evidence), self.class_valid & moved)
+        yield "output_exact", implies(self.fits, good), self.output_valid & (self.output_potential != 0)
+        yield "evidence_exact", implies(self.fits, good_evidence), self.class_valid & moved
         return found
-
-    def _passed(self, m: Module) -> Signal:
-        """Return the class whose evidence is added next."""
-        passed = Signal.like(self.turn)
-        following = Mux(passed == self.config.classes - 1, 0, passed + 1)
-        return self.keep(m, passed, self.scan_start, self.output, following)
-
-    def _gathered(self, m: Module, gained: Value, shown: Value, name: str) -> Signal:
-        """Return the sum of the gains of a class since the scan began, limited to the bits of evidence."""
-        evidence = Signal(signed(self.config.evidence_bits), name=name)
-        more, _ = _limited(evidence + gained, self.config.evidence_bits, True)
-        return self.keep(m, evidence, self.scan_start, shown, more)
 
     def _in_turn(self, ring: Value, bits: int, number: int, turn: Signal) -> Value:
         """Return the word of a class in a ring after a number of rotations."""
@@ -417,7 +368,7 @@ class SumsChecker(_ClassifierChecker):
         words = [ring.word_select((number - turned) % count, bits) for turned in range(count)]
         return Array([*words, *words[:1] * ((1 << len(turn)) - count)])[turn].as_signed()
 
-    def _class(self, m: Module, evidence: list[Signal]) -> None:
+    def _class(self, m: Module, evidence: list[Signal]) -> Promises:
         """Check the reported class, and the class with the most evidence so far."""
         config = self.config
 
@@ -437,7 +388,7 @@ class SumsChecker(_ClassifierChecker):
         good = implies(self.class_valid, first(self.class_index, chosen, config.classes)) & held
         good &= implies(passing, first(self.best, self.most, self.turn))
         changes = self.class_valid & (self.class_index == config.classes - 1)
-        self.promise(m, "first_of_most", implies(self.fits, good), changes)
+        yield "first_of_most", implies(self.fits, good), changes
 
     def _fired(
         self, m: Module, v: Value, threshold: int | None, floor: int | None, reset: str, name: str
@@ -449,11 +400,6 @@ class SumsChecker(_ClassifierChecker):
         spike: Value = held > threshold if threshold is not None else Const(0)
         m.d.comb += rest.eq(Mux(spike, held - (threshold or 0) if reset == "subtract" else 0, held))
         return held, spike, rest
-
-
-def _wide(value: Value, bits: int) -> Value:
-    """Return an unsigned value truncated or zero-extended to a width."""
-    return Cat(value, Const(0, bits))[:bits] if bits else Cat()
 
 
 def _leaked(value: Value, leak: Leak) -> Value:

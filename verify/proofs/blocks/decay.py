@@ -12,7 +12,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.decay import decay_phases
 from eskin.rtl.decay import DecayTicks
 from eskin.rtl.registers.decay import SettableDecayTicks
-from eskin.verify.proofs.checker import Checker, Property, before, pick
+from eskin.verify.proofs.checker import Checker, Promises, before, pick
 
 
 class DecayChecker(Checker[ReadoutConfig]):
@@ -22,17 +22,11 @@ class DecayChecker(Checker[ReadoutConfig]):
     """
 
     block: ClassVar[type[Any]] = DecayTicks
-    properties = (
-        Property("only_on_ticks", "rows leak only at sample ticks"),
-        Property("at_its_phase", "row r leaks at tick floor(r P / R) of every P, counted from a reset or a new period"),
-        Property("once_a_period", "the leaks of a row are P ticks apart"),
-    )
 
     def observed(self, config: ReadoutConfig) -> dict[str, Any]:
         return super().observed(config) | {"watch": In(max(1, (config.rows - 1).bit_length()))}
 
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
+    def check(self, m: Module) -> Promises:
         self._surroundings(m)
         period, restart = self._period()
         rows, most = self.config.rows, self.config.leak_period
@@ -48,13 +42,10 @@ class DecayChecker(Checker[ReadoutConfig]):
         phases = [(row * period) // rows for row in range(rows)]
         phase = pick(phases, self.watch)
         real = self.watch < rows
-        self.promise(m, "only_on_ticks", counts | ~leaks, leaks)
-        self.promise(
-            m, "at_its_phase", ~real | (leaks == (counts & (ticks == phase))), leaks & ((phase != 0) | (since != 0))
-        )
+        yield "only_on_ticks", counts | ~leaks, leaks
+        yield "at_its_phase", ~real | (leaks == (counts & (ticks == phase))), leaks & ((phase != 0) | (since != 0))
         again = leaks & (since != 0)
-        self.promise(m, "once_a_period", (~again | (since == period)) & (restart | (since <= period)), again)
-        return self.finish(m)
+        yield "once_a_period", (~again | (since == period)) & (restart | (since <= period)), again
 
     def _surroundings(self, m: Module) -> None:
         """Define the assumptions."""

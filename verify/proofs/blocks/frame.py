@@ -9,7 +9,7 @@ from amaranth.lib.wiring import In
 
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl.frame import FrameReadout
-from eskin.verify.proofs.checker import Checker, Property, before, implies, pick
+from eskin.verify.proofs.checker import Checker, Promises, before, implies, pick
 
 
 class FrameChecker(Checker[FrameConfig]):
@@ -19,26 +19,11 @@ class FrameChecker(Checker[FrameConfig]):
     """
 
     block = FrameReadout
-    properties = (
-        Property(
-            "taxels_in_order",
-            "during a scan exactly taxel i is selected for code i; between scans no taxel is selected",
-        ),
-        Property("one_conversion_each", "a conversion starts once for each taxel, and never during another conversion"),
-        Property("settled", "a conversion starts at least settle_clocks clocks after its taxel was selected"),
-        Property("scan_goes_on", "while the sink takes words, the next conversion starts on time"),
-        Property("overrun_exact", "frame_overrun reports exactly the frame_start pulses during a scan"),
-        Property("words_carry_codes", "every bit of a word equals its bit of the code; bits after the last code are 0"),
-        Property("sync_on_first", "only the first word of every frame is marked"),
-        Property("frame_completes", "after the last code all words of the frame leave as soon as the sink takes them"),
-        Property("word_stable", "a word that is not taken stays offered unchanged"),
-    )
 
     def observed(self, config: FrameConfig) -> dict[str, Any]:
         return super().observed(config) | {"watch": In((config.words_per_frame * config.word_bits - 1).bit_length())}
 
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
+    def check(self, m: Module) -> Promises:
         rows, columns, settle = self.config.rows, self.config.columns, self.config.settle_clocks
         row, column = Signal(rows, init=1, name="row_now"), Signal(columns, init=1, name="column_now")
         scan, converting = Signal(), Signal()
@@ -55,22 +40,21 @@ class FrameChecker(Checker[FrameConfig]):
         selected = (self.row_select == (row & scan.replicate(rows))) & (
             self.column_select == (column & scan.replicate(columns))
         )
-        self.promise(m, "taxels_in_order", selected, self.adc_start & row[-1] & column[-1])
-        self.promise(m, "one_conversion_each", implies(self.adc_start, scan & ~converting), self.adc_start)
+        yield "taxels_in_order", selected, self.adc_start & row[-1] & column[-1]
+        yield "one_conversion_each", implies(self.adc_start, scan & ~converting), self.adc_start
         waited = Signal(range(settle + 6))
         self.count_up(m, waited, ~scan | converting, waited != settle + 5)
-        self.promise(m, "settled", implies(self.adc_start, waited >= settle), self.adc_start & (waited == settle))
+        yield "settled", implies(self.adc_start, waited >= settle), self.adc_start & (waited == settle)
         stuck = Signal(range(settle + 6))
         m.d.sync += stuck.eq(
             (stuck + 1) & (scan & ~converting & ~self.adc_start & self.word_ready).replicate(len(stuck))
         )
-        self.promise(m, "scan_goes_on", stuck < settle + 3, self.adc_start)
+        yield "scan_goes_on", stuck < settle + 3, self.adc_start
         missed = before(m, self.frame_start & scan, "missed")
-        self.promise(m, "overrun_exact", self.frame_overrun == missed, missed & ~scan)
-        self._words(m, taken, last, row, column)
-        return self.finish(m)
+        yield "overrun_exact", self.frame_overrun == missed, missed & ~scan
+        yield from self._words(m, taken, last, row, column)
 
-    def _words(self, m: Module, taken: Signal, last: Signal, row: Signal, column: Signal) -> None:
+    def _words(self, m: Module, taken: Signal, last: Signal, row: Signal, column: Signal) -> Promises:
         """Track one bit of a frame from its code to its word."""
         config = self.config
         bits, width, count = config.resolution, config.word_bits, config.words_per_frame
@@ -96,10 +80,10 @@ class FrameChecker(Checker[FrameConfig]):
         real = self.watch < codes
         due = self.word_valid & pick([number == place // width for place in places], self.watch)
         shown = Array([*(self.word_data[place % width] for place in places), *padding])[self.watch]
-        self.promise(m, "words_carry_codes", implies(due, shown == (kept[out] & real)), due & shown)
-        self.promise(m, "sync_on_first", implies(self.word_valid, self.word_sync == (number == 0)), ends)
+        yield "words_carry_codes", implies(due, shown == (kept[out] & real)), due & shown
+        yield "sync_on_first", implies(self.word_valid, self.word_sync == (number == 0)), ends
         behind = Signal(range(6))
         m.d.sync += behind.eq((behind + (behind != 5)) & ((into != out) & self.word_ready & ~ends).replicate(3))
-        self.promise(m, "frame_completes", behind < 4, (into != out) & ends)
+        yield "frame_completes", behind < 4, (into != out) & ends
         word = Cat(self.word_data, self.word_sync)
-        self.promise(m, "word_stable", *self.unchanged(m, self.word_valid, self.word_ready, word, ("waits", "word")))
+        yield "word_stable", *self.unchanged(m, self.word_valid, self.word_ready, word, ("waits", "word"))

@@ -8,46 +8,23 @@ from amaranth.hdl import Cat, Const, Module, Signal
 
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.link import FourPhaseLink, requests
-from eskin.verify.proofs.checker import Checker, Property, before, implies
+from eskin.verify.proofs.checker import Checker, Promises, before, implies
 
 
 class LinkChecker(Checker[ReadoutConfig]):
     """Checker of the four-phase link; ACK is free."""
 
     block = FourPhaseLink
-    properties = (
-        Property(
-            "request_of_polarity",
-            "only the request of the event's polarity is high, never both requests",
-            applies=lambda config: config.link == "four_phase_dual",
-        ),
-        Property("one_pulse_per_event", "REQ rises two clocks after an event is taken, and at no other time"),
-        Property(
-            "address_of_event",
-            "the bus has the address of the taken event from one clock before REQ rises until REQ falls",
-            applies=lambda config: config.address_bits > 0,
-        ),
-        Property(
-            "address_stable",
-            "the address is stable while REQ or the receiver's ACK is high",
-            applies=lambda config: config.address_bits > 0,
-        ),
-        Property("one_at_a_time", "an event is taken only after the previous event's REQ has risen and fallen"),
-        Property("req_waits_for_ack", "REQ falls only after ACK has been high during REQ"),
-        Property("req_after_ack_low", "REQ rises only while the receiver's ACK is low"),
-        Property("req_answers_ack", "REQ falls at most three clocks after ACK rises"),
-        Property(
-            "ack_is_synchronised",
-            "taking an event and lowering REQ depend only on ACK after two flops",
-        ),
-        Property("ready_answers_ack", "an idle link takes an event in the third clock with ACK low"),
-    )
+    only: ClassVar = {
+        "request_of_polarity": lambda config: config.link == "four_phase_dual",
+        "address_of_event": lambda config: config.address_bits > 0,
+        "address_stable": lambda config: config.address_bits > 0,
+    }
     assumptions: ClassVar = {
         "ack_follows_req": "ACK rises only while REQ is high and falls only while it is low; a reset may break that off"
     }
 
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
+    def check(self, m: Module) -> Promises:
         ack, taken = self.aer_ack, self.event_valid & self.event_ready
         req = Cat(getattr(self, name) for name in requests(self.config)).any()
         req_before, ack_before = before(m, req, "req"), before(m, ack, "ack")
@@ -63,30 +40,30 @@ class LinkChecker(Checker[ReadoutConfig]):
 
         setup = before(m, taken, "taken")
         due = before(m, setup, "setup")
-        self.promise(m, "one_pulse_per_event", rises == due, rises)
+        yield "one_pulse_per_event", rises == due, rises
         busy = Signal()
         m.d.sync += busy.eq(taken | (busy & ~(req_before & ~req)))
         in_hand = busy & ~falls
-        self.promise(m, "one_at_a_time", implies(self.event_ready, ~in_hand), self.event_ready & falls)
+        yield "one_at_a_time", implies(self.event_ready, ~in_hand), self.event_ready & falls
 
-        self._address(m, taken, setup, req, receiver)
+        yield from self._address(m, taken, setup, req, receiver)
         if self.config.link == "four_phase_dual":
             on = Signal()
             with m.If(taken):
                 m.d.sync += on.eq(self.event_polarity)
             named = ~(self.aer_req_on & self.aer_req_off) & implies(req, self.aer_req_on == on)
-            self.promise(m, "request_of_polarity", named, self.aer_req_off)
+            yield "request_of_polarity", named, self.aer_req_off
 
         # ACK passes two flops: REQ falls for an ACK of at least two clocks ago, within the same REQ.
         answered = Signal()
         m.d.sync += answered.eq(req & (answered | ack))
-        self.promise(m, "req_waits_for_ack", implies(falls & receiver, answered), falls & receiver)
-        self.promise(m, "req_after_ack_low", implies(rises & receiver, ~ack_before), rises & receiver & ack)
+        yield "req_waits_for_ack", implies(falls & receiver, answered), falls & receiver
+        yield "req_after_ack_low", implies(rises & receiver, ~ack_before), rises & receiver & ack
         # In the first clocks after a reset ACK counts as high.
         stages = [Signal(init=1, name=f"ack_{clocks}_before") for clocks in (1, 2, 3)]
         m.d.sync += [new.eq(old) for new, old in zip(stages, [ack, *stages[:2]], strict=True)]
         passed = implies(self.event_ready, ~stages[1]) & implies(falls, stages[2])
-        self.promise(m, "ack_is_synchronised", passed, self.event_ready & ack)
+        yield "ack_is_synchronised", passed, self.event_ready & ack
         for name, waiting, done in (
             ("req_answers_ack", req & ack, ~req),
             ("ready_answers_ack", ~in_hand & ~ack & ~req & ~setup, self.event_ready),
@@ -94,10 +71,9 @@ class LinkChecker(Checker[ReadoutConfig]):
             clocks = Signal(range(5), name=f"{name}_clocks")
             m.d.sync += clocks.eq(waiting.replicate(3) & (clocks + (clocks != 4)))
             full = 3 if name == "req_answers_ack" else 2
-            self.promise(m, name, implies((clocks >= full) & waiting, done), clocks == full)
-        return self.finish(m)
+            yield name, implies((clocks >= full) & waiting, done), clocks == full
 
-    def _address(self, m: Module, taken: Any, setup: Signal, req: Any, receiver: Any) -> None:
+    def _address(self, m: Module, taken: Any, setup: Signal, req: Any, receiver: Any) -> Promises:
         polarity = ["event_polarity"] if self.config.link == "four_phase" else []
         fields = Cat(getattr(self, n) for n in ("event_col", "event_row", *polarity) if self.has(n))
         if not len(fields):
@@ -106,8 +82,8 @@ class LinkChecker(Checker[ReadoutConfig]):
         with m.If(taken):
             m.d.sync += held_event.eq(fields)
         shown = setup | req
-        self.promise(m, "address_of_event", implies(shown, self.aer_addr == held_event), shown & held_event.any())
+        yield "address_of_event", implies(shown, self.aer_addr == held_event), shown & held_event.any()
         moved = self.aer_addr != before(m, self.aer_addr, "address")
         held = before(m, req | (self.aer_ack & receiver), "held") | req
         held &= receiver | req
-        self.promise(m, "address_stable", implies(held, ~moved), held & Const(1))
+        yield "address_stable", implies(held, ~moved), held & Const(1)

@@ -10,7 +10,7 @@ from amaranth.lib.wiring import In
 from eskin.model.tiles.config import TilesConfig
 from eskin.rtl.tiles.merge import Merge
 from eskin.rtl.tiles.relay import Relay
-from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, cyclic, implies, pick, within
+from eskin.verify.proofs.checker import Checker, Promises, at_most_one, before, cyclic, implies, pick, within
 
 DEPTH = 2
 """Largest number of events that a merge or a relay station holds."""
@@ -23,21 +23,7 @@ class MergeChecker(Checker[TilesConfig]):
     """
 
     block = Merge
-    properties = (
-        Property("takes_one", "in each clock at most one tile's event is taken, and that tile offers an event"),
-        Property("takes_what_fits", "an offered event is taken exactly while fewer than two events are held"),
-        Property("tile_order", "the next tile is the first offering tile after the last served tile, cyclically"),
-        Property("in_order", "an event that leaves is its tile's oldest event"),
-        Property("none_lost", "an event is offered exactly while one or two events are held"),
-        Property("payload_stable", "an event that is not taken stays offered unchanged"),
-        Property("no_bubble", "one clock after a tile offers an event, the merge offers an event"),
-        Property("no_starvation", "at most tiles + 1 events leave before an offered event"),
-        Property(
-            "fairness",
-            "of two offering tiles, neither is taken twice before the other: n busy tiles get equal shares",
-            applies=lambda config: config.tiles > 1,
-        ),
-    )
+    only: ClassVar = {"fairness": lambda config: config.tiles > 1}
     assumptions: ClassVar = {
         "tiles_hold_events": "an event that a tile offers stays, the same in every bit, until taken"
     }
@@ -46,8 +32,7 @@ class MergeChecker(Checker[TilesConfig]):
         tile = In(max(1, config.tile_bits))
         return super().observed(config) | {"watch": tile, "rival": tile}
 
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
+    def check(self, m: Module) -> Promises:
         tiles = self.config.tiles
         taken = self.tile_valid & self.tile_ready
         comes, leaves = taken.any(), self.event_valid & self.event_ready
@@ -64,26 +49,21 @@ class MergeChecker(Checker[TilesConfig]):
 
         held = Signal(range(DEPTH + 2))
         m.d.sync += held.eq(held + comes - leaves)
-        self.promise(m, "takes_one", at_most_one(self.tile_ready) & within(self.tile_ready, self.tile_valid), comes)
+        yield "takes_one", at_most_one(self.tile_ready) & within(self.tile_ready, self.tile_valid), comes
         fits = held < DEPTH
-        self.promise(m, "takes_what_fits", comes == (self.tile_valid.any() & fits), self.tile_valid.any() & ~fits)
+        yield "takes_what_fits", comes == (self.tile_valid.any() & fits), self.tile_valid.any() & ~fits
         counts = (self.event_valid == (held != 0)) & (held <= DEPTH)
-        self.promise(m, "none_lost", counts, held == DEPTH)
-        self.promise(
-            m,
-            "no_bubble",
-            implies(before(m, self.tile_valid.any(), "asked"), self.event_valid),
-            before(m, self.tile_valid.any() & leaves, "left") & self.event_valid,
-        )
+        yield "none_lost", counts, held == DEPTH
+        asked, left = before(m, self.tile_valid.any(), "asked"), before(m, self.tile_valid.any() & leaves, "left")
+        yield "no_bubble", implies(asked, self.event_valid), left & self.event_valid
         offered = self._payload("event", 0, with_tile=True)
         stable = self.unchanged(m, self.event_valid, self.event_ready, offered, ("stalls", "offered"))
-        self.promise(m, "payload_stable", *stable)
+        yield "payload_stable", *stable
         last, jumps = cyclic(m, self.tile_valid, taken)
-        self.promise(m, "tile_order", ~jumps, taken.any() & (taken <= last))
-        self._watched(m, taken, leaves, kept & stays, offers)
-        return self.finish(m)
+        yield "tile_order", ~jumps, taken.any() & (taken <= last)
+        yield from self._watched(m, taken, leaves, kept & stays, offers)
 
-    def _watched(self, m: Module, taken: Any, leaves: Any, kept: Any, offers: list[Any]) -> None:
+    def _watched(self, m: Module, taken: Any, leaves: Any, kept: Any, offers: list[Any]) -> Promises:
         """Track the events of one tile: those in the merge, and the offered event."""
         tiles = self.config.tiles
         given = pick(taken, self.watch)
@@ -100,7 +80,7 @@ class MergeChecker(Checker[TilesConfig]):
                 m.d.sync += oldest.eq(Mux(inside == DEPTH, newest, payload))
             right &= self._payload("event", 0) == oldest
         exists = self._tile() < tiles
-        self.promise(m, "in_order", implies(mine, right) & implies(self.event_valid, exists), mine & (inside == DEPTH))
+        yield "in_order", implies(mine, right) & implies(self.event_valid, exists), mine & (inside == DEPTH)
 
         # Events that left since the watched tile's was offered, the one that leaves now not counted.
         bound = tiles + DEPTH
@@ -112,11 +92,11 @@ class MergeChecker(Checker[TilesConfig]):
         # The newest event of the tile within the merge is the latest to leave.
         self.count_up(m, kept_count, given, leaves & (kept_count != bound), start=after)
         late = ((inside != 0) & (kept_count >= bound)) | (waited >= bound)
-        self.promise(m, "no_starvation", implies(kept, ~late), mine & (inside == 1) & (kept_count == bound - 1))
+        yield "no_starvation", implies(kept, ~late), mine & (inside == 1) & (kept_count == bound - 1)
 
         if tiles > 1:
             other = pick(taken, self.rival)
-            self.promise(m, "fairness", *self.fair(m, given, pick(self.tile_valid, self.rival), other))
+            yield "fairness", *self.fair(m, given, pick(self.tile_valid, self.rival), other)
 
     def _payload(self, stream: str, index: int, with_tile: bool = False) -> Any:
         """Return the payload of a tile's stream or of the merged stream."""
@@ -134,24 +114,9 @@ class RelayChecker(Checker[TilesConfig]):
     """Checker of a relay station; both sides are free."""
 
     block = Relay
-    properties = (
-        Property("takes_what_fits", "ready is high exactly while fewer than two events are held"),
-        Property("none_lost", "an event is offered exactly while one or two events are held"),
-        Property(
-            "in_order",
-            "events leave once, unchanged, in the order in which they were taken",
-            applies=lambda config: config.tile.event_bits > 0,
-        ),
-        Property("payload_stable", "an event that is not taken stays offered unchanged"),
-        Property("no_bubble", "one clock after an event is taken, an event is offered"),
-        Property("full_rate", "one clock after the output end takes events, the station takes an event"),
-        Property(
-            "latency", "an event that is taken while the station is or becomes empty is offered in the next clock"
-        ),
-    )
+    only: ClassVar = {"in_order": lambda config: config.tile.event_bits > 0}
 
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
+    def check(self, m: Module) -> Promises:
         comes, leaves = self.tile_valid & self.tile_ready, self.event_valid & self.event_ready
         offered, new = self._payload("event"), self._payload("tile")
 
@@ -166,21 +131,20 @@ class RelayChecker(Checker[TilesConfig]):
         with m.If(comes & (held == leaves)):
             m.d.sync += oldest.eq(new)
 
-        self.promise(m, "takes_what_fits", self.tile_ready == (held < DEPTH), self.tile_valid & ~self.tile_ready)
+        yield "takes_what_fits", self.tile_ready == (held < DEPTH), self.tile_valid & ~self.tile_ready
         counts = (self.event_valid == (held != 0)) & (held <= DEPTH)
-        self.promise(m, "none_lost", counts, held == DEPTH)
+        yield "none_lost", counts, held == DEPTH
         same = offered == oldest[: len(offered)] if len(offered) else Const(1)
-        self.promise(m, "in_order", implies(leaves, (held != 0) & same), leaves & (held == DEPTH))
+        yield "in_order", implies(leaves, (held != 0) & same), leaves & (held == DEPTH)
         stands, stalls = self.unchanged(m, self.event_valid, self.event_ready, offered, ("stalls", "offered"))
-        self.promise(m, "payload_stable", stands, stalls & (held == DEPTH))
+        yield "payload_stable", stands, stalls & (held == DEPTH)
         came = before(m, comes, "came")
-        self.promise(m, "no_bubble", implies(came, self.event_valid), came & before(m, leaves, "left"))
+        yield "no_bubble", implies(came, self.event_valid), came & before(m, leaves, "left")
         took = before(m, self.event_ready, "took")
-        self.promise(m, "full_rate", implies(took, self.tile_ready), took & before(m, held == DEPTH, "was_full"))
+        yield "full_rate", implies(took, self.tile_ready), took & before(m, held == DEPTH, "was_full")
         alone = before(m, comes & (held == leaves), "alone")
         first = offered == before(m, new, "new") if len(offered) else Const(1)
-        self.promise(m, "latency", implies(alone, self.event_valid & first), alone & came & leaves)
-        return self.finish(m)
+        yield "latency", implies(alone, self.event_valid & first), alone & came & leaves
 
     def _payload(self, stream: str) -> Any:
         """Return the payload of one side."""

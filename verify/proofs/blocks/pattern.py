@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal
 from amaranth.lib.wiring import In
@@ -12,28 +12,14 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.registers.pattern import ALL
 from eskin.rtl.logic import encode
 from eskin.rtl.registers.pattern import TestPattern, fields
-from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, implies
+from eskin.verify.proofs.checker import Checker, Promises, at_most_one, before, implies
 
 
 class PatternChecker(Checker[ReadoutConfig]):
     """Checker of the test pattern; its register and the granted row are free."""
 
     block = TestPattern
-    properties = (
-        Property("one_request", "at most one taxel requests, and none while the pattern is off or restarts"),
-        Property("waits_for_grant", "a request stays unchanged until its row is granted"),
-        Property("starts_there", "the first request comes from the taxel in the register"),
-        Property("in_turn", "the next request comes from the same taxel, or from the next one"),
-        Property(
-            "at_its_pace",
-            "a request rises 2**interval clocks after the previous one, or as soon as the previous one is taken",
-        ),
-        Property(
-            "polarity_turns",
-            "the polarity is the register's; if alternating, it changes with every event (one taxel) or every round",
-            applies=lambda config: config.has_polarity,
-        ),
-    )
+    only: ClassVar = {"polarity_turns": lambda config: config.has_polarity}
 
     def inner(self, config: ReadoutConfig) -> dict[str, Any]:
         sides = {"at_row": config.rows, "at_column": config.columns}
@@ -53,8 +39,7 @@ class PatternChecker(Checker[ReadoutConfig]):
             m.d.comb += getattr(self, name).eq(kept)
         return names
 
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
+    def check(self, m: Module) -> Promises:
         config = self.config
         asks, taken = Signal(), Signal()
         m.d.comb += [asks.eq(self.row_request.any()), taken.eq((self.row_request & self.granted).any())]
@@ -68,12 +53,12 @@ class PatternChecker(Checker[ReadoutConfig]):
         )
         quiet = (self.mode == 0) | self.restart
         alone = at_most_one(self.row_request) & at_most_one(self.column_request)
-        self.promise(m, "one_request", implies(asks, ~quiet & alone & self.column_request.any()), asks)
+        yield "one_request", implies(asks, ~quiet & alone & self.column_request.any()), asks
         waited = before(m, asks & ~taken, "waited") & ~self.restart
         sign = (self.column_polarity & self.column_request).any() if config.has_polarity else Const(0)
         request = Cat(taxel, sign)
         same = request == before(m, request, "request")
-        self.promise(m, "waits_for_grant", implies(waited, asks & same), waited & (taxel != 0))
+        yield "waits_for_grant", implies(waited, asks & same), waited & (taxel != 0)
 
         # What comes next: kept by the last request that was taken, in arrays whose sides are powers of two.
         begun, due, due_sign = Signal(), Signal(len(taxel)), Signal(init=1)
@@ -83,19 +68,18 @@ class PatternChecker(Checker[ReadoutConfig]):
         with m.Elif(taken):
             m.d.sync += [begun.eq(1), due.eq(Mux(self.mode == ALL, (taxel + 1)[: len(taxel)], taxel))]
         right = implies(runs & ~begun, place == first) & implies(asks & ~begun, taxel == first)
-        self.promise(m, "starts_there", right, asks & ~begun & (first != 0))
+        yield "starts_there", right, asks & ~begun & (first != 0)
         right = implies(runs & begun, place == due) & implies(asks & begun, taxel == due)
-        self.promise(m, "in_turn", right, asks & begun & (due == 0) & (self.mode == ALL))
+        yield "in_turn", right, asks & begun & (due == 0) & (self.mode == ALL)
         if config.has_polarity:
             with m.If(self.restart):
                 m.d.sync += due_sign.eq(self.on)
             with m.Elif(taken & self.turns & ((self.mode != ALL) | last)):
                 m.d.sync += due_sign.eq(~due_sign)
-            self.promise(m, "polarity_turns", implies(asks, sign == due_sign), asks & (due_sign != self.on))
-        self._pace(m, asks, taken, quiet)
-        return self.finish(m)
+            yield "polarity_turns", implies(asks, sign == due_sign), asks & (due_sign != self.on)
+        yield from self._pace(m, asks, taken, quiet)
 
-    def _pace(self, m: Module, asks: Signal, taken: Signal, quiet: Any) -> None:
+    def _pace(self, m: Module, asks: Signal, taken: Signal, quiet: Any) -> Promises:
         """Count the clocks since a request rose."""
         since, old, took = Signal(17), before(m, asks, "asks"), before(m, taken, "taken")
         fresh = asks & (~old | took)
@@ -114,4 +98,4 @@ class PatternChecker(Checker[ReadoutConfig]):
         left = (Const(1, 1) << self.interval)[:16] - 1
         first, so_far = idle & ~fresh, Mux(fresh, 0, since)
         right &= quiet | Mux(self.count != 0, ~first & (self.count + so_far == left), first | (so_far >= left))
-        self.promise(m, "at_its_pace", right, fresh & ~idle & (self.interval == 2))
+        yield "at_its_pace", right, fresh & ~idle & (self.interval == 2)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Generator
+from typing import Any, ClassVar
 
 from amaranth.hdl import Array, Cat, Const, Module, Signal, signed
 from amaranth.lib.wiring import In
@@ -10,7 +11,7 @@ from amaranth.lib.wiring import In
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.link import requests
 from eskin.rtl.readout import Readout
-from eskin.verify.proofs.checker import Checker, Property, before, implies, pick
+from eskin.verify.proofs.checker import Checker, Promises, before, implies, pick
 
 
 def shows_steps(config: ReadoutConfig) -> bool:
@@ -26,47 +27,27 @@ class ReadoutChecker(Checker[ReadoutConfig]):
     """
 
     block = Readout
-    properties = (
-        Property(
-            "one_event_per_step",
-            "the events of an enabled taxel are its steps: each once, in order, with its sign",
-        ),
-        Property(
-            "none_outstanding", "a taxel has at most as many events in flight as request, latch and link can hold"
-        ),
-        Property(
-            "leaves_in_time",
-            "a step's event leaves within (rows + 1) * columns + 2 clocks in which the sink is ready",
-            applies=lambda config: config.link == "stream",
-        ),
-        Property(
-            "masked_is_silent",
-            "after masking, at most one latched event of a taxel leaves, or two with a four-phase link",
-        ),
-        Property(
-            "masked_for_good",
-            "a masked taxel's event leaves within columns + 1 clocks in which the sink is ready, or never",
-            applies=lambda config: config.link == "stream",
-        ),
-        Property("masked_is_reset", "the reference of a masked taxel has its reset value", applies=shows_steps),
-        Property(
-            "others_do_not_move", "the reference of an enabled taxel moves by D or not at all", applies=shows_steps
-        ),
-    )
+    only: ClassVar = {
+        "leaves_in_time": lambda config: config.link == "stream",
+        "masked_for_good": lambda config: config.link == "stream",
+        "masked_is_reset": shows_steps,
+        "others_do_not_move": shows_steps,
+    }
 
     def observed(self, config: ReadoutConfig) -> dict[str, Any]:
         return super().observed(config) | {"watch": In(max(1, (config.taxels - 1).bit_length()))}
 
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
+    def check(self, m: Module) -> Promises:
         config = self.config
         enable = Signal()
         m.d.comb += enable.eq(pick([*self.taxel_enable], self.watch))
         event, polarity = self._event(m)
-        step, up = self._steps_at_ports(m, enable) if shows_steps(config) else self._steps_within(m)
-        self._queue(m, enable, step, up, event, polarity)
-        self._masked(m, enable, event)
-        return self.finish(m)
+        if shows_steps(config):
+            step, up = yield from self._steps_at_ports(m, enable)
+        else:
+            step, up = self._steps_within(m)
+        yield from self._queue(m, enable, step, up, event, polarity)
+        yield from self._masked(m, enable, event)
 
     def inner(self, config: ReadoutConfig) -> dict[str, Any]:
         return dict.fromkeys(self.places(config), In(1))
@@ -85,7 +66,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
             found[wire] = pick(own, self.watch) if own else Const(1)
         return before(m, found["asks"] & found["moves"], "decided"), found["polarity"]
 
-    def _steps_at_ports(self, m: Module, enable: Signal) -> tuple[Any, Any]:
+    def _steps_at_ports(self, m: Module, enable: Signal) -> Generator[tuple[str, Any, Any], None, tuple[Any, Any]]:
         """Return whether the watched reference moved one clock before, and whether it moved up."""
         config = self.config
         reference = Signal(signed(config.sample_bits), name="u")
@@ -98,14 +79,10 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         size = Signal(signed(config.sample_bits + 2))
         m.d.comb += size.eq(reference - old)
         exact = (size == 0) | (size == config.step) | (size == -config.step)
-        self.promise(m, "others_do_not_move", implies(on, exact), step)
+        yield "others_do_not_move", implies(on, exact), step
         off = known & ~on
-        self.promise(
-            m,
-            "masked_is_reset",
-            implies(off, reference == config.reference_reset),
-            off & (old != config.reference_reset),
-        )
+        start = config.reference_reset
+        yield "masked_is_reset", implies(off, reference == start), off & (old != start)
         return step, reference > old
 
     def _event(self, m: Module) -> tuple[Signal, Any]:
@@ -125,7 +102,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         m.d.comb += event.eq(leaves & (row * config.columns + column == self.watch))
         return event, polarity
 
-    def _queue(self, m: Module, enable: Signal, step: Signal, up: Any, event: Signal, polarity: Any) -> None:
+    def _queue(self, m: Module, enable: Signal, step: Signal, up: Any, event: Signal, polarity: Any) -> Promises:
         """Queue the signs of steps whose events have not left yet."""
         depth = 2 if self.config.link == "stream" else 3
         steady, count, signs = Signal(init=1), Signal(range(depth + 2)), Signal(depth + 1)
@@ -136,33 +113,29 @@ class ReadoutChecker(Checker[ReadoutConfig]):
             now.eq(count + (step & (count <= depth))),
             held.eq(signs | (up << count) & step.replicate(depth + 1)),
         ]
-        m.d.sync += [count.eq(now - (event & (now != 0))), signs.eq(_shift(held, event))]
+        m.d.sync += [
+            count.eq(now - (event & (now != 0))),
+            signs.eq(Cat(Array([held, Cat(held[1:], Const(0, 1))])[event])),
+        ]
         right, falls = count != 0, Const(1)
         if self.config.has_polarity:
             right, falls = right & (polarity == signs[0]), ~polarity
-        self.promise(m, "one_event_per_step", implies(event & steady, right), event & steady & falls)
-        self.promise(m, "none_outstanding", implies(steady, now <= depth), steady & (now == depth))
+        yield "one_event_per_step", implies(event & steady, right), event & steady & falls
+        yield "none_outstanding", implies(steady, now <= depth), steady & (now == depth)
         if self.config.link == "stream":
             bound = (self.config.rows + 1) * self.config.columns + 2
             clocks = Signal(range(bound + 2))
             waiting = (now != 0) & self.event_ready & ~event
             self.count_up(m, clocks, event | (now == 0), waiting & (clocks <= bound))
-            self.promise(
-                m, "leaves_in_time", implies(steady, clocks < bound), event & steady & (clocks >= self.config.columns)
-            )
+            yield "leaves_in_time", implies(steady, clocks < bound), event & steady & (clocks >= self.config.columns)
 
-    def _masked(self, m: Module, enable: Signal, event: Signal) -> None:
+    def _masked(self, m: Module, enable: Signal, event: Signal) -> Promises:
         most = 1 if self.config.link == "stream" else 2
         left = Signal(range(most + 2))
         self.count_up(m, left, enable, event & (left <= most))
-        self.promise(m, "masked_is_silent", left <= most, ~enable & (left == most))
+        yield "masked_is_silent", left <= most, ~enable & (left == most)
         if self.config.link == "stream":
             bound = self.config.columns + 1
             clocks = Signal(range(bound + 1))
             self.count_up(m, clocks, enable, self.event_ready & (clocks != bound))
-            self.promise(m, "masked_for_good", implies(~enable & (clocks == bound), ~event), ~enable & event)
-
-
-def _shift(word: Signal, taken: Signal) -> Any:
-    """Return a queue of bits after removal of its first bit, if taken."""
-    return Cat(Array([word, Cat(word[1:], Const(0, 1))])[taken])
+            yield "masked_for_good", implies(~enable & (clocks == bound), ~event), ~enable & event

@@ -19,7 +19,7 @@ from eskin.rtl.logic import or_tree
 from eskin.rtl.registers.file import BUS, COUNTS, WRITTEN, RegisterFile, ShortRegisterFile
 from eskin.rtl.registers.host import SETTINGS, Host, ShortHost
 from eskin.verify.proofs.blocks.spi import Transfers
-from eskin.verify.proofs.checker import Checker, Property, before, implies
+from eskin.verify.proofs.checker import Checker, Promises, before, implies
 
 
 class RegistersChecker(Checker[ReadoutConfig]):
@@ -29,33 +29,20 @@ class RegistersChecker(Checker[ReadoutConfig]):
     """
 
     block: ClassVar[type[RegisterFile]] = RegisterFile
-    properties = (
-        Property("read_as_written", "a read returns the last valid word written to the address, or the reset value"),
-        Property("constants_hold", "an identification register never changes"),
-        Property("holes_read_zero", "addresses without a register and pulse fields read 0"),
-        Property("always_in_range", "no setting ever leaves its range"),
-        Property("mask_reaches_taxel", "bit i of the mask is the last written bit for taxel i"),
-        Property("told_once", "pulses and write strobes last one clock, the clock after the write"),
-        Property(
-            "counted_once", "a counter rises by one in every counted clock, up to its maximum, and in no other clock"
-        ),
-    )
 
     def observed(self, config: ReadoutConfig) -> dict[str, Any]:
         count = max(len(registers(config)), config.taxels)
         return super().observed(config) | {"watch": In((count - 1).bit_length())}
 
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
+    def check(self, m: Module) -> Promises:
         found = registers(self.config)
-        self._words(m, [register for register in found if all(field.kind == "setting" for field in register.fields)])
-        self._fixed(m, found)
-        self._mask(m, [register for register in found if register.name.startswith("mask")])
-        self._pulses(m, found)
-        self._counters(m, found)
-        return self.finish(m)
+        yield from self._words(m, [r for r in found if all(field.kind == "setting" for field in r.fields)])
+        yield from self._fixed(m, found)
+        yield from self._mask(m, [register for register in found if register.name.startswith("mask")])
+        yield from self._pulses(m, found)
+        yield from self._counters(m, found)
 
-    def _words(self, m: Module, found: list[Register]) -> None:
+    def _words(self, m: Module, found: list[Register]) -> Promises:
         """Track the word of the watched register, and check every setting."""
         address, reset, described, allowed = (
             or_tree([value & (self.watch == i).replicate(len(value)) for i, value in enumerate(values)])
@@ -71,7 +58,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
         with m.If(self.write & here & allowed):
             m.d.sync += [known.eq(1), word.eq(self.write_data & described)]
         expected = Mux(known, word, reset)
-        self.promise(m, "read_as_written", implies(here, self.read_data == expected), here & known & (word != reset))
+        yield "read_as_written", implies(here, self.read_data == expected), here & known & (word != reset)
         ranges, moved = [], []
         for register in found:
             for field in register.fields:
@@ -79,14 +66,14 @@ class RegistersChecker(Checker[ReadoutConfig]):
                     value = getattr(self, register.signal(field))
                     ranges.append((value >= field.least) & (value <= field.most))
                     moved.append(value != field.reset)
-        self.promise(m, "always_in_range", Cat(ranges).all(), Cat(moved).any())
+        yield "always_in_range", Cat(ranges).all(), Cat(moved).any()
 
     def _allowed(self, register: Register) -> Value:
         """Return whether the write data are allowed in a register."""
         data = [(self.write_data[f.low :][: f.width], f) for f in register.fields]
         return Cat([(value >= f.least) & (value <= f.most) for value, f in data]).all()
 
-    def _fixed(self, m: Module, found: tuple[Register, ...]) -> None:
+    def _fixed(self, m: Module, found: tuple[Register, ...]) -> Promises:
         right, written, free = [], Signal(), Signal()
         for register in found:
             if all(field.kind == "constant" for field in register.fields):
@@ -94,14 +81,14 @@ class RegistersChecker(Checker[ReadoutConfig]):
                 right.append(implies(here, self.read_data == register.reset))
                 with m.If(here & self.write & (self.write_data != register.reset)):
                     m.d.sync += written.eq(1)
-        self.promise(m, "constants_hold", Cat(right).all(), written)
+        yield "constants_hold", Cat(right).all(), written
         silent = [r.address for r in found if all(field.kind == "pulse" for field in r.fields)]
         silent_here = Cat(self.address == address for address in silent).any()
         m.d.comb += free.eq(~Cat(self.address == r.address for r in found).any() | silent_here)
         after = before(m, free & self.write & self.write_data.all(), "written_there")
-        self.promise(m, "holes_read_zero", implies(free, self.read_data == 0), free & after)
+        yield "holes_read_zero", implies(free, self.read_data == 0), free & after
 
-    def _mask(self, m: Module, found: list[Register]) -> None:
+    def _mask(self, m: Module, found: list[Register]) -> Promises:
         """Track the mask bit of the watched taxel."""
         bit = Signal(init=1)
         start = 0
@@ -117,9 +104,9 @@ class RegistersChecker(Checker[ReadoutConfig]):
                 shown.append(getattr(self, register.signal(field)))
         is_one = (Cat(shown) >> self.watch)[0]
         there = self.watch < start
-        self.promise(m, "mask_reaches_taxel", implies(there, is_one == bit), there & ~is_one)
+        yield "mask_reaches_taxel", implies(there, is_one == bit), there & ~is_one
 
-    def _pulses(self, m: Module, found: tuple[Register, ...]) -> None:
+    def _pulses(self, m: Module, found: tuple[Register, ...]) -> Promises:
         right, seen = [], []
         for register in found:
             for field in register.fields:
@@ -134,9 +121,9 @@ class RegistersChecker(Checker[ReadoutConfig]):
                 due = before(m, written, f"{register.name}_{field.name}")
                 right.append(value == due)
                 seen.append(due & ~value | value & due)
-        self.promise(m, "told_once", Cat(right).all(), Cat(seen).any())
+        yield "told_once", Cat(right).all(), Cat(seen).any()
 
-    def _counters(self, m: Module, found: tuple[Register, ...]) -> None:
+    def _counters(self, m: Module, found: tuple[Register, ...]) -> Promises:
         right, seen = [], []
         for register in found:
             for field in register.fields:
@@ -148,7 +135,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
                     here = self.address == register.address
                     right.append(implies(here, self.read_data == number))
                     seen.append(here & (number == 3))
-        self.promise(m, "counted_once", Cat(right).all(), Cat(seen).any())
+        yield "counted_once", Cat(right).all(), Cat(seen).any()
 
 
 class ShortRegistersChecker(RegistersChecker):
@@ -165,22 +152,9 @@ class HostChecker(Checker[ReadoutConfig]):
     """
 
     block: ClassVar[type[Host]] = Host
-    properties = (
-        Property("set_as_written", "D, leak, window and fields have the values last written, or those of the reset"),
-        Property(
-            "masked_as_written", "a taxel is enabled exactly if pin and mask say so, unless a pattern or clear stops it"
-        ),
-        Property("read_as_written", "MISO shows the last valid word written to a setting, or its reset value"),
-        Property("no_pattern_unasked", "no test request reaches the arbiter unless the host has set a test pattern"),
-        Property(
-            "restarts_when_told",
-            "the decay ticks restart one clock after a write to their register or to clear, and at no other time",
-            applies=lambda config: config.encoder.leaks,
-        ),
-    )
+    only: ClassVar = {"restarts_when_told": lambda config: config.encoder.leaks}
 
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
+    def check(self, m: Module) -> Promises:
         sent = self._transfers(m)
         words, writes = self._words(m, sent)
         value = {register.signal(f): words[register.key][f.low :][: f.bits] for register, f in self._fields("setting")}
@@ -206,19 +180,18 @@ class HostChecker(Checker[ReadoutConfig]):
                 good &= self.choice == fields
             else:
                 good &= self.field_select == Mux(begun, before(m, lines, "lines"), lines)
-        self.promise(m, "set_as_written", good, moved)
+        yield "set_as_written", good, moved
 
         quiet = (value["test_mode"] == 0) & ~clear
         expected = self.taxel_enable & mask & quiet.replicate(self.config.taxels)
-        self.promise(m, "masked_as_written", self.enabled == expected, ~mask[0] & quiet & self.taxel_enable[0])
+        yield "masked_as_written", self.enabled == expected, ~mask[0] & quiet & self.taxel_enable[0]
 
-        self._reading(m, sent, words)
+        yield from self._reading(m, sent, words)
         silent = implies(value["test_mode"] == 0, self.row_request == 0)
-        self.promise(m, "no_pattern_unasked", silent, self.row_request != 0)
+        yield "no_pattern_unasked", silent, self.row_request != 0
         if self.config.encoder.leaks:
             due = before(m, writes["decay"], "decay") | clear
-            self.promise(m, "restarts_when_told", self.decay_restart == due, due)
-        return self.finish(m)
+            yield "restarts_when_told", self.decay_restart == due, due
 
     def _transfers(self, m: Module) -> Any:
         """Return the words that the host writes, with their addresses."""
@@ -245,7 +218,7 @@ class HostChecker(Checker[ReadoutConfig]):
             words[register.key], writes[register.key] = word, write
         return words, writes
 
-    def _reading(self, m: Module, sent: Any, words: dict[str, Signal]) -> None:
+    def _reading(self, m: Module, sent: Any, words: dict[str, Signal]) -> Promises:
         """Check the words of all registers at MISO, except the words of counters."""
         word, counts = self._at(sent.address, words)
         shown = sent.shown(m, word[: sent.word_bits])
@@ -254,7 +227,7 @@ class HostChecker(Checker[ReadoutConfig]):
             m.d.sync += known.eq(~counts)
         looks = sent.rise & sent.reads & known
         right = implies(looks, self.spi_miso == shown) & implies(~sent.reads, ~self.spi_miso)
-        self.promise(m, "read_as_written", right, looks & shown)
+        yield "read_as_written", right, looks & shown
 
     def _at(self, address: Value, words: dict[str, Signal]) -> tuple[Value, Value]:
         """Return the word at an address, and whether a counter is there."""
@@ -277,12 +250,10 @@ class BusHostChecker(HostChecker):
             complete=self.spi_write, address=self.spi_address, word=self.spi_write_data, word_bits=WORD_BITS
         )
 
-    def _reading(self, m: Module, sent: Any, words: dict[str, Signal]) -> None:
+    def _reading(self, m: Module, sent: Any, words: dict[str, Signal]) -> Promises:
         word, counts = self._at(sent.address, words)
         written = words["resolution"] != self.config.resolution
-        self.promise(
-            m, "read_as_written", counts | (self.spi_read_data == word), written & (word == words["resolution"])
-        )
+        yield "read_as_written", counts | (self.spi_read_data == word), written & (word == words["resolution"])
 
 
 class ShortHostChecker(HostChecker):

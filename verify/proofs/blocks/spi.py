@@ -9,7 +9,7 @@ from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value
 from eskin.model.config import ReadoutConfig
 from eskin.model.registers.description import WORD_BYTES
 from eskin.rtl.registers.spi import NarrowSlave, SpiSlave
-from eskin.verify.proofs.checker import Checker, Property, before, implies
+from eskin.verify.proofs.checker import Checker, Promises, before, implies
 
 
 class Transfers:
@@ -71,39 +71,20 @@ class SpiChecker(Checker[ReadoutConfig]):
     """Checker of the SPI slave; pins and data are free."""
 
     block: ClassVar[type[SpiSlave]] = SpiSlave
-    properties = (
-        Property(
-            "aborted_writes_nothing",
-            "a word is written only with its last bit, in a write transfer that CS did not interrupt",
-        ),
-        Property("whole_is_written", "every complete word of a write transfer is written with its last bit"),
-        Property("written_as_sent", "the written word has the sent bits"),
-        Property(
-            "address_as_sent",
-            "the address of a written word is the command's address plus the number of previous words",
-        ),
-        Property("read_as_kept", "MISO sends the word that the address held before the word's first bit"),
-        Property("quiet_otherwise", "MISO is 0 except during the words of a read transfer"),
-        Property(
-            "opens_after_two", "a transfer lasts from CS low, after two clocks of CS high, until CS is sampled high"
-        ),
-    )
 
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
+    def check(self, m: Module) -> Promises:
         sent = Transfers(m, self, self.block)
         complete = sent.complete
-        self.promise(m, "aborted_writes_nothing", implies(self.write, complete), self.write)
-        self.promise(m, "whole_is_written", implies(complete, self.write), complete)
-        self.promise(m, "written_as_sent", implies(self.write, self.write_data == sent.word), self.write & sent.word[0])
+        yield "aborted_writes_nothing", implies(self.write, complete), self.write
+        yield "whole_is_written", implies(complete, self.write), complete
+        yield "written_as_sent", implies(self.write, self.write_data == sent.word), self.write & sent.word[0]
         same = implies(sent.in_data, self.address == sent.address)
-        self.promise(m, "address_as_sent", same, self.write & (sent.address != 0))
+        yield "address_as_sent", same, self.write & (sent.address != 0)
         kept = sent.shown(m, self.read_data)
-        self.promise(m, "read_as_kept", implies(sent.reads & sent.rise, self.spi_miso == kept), sent.reads & kept)
-        self.promise(m, "quiet_otherwise", implies(~sent.reads, ~self.spi_miso), ~sent.reads & sent.rise)
+        yield "read_as_kept", implies(sent.reads & sent.rise, self.spi_miso == kept), sent.reads & kept
+        yield "quiet_otherwise", implies(~sent.reads, ~self.spi_miso), ~sent.reads & sent.rise
         closes = sent.under_way & sent.closed
-        self.promise(m, "opens_after_two", self.spi_miso_enable == sent.under_way, closes)
-        return self.finish(m)
+        yield "opens_after_two", self.spi_miso_enable == sent.under_way, closes
 
 
 class NarrowSpiChecker(SpiChecker):

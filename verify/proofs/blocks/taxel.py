@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from amaranth.hdl import Const, Module, Mux, Signal, Value, signed
 from amaranth.lib.wiring import In
@@ -12,7 +12,7 @@ from amaranth.lib.wiring import In
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.logic import or_tree
 from eskin.rtl.taxel import Taxel
-from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, implies
+from eskin.verify.proofs.checker import Checker, Promises, at_most_one, before, implies
 
 
 def _digital(config: ReadoutConfig) -> bool:
@@ -44,45 +44,15 @@ class TaxelChecker(Checker[ReadoutConfig]):
     """Checker of one taxel; samples, comparators, grants, mask, ticks and settings are free."""
 
     block = Taxel
-    properties = (
-        Property(
-            "decides_exactly",
-            "a free taxel raises a request exactly when x has crossed a threshold and the step stays on the scale",
-        ),
-        Property("asks_again", "a taxel whose request is taken may raise the next one in that clock: no bubble"),
-        Property("reference_exact", "the reference moves only by its step with an event and by its leak"),
-        Property("never_wraps", "no step or leak leaves the scale, whatever the comparators decide"),
-        Property(
-            "ends_do_nothing",
-            "a decision for a step beyond the scale causes no event and no step",
-            applies=_analog,
-        ),
-        Property(
-            "approaches",
-            "an event brings the reference nearer to the sample",
-            applies=lambda config: _digital(config) and not _leaks(config),
-        ),
-        Property(
-            "polarity_of_step",
-            "a request is ON after a step up and OFF after a step down",
-            applies=lambda config: config.has_polarity,
-        ),
-        Property("waits_unchanged", "while a request waits, request, polarity, reference and window are stable"),
-        Property("disabled_is_silent", "a masked taxel raises no request, from the same clock on"),
-        Property("disabled_is_reset", "one clock after masking, reference and window have their reset values"),
-        Property("window_opens", "after an event the window is fully open", applies=lambda config: config.closes),
-        Property("leak_is_monotone", "without an event the reference never moves away from zero", applies=_leaks),
-        Property(
-            "leak_reaches_floor",
-            "a decay tick moves the reference towards zero, unless the reference is below 2**(k-1) units",
-            applies=_leaks,
-        ),
-        Property(
-            "code_is_floor",
-            "the code at the DAC is the reference, rounded down",
-            applies=lambda config: _leaks(config) and _analog(config),
-        ),
-    )
+    only: ClassVar = {
+        "ends_do_nothing": _analog,
+        "approaches": lambda config: _digital(config) and not _leaks(config),
+        "polarity_of_step": lambda config: config.has_polarity,
+        "window_opens": lambda config: config.closes,
+        "leak_is_monotone": _leaks,
+        "leak_reaches_floor": _leaks,
+        "code_is_floor": lambda config: _leaks(config) and _analog(config),
+    }
 
     def __init__(self, config: ReadoutConfig) -> None:
         if config.registers != "none":
@@ -114,14 +84,12 @@ class TaxelChecker(Checker[ReadoutConfig]):
         own = {"reference": In(signed(config.sample_bits - (config.grid - 1).bit_length()))}
         return own | ({"window_half_width": In(config.closing_levels_log2 + 1)} if config.closes else {})
 
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
+    def check(self, m: Module) -> Promises:
         self._settings(m)
         now = self._now(m)
-        self._requests(m, now)
-        self._moves(m, now)
-        self._stillness(m, now)
-        return self.finish(m)
+        yield from self._requests(m, now)
+        yield from self._moves(m, now)
+        yield from self._stillness(m, now)
 
     @property
     def _fraction(self) -> int:
@@ -135,12 +103,8 @@ class TaxelChecker(Checker[ReadoutConfig]):
         """Set D in codes and the leak shift, now and one clock ago."""
         config = self.config
         if config.registers == "none":
-            self._d, self._d_before, self._k, self._k_before = (
-                config.step,
-                config.step,
-                config.leak_shift,
-                config.leak_shift,
-            )
+            self._d = self._d_before = config.step
+            self._k = self._k_before = config.leak_shift
             self._same: Any = Const(1)
             return
         step = Signal(range(config.full_scale), name="d")
@@ -197,7 +161,6 @@ class TaxelChecker(Checker[ReadoutConfig]):
         return Now(reference, half_width, asks, acts, up, then)
 
     def _floor(self, shift: Any) -> Any:
-        """Return 2**(k - 1)."""
         return 1 << (shift - 1) if isinstance(shift, int) else (Const(1) << shift) >> 1
 
     def _comparators(self, m: Module, reference: Signal, half_width: Signal) -> tuple[Any, Any]:
@@ -226,27 +189,27 @@ class TaxelChecker(Checker[ReadoutConfig]):
         above = gap > half_width if config.encoder.strict else gap >= half_width
         return above, gap < -half_width if config.has_polarity else Const(0)
 
-    def _requests(self, m: Module, now: Now) -> None:
+    def _requests(self, m: Module, now: Now) -> Promises:
         taken = self.request & self.granted
         due = Signal()
         m.d.sync += due.eq(self.enable & (now.acts | (self.request & ~self.granted)))
         acted = before(m, now.acts, "acted")
-        self.promise(m, "decides_exactly", self.request == (due & self.enable), self.request & acted)
+        yield "decides_exactly", self.request == (due & self.enable), self.request & acted
         again = before(m, taken & now.acts, "again")
-        self.promise(m, "asks_again", implies(again & self.enable, self.request), again & self.enable)
+        yield "asks_again", implies(again & self.enable, self.request), again & self.enable
         stopped = before(m, now.asks & ~now.acts, "stopped")
         still = now.reference == before(m, now.reference, "u") if not _leaks(self.config) else Const(1)
-        self.promise(m, "ends_do_nothing", implies(stopped, ~self.request & still), stopped)
+        yield "ends_do_nothing", implies(stopped, ~self.request & still), stopped
         if self.config.has_polarity:
             up = before(m, now.up, "up")
-            self.promise(m, "polarity_of_step", implies(acted & self.request, self.polarity == up), acted & ~up)
+            yield "polarity_of_step", implies(acted & self.request, self.polarity == up), acted & ~up
 
-    def _moves(self, m: Module, now: Now) -> None:
+    def _moves(self, m: Module, now: Now) -> Promises:
         config = self.config
         expected = Signal(now.reference.shape(), init=self._init, name="u_expected")
         m.d.sync += expected.eq(Mux(self.enable, now.then, self._init))
         acted, old = before(m, now.acts, "acted"), before(m, now.reference, "u")
-        self.promise(m, "reference_exact", now.reference == expected, acted)
+        yield "reference_exact", now.reference == expected, acted
         # A wrap is a jump over the whole scale. Near the end one more step of this size would leave it.
         jump = now.reference - old
         step = self._d_before << self._fraction
@@ -257,54 +220,47 @@ class TaxelChecker(Checker[ReadoutConfig]):
             up = down = step + down
         near = acted & (now.reference + step >= config.full_scale << self._fraction)
         on = before(m, self.enable, "on")
-        self.promise(m, "never_wraps", implies(on, (jump <= up) & (jump >= -down)), on & near)
+        yield "never_wraps", implies(on, (jump <= up) & (jump >= -down)), on & near
         if _digital(config) and not _leaks(config):
             sample = before(m, self._sample, "x")
             after, ahead = (_magnitude(m, sample - u, name) for u, name in ((now.reference, "after"), (old, "ahead")))
-            self.promise(m, "approaches", implies(acted, after < ahead), acted)
+            yield "approaches", implies(acted, after < ahead), acted
         if config.closes:
-            self.promise(m, "window_opens", implies(acted, now.half_width == self._d), acted)
+            yield "window_opens", implies(acted, now.half_width == self._d), acted
         if _leaks(config):
             floor = self._floor(self._k_before)
             quiet = before(m, self.enable & ~now.acts, "quiet")
             inward = now.reference <= old
             if config.has_polarity:
                 inward = Mux(old < 0, (now.reference >= old) & (now.reference <= 0), inward & (now.reference >= 0))
-            self.promise(m, "leak_is_monotone", implies(quiet, inward), quiet & (now.reference < old))
+            yield "leak_is_monotone", implies(quiet, inward), quiet & (now.reference < old)
             leaked = quiet & before(m, self.decay & (~self.request | self.granted), "leaked")
             lower = Mux(old >= floor, now.reference < old, Mux(old < -floor, now.reference > old, now.reference == old))
             # From the top of a wide reference the floor is hundreds of leaks away.
             near_floor = now.reference < floor if self.config.leak_shift < 4 else now.reference < old
-            self.promise(m, "leak_reaches_floor", implies(leaked, lower), leaked & (old >= floor) & near_floor)
+            yield "leak_reaches_floor", implies(leaked, lower), leaked & (old >= floor) & near_floor
             if _analog(config):
                 floor_code = now.reference >> self._fraction
-                self.promise(m, "code_is_floor", self.reference_code == floor_code, floor_code != 0)
+                yield "code_is_floor", self.reference_code == floor_code, floor_code != 0
 
-    def _stillness(self, m: Module, now: Now) -> None:
+    def _stillness(self, m: Module, now: Now) -> Promises:
         waited = before(m, self.enable & self.request & ~self.granted, "waited")
         state = [now.reference, now.half_width, *([self.polarity] if self.config.has_polarity else [])]
         same: Any = ~self.enable | self.request
         for number, value in enumerate(state):  # a half-width follows the D that a host sets
             kept = value == before(m, value, f"state_{number}")
             same &= kept | ~self._same if value is now.half_width else kept
-        self.promise(m, "waits_unchanged", implies(waited, same), waited & self.enable)
-        self.promise(
-            m,
-            "disabled_is_silent",
-            implies(~self.enable, ~self.request),
-            before(m, self.request, "asked") & ~self.enable,
-        )
+        yield "waits_unchanged", implies(waited, same), waited & self.enable
+        asked = before(m, self.request, "asked")
+        yield "disabled_is_silent", implies(~self.enable, ~self.request), asked & ~self.enable
         off = before(m, ~self.enable, "off")
         reset = (now.reference == self._init) & ~self.request
         if self.config.closes:
             reset &= now.half_width == self._d
-        self.promise(
-            m, "disabled_is_reset", implies(off, reset), off & (before(m, now.reference, "u_off") != self._init)
-        )
+        yield "disabled_is_reset", implies(off, reset), off & (before(m, now.reference, "u_off") != self._init)
 
 
 def _magnitude(m: Module, value: Value, name: str) -> Signal:
-    """Return the absolute value of a number."""
     size = Signal(len(value), name=name)
     m.d.comb += size.eq(Mux(value < 0, -value, value))
     return size

@@ -9,26 +9,13 @@ from amaranth.hdl import Module, Mux, Signal
 
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.window import ClosingWindow
-from eskin.verify.proofs.checker import Checker, Property, before, implies
+from eskin.verify.proofs.checker import Checker, Promises, before, implies
 
 
 class WindowChecker(Checker[ReadoutConfig]):
     """Checker of one taxel's window; the period set by a host is free."""
 
     block = ClosingWindow
-    properties = (
-        Property("within_bounds", "the half-width is never below one closing step and never above D"),
-        Property("opens_fully", "the half-width is D after the signal to open"),
-        Property("says_closed", "the window reports closed exactly when the half-width is one step"),
-        Property(
-            "closes_step_by_step",
-            "otherwise the half-width is stable, or decreases by one closing step on a sample tick",
-        ),
-        Property(
-            "closes_on_time",
-            "the half-width decreases at every window_period-th quiet tick, down to one step, and at no other time",
-        ),
-    )
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
         """Drive the period with any value in range."""
@@ -38,21 +25,19 @@ class WindowChecker(Checker[ReadoutConfig]):
         m.d.comb += self.period.eq(Mux((value == 0) | (value > most), most, value))
         return {"period"}
 
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
+    def check(self, m: Module) -> Promises:
         levels, period = 1 << self.config.closing_levels_log2, self.config.window_period
         width, old = self.half_width, Signal(len(self.half_width), init=levels)
         m.d.sync += old.eq(width)
         opened = before(m, self.open, "opened")
         ticked = before(m, self.tick & ~self.open, "ticked")
-        self.promise(m, "within_bounds", (width >= 1) & (width <= levels), width == 1)
-        self.promise(m, "opens_fully", implies(opened, width == levels), opened & (old == 1))
-        self.promise(m, "says_closed", self.closed == (width == 1), self.closed)
+        yield "within_bounds", (width >= 1) & (width <= levels), width == 1
+        yield "opens_fully", implies(opened, width == levels), opened & (old == 1)
+        yield "says_closed", self.closed == (width == 1), self.closed
         closes = (width + 1 == old) & ticked
-        self.promise(m, "closes_step_by_step", opened | (width == old) | closes, closes)
+        yield "closes_step_by_step", opened | (width == old) | closes, closes
         due, done = self._set(m, levels) if self.config.registers != "none" else self._built(m, levels, period)
-        self.promise(m, "closes_on_time", width == levels - due, done)
-        return self.finish(m)
+        yield "closes_on_time", width == levels - due, done
 
     def _built(self, m: Module, levels: int, period: int) -> tuple[Any, Any]:
         """Return the number of closing steps that must have happened, and whether the window is closed."""

@@ -1,19 +1,124 @@
-"""Simulate a gate-level design with 64 runs per word, with different inputs and bit flips."""
+"""A design as gates and flops, simulated with 64 runs per word, with different inputs and bit flips."""
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from graphlib import TopologicalSorter
+from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from eskin.verify.faults.bench import DUT
-from eskin.verify.faults.gate_design import Gates
+from eskin.rtl import yosys
+
+DUT = "dut"
+"""Instance of the block under test."""
+
+# Flattened last: then a flop's name says in which block it is.
+TO_GATES = (
+    "read_rtlil readout.il; hierarchy -check -top {top}; proc; opt_clean; memory_map; async2sync; opt -full; techmap; "
+    "opt -fast; simplemap; dffunmap; simplemap; opt_clean; flatten -noscopeinfo; setattr -unset init w:*; opt_expr; "
+    "opt_clean; write_json gates.json"
+)
+PATH = re.compile(r"\\(\w+)\.")
+KINDS = {"$_AND_": 0, "$_OR_": 1, "$_XOR_": 2, "$_XNOR_": 3, "$_NOT_": 4, "$_MUX_": 5, "$_BUF_": 6}
+PINS = "ABS"
+ZERO, ONE = 0, 1
+"""Numbers of the nets with the constants 0 and 1, which are the first two nets."""
 
 WORDS = 16
 """Words of a net that are computed together: 1,024 runs, and the nets of a small array stay in the cache."""
 LANES = 64 * WORDS
+
+Flips = list[tuple[int, str]]
+"""Clock and flop of the bit flip of each run."""
+
+
+@dataclass(frozen=True)
+class Gates:
+    """Gate-level design with one clock; nets are numbered constants, inputs, flops and gates."""
+
+    # nets of the ports, lowest bit first
+    inputs: dict[str, list[int]]
+    outputs: dict[str, list[int]]
+    flops: list[str]  # names, each with its place in the hierarchy: ``row_0.taxel_1.pending``, with ``[bit]`` in a word
+    first_flop: int  # net of the first flop; they follow each other
+    next: NDArray[np.int32]  # nets that the flops take at a rising edge, shape (flops,)
+    gates: NDArray[np.int32]  # kind and inputs, shape (gates, 4); their outputs are the last nets, in this order
+
+    @property
+    def nets(self) -> int:
+        """Number of nets."""
+        return self.first_flop + len(self.flops) + len(self.gates)
+
+
+def gates_of(rtlil: str, top: str) -> Gates:
+    """Return the gate-level design for RTLIL."""
+    module = json.loads(yosys.run(TO_GATES.format(top=top), rtlil, "gates.json"))["modules"][top]
+    net_of: dict[Any, int] = {"0": ZERO, "1": ONE, "x": ZERO}
+    ports = module["ports"]
+    for port in ports.values():
+        if port["direction"] == "input":
+            for bit in port["bits"]:
+                net_of[bit] = len(net_of) - 1  # "x" has no net of its own
+    first_flop = len(net_of) - 1
+    drivers: dict[int, tuple[int, list[Any]]] = {}
+    after: list[Any] = []
+    states: list[int] = []
+    places: dict[int, str] = {}
+    for name, cell in module["cells"].items():
+        pins = {pin: bits[0] for pin, bits in cell["connections"].items()}
+        if cell["type"] == "$_DFF_P_":
+            states.append(pins["Q"])
+            after.append(pins["D"])
+            places[pins["Q"]] = "".join(f"{part}." for part in PATH.findall(name))
+        elif cell["type"] in KINDS:
+            drivers[pins["Y"]] = KINDS[cell["type"]], [pins[pin] for pin in PINS if pin in pins]
+        else:
+            raise AssertionError(f"cell {cell['type']} of {top} is not supported")
+    names = _names(module, places)
+    order = sorted(range(len(states)), key=lambda place: _natural(names[states[place]]))
+    for place in order:
+        net_of[states[place]] = len(net_of) - 1
+    sorter = TopologicalSorter({out: [bit for bit in given if bit in drivers] for out, (_, given) in drivers.items()})
+    rows = []
+    for out in sorter.static_order():
+        kind, given = drivers[out]
+        rows.append([kind, *(net_of[bit] for bit in given), *[ZERO] * (3 - len(given))])
+        net_of[out] = len(net_of) - 1
+    directed: dict[str, dict[str, list[int]]] = {"input": {}, "output": {}}
+    for name, port in ports.items():
+        directed[port["direction"]][name] = [net_of[bit] for bit in port["bits"]]
+    return Gates(
+        inputs=directed["input"],
+        outputs=directed["output"],
+        flops=[names[states[place]] for place in order],
+        first_flop=first_flop,
+        next=np.array([net_of[after[place]] for place in order], np.int32),
+        gates=np.array(rows, np.int32).reshape(-1, 4),
+    )
+
+
+def _names(module: dict[str, Any], places: dict[int, str]) -> dict[int, str]:
+    """Return the name of every flop from its block and wire."""
+    found: dict[int, tuple[int, str]] = {}
+    for name, net in module["netnames"].items():
+        for number, bit in enumerate(net["bits"]):
+            place = places.get(bit)
+            if place is not None and not net["hide_name"] and "$" not in name and name.startswith(place):
+                said = f"{name}[{number}]" if len(net["bits"]) > 1 else name
+                found[bit] = min(found.get(bit, (99, "")), (name.count("."), said))
+    return {bit: found[bit][1] if bit in found else f"{place}flop {bit}" for bit, place in places.items()}
+
+
+def _natural(name: str) -> tuple[Any, ...]:
+    """Return a sort key that orders numbers in names by value."""
+    parts = name.replace("[", ".[.").replace("]", "").replace("_", "._.").split(".")
+    return tuple((part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts)
 
 
 def simulate(
@@ -49,14 +154,15 @@ def simulate(
     for name, bits in gates.outputs.items():
         values = np.zeros((clocks, LANES), np.int64)
         for place in range(len(bits)):
-            values |= _unpacked(recorded[:, start + place]).astype(np.int64) << place
+            words = np.ascontiguousarray(recorded[:, start + place]).view(np.uint8)
+            values |= np.unpackbits(words, axis=1, bitorder="little").astype(np.int64) << place
         found[name], start = values, start + len(bits)
     return found
 
 
 def upset_runs(
     gates: Gates, inputs: dict[str, NDArray[np.uint8]], clocks: Iterable[int], flops: Iterable[int]
-) -> Iterator[tuple[list[tuple[int, str]], dict[str, NDArray[np.int64]]]]:
+) -> Iterator[tuple[Flips, dict[str, NDArray[np.int64]]]]:
     """Simulate a bit flip of each given flop in each given clock, one per run; run 0 has no bit flip.
 
     Yield clock and name of the flop for the runs 1, 2, ..., and the outputs, each of shape (clocks, runs).
@@ -82,11 +188,6 @@ def _packed(bits: NDArray[np.uint8]) -> NDArray[np.uint64]:
     if bits.ndim == 2:
         return np.where(bits[:, :, None] != 0, ~np.uint64(0), np.uint64(0)).repeat(WORDS, axis=2)
     return np.packbits(bits, axis=2, bitorder="little").view("<u8")
-
-
-def _unpacked(words: NDArray[np.uint64]) -> NDArray[np.uint8]:
-    """Unpack words of 64 runs each into one bit for each run; return shape (clocks, LANES)."""
-    return np.unpackbits(np.ascontiguousarray(words).view(np.uint8), axis=1, bitorder="little")
 
 
 @njit(cache=True, nogil=True)
