@@ -3,8 +3,6 @@
 Hold-out configurations are drawn at random in every run: from ``ESKIN_HOLDOUT``, a whole number, or from a new one.
 """
 
-from __future__ import annotations
-
 import os
 import secrets
 

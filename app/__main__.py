@@ -1,7 +1,5 @@
 """The command ``eskin``: one program for model, RTL, co-simulation, classifier, flow and checks."""
 
-from __future__ import annotations
-
 import sys
 
 from eskin.app.catalogue import overview

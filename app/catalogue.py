@@ -5,8 +5,6 @@ This module imports only the standard library, because make reads the list befor
 To add a command: write its function in a module of ``app/commands``, and list its name here under the user's task.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import textwrap

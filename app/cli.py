@@ -1,7 +1,5 @@
 """Common parts of all commands: app, exit codes and error messages."""
 
-from __future__ import annotations
-
 import importlib
 import shlex
 import sys

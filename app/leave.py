@@ -1,7 +1,5 @@
 """Exit the process quietly after an interrupt or a closed pipe."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Callable

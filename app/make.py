@@ -5,8 +5,6 @@ hands them on: no shell reads them, and no exported variable is mistaken for one
 before the packages are installed.
 """
 
-from __future__ import annotations
-
 import contextlib
 import difflib
 import os

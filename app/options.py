@@ -3,8 +3,6 @@
 Every value arrives as text, and the class refuses a wrong one in its own sentence.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import inspect

@@ -1,7 +1,5 @@
 """Checks of command options before any work: no option without effect, no number out of range."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

@@ -3,8 +3,6 @@
 Only the standard library is used here, since this runs before anything is installed.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import hashlib

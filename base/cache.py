@@ -4,8 +4,6 @@ Cache entries are executed (kernels, simulations) or trusted (scans). Therefore 
 write to is never used, nor a predictable path that any user could have created first, such as one under /tmp.
 """
 
-from __future__ import annotations
-
 import os
 import stat
 from pathlib import Path

@@ -1,7 +1,5 @@
 """File formats of the project; each file contains the name of its format."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 from eskin.base.errors import InputError

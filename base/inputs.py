@@ -1,7 +1,5 @@
 """Find the readable files in a user's folder."""
 
-from __future__ import annotations
-
 import os
 import stat
 from collections.abc import Collection

@@ -1,7 +1,5 @@
 """Check output paths before any work, and protect files that no command wrote."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import functools

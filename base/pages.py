@@ -1,7 +1,5 @@
 """Fill text templates, and embed pictures in HTML pages."""
 
-from __future__ import annotations
-
 import base64
 import tempfile
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Format rows of data as text with templates, in which `` | `` separates the columns."""
 
-from __future__ import annotations
-
 import string
 from collections.abc import Mapping, Sequence
 from typing import Any

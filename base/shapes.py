@@ -1,7 +1,5 @@
 """Check the structure of the project's JSON files."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Format numbers for people: three digits and a unit with a prefix."""
 
-from __future__ import annotations
-
 import math
 
 PREFIXES = ("a", "f", "p", "n", "u", "m", "", "k", "M", "G", "T")

@@ -4,8 +4,6 @@ All play the same samples through the same Verilog and must give the same number
 because other work may use the machine; each round plays all contenders one after the other in one process.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import statistics

@@ -10,8 +10,6 @@ snnTorch compares neighbouring samples, so slow changes never fire; it is there 
 1,024 signals (it fills new arrays), and is left out where snnTorch is not installed.
 """
 
-from __future__ import annotations
-
 import os
 import statistics
 import sys

@@ -8,8 +8,6 @@ against the period tau ln(x / (x - D)) of a continuous leak; least and most. ``m
 signals, the default fraction bits against a float model that leaks at every sample.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from typing import Annotated, Any

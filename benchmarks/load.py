@@ -16,8 +16,6 @@ clock in which a request is high to the transfer; requests that never left count
 same share. ``by_address`` is the mean wait of the address that waits least, and of the one that waits longest.
 """
 
-from __future__ import annotations
-
 import json
 from typing import Annotated, Any
 

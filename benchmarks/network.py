@@ -13,8 +13,6 @@ weights, all others as one product for the whole sequence. Work over events does
 beaten. In every round all candidates run once, one after the other; times are CPU time of the process.
 """
 
-from __future__ import annotations
-
 import statistics
 import sys
 from collections.abc import Callable

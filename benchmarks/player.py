@@ -6,8 +6,6 @@ line, whichever is later, in the time of the simulation. The host program compar
 model.
 """
 
-from __future__ import annotations
-
 import copy
 import json
 import os

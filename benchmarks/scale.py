@@ -7,8 +7,6 @@ Every array plays the start of a scan over an embedded photograph and is held to
 of the programs, so that other work on the machine counts little; Verilator's own library is compiled before.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import multiprocessing

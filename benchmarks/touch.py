@@ -5,8 +5,6 @@ and classes. Each commit first builds its simulation programs, one for each netw
 fills its caches.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import statistics

@@ -7,8 +7,6 @@ an epoch. The first epoch is not counted, and loading torch and recording the sc
 in functions of the compiled library; "layer" also has the torch code that calls these functions.
 """
 
-from __future__ import annotations
-
 import itertools
 import platform
 import time

@@ -5,8 +5,6 @@ simulated receiver in a process of its own, the host program of ``eskin listen -
 another process that receives the datagrams and counts the gaps in their numbers.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import socket

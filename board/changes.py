@@ -1,7 +1,5 @@
 """Code samples by their changes: a frame ``CHANGES`` contains the bits of whole ticks (docs/reference/board.md)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 

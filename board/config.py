@@ -1,7 +1,5 @@
 """Configuration of a board: design and serial line (docs/reference/board.md)."""
 
-from __future__ import annotations
-
 import json
 import zlib
 from dataclasses import dataclass, field

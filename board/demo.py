@@ -1,7 +1,5 @@
 """Demo without hardware: a simulated board plays textures or a user's file to the live page (docs/guide/demo.md)."""
 
-from __future__ import annotations
-
 import base64
 import io
 import itertools

@@ -1,7 +1,5 @@
 """Journal file that preserves received events after a lost cable, a killed program or a power cut."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Live display of a board: raster and class in the terminal, and a page for the browser."""
 
-from __future__ import annotations
-
 import json
 import threading
 import urllib.parse

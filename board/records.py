@@ -1,7 +1,5 @@
 """Records from a board: tagged 32-bit words in order of time (docs/reference/board.md)."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Describe a skin at a board: a resistive matrix that an SPI converter scans row by row."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple

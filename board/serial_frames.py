@@ -3,8 +3,6 @@
 Flags and escapes are those of HDLC-like framing (RFC 1662), the CRC is that of Ethernet (``zlib.crc32``).
 """
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Iterator
 from enum import IntEnum

@@ -1,7 +1,5 @@
 """Host functions for a board: load weights, play samples, collect results, record another chip."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Send events over UDP in the unicast format of jAER (docs/reference/udp.md)."""
 
-from __future__ import annotations
-
 import socket
 import struct
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Skip tests that need Icarus if it is not installed, except in CI."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Generator
 

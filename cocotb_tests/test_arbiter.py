@@ -3,8 +3,6 @@
 The proofs of ``eskin.verify.proofs.blocks.arbiter`` have its whole contract.
 """
 
-from __future__ import annotations
-
 import itertools
 import random
 from collections import Counter

@@ -1,7 +1,5 @@
 """Test the chip: its bins and rejected configurations; ``test_touch.py`` plays scans."""
 
-from __future__ import annotations
-
 import random
 from collections import Counter
 from collections.abc import Iterator

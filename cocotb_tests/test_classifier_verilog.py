@@ -1,7 +1,5 @@
 """Test the Verilog of the classifier: lint, resets, memories, and the files beside it."""
 
-from __future__ import annotations
-
 import json
 import random
 import re

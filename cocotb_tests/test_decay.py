@@ -1,7 +1,5 @@
 """Test the decay counter: row r leaks at sample ticks j with j mod P = floor(r P / rows)."""
 
-from __future__ import annotations
-
 import random
 from collections import Counter
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Compare the frame readout's RTL with the model in every clock, for all kinds of ADCs and receivers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Test the Verilog of the frame readout: lint, resets, stability, and the files beside it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Compare a readout with registers with the golden model in every clock, under random host access."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

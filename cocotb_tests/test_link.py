@@ -1,7 +1,5 @@
 """Compare the four-phase link's RTL with the independent model in every clock, with an asynchronous receiver."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

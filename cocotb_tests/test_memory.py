@@ -1,7 +1,5 @@
 """Compare the weight memories with a list, including one clock of latency and reads during writes."""
 
-from __future__ import annotations
-
 import random
 from collections import Counter
 from collections.abc import Iterator

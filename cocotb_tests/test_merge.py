@@ -1,7 +1,5 @@
 """Compare the merge's RTL with the independent model in every clock."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

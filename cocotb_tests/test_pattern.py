@@ -1,7 +1,5 @@
 """Compare the test pattern's RTL with its model in every clock: modes, rates, restarts, random grants."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Compare the whole readout with the model: encoders, arrays, links, front ends, sinks, masks and resets."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Test ``sim --data`` and ``replay --data`` with a user's recordings."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import os

@@ -1,7 +1,5 @@
 """Compare the register file's RTL with its model in every clock: registers, unused addresses, counters."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Test that the harness skips idle clocks without a change of events, and that a wrong ``awake`` is found."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Test the build cache: an entry is rebuilt if and only if one of its inputs has changed."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re

@@ -1,7 +1,5 @@
 """Compare the taxel's RTL with the independent model in every clock: thresholds, requests, masks and resets."""
 
-from __future__ import annotations
-
 import itertools
 import random
 from collections import Counter

@@ -1,7 +1,5 @@
 """Compare a whole skin with its golden model: clock and address of every event."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

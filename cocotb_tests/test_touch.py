@@ -1,7 +1,5 @@
 """Test the whole chip from samples to class, and the command touch."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import re

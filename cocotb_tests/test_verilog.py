@@ -1,7 +1,5 @@
 """Test the delivered Verilog: lint, style, stability, and the files beside it."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Compare the closing window's RTL with the independent model in every clock: opening, closing and resets."""
 
-from __future__ import annotations
-
 import random
 from collections import Counter
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ The pages are made from the folders, so a file that moves or comes anew is on th
 Command lines have no page: docs/reference/commands.md is theirs.
 """
 
-from __future__ import annotations
-
 import ast
 import sys
 from pathlib import Path

@@ -4,8 +4,6 @@ Run ``python docs/tutorial_page.py`` in the repository root. The program does no
 changed since its last run, unless you give ``--again``. The notebook of the site is made from the same page.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import io

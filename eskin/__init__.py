@@ -4,8 +4,6 @@
 takes no time and needs no other package. The rooms are subpackages: ``eskin.model``, ``eskin.rtl``, and so on.
 """
 
-from __future__ import annotations
-
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from eskin.api import dataset, decode, encode, plot, predict, run_rtl, train

@@ -1,7 +1,5 @@
 """Count gates and flops of the readouts after synthesis."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Run OpenSTA, Icarus and other system programs, and fill the templates of their inputs."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

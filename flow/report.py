@@ -1,7 +1,5 @@
 """Report of a netlist: ``out/asic/NAME/report.json``."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field

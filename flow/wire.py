@@ -1,7 +1,5 @@
 """Wire model for arrays without a layout."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from eskin.base.errors import InputError

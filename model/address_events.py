@@ -1,7 +1,5 @@
 """Address events in memory: one structured array (docs/specification.md, section 5)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

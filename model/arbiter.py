@@ -3,8 +3,6 @@
 The rows and the columns of a row are bits of 64-bit words, lowest index in the least significant bit.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

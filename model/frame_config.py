@@ -1,7 +1,5 @@
 """Configuration of the frame readout (docs/reference/frame.md)."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass, field
 from operator import attrgetter

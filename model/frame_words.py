@@ -1,7 +1,5 @@
 """Conversion of samples to ADC codes, and of codes to output words (docs/reference/frame.md)."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Cycle-accurate model of a readout with an SPI host: from pins to events and MISO."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Cycle-accurate model of the four-phase AER link with an asynchronous receiver."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray

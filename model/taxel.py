@@ -14,8 +14,6 @@ never moves the reference off the scale. Only the first event may come late, in 
 window closed or a reference leaked in the first decision. ``encode_timed`` marks these ticks.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

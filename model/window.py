@@ -3,8 +3,6 @@
 Plain Python, which ``eskin.model.encoders.compiled`` compiles.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 STATE = ("closed", "quiet")

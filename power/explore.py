@@ -1,7 +1,5 @@
 """Find the readout and resolution with the least power for a sensor (docs/guide/power.md)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Readouts that have power equations: LCS, N-LCS and frames."""
 
-from __future__ import annotations
-
 from typing import Literal, TypeVar, get_args
 
 from eskin.base.errors import InputError

@@ -1,7 +1,5 @@
 """Data of Fig. 6, Fig. 7 and the sensitivity study, as dictionaries for JSON (docs/results/power.md)."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """Row-column arbiter: round robin over rows, all requests of a row latched at once, one event per clock."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal

@@ -1,7 +1,5 @@
 """Blocks whose Verilog module is written once for any number of instances."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any, Generic, TypeVar
 

@@ -1,7 +1,5 @@
 """Decay tick counter of the N-LCS array, staggered over the rows."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Write the files beside the Verilog: port list, timing constraints, description and FuseSoC core file."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Collection, Iterable, Iterator

@@ -1,7 +1,5 @@
 """The frame-based baseline: a column-scan sequencer for one ADC, and a packer for the ADC codes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal

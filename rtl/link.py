@@ -1,7 +1,5 @@
 """Four-phase AER link: REQ/ACK handshake with bundled address, for an asynchronous receiver."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Module, Signal

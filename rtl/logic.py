@@ -1,7 +1,5 @@
 """Combinational networks of logarithmic depth and linear area."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from amaranth.hdl import Cat, Const, Module, Signal, Value, ValueLike

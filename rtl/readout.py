@@ -1,7 +1,5 @@
 """The readout: taxel array, arbiter and link."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Module, Mux, Signal, unsigned

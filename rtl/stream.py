@@ -1,7 +1,5 @@
 """The readout with ``amaranth.lib.stream`` interfaces, for designs written in Amaranth."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Module, signed, unsigned

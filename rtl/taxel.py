@@ -1,7 +1,5 @@
 """The taxel: encoder, comparators and one pending request."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from typing import Any
 

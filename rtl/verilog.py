@@ -1,7 +1,5 @@
 """Generate plain Verilog-2005 of the readout."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from typing import Any

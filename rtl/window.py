@@ -1,7 +1,5 @@
 """Closing-window counter of a CW-LCS taxel."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Module, Mux, Signal

@@ -1,7 +1,5 @@
 """Run Yosys, and convert its input and output texts."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

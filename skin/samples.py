@@ -1,7 +1,5 @@
 """Read samples from .npy, .npz or .csv files, and write reconstructed signals (docs/guide/files.md)."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

@@ -4,8 +4,6 @@ Bits and checkpoints equal those of ``torch.optim.AdamW``. That class loads torc
 which takes as long as loading torch, or as some 20 epochs; its function ``adamw`` does not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

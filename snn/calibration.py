@@ -6,8 +6,6 @@ of deep networks (D. Mishkin, J. Matas, "All you need is a good init", ICLR 2016
 network differs.
 """
 
-from __future__ import annotations
-
 import dataclasses
 
 import torch

@@ -1,7 +1,5 @@
 """Write and load checkpoints, so that a stopped training continues with an identical result."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import io

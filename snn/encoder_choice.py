@@ -1,7 +1,5 @@
 """Choose encoder, resolution and scale by the accuracy of a logistic regression on the events."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass

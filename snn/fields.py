@@ -1,7 +1,5 @@
 """Check the fields of configurations, from files and ``--set NAME=VALUE``."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from typing import Any, get_args, get_type_hints

@@ -4,8 +4,6 @@ Every network takes a tensor of shape (steps, scans, channels) and returns an ``
 ``NetworkConfig``, whose defaults are the paper's network (docs/guide/classifier.md).
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

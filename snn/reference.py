@@ -1,7 +1,5 @@
 """Baseline classifiers for recordings: logistic regression on statistics, and the most frequent class."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

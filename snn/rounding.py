@@ -1,7 +1,5 @@
 """Round weights to few bits, for training and for the integer network."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -5,8 +5,6 @@ The networks differ in training images and seed.
 Every network gets the scans, shifts and learning rates of ``eskin.snn.train.train``. Only its dropout differs.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 

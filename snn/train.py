@@ -5,8 +5,6 @@ checkpoint therefore needs no generator state, and an interrupted training ends 
 one.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Control of headless Chromium over W3C WebDriver."""
 
-from __future__ import annotations
-
 import base64
 import json
 import os

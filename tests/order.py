@@ -1,7 +1,5 @@
 """Order tests so that long ones start first on all workers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from tests.quick import fits

@@ -1,7 +1,5 @@
 """Plant a bug in the RTL source for a test."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from collections.abc import Iterator

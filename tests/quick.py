@@ -4,8 +4,6 @@ Each entry is a test function, of which the first case is taken, or the beginnin
 when the block is broken and takes a second or two; ``tests/test_quick.py`` says what is missing.
 """
 
-from __future__ import annotations
-
 TAXEL = "cocotb_tests/test_taxel.py::test_taxel_equals_its_reference_in_every_clock"
 CLASSIFIER = "cocotb_tests/test_classifier.py::test_rtl_equals_the_model_in_every_potential_class_and_clock"
 WINDOW = "cocotb_tests/test_window.py::test_window_equals_its_reference_in_every_clock"

@@ -1,7 +1,5 @@
 """Generated recordings of slow piezoresistive skins: raw counts on a large baseline."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Test import eskin: examples of the guide, names, and error messages."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

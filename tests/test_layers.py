@@ -1,7 +1,5 @@
 """Test the layers: one-way imports, parsing and printing only in app, limits on files and folders."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from functools import cache

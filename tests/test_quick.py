@@ -1,7 +1,5 @@
 """Test that make check covers every block and command, and names only existing tests."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 

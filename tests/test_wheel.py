@@ -1,7 +1,5 @@
 """Test an installation by pip: every command runs from any folder."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Collect the data of the report (docs/guide/report.md)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass

@@ -3,8 +3,6 @@
 Pictures are those of the commands, embedded as data; the page has no script and loads nothing.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from functools import partial

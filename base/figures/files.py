@@ -1,7 +1,5 @@
 """Write the data and the picture of a figure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

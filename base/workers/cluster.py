@@ -1,7 +1,5 @@
 """Run tasks on the workers of a Dask cluster."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import functools

@@ -1,7 +1,5 @@
 """Configure garbage collection in worker processes."""
 
-from __future__ import annotations
-
 import atexit
 import gc
 

@@ -1,7 +1,5 @@
 """Supported boards: pin connections and clock of a design; board definitions come from amaranth-boards."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.build import Attrs, Pins, Resource, Subsignal

@@ -1,7 +1,5 @@
 """Run synthesis, place and route, and bitstream generation with open tools."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

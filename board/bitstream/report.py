@@ -1,7 +1,5 @@
 """Report the resources and the clock of an FPGA design against targets."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Receiver for the four-phase AER link of another chip."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Module, Mux, Signal

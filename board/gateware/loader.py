@@ -1,7 +1,5 @@
 """Executor of host frames: load samples, run the chip, load weights, answer queries."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value

@@ -1,7 +1,5 @@
 """Recorder that converts events of a board to words for the host (board/records.py)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal, Value

@@ -1,7 +1,5 @@
 """Scan a resistive matrix: drive a row, wait until it settles, and convert all columns with an SPI converter."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal

@@ -1,7 +1,5 @@
 """Frame receiver and sender in hardware; only frames with a correct CRC are accepted (board/serial_frames.py)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value

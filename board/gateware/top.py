@@ -1,7 +1,5 @@
 """Top level of a board: serial line, frames, and the chip or an AER receiver."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.back import rtlil

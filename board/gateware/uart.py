@@ -3,8 +3,6 @@
 Own code: the package of that name on the registry (amaranth-stdio) is an empty place.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Const, Module, Signal

@@ -1,7 +1,5 @@
 """Comparators of the analog front end in the harness, with offset, noise and hysteresis."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

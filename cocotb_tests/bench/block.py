@@ -1,7 +1,5 @@
 """Common parts of block-level testbenches: pins, clock, checker, and link to pytest."""
 
-from __future__ import annotations
-
 import json
 import os
 import pickle

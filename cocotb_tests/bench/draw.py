@@ -4,8 +4,6 @@ Every part has its own stream of random numbers, so that setting a part, for exa
 change the others.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import zlib
 from collections.abc import Callable, Mapping

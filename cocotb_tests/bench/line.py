@@ -1,7 +1,5 @@
 """Connection of a simulated board's serial line, bit by bit, to a pseudo-terminal for the host program."""
 
-from __future__ import annotations
-
 import os
 import select
 import signal

@@ -1,7 +1,5 @@
 """SPI pins of a host, clock by clock, for correct and faulty transfers."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Random stimuli, sinks and masks for tests."""
 
-from __future__ import annotations
-
 import dataclasses
 import zlib
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Scans over the embedded photographs for tests."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

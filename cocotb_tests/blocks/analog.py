@@ -1,7 +1,5 @@
 """Compare RTL and model for comparators with offset, noise, hysteresis and overdrive."""
 
-from __future__ import annotations
-
 import dataclasses
 import random
 from collections import Counter

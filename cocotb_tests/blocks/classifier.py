@@ -1,7 +1,5 @@
 """Compare the classifier's RTL with the model in every clock, for random networks and events."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import os

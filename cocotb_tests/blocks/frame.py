@@ -1,7 +1,5 @@
 """Steps of the frame readout, compared with its model, for all kinds of ADCs and receivers."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import random

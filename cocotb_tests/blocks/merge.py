@@ -1,7 +1,5 @@
 """Steps of the merge and of a relay station, compared with the independent model."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import random

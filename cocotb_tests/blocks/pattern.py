@@ -1,7 +1,5 @@
 """Steps of the test pattern: every mode at several rates, with early, late and spurious grants."""
 
-from __future__ import annotations
-
 import random
 from collections import Counter
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Steps of the register file: words in and out of range to every address, and random counter inputs."""
 
-from __future__ import annotations
-
 import random
 from collections import Counter
 from collections.abc import Iterator

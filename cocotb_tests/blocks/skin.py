@@ -1,7 +1,5 @@
 """Steps of a whole skin, compared with its golden model: clock and address of every event."""
 
-from __future__ import annotations
-
 import random
 from collections import Counter
 from collections.abc import Iterator

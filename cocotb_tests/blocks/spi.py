@@ -1,7 +1,5 @@
 """Compare the SPI slave's RTL with its model in every clock, and test it with an asynchronous host."""
 
-from __future__ import annotations
-
 import itertools
 import random
 from collections import Counter

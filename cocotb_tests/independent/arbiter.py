@@ -1,7 +1,5 @@
 """Arbiter: one row at a time, with its requests in a queue in rising column order."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 Event = tuple[int, int, int]

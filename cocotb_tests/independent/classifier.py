@@ -1,7 +1,5 @@
 """Integer classifier, bin by bin and neuron by neuron, in Python integers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

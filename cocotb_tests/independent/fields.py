@@ -1,7 +1,5 @@
 """Receptive fields computed with exact fractions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fractions import Fraction
 

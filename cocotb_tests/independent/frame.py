@@ -1,7 +1,5 @@
 """Frame readout: multiplexer, ADC and packer."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

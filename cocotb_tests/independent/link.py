@@ -1,7 +1,5 @@
 """Four-phase link: address, REQ one clock later, ACK through two flops, REQ low, ACK low."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from eskin.cocotb_tests.independent.arbiter import Event

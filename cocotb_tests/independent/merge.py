@@ -1,7 +1,5 @@
 """Merge of tiles: round robin over the offering tiles."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from eskin.cocotb_tests.independent.arbiter import Event

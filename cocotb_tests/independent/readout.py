@@ -1,7 +1,5 @@
 """Array, arbiter and link, clock by clock."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

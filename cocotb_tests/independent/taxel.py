@@ -1,7 +1,5 @@
 """The taxels of all encoders, one object per taxel."""
 
-from __future__ import annotations
-
 from eskin.cocotb_tests.independent.settings import Settings
 
 

@@ -1,7 +1,5 @@
 """Run the cocotb test of one block from pytest."""
 
-from __future__ import annotations
-
 import json
 import pickle
 import random

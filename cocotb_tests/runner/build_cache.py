@@ -1,7 +1,5 @@
 """Cache of Verilog texts and simulation programs in ``build/``, keyed by a digest of their inputs."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import hashlib

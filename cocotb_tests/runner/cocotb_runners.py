@@ -1,7 +1,5 @@
 """Extensions of cocotb's runners: builds that end with their parent, and a cached Verilator library."""
 
-from __future__ import annotations
-
 import functools
 import os
 import re

@@ -1,7 +1,5 @@
 """Inputs of ``sim`` and ``replay``: scans of textures, or recordings of a user."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import shlex

@@ -1,7 +1,5 @@
 """Cocotb test that plays the runs of another process on the harness."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import json

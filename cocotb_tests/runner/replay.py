@@ -1,7 +1,5 @@
 """Run the command replay: simulate all scans of a dataset, or all recordings of a user."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 from collections.abc import Callable

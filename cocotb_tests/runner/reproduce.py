@@ -1,7 +1,5 @@
 """Commands that repeat a run."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import shlex

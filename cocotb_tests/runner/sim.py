@@ -1,7 +1,5 @@
 """Run the command sim: simulate scenarios and scans of textures, or a user's recordings."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import re

@@ -1,7 +1,5 @@
 """Play a moving random texture on a chip with random weights, and compare it with the models."""
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Draw the picture of touch: one scan from texture to class, with the outputs of the RTL."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Testbenches on bare signals: all events arrive, and every rule detects its violation."""
 
-from __future__ import annotations
-
 import random
 import re
 from itertools import cycle, pairwise

@@ -1,7 +1,5 @@
 """Run the testbenches on Icarus, or on the simulator in the variable SIM."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -4,8 +4,6 @@
 between rooms are the imports. networkx comes with scikit-image.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 import textwrap

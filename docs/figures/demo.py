@@ -1,7 +1,5 @@
 """Record the page of ``eskin demo`` in a browser as docs/figures/demo.gif (``python -m docs.figures.demo``)."""
 
-from __future__ import annotations
-
 import io
 import re
 import subprocess

@@ -3,8 +3,6 @@
 ``python docs/figures/encoders.py`` from the top of the project.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -3,8 +3,6 @@
 ``python -m docs.figures.finger`` from the top of the project.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from docs.tables.finger import KINDS, TARGETS, accuracies, finger_report, name_of

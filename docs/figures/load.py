@@ -3,8 +3,6 @@
 ``python docs/figures/load.py`` from the top of the project.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Regenerate the tables in README and pages with cog, or check them: ``python -m docs.tables [--check]``."""
 
-from __future__ import annotations
-
 import sys
 
 from cogapp import Cog

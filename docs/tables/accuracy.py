@@ -1,7 +1,5 @@
 """Tables of accuracies by encoder, network, data rate, noise and time."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from docs.tables.finger import finger_played, finger_reached

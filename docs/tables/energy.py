@@ -1,7 +1,5 @@
 """Energy of the whole chain, from touch to class, beside published classifiers."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from docs.tables.write import Rows, digits, filled, read

@@ -1,7 +1,5 @@
 """Tables of the recordings of a robot finger: accuracy, data rate and energy of events and frames."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from typing import Any

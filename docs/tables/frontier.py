@@ -1,7 +1,5 @@
 """Tables of the frontier: chosen taxels, encoders and frames at equal rates."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from docs.tables.write import Rows, filled, only, read, table

@@ -1,7 +1,5 @@
 """The command reference from ``--help``, and the register page from the register description."""
 
-from __future__ import annotations
-
 import typer
 
 from docs.tables.write import Rows

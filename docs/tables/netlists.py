@@ -1,7 +1,5 @@
 """Tables of area, timing and power of netlists, layouts and FPGA designs."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

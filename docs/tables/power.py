@@ -1,7 +1,5 @@
 """Tables of the power model and its event rates."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from docs.tables.netlists import netlists

@@ -1,7 +1,5 @@
 """Tables of speed, scaling and link load."""
 
-from __future__ import annotations
-
 import statistics
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Tables of proofs, coverage, mutants, faults and soak tests, and the sign-off page."""
 
-from __future__ import annotations
-
 from itertools import groupby
 from typing import Any
 

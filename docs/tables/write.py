@@ -1,7 +1,5 @@
 """Print tables and sentences from data."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Analyse the clock network of a clock-gated netlist: the clock and the clock gates of every flop."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """Prove two flat designs with corresponding registers equal, function by function, with ABC."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import dataclass

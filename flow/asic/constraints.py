@@ -1,7 +1,5 @@
 """Write timing constraints (SDC) for synthesis and sign-off, complete for all ports and endpoints."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from eskin.flow import programs

@@ -1,7 +1,5 @@
 """Prove that a clock-gated netlist is equivalent to the RTL for every flop and every output."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Structural checks of a netlist: one clock, latches only in clock gates, reset for every flop, loads of outputs."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Synthesise the RTL of a readout to a netlist of library cells with clock gates."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Static timing of a netlist by OpenSTA: highest clock frequency, critical path, unconstrained endpoints."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Datasheet of the classifier, with times and waveforms from the golden model."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from eskin.flow.datasheet.sheet import Picture, Sheet, Wave

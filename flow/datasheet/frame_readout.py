@@ -1,7 +1,5 @@
 """Datasheet of the frame readout, with times and waveforms from the golden model."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from eskin.flow.datasheet.sheet import Picture, Sheet, Wave

@@ -1,7 +1,5 @@
 """Write datasheets of all kinds of designs."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Datasheet of the spiking readout."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from eskin.flow.datasheet.sheet import Picture, Sheet

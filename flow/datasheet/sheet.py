@@ -1,7 +1,5 @@
 """Common parts of all datasheets: Markdown pages from ``templates``, with pictures."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Mapping

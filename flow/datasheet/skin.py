@@ -1,7 +1,5 @@
 """Datasheets of a skin of tiles and of its merge, from the golden models."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from eskin.flow.datasheet.sheet import Picture, Sheet, Wave

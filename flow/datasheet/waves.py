@@ -1,7 +1,5 @@
 """Compute waveforms and latencies of a readout with its golden model."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Read a flat netlist of library cells, and write it as plain Verilog."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Verilog models of library cells, generated from the functions in the liberty file, with optional fixed delay."""
 
-from __future__ import annotations
-
 from eskin.base.errors import InputError
 from eskin.flow import programs
 from eskin.flow.liberty.library import Cell, Library

@@ -1,7 +1,5 @@
 """Simulate a netlist with the co-simulation's scenarios and scans, and compare it with the model bit by bit."""
 
-from __future__ import annotations
-
 import dataclasses
 import tempfile
 from collections.abc import Callable

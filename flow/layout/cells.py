@@ -1,7 +1,5 @@
 """Standard cells for layouts, verified against their transistors, and their liberty file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Check a layout with KLayout: design rules (DRC), and layout against netlist (LVS)."""
 
-from __future__ import annotations
-
 import json
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence

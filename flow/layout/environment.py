@@ -1,7 +1,5 @@
 """Find and run the layout tools: Python packages in a separate environment, and KLayout."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from collections.abc import Mapping

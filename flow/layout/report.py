@@ -1,7 +1,5 @@
 """Report of a layout: attempts and check results."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any

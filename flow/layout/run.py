@@ -1,7 +1,5 @@
 """Run all stages from the RTL of a readout to a checked layout."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

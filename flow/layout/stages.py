@@ -1,7 +1,5 @@
 """Cache the stages of a long run, each in a folder that is valid until its inputs change."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Derive the function of a cell from its transistors with a switch-level model."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Mapping

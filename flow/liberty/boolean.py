@@ -1,7 +1,5 @@
 """Evaluate Boolean expressions of a Liberty file, and convert them to Verilog."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import operator

@@ -1,7 +1,5 @@
 """A cell library: cells with pins, memories, clock gates, areas, loads and leakage."""
 
-from __future__ import annotations
-
 import functools
 import math
 import re

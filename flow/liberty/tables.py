@@ -1,7 +1,5 @@
 """Tables of a cell library: delays, slews, setup times and energies against slew and load."""
 
-from __future__ import annotations
-
 import functools
 from bisect import bisect_left
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Characterise cells with ngspice: delays, setup and hold times, capacitances and leakage, as a Liberty file."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence

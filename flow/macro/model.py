@@ -1,7 +1,5 @@
 """Write the timing model (Liberty) of a placed block from its cells and wires with OpenSTA, and read it back."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

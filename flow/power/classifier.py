@@ -1,7 +1,5 @@
 """Compute the energy of a classifier: simulate the gates of its logic, and count the accesses to its memories."""
 
-from __future__ import annotations
-
 import json
 import re
 import tempfile

@@ -1,7 +1,5 @@
 """Simulate scenarios on a netlist, record the activity of its nets, and compare its events with the model."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Simulate the netlist of the frame readout, active and idle, and compare every output with the model."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Compute the power of a netlist from Liberty tables: leakage, internal energy and switching energy."""
 
-from __future__ import annotations
-
 import graphlib
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Compute the power of a clock-gated netlist with two methods, in several scenarios."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Write a cell library without conditional energies, because OpenSTA adds up all conditions."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 from typing import Any

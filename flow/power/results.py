@@ -1,7 +1,5 @@
 """Write power results of netlists to the report and to files for the power model."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -4,8 +4,6 @@ With the closing window of CW-LCS "nothing" is two things: it rests once all win
 count.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

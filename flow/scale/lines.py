@@ -1,7 +1,5 @@
 """Estimate the row and column lines of an array, with repeaters where they reduce delay."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Measure area, highest clock frequency and synthesis time of several arrays."""
 
-from __future__ import annotations
-
 import dataclasses
 import resource
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Place cells: taxels on their grid, all other cells for the shortest wires."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Model of a skin as cells: tiles, relay stations and merge."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Static timing analysis of an array, vectorised over cells: shortest period and critical path."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import NamedTuple

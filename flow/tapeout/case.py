@@ -1,7 +1,5 @@
 """Test case for a shuttle project: frames of samples, and expected events from the golden model."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

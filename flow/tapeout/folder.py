@@ -1,7 +1,5 @@
 """Write the project folder for a shuttle."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """Pin assignment of a shuttle chip with 24 pins, and the readouts that fit."""
 
-from __future__ import annotations
-
 from eskin.base.errors import InputError
 from eskin.flow.tapeout.shuttles import Shuttle
 from eskin.model.config import ReadoutConfig

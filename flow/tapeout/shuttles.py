@@ -1,7 +1,5 @@
 """Requirements of chip shuttles: pins, tile sizes and file names."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from eskin.base.errors import InputError

@@ -1,7 +1,5 @@
 """Model of a chip with readout and classifier, cycle-accurate also under backpressure."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Configuration of the hardware classifier (docs/reference/classifier.md)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple

@@ -3,8 +3,6 @@
 Clocks are counted from the end of reset or, after a ``scan_start``, from any clock the caller likes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

@@ -3,8 +3,6 @@
 A loop that calls them is compiled anew for every encoder, without a branch between encoders, and can be cached.
 """
 
-from __future__ import annotations
-
 import inspect
 import sys
 from collections.abc import Iterator

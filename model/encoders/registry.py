@@ -1,7 +1,5 @@
 """Registry of all encoders."""
 
-from __future__ import annotations
-
 from eskin.base.errors import InputError
 from eskin.model.encoders.cw_lcs import CwLcs
 from eskin.model.encoders.encoder import Encoder

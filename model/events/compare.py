@@ -1,7 +1,5 @@
 """Find the first difference between two event recordings."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Registers of a configuration, read from the SystemRDL description ``eskin_registers.rdl``."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path

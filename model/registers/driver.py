@@ -1,7 +1,5 @@
 """Register access from Python to a chip through any SPI adapter."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator
 
 from eskin.base.errors import InputError

@@ -1,7 +1,5 @@
 """Generate a C header and a documentation page from the register description."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path

@@ -3,8 +3,6 @@
 Plain functions, which the loop of the readout's model compiles.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Register settings that change during a simulation of the readout."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

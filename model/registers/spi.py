@@ -4,8 +4,6 @@ A transfer is a command of 16 bits, the most significant first, {write, address 
 words of 32 bits, which go to rising addresses or come from them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ The merge takes an offered event while it holds fewer than two. Whether it takes
 flops, never on the sink in the same clock.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, NamedTuple
 

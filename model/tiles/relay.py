@@ -4,8 +4,6 @@ A station holds two events and takes an offered event while a place is free, lik
 clock are therefore those of ``eskin.model.tiles.merge``.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, NamedTuple
 

@@ -3,8 +3,6 @@
 A tile's clock is that of ``eskin.model.readout``, whose loop for a single readout is kept apart for its speed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

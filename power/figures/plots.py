@@ -1,7 +1,5 @@
 """Plots of the power model from stored data."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A chip from samples to class: readout, classifier, and bin timer."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Module, Mux, Signal, Value

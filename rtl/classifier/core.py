@@ -1,7 +1,5 @@
 """Classifier core: address events in, a class at the end of every bin (docs/reference/classifier.md)."""
 
-from __future__ import annotations
-
 from enum import Enum
 from typing import Any
 

@@ -1,7 +1,5 @@
 """One lane: the potentials of every lanes-th hidden neuron, and their adder."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Module, Mux, Signal, signed, unsigned

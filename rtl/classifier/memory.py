@@ -1,7 +1,5 @@
 """Weight memories as separate modules: block RAM, or a placeholder for a memory macro."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Module, Signal, Value, signed, unsigned

@@ -1,7 +1,5 @@
 """Arithmetic of potentials, as in ``model/classifier/network.py``."""
 
-from __future__ import annotations
-
 from amaranth.hdl import Cat, Module, Mux, Signal, Value, signed
 
 from eskin.model.classifier.config import Leak, NeuronReset, bits_of, highest, lowest

@@ -1,7 +1,5 @@
 """Receptive fields: sums of samples at the inputs of the encoders."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Collection
 from typing import Any

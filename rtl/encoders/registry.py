@@ -1,7 +1,5 @@
 """Registry of all hardware encoders."""
 
-from __future__ import annotations
-
 from eskin.base.errors import InputError
 from eskin.model.encoders import registry as model
 from eskin.rtl.encoders import cw_lcs, lcs, nlcs, nlcs_bipolar

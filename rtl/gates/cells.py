@@ -1,7 +1,5 @@
 """Add cells to a module in the JSON netlist format of Yosys."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

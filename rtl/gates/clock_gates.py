@@ -1,7 +1,5 @@
 """Insert clock gates into the generated Verilog, as instances of one module that maps to a library cell."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Collection

@@ -1,7 +1,5 @@
 """Decay tick counter of the N-LCS array with a period set by a host."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Module, Mux, Signal

@@ -1,7 +1,5 @@
 """Register file generated from the SystemRDL description."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from amaranth.hdl import Cat, Const, Module, Signal, Value

@@ -1,7 +1,5 @@
 """Host interface of a readout: SPI slave, register file and test pattern generator."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Module, Signal

@@ -1,7 +1,5 @@
 """Serial loader: samples of all taxels over SPI, for a chip with few pins."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Module, Signal

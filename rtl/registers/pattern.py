@@ -1,7 +1,5 @@
 """Test pattern generator; its requests replace those of the array."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal

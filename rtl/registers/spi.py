@@ -1,7 +1,5 @@
 """SPI slave: mode 0, sampled by the clock of the readout."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal

@@ -1,7 +1,5 @@
 """Make Verilog readable: substitute Yosys' intermediate wires into the expressions that use them."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """Read Verilog with slang, a strict SystemVerilog front end."""
 
-from __future__ import annotations
-
 import atexit
 import gc
 import re

@@ -1,7 +1,5 @@
 """Generate a testbench beside the Verilog: samples, and expected events from the model."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Merge of several event streams: round robin over the tiles, one event per clock."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value

@@ -1,7 +1,5 @@
 """Relay station: registers for events and ready on a long line from a tile to the merge."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Cat, Module, Mux, Signal, Value

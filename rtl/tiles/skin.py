@@ -1,7 +1,5 @@
 """A skin: tiles with readouts, relay stations and the merge."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Module, Shape, unsigned

@@ -1,7 +1,5 @@
 """Titles, colours and markers of the readouts in all figures."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from eskin.base.figures.style import PALETTE

@@ -1,7 +1,5 @@
 """Plot the study of slow signals."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Read and write AEDAT 4, the event files of iniVation cameras, with the library dv-processing."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Any

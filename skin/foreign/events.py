@@ -1,7 +1,5 @@
 """Convert events of other programs to recordings."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 from fractions import Fraction

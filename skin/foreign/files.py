@@ -1,7 +1,5 @@
 """Read event files of all supported foreign formats."""
 
-from __future__ import annotations
-
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path

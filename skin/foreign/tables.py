@@ -1,7 +1,5 @@
 """Read and write events as tables or arrays with columns t, x, y, p (.csv, .txt, .npy, .npz)."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path

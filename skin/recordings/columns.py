@@ -1,7 +1,5 @@
 """Match the columns of recordings by name, and leave out columns that are not taxels."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from collections.abc import Iterable, Sequence

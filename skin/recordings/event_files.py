@@ -1,7 +1,5 @@
 """Cache of event files encoded from recordings, with their samples, keyed by a digest of all inputs."""
 
-from __future__ import annotations
-
 import hashlib
 import inspect
 import json

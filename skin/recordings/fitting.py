@@ -1,7 +1,5 @@
 """Choose a configuration for recordings: array size, clock, and time constants in seconds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """Read a folder of recordings with a sub-folder for each class, and encode them with one configuration."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Options for reading and scaling recordings."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass

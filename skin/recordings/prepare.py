@@ -1,7 +1,5 @@
 """Convert sensor recordings to codes: resample, remove the baseline, and scale all recordings equally."""
 
-from __future__ import annotations
-
 import math
 import statistics
 from collections.abc import Collection, Sequence

@@ -1,7 +1,5 @@
 """Measure the quality of encoded events: link load, late and merged decisions, reconstruction error."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

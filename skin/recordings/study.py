@@ -1,7 +1,5 @@
 """Compare SNR and data rate of all encoders and resolutions with those of uniform sampling."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Read a sensor recording from a table with one row per sample."""
 
-from __future__ import annotations
-
 import io
 import math
 import re

@@ -1,7 +1,5 @@
 """Select taxels of an array: lines, corners, checkerboard, random taxels, or a list (docs/guide/classifier.md)."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

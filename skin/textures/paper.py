@@ -1,7 +1,5 @@
 """The scan of the paper's original model, which produced the published event rates (docs/guide/textures.md)."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import math

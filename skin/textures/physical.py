@@ -1,7 +1,5 @@
 """The scan described in the text of the paper (docs/guide/textures.md)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -6,8 +6,6 @@ sample rate, bits): ``configure`` sets the fields that belong to the preset, and
 configuration. docs/guide/textures.md explains our interpretation of the paper.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from typing import Any, get_args

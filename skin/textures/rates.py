@@ -1,7 +1,5 @@
 """Measure the mean event rate of the array over a dataset, and compare the data rates of events and frames."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence

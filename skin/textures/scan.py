@@ -1,7 +1,5 @@
 """Sensor model, quantiser and image checks of both scan presets."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import math

@@ -4,8 +4,6 @@ Recordings of the RTL and of the model (``eskin.snn.data.record``) pass through 
 give equal tensors.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ and the sources and libraries that compute it. An entry is therefore never outda
 recently used entries are removed.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import functools

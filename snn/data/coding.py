@@ -4,8 +4,6 @@ The streams of several scans are concatenated, as if an array scanned without pa
 and LZMA counts. It is what standard coders reach, not a bound: a coder designed for the signal does better.
 """
 
-from __future__ import annotations
-
 import bz2
 import lzma
 import zlib

@@ -1,7 +1,5 @@
 """Divide images into stratified folds, equal for every network."""
 
-from __future__ import annotations
-
 import fnmatch
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Convert texture scans to frames: samples, differences or level crossings."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path

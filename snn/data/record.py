@@ -1,7 +1,5 @@
 """Record texture scans with the cycle-accurate model or with a variant of an encoder."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any, Literal

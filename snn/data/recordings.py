@@ -1,7 +1,5 @@
 """Find event files in folders, and read them with names and classes."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence

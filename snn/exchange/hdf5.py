@@ -4,8 +4,6 @@ An HDF5 file can name other files of this machine, by links, external storage an
 then be taken for its own, and a few kilobytes of it can claim gigabytes.
 """
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

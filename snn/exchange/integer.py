@@ -1,7 +1,5 @@
 """Convert a trained network to integers for the hardware classifier (docs/reference/classifier.md)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

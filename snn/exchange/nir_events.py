@@ -1,7 +1,5 @@
 """Convert recordings to NIRData, the event format of NIR (docs/guide/exchange.md)."""
 
-from __future__ import annotations
-
 import io
 import json
 import math

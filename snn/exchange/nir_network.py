@@ -14,8 +14,6 @@ or lack a node for a scale. Dividing again in float64 restores the float32 weigh
 r = tau_mem / dt and w_in = tau_syn / dt, as snnTorch demands, so its weights stay as they are.
 """
 
-from __future__ import annotations
-
 import io
 import itertools
 import json

@@ -1,7 +1,5 @@
 """Find features of a network that other libraries lack, and the closest network that they can run."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import Any

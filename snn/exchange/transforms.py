@@ -1,7 +1,5 @@
 """The encoders as torch data transforms, an alternative to ``snntorch.spikegen.delta``."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

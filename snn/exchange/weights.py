@@ -1,7 +1,5 @@
 """Files of trained networks: NumPy archives in float32 or 8 bits (docs/guide/exchange.md)."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

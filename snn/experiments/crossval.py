@@ -8,8 +8,6 @@ selects the epoch to evaluate. With a grid, the second training runs for every s
 inner validation is used for both. Test images select nothing.
 """
 
-from __future__ import annotations
-
 import threading
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Classify event files with a trained network, and compare RTL recordings with the model (docs/guide/classifier.md)."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import json

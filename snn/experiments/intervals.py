@@ -1,7 +1,5 @@
 """Confidence intervals of an accuracy: Wilson, and bootstrap over images and seeds."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

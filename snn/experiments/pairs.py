@@ -1,7 +1,5 @@
 """Compare the predictions of two sweep points or networks image by image."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Read and write the points of a sweep in ``sweep.json``."""
 
-from __future__ import annotations
-
 import string
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

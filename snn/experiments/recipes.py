@@ -1,7 +1,5 @@
 """Named parameter sets for networks and training, chosen by ``--recipe`` (docs/guide/classifier.md)."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

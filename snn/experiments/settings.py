@@ -1,7 +1,5 @@
 """Parse experiment settings and sweep points from command-line texts."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, get_args, get_type_hints
 

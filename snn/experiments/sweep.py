@@ -4,8 +4,6 @@ The cells of all points run in parallel: all folds of seed 0 of every point, the
 that is stopped early therefore has complete seeds of every point.
 """
 
-from __future__ import annotations
-
 import itertools
 import queue
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Load a trained network with the result of its training."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Run one scan through a trained network to get the data of Fig. 8."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Compute the data of Fig. 9 from sweeps; ``eskin.snn.figures.fig9_plot`` draws it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

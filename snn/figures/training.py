@@ -1,7 +1,5 @@
 """Plot the result of a training: confusion matrix, and a page with a raster per class."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Mapping
 from functools import partial

@@ -4,8 +4,6 @@ Without a compiler, ``available()`` is false and ``eskin.snn.kernels.dense`` com
 functions here need contiguous float32 CPU tensors and check nothing else.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import functools

@@ -1,7 +1,5 @@
 """Time loop of a layer with dense matrix products, for any device and float type."""
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor
 

@@ -14,8 +14,6 @@ and in any float type. ``layer_reference`` is the plain loop, the reference for 
 (``synapse_decay`` above 0).
 """
 
-from __future__ import annotations
-
 from typing import Any, Literal
 
 import torch

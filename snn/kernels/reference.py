@@ -1,7 +1,5 @@
 """Layer of neurons as a plain loop with autograd, the reference for all kernels."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import torch

@@ -1,7 +1,5 @@
 """Constants of a neuron, and the surrogate derivative of its spike."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Literal

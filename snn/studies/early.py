@@ -3,8 +3,6 @@
 The results are in docs/results/what_events_are_good_for.md and docs/results/frontier.md.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Compare readouts by data rate at rest and by timing precision (docs/results/what_events_are_good_for.md)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

@@ -4,8 +4,6 @@ The scans of the test images are recorded again with noise at the outputs of the
 power model, so that accuracy, rate and power belong to the same v_n.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -4,8 +4,6 @@ The integer network is the golden model of the RTL, with every rounding and ever
 the hardware (docs/results/classifier.md#in-whole-numbers).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """Test ignored options, out-of-range numbers and wrong files: each gives an error message or a correct result."""
 
-from __future__ import annotations
-
 import json
 import os
 import threading

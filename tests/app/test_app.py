@@ -1,7 +1,5 @@
 """Test eskin.app.cli: error messages with exit code 2, and the configuration as options."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os

@@ -1,7 +1,5 @@
 """Test ``eskin decode``, and that the session and the program in docs/guide/files.md give the printed output."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Test ``eskin encode`` with samples, images, and invalid input."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Test ``eskin encode FOLDER``, and that training, prediction, chip and board apply the scales of the training."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

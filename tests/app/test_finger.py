@@ -1,7 +1,5 @@
 """Train, quantise and simulate a classifier in RTL with the project's recordings of a robot finger."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Test make: variables reach the programs unchanged, and invalid variables are rejected."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Test the commands power, fig6, fig7, sensitivity, explore and event-rates, and their files."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from pathlib import Path

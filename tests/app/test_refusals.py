@@ -1,7 +1,5 @@
 """Test options before any work: effects, ranges of numbers, and output paths."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from pathlib import Path

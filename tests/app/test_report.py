@@ -1,7 +1,5 @@
 """Test the report: correct numbers, no external resources, and no code from input files."""
 
-from __future__ import annotations
-
 import base64
 import contextlib
 import html.parser

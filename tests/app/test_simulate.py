@@ -1,7 +1,5 @@
 """Test the commands behind make sim and make replay, also with a faulty RTL."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os

@@ -1,7 +1,5 @@
 """Test readers of JSON, which name file and error, and the age of compiled loops."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Test output paths: links, devices and FIFOs, and protection of the user's files."""
 
-from __future__ import annotations
-
 import os
 import signal
 import stat

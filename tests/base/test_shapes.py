@@ -1,7 +1,5 @@
 """Test damaged files of the program: an error message, or a new file."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

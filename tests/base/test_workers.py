@@ -1,7 +1,5 @@
 """Test worker pools: equal results in every kind of pool, in order, also after crashes."""
 
-from __future__ import annotations
-
 import os
 import signal
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Fixtures of the benchmark that a test module names."""
 
-from __future__ import annotations
-
 import importlib
 import os
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Test the encoder benchmark, and its check for equal events."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from types import ModuleType

@@ -1,7 +1,5 @@
 """Test the arbiters of the load benchmark; our arbiter must equal that of the readout."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

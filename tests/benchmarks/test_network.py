@@ -1,7 +1,5 @@
 """Test the network benchmark, and its check for equal results."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from types import ModuleType

@@ -1,7 +1,5 @@
 """Behavioural models of SPI converters, from the timing of their data sheets at 2.7 V."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Test bitstream generation without place and route: designs, rejected options, report."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Test the blocks of a board: packets, samples and records compared with the Python codec, and rejected packets."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

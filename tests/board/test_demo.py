@@ -1,7 +1,5 @@
 """Test the simulated board, the demo, its page in a browser, and events over UDP."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

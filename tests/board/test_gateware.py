@@ -1,7 +1,5 @@
 """Test a simulated board bit by bit on its serial line with the real host program."""
 
-from __future__ import annotations
-
 import json
 import os
 import random

@@ -1,7 +1,5 @@
 """A skin at the board: its scan against models of the converters."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ All are parsed as printed: options, values, arguments. Many would take minutes, 
 board; ``RUN`` are run as printed. Another test runs the smallest form of each command; ``tests/quick.py`` lists them.
 """
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil

@@ -1,7 +1,5 @@
 """Test that generated pages match data and commands, and that reports contain their origin."""
 
-from __future__ import annotations
-
 import datetime
 import inspect
 import json

@@ -1,7 +1,5 @@
 """Test the site: mkdocs builds it without warnings, and it loads nothing from other hosts."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

@@ -1,7 +1,5 @@
 """Test that the tutorial runs, and that its page shows the output."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

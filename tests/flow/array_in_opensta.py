@@ -1,7 +1,5 @@
 """Independent timing of a small array by OpenSTA, on a netlist that Yosys flattens."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections import defaultdict

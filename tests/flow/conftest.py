@@ -1,7 +1,5 @@
 """Fixture of the example library."""
 
-from __future__ import annotations
-
 import pytest
 
 from eskin.flow.liberty.library import Library, read

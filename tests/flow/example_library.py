@@ -1,7 +1,5 @@
 """Quill, an example cell library for tests with few cells and unusual names."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Example cells as transistors in SPICE."""
 
-from __future__ import annotations
-
 import itertools
 
 

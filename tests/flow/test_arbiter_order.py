@@ -1,7 +1,5 @@
 """Compare the event order of model and RTL arbiter for every pattern of requests of small arrays."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from amaranth.hdl import Cat, Module, Signal

@@ -1,7 +1,5 @@
 """Test that every port of every readout is constrained, by OpenSTA's ``check_setup``."""
 
-from __future__ import annotations
-
 import shutil
 
 import pytest

@@ -1,7 +1,5 @@
 """Test the clock-gated netlist: cells selected by function, and every flop with an enable gated."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from pathlib import Path

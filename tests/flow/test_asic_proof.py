@@ -1,7 +1,5 @@
 """Test the equivalence proof of the clock-gated netlist, also on faulty netlists."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import re

@@ -1,7 +1,5 @@
 """Test ``eskin asic``: netlist, proof, checks and timing of a small readout, and invalid input."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import shutil

@@ -1,7 +1,5 @@
 """Test that pins, numbers and pictures of the datasheet match configuration and Verilog."""
 
-from __future__ import annotations
-
 import functools
 import json
 import re

@@ -1,7 +1,5 @@
 """Test the gate and flop counts of synthesised readouts."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

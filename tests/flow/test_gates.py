@@ -1,7 +1,5 @@
 """Test cell models from a Liberty file, and compare netlists with the model."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Test the layout flow: cells against transistors, and checks on faulty layouts."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import re

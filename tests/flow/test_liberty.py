@@ -1,7 +1,5 @@
 """Test the Liberty reader: error messages for invalid content, and units of numbers."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

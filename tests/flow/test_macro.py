@@ -1,7 +1,5 @@
 """Test the timing model of a placed block, as OpenSTA and Yosys read it, and the wires of a placement."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Test both methods of netlist power, and cases in which they must disagree."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

@@ -1,7 +1,5 @@
 """Test array estimates: repeaters preserve the function, and the timing equals OpenSTA's."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

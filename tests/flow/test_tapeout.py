@@ -1,7 +1,5 @@
 """Test shuttle folders: the test passes on the sources and fails on faulty ones, and oversized designs are rejected."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

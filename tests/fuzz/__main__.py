@@ -4,8 +4,6 @@ A piece is a process of its own with a seed of its own. What is counted stands i
 stopped goes on where it was, and pieces in which something was wrong run again once it is mended.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

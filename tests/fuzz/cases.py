@@ -1,7 +1,5 @@
 """Random damage to the files and options of commands."""
 
-from __future__ import annotations
-
 import functools
 import io
 import json

@@ -1,7 +1,5 @@
 """One small valid file of every kind that a command reads."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Run one command in this process, and judge its visible results."""
 
-from __future__ import annotations
-
 import contextlib
 import faulthandler
 import io

@@ -4,8 +4,6 @@ The gate tries a few, always the same; ``python -m tests.fuzz 5000`` tries many,
 counted in docs/data/verification/fuzz.json.
 """
 
-from __future__ import annotations
-
 import traceback
 from collections import Counter
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Compare the first model with the second."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

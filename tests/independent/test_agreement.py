@@ -3,8 +3,6 @@
 Configurations and stimuli are drawn anew in every run (conftest.py prints the seed).
 """
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 

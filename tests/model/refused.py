@@ -1,7 +1,5 @@
 """Check that input is refused with exactly one sentence."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

@@ -1,7 +1,5 @@
 """Compare the model's arbiter with that of the independent model."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """Test the integer network: widths, order of additions, clocks and file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Test the comparison of recordings: first difference, unmatched events, pictures, ``eskin compare``."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 from typing import Any

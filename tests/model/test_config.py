@@ -1,7 +1,5 @@
 """Test eskin.model.config: error messages, JSON round trip, and derived numbers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path

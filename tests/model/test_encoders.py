@@ -1,7 +1,5 @@
 """Test the registry of encoders."""
 
-from __future__ import annotations
-
 import inspect
 from pathlib import Path
 from types import SimpleNamespace

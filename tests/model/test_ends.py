@@ -1,7 +1,5 @@
 """Test the limits of the scale: overdriven signals and random decisions in the model, and late events in decoders."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Test receptive fields: the rule, array edges, rejected fields, and the default field."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from typing import Any

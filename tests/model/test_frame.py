@@ -1,7 +1,5 @@
 """Test the model of the frame readout: complete samples, exact bits, error messages, command frames."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import re

@@ -1,7 +1,5 @@
 """Compare the model's four-phase link with that of the independent model, and check its clocks per event."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """Compare the fast model with the independent model, and check section 3 of docs/specification.md."""
 
-from __future__ import annotations
-
 import copy
 from dataclasses import fields, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Test recording files: round trip, and rejection of damaged and foreign files."""
 
-from __future__ import annotations
-
 import json
 import random
 import zipfile

@@ -1,7 +1,5 @@
 """Test the register description: addresses, C header, Python class, page and model agree."""
 
-from __future__ import annotations
-
 import dataclasses
 import random
 import re

@@ -1,7 +1,5 @@
 """Test the encoders with literal vectors, the second model, and their error bounds."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from pathlib import Path

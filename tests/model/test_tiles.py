@@ -1,7 +1,5 @@
 """Test merge and skin of the golden model: order, fairness, addresses and files."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Test the power model: published numbers, invariants, corrections and crossovers."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import Any

@@ -3,8 +3,6 @@
 ``CASE`` plays one.
 """
 
-from __future__ import annotations
-
 import secrets
 import sys
 import time

@@ -1,7 +1,5 @@
 """Simulation of the RTL in Amaranth's simulator, without a build."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Test that RTL and model agree in random cases, and that a planted bug is found and shrunk."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from typing import Any

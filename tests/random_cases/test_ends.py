@@ -1,7 +1,5 @@
 """Compare RTL and golden model with every parameter at its smallest and largest value."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path

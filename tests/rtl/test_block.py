@@ -1,7 +1,5 @@
 """Test that equal blocks of a netlist share a module, and that different blocks do not."""
 
-from __future__ import annotations
-
 import pytest
 
 from eskin.model.config import ReadoutConfig

@@ -1,7 +1,5 @@
 """Test that Verilog with clock gates is equivalent to the RTL, by proof and simulation."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Test the targets of the FuseSoC core file, also on faulty sources."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

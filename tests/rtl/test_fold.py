@@ -1,7 +1,5 @@
 """Test that the delivered Verilog is readable, and that rewriting keeps the values."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

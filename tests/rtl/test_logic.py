@@ -1,7 +1,5 @@
 """Test that arbiter depth grows with the logarithm of the array size, and area linearly."""
 
-from __future__ import annotations
-
 import itertools
 import re
 

@@ -1,7 +1,5 @@
 """Test rtl/stream.py: events of the readout with streams, and conversion to Verilog by Amaranth."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

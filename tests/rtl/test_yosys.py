@@ -1,7 +1,5 @@
 """Test the rewriting of Yosys' input and output texts."""
 
-from __future__ import annotations
-
 import pytest
 
 from eskin.rtl import yosys

@@ -1,7 +1,5 @@
 """Test the datasets: search places, checksums, and the embedded default."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import shutil

@@ -1,7 +1,5 @@
 """Test event files of other programs: AEDAT 4, tables, arrays, address maps, counter overflow."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

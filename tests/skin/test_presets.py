@@ -1,7 +1,5 @@
 """Test the scan presets: geometry, time base, sensor, quantiser and configuration."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

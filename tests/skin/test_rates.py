@@ -1,7 +1,5 @@
 """Test the event rates: published values, integer against exponential leak, and the command."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

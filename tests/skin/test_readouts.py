@@ -1,7 +1,5 @@
 """Test that every readout has a unique style in figures, with colours of one palette."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

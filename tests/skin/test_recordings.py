@@ -1,7 +1,5 @@
 """Test recordings of a user: time column, taxel columns, clock, scale and losses."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import os

@@ -1,7 +1,5 @@
 """Test the study of slow signals: SNR and data rate of encoders and of uniform sampling."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Small datasets and networks for tests of the classifier."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Test that the optimiser gives the same bits as torch's."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """Test the cache of scans, and its protection against files of other users."""
 
-from __future__ import annotations
-
 import ctypes
 import dataclasses
 import os

@@ -1,7 +1,5 @@
 """Test the calibration of a network before training."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 

@@ -1,7 +1,5 @@
 """Test data rates after compression, and the comparison of event counts."""
 
-from __future__ import annotations
-
 import json
 import lzma
 from pathlib import Path

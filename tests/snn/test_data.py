@@ -1,7 +1,5 @@
 """Test event counts from event files: equal for RTL and model; invalid files are rejected."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Any

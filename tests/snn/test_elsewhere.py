@@ -1,7 +1,5 @@
 """Run the code of docs/guide/exchange.md: our networks in snnTorch and Norse, and theirs here."""
 
-from __future__ import annotations
-
 import os
 import re
 import warnings

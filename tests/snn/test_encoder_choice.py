@@ -1,7 +1,5 @@
 """Test the choice of encoder, resolution and scale by the classes of the training recordings."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

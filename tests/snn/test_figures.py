@@ -1,7 +1,5 @@
 """Test that Fig. 8, Fig. 9 and confusion matrices show the stored numbers, and that invalid files are rejected."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import itertools

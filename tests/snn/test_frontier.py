@@ -1,7 +1,5 @@
 """Test the selection of taxels, and the frontier study."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Test that malicious files and extreme settings give one error message."""
 
-from __future__ import annotations
-
 import json
 import math
 import zipfile

@@ -1,7 +1,5 @@
 """Test integer networks: equal to float networks with integer weights, close to other float networks."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

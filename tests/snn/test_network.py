@@ -1,7 +1,5 @@
 """Test spikes and gradients of the neuron layer against a plain loop, and the networks."""
 
-from __future__ import annotations
-
 import itertools
 import sys
 from typing import Any

@@ -1,7 +1,5 @@
 """Test recordings as NIRData and as arrays for event libraries, with round trip."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

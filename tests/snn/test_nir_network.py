@@ -3,8 +3,6 @@
 ``run`` is an interpreter of its own: NumPy, the equations of the NIR nodes by forward Euler, nothing of ``snn``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

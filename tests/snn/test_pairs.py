@@ -1,7 +1,5 @@
 """Test the paired comparison of two sweep points."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Test that predictions from RTL events and model events are equal, and that differences are found."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import shutil

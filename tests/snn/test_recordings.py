@@ -1,7 +1,5 @@
 """Test a user's recordings in every command: names from paths, classes from folders."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import shutil

@@ -1,7 +1,5 @@
 """Test the disturbances, and the robustness study with stop and restart."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 Nothing of the project is imported by what stands between the two lines.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

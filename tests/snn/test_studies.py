@@ -1,7 +1,5 @@
 """Test the studies of noise, latency, rest, timing and precision."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Test that a sweep gives equal files in parallel, in series and after a restart, and rejects invalid input."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Test training with exact restart after a kill, cross-validation, and invalid input."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import inspect

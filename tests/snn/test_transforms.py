@@ -1,7 +1,5 @@
 """Test the encoders as torch transforms: bit-exact and usable in a DataLoader."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ Without a GPU they run in Triton's interpreter, which must be chosen before Trit
 own, started by ``test_in_the_interpreter``. With a GPU the same tests also run compiled, in this process.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Test weight files: exact round trip, 8-bit error of at most half a step, rejected files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

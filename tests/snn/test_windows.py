@@ -1,7 +1,5 @@
 """Test training on recordings of different lengths, with windows and class weights."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Test that the bound properties hold in the delivered Verilog."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Test mutation campaigns: distinct mutants, separate processes, verdicts, and restart."""
 
-from __future__ import annotations
-
 import ast
 import json
 from pathlib import Path

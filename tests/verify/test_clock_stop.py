@@ -1,7 +1,5 @@
 """Test that a block's clock may stop while ``awake`` is low, and stops in an idle block."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Test coverage: counts, functional points, waivers, and detection of gaps."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Test that a second solver, a third simulator and a second front end agree, and that a difference is a failure."""
 
-from __future__ import annotations
-
 import json
 import sys
 from dataclasses import replace

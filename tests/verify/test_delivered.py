@@ -1,7 +1,5 @@
 """Test that every kind of delivered Verilog is proved equivalent, and that wrong Verilog is found."""
 
-from __future__ import annotations
-
 import functools
 import re
 from typing import Any, get_args

@@ -1,7 +1,5 @@
 """Test that bit flips have only the documented effects, and that a violation is found."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

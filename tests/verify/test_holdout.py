@@ -1,7 +1,5 @@
 """Compare RTL, first model and second model on new random configurations; the seed is printed."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import pytest

@@ -1,7 +1,5 @@
 """Test that every property fails for a generated mutant, and that stored results are current."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Test that the proofs hold, and that empty, wrong or missing properties fail."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import pytest

@@ -1,7 +1,5 @@
 """Test that the soak continues after a stop, finds a faulty readout, and shrinks the failure."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Test that every part rejects a name that only the type hint allows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

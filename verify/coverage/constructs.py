@@ -1,7 +1,5 @@
 """Read Verilator's coverage counts: lines, branches and toggles of every module, and added points."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """Coverage plan: designs that together contain every block, encoder, front end and link."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Run all coverage simulations, store their results, and summarise the coverage."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, astuple, dataclass, field, replace

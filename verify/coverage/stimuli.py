@@ -1,7 +1,5 @@
 """Stimuli of the coverage runs: co-simulation testbenches with additional rare cases."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable, Iterator
 from pathlib import Path

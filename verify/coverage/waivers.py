@@ -1,7 +1,5 @@
 """Waivers for uncovered constructs (``waivers.toml``), with proofs for the waivers that need them."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence

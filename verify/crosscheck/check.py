@@ -1,7 +1,5 @@
 """Check a readout with a third simulator (CXXRTL) and a second SystemVerilog front end (slang)."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from collections.abc import Mapping

@@ -3,8 +3,6 @@
 It plays what the harness plays (``cocotb_tests/bench/harness.v``), on its own: no cocotb, no Verilog around it.
 """
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 from typing import Any

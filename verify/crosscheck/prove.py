@@ -1,7 +1,5 @@
 """Compare two solvers: both must find every failure and every covered case in the same first clock."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from functools import partial

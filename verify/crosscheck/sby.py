@@ -3,8 +3,6 @@
 Only the design is shared with ``eskin.verify.proofs.engine``: block, checker and bench.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

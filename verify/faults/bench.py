@@ -1,7 +1,5 @@
 """Testbench for fault injection: a block with models of its environment, as one netlist."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Tests with hostile inputs, each with the expected behaviour."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Bit flips in the classifier: effects until the next scan, and effects that last until new weights are written."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Bit flips in the frame readout: wrong frames, and recovery."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A design as gates and flops, simulated with 64 runs per word, with different inputs and bit flips."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterable, Iterator

@@ -1,7 +1,5 @@
 """Bit flips in SPI slave, registers, test pattern and decay counter, and recovery by new writes."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

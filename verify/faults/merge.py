@@ -1,7 +1,5 @@
 """Bit flips in the merge of tiles and in relay stations: lost, repeated and changed events."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

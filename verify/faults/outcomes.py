@@ -1,7 +1,5 @@
 """Outcome of a bit flip: changed events, duration, and recovery of the readout."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Designs for fault injection, with limits on the effects of bit flips in each block."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from eskin.model.classifier.config import ClassifierConfig

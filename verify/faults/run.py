@@ -1,7 +1,5 @@
 """Run all fault injection trials, and compare the outcomes with the documented limits."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Stimuli for fault injection: low load, or overload with masks and a stuck sink."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

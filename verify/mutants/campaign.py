@@ -4,8 +4,6 @@ They are judged in the order in which they were drawn, so a stopped campaign has
 judged again at the end: in the RTL by all co-simulations, elsewhere by all tests of ``make check``.
 """
 
-from __future__ import annotations
-
 import hashlib
 import tomllib
 from collections.abc import Callable, Iterator

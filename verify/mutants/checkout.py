@@ -1,7 +1,5 @@
 """Copy the checkout for each mutant, and run tests and proofs there in separate processes."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import math

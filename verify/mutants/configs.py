@@ -3,8 +3,6 @@
 In a copy of the checkout, this file runs as a program that writes their RTLIL.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Mutants of a source file: small edits by Cosmic Ray and by hardware operators."""
 
-from __future__ import annotations
-
 import ast
 import random
 import re

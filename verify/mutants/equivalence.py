@@ -1,7 +1,5 @@
 """Prove mutated modules equivalent to the original."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

@@ -1,7 +1,5 @@
 """Mutation operators for Amaranth: dropped assignments, constant conditions, swapped values."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import Any
 

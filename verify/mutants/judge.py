@@ -1,7 +1,5 @@
 """Determine the verdict of a mutant: killed, equivalent, rejected by the generator, or surviving."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Select the files to mutate, and the tests and proofs for each file, by names and imports."""
 
-from __future__ import annotations
-
 import ast
 import re
 from dataclasses import dataclass

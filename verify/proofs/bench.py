@@ -1,7 +1,5 @@
 """Join a block and its checker to one design for a solver."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.asserts import AnyConst

@@ -1,7 +1,5 @@
 """Write the properties as SystemVerilog assertions bound to the delivered Verilog."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

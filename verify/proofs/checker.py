@@ -4,8 +4,6 @@ A checker is a block of its own. A solver proves that its outputs never fall (``
 Verilog is bound to the delivered text (``eskin.verify.proofs.bind``). Both watch the same ports and registers.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path

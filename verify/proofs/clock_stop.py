@@ -3,8 +3,6 @@
 Asked of every state and all inputs, reachable or not, so one clock is all there is to look at.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Collection, Mapping

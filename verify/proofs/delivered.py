@@ -6,8 +6,6 @@ all inputs and all values of the points before it, by induction where one clock 
 instance is proved with its own module, so a large array takes seconds.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from typing import Any

@@ -3,8 +3,6 @@
 ABC, a part of the pinned Yosys, does both; it looks at the design as gates, an output for every property.
 """
 
-from __future__ import annotations
-
 import re
 import time
 from dataclasses import dataclass

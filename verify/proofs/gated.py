@@ -1,7 +1,5 @@
 """Prove that Verilog with clock gates is equivalent to the RTL."""
 
-from __future__ import annotations
-
 import json
 import re
 from typing import Any

@@ -4,8 +4,6 @@ A mutant inverts a bit of a pin, ties it to a constant, or makes it depend on an
 and the bench stay as they are.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from typing import Any

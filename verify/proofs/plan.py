@@ -1,7 +1,5 @@
 """Blocks and configurations to prove."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

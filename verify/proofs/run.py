@@ -1,7 +1,5 @@
 """Run the proofs, summarise the results, and write them to ``docs/data/verification/formal.json``."""
 
-from __future__ import annotations
-
 import hashlib
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator

@@ -1,7 +1,5 @@
 """Run random configurations for hours, resumably, in several processes."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import time

@@ -1,7 +1,5 @@
 """Simulate random runs, and compare the RTL with the model."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from collections.abc import Callable, Sequence

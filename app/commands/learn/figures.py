@@ -1,7 +1,5 @@
 """The commands fig8, fig9, pair and frontier: results of trained networks (docs/guide/classifier.md)."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Any

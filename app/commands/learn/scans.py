@@ -1,7 +1,5 @@
 """The commands cache and counts: recorded scans (docs/guide/classifier.md)."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 from typing import Any

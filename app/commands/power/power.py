@@ -1,7 +1,5 @@
 """The commands power, explore, fig6, fig7 and sensitivity (docs/guide/power.md)."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import sys

@@ -1,7 +1,5 @@
 """The command convert (docs/guide/events.md)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

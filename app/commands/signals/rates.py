@@ -1,7 +1,5 @@
 """The commands rates, frames, event-rates and study: events and data rates of textures and recordings."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The command report (docs/guide/report.md)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from eskin.app.cli import echo

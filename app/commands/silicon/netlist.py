@@ -1,7 +1,5 @@
 """The commands gatesim, asic, asic-scale and power (docs/guide/verilog.md, docs/guide/power.md)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

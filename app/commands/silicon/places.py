@@ -1,7 +1,5 @@
 """The commands layout, fpga and tapeout (docs/results/layout.md, docs/guide/board.md, docs/guide/tapeout.md)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import cast
 

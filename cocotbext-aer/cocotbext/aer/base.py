@@ -1,7 +1,5 @@
 """Common parts of sources, sinks and monitors: queues, pauses, delays, resets, faults."""
 
-from __future__ import annotations
-
 import logging
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator

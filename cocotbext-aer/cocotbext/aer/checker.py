@@ -1,7 +1,5 @@
 """Protocol checkers that report the violated rule, and count how often each rule was exercised."""
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from dataclasses import dataclass
 from enum import Enum

@@ -1,7 +1,5 @@
 """Events on an AER bus."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from cocotb.utils import get_sim_time

@@ -1,7 +1,5 @@
 """Source, sink and monitor of a four-phase bus, without a clock."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from cocotb.triggers import First, ReadOnly, RisingEdge, Timer, ValueChange

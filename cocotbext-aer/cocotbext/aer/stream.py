@@ -1,7 +1,5 @@
 """Source, sink and monitor of a clocked stream of events."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from cocotb.triggers import RisingEdge

@@ -1,7 +1,5 @@
 """Testbench of the encoder: checks that all events arrive and that the bus follows the protocol."""
 
-from __future__ import annotations
-
 import random
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Run the example unchanged, and with each planted bug that the checker must find."""
 
-from __future__ import annotations
-
 import os
 import re
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Host on the serial line of a simulated board: sends frames and checks the records."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Iterable
 from typing import Any

@@ -1,7 +1,5 @@
 """Simulate a board's Verilog with coverage counters, and compare its records with the models."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import asdict

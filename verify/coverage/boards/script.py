@@ -1,7 +1,5 @@
 """Test script for a board: all frames, transmission errors, sessions, resets and full memories."""
 
-from __future__ import annotations
-
 import json
 import os
 import random

@@ -1,7 +1,5 @@
 """Functional coverage points of every design."""
 
-from __future__ import annotations
-
 from eskin.board.config import BoardConfig
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig

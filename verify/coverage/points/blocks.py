@@ -1,7 +1,5 @@
 """Coverage points of frame readout, merge of tiles, relay stations, boards, classifier and chip."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """A functional coverage point, and the table of points that do not depend on the sizes of a design."""
 
-from __future__ import annotations
-
 import itertools
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """Coverage points of the spiking readout, for every encoder, front end and link."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 

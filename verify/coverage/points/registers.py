@@ -1,7 +1,5 @@
 """Coverage points of the registers: field limits, rejected words, test pattern and SPI."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from eskin.model.config import ReadoutConfig

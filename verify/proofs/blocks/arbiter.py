@@ -1,7 +1,5 @@
 """Properties of the arbiter: grants, transferred events, and longest wait."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, ClassVar
 

@@ -4,8 +4,6 @@ Two checkers share the work. ``ScheduleChecker`` looks at when something is adde
 looks at what is added, and takes from the other how much there is of it in a bin.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Generator, Mapping
 from typing import Any, ClassVar
 

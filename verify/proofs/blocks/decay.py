@@ -1,7 +1,5 @@
 """Properties of the decay ticks: every row leaks once per period, at its phase."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """Properties of the receptive fields: rounding, saturation, and no overflow."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, ClassVar
 

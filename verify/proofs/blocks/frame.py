@@ -1,7 +1,5 @@
 """Properties of the frame readout: order of taxels, no lost word, exact overrun flag."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal

@@ -1,7 +1,5 @@
 """Properties of the four-phase link: protocol for any ACK, and exactly one transfer per event."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from amaranth.hdl import Cat, Const, Module, Signal

@@ -1,7 +1,5 @@
 """Properties of merge and relay stations: choice of the tile, transferred events, longest wait."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal

@@ -1,7 +1,5 @@
 """Properties of the test pattern: order of requests, taxel, polarity and interval."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """Properties of the whole readout at its ports: one event per step of a reference, no event of a masked taxel."""
 
-from __future__ import annotations
-
 from collections.abc import Generator
 from typing import Any, ClassVar
 

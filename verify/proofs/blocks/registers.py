@@ -4,8 +4,6 @@
 the array.
 """
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """Properties of the SPI slave: only complete transfers write, and reads return the addressed word."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value

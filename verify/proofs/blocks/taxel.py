@@ -1,7 +1,5 @@
 """Properties of the taxel: requests, reference movement, masks and waiting requests."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar

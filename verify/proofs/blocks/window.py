@@ -1,7 +1,5 @@
 """Properties of the closing window of CW-LCS."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
