@@ -290,7 +290,7 @@ def other_taxel(events: Any) -> Any:
         ({"metadata": {"class": "grass"}}, f"{GRAVEL} states the class 'grass', but its texture is of class 'gravel'"),
         ({"duration_clocks": -1}, f"{GRAVEL} ends at clock"),
     ],
-    ids=str,
+    ids=lambda value: value if isinstance(value, str) else None,
 )
 def test_a_recording_that_differs_from_the_model_is_found(
     tmp_path: Path, replayed: Path, predict: Call, change: Any, words: str
