@@ -122,9 +122,10 @@ def test_paper_counts_from_the_first_sample_at_the_skip_time(encoding, resolutio
     assert PAPER.skipped_ticks(config) == np.count_nonzero(times_s < skip_s - 1e-9)
 
 
-def test_paper_takes_the_smallest_image():
-    config = PAPER.configure(ReadoutConfig(rows=12, columns=16))
-    assert PAPER.signals(config, noise(16, 16)).shape == (2 * 560 // 26, 192)
+@pytest.mark.parametrize(("encoding", "resolution", "every"), [("lcs", 6, 26), ("nlcs", 10, 1)])
+def test_paper_takes_the_smallest_image_and_every_sample_of_its_line(encoding, resolution, every):
+    config = PAPER.configure(ReadoutConfig(rows=12, columns=16, encoding=encoding, resolution=resolution))
+    assert PAPER.signals(config, noise(16, 16)).shape == (2 * 560 // every, 192)
 
 
 def test_physical_scan_of_a_kylberg_image_takes_the_whole_width():
