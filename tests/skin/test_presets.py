@@ -222,6 +222,12 @@ REFUSED = {
     "a smaller array or a larger image": lambda: PHYSICAL.signals(ReadoutConfig(), noise(64, 32)),
     "playback_hz must be a positive number, not 0.0": lambda: PaperScan(playback_hz=0.0),
     "speed_m_per_s must be a positive number, not inf": lambda: PhysicalScan(speed_m_per_s=math.inf),
+    "pixel_step must be a whole number from 1, not 2.5": lambda: PaperScan(pixel_step=2.5),
+    "upsampling must be a whole number from 2, not 1": lambda: PaperScan(upsampling=1),
+    "sensor_numerator must be finite numbers, not (1.0, nan)": lambda: PhysicalScan(sensor_numerator=(1.0, math.nan)),
+    "sensor_denominator must be of higher order than sensor_numerator, not (1.0, 2.0)": lambda: PhysicalScan(
+        sensor_denominator=(1.0, 2.0)
+    ),
 } | {
     f"an image must {sentence}": lambda scan=scan, image=image: scan.signals(scan.configure(ReadoutConfig()), image)
     for scan, image, sentence in (
