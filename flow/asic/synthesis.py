@@ -159,8 +159,8 @@ def single_bits(verilog: str) -> str:
 
     Examples
     --------
-    >>> single_bits("  assign { a[5:4], b } = 3'h5;")
-    "  assign a[5] = 1'b1;\\n  assign a[4] = 1'b0;\\n  assign b = 1'b1;"
+    >>> single_bits("  assign { a[5:4], b } = 3'h1;")
+    "  assign a[5] = 1'b0;\\n  assign a[4] = 1'b0;\\n  assign b = 1'b1;"
     >>> single_bits("  assign { a[2:1], b } = { c[0], d[1:0] };")
     '  assign a[2] = c[0];\\n  assign a[1] = d[1];\\n  assign b = d[0];'
     >>> print(single_bits("  assign { \\\\a.b[1] , c } = { \\\\d.e[1] , f[0] };"))

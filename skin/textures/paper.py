@@ -44,6 +44,13 @@ class PaperScan(Scan):
     nlcs_skip_s: float = 0.100
     """Events before this time do not count; the rate still divides by the whole scan."""
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, least in (("pixel_step", 1), ("upsampling", 2), ("half_length", 1)):
+            value = getattr(self, name)
+            if type(value) is not int or value < least:
+                raise InputError(f"{name} must be a whole number from {least}, not {value!r}")
+
     def loop_samples(self, config: ReadoutConfig, tau_s: float | None = None) -> int:
         """Return the loop time in samples of the played line, at least 1.
 

@@ -60,8 +60,14 @@ class Scan(ABC):
         self._check_wiring()
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
+            if isinstance(value, tuple) and not all(map(math.isfinite, value)):
+                raise InputError(f"{field.name} must be finite numbers, not {value}")
             if isinstance(value, int | float) and not (math.isfinite(value) and value > 0):
                 raise InputError(f"{field.name} must be a positive number, not {value!r}")
+        if len(self.sensor_denominator) <= len(self.sensor_numerator) or self.sensor_denominator[0] == 0:
+            raise InputError(
+                f"sensor_denominator must be of higher order than sensor_numerator, not {self.sensor_denominator}"
+            )
 
     @abstractmethod
     def configure(self, config: ReadoutConfig, tau_s: float | None = None) -> ReadoutConfig:

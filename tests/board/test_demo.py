@@ -11,6 +11,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from eskin.board import session
 from eskin.board.config import BoardConfig
 from eskin.board.demo import foreign_records
 from eskin.board.link import Link
-from eskin.board.serial_frames import Kind
+from eskin.board.serial_frames import Frame, Kind
 from eskin.board.simulated import SimulatedPlayer, SimulatedReceiver
 from eskin.board.udp import UdpSender, datagram, parse_destination, read_datagram
 from eskin.model.address_events import EVENT_DTYPE
@@ -91,6 +92,21 @@ def test_what_a_full_serial_line_brings_leaves_without_loss() -> None:
     got = np.concatenate(parts)
     assert np.array_equal(got[:, 1:], np.stack([events[name] for name in "xyp"], 1))
     assert np.abs(got[:, 0] - events["t"] * 1e6 / config.clock_hz).max() <= 1
+
+
+def test_the_time_of_a_player_begins_with_a_run_and_stands_still_while_the_models_run(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    chip, host_s, found = small_chip(), 0.0, []
+    monkeypatch.setattr("eskin.board.simulated.time", SimpleNamespace(monotonic=lambda: host_s))
+    with SimulatedPlayer(BoardConfig(chip=chip), speed=1.0) as board:
+        board.carry_out(Frame(Kind.RESTART, 1, b""))
+        for clocks in (5000, 400, 9000):  # of the host, until the models run up to clocks 1000, 2000 and 3000
+            host_s += clocks / chip.clock_hz
+            board.carry_out(Frame(Kind.RUN, 2, (1000).to_bytes(4, "little")))
+            board.carry_out(Frame(Kind.STATUS, 3, b""))
+            found.append(board._now())
+    assert found == pytest.approx([0, 400, 2000])
 
 
 def test_times_wrap_and_long_lists_are_cut() -> None:

@@ -315,7 +315,7 @@ def test_what_comes_before_a_session_is_passed_over() -> None:
     def answer(frame: Frame, board: FakeBoard) -> bytes | None:
         if frame.kind != Kind.HELLO:
             return None
-        old = Frame(Kind.RECORDS, 77, packed([EVENT])).encode()
+        old = b"".join(Frame(Kind.RECORDS, number, packed([EVENT])).encode() for number in (77, 0))
         return old[3:] + old + board.say(Words(Tag.HELLO, HELLO))
 
     with linked(answer) as (link, came):

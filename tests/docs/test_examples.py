@@ -10,6 +10,8 @@ EXAMPLES = {
     "eskin.model.taxel": "encode",
     "eskin.model.readout": "simulate",
     "eskin.model.events.recording": "Recording",
+    "eskin.flow.asic.synthesis": "single_bits",
+    "eskin.flow.liberty.boolean": "possible",
     "eskin.snn.kernels.layer": "layer",
     "eskin.snn.exchange.transforms": "LevelCrossing",
 }

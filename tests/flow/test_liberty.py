@@ -124,6 +124,22 @@ def test_a_library_of_nothing_is_one_sentence_and_exit_code_2(text: str, refuses
     refuses("own.lib", "asic-scale --lib=own.lib --out=scale.json")
 
 
+@pytest.mark.parametrize(
+    ("text", "values", "verilog"),
+    [
+        ("A B", "0001", "(A & B)"),
+        ("A + B", "0111", "(A | B)"),
+        ("A ^ B", "0110", "(A ^ B)"),
+        ("A'", "1100", "~A"),
+        ("0", "0", "1'b0"),
+    ],
+)
+def test_an_operator_has_its_values_and_its_verilog(text: str, values: str, verilog: str) -> None:
+    bits = {"A": np.array([False, False, True, True]), "B": np.array([False, True, False, True])}
+    assert "".join(str(int(bit)) for bit in np.ravel(evaluate(text, bits))) == values
+    assert verilog_of(text) == verilog
+
+
 def test_a_unit_without_quotes_is_the_same_unit(tmp_path: Path) -> None:
     scales = library_of(tmp_path, TEXT.replace('"1ns"', "10ns").replace("(1,pf)", "(0.5,ff)")).scales
     assert (scales.time, scales.capacitance) == (pytest.approx(10e-9, abs=0), pytest.approx(0.5e-15, abs=0))

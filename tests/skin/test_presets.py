@@ -122,9 +122,10 @@ def test_paper_counts_from_the_first_sample_at_the_skip_time(encoding, resolutio
     assert PAPER.skipped_ticks(config) == np.count_nonzero(times_s < skip_s - 1e-9)
 
 
-def test_paper_takes_the_smallest_image():
-    config = PAPER.configure(ReadoutConfig(rows=12, columns=16))
-    assert PAPER.signals(config, noise(16, 16)).shape == (2 * 560 // 26, 192)
+@pytest.mark.parametrize(("encoding", "resolution", "every"), [("lcs", 6, 26), ("nlcs", 10, 1)])
+def test_paper_takes_the_smallest_image_and_every_sample_of_its_line(encoding, resolution, every):
+    config = PAPER.configure(ReadoutConfig(rows=12, columns=16, encoding=encoding, resolution=resolution))
+    assert PAPER.signals(config, noise(16, 16)).shape == (2 * 560 // every, 192)
 
 
 def test_physical_scan_of_a_kylberg_image_takes_the_whole_width():
@@ -221,6 +222,12 @@ REFUSED = {
     "a smaller array or a larger image": lambda: PHYSICAL.signals(ReadoutConfig(), noise(64, 32)),
     "playback_hz must be a positive number, not 0.0": lambda: PaperScan(playback_hz=0.0),
     "speed_m_per_s must be a positive number, not inf": lambda: PhysicalScan(speed_m_per_s=math.inf),
+    "pixel_step must be a whole number from 1, not 2.5": lambda: PaperScan(pixel_step=2.5),
+    "upsampling must be a whole number from 2, not 1": lambda: PaperScan(upsampling=1),
+    "sensor_numerator must be finite numbers, not (1.0, nan)": lambda: PhysicalScan(sensor_numerator=(1.0, math.nan)),
+    "sensor_denominator must be of higher order than sensor_numerator, not (1.0, 2.0)": lambda: PhysicalScan(
+        sensor_denominator=(1.0, 2.0)
+    ),
 } | {
     f"an image must {sentence}": lambda scan=scan, image=image: scan.signals(scan.configure(ReadoutConfig()), image)
     for scan, image, sentence in (

@@ -138,17 +138,17 @@ def test_nothing_to_measure_is_refused():
 
 def test_every_readout_sends_the_bits_of_its_own_rate():
     textures, scan = embedded_dataset().limit(1), PHYSICAL
-    config = ReadoutConfig(rows=2, columns=2, resolution=4)
+    config = ReadoutConfig(rows=2, columns=2, resolution=3)
     frame = FrameConfig(readout=config)
     found = compare_traffic(textures, scan, config, frame)
-    assert found["frame"]["bits_per_s"] == pytest.approx(4 * 4 * frame.frame_rate_hz)  # 4 taxels of 4 bits
+    assert found["frame"]["bits_per_s"] == pytest.approx(4 * 3 * frame.frame_rate_hz)  # 4 taxels of 3 bits
     for encoder in registry.ENCODERS:
         rate_hz = measure_rates(textures, scan, scan.configure(config.replace(encoding=encoder.name), None))
         sent = found[encoder.name]
         assert sent["events_per_s"] == pytest.approx(rate_hz.population_rate_hz) != 0
         assert sent["bits_per_event"] == 2 + encoder.polarity  # row, column
         assert sent["bits_per_s"] == pytest.approx(sent["events_per_s"] * sent["bits_per_event"])
-        assert sent["equal_frame_rate_hz"] == pytest.approx(sent["bits_per_s"] / 16)
+        assert sent["equal_frame_rate_hz"] == pytest.approx(sent["bits_per_s"] / 12)
 
 
 def test_json_is_one_object_and_nothing_else(call):

@@ -53,6 +53,13 @@ def test_any_delimiter_quotes_and_decimal_commas_are_read(tmp_path, text, option
     assert table.time_s == pytest.approx([0, 0.1, 0.2])
 
 
+@pytest.mark.parametrize("mark", ["\t", " ", ";", "|"])
+def test_a_table_needs_no_header(tmp_path, mark):
+    options = Preparation(delimiter=mark if mark == "|" else "")
+    text = "1,-2\n3,4\n0,5\n".replace(",", mark)
+    assert table_of(tmp_path, text, options).values.tolist() == [[1, -2], [3, 4], [0, 5]]
+
+
 def test_a_comma_that_may_separate_thousands_is_refused_unless_it_is_said(tmp_path):
     text = '"a","b"\n"1,500","2,250"\n"1,750","2,000"\n'
     with pytest.raises(InputError, match=r"the comma in '1,500' may be .*; add --decimal comma, or remove"):
