@@ -14,7 +14,7 @@ from numba.extending import overload, register_jitable
 
 from eskin.model import decay, window
 from eskin.model.encoders import encoder as common
-from eskin.model.encoders.encoder import Constants, Encoder
+from eskin.model.encoders.encoder import Encoder
 from eskin.model.encoders.registry import ENCODERS
 
 BY_RULE: dict[type[Any], Encoder] = {encoder.Rule: encoder for encoder in ENCODERS}
@@ -34,25 +34,16 @@ def _by_rule(name: str) -> Any:
 compare, reach, move, clear, ticks = map(_by_rule, ("compare", "reach", "move", "clear", "ticks"))
 
 
-def with_settings(rule: Constants, now: Any) -> Constants:
+def with_settings(rule: Any, now: Any) -> Any:
     """Return the rule of an encoder, changed by the settings of a host."""
     return _changed(type(rule))(rule, now)
 
 
-def _changed(kind: type[Constants]) -> Any:
+def _changed(kind: Any) -> Any:
     def changed(rule: Any, now: Any) -> Any:
         step_log2 = rule.step_log2 + now.coarser
-        return kind(
-            1 << step_log2,
-            1 << step_log2 - rule.levels_log2,
-            now.window_period,
-            now.leak_shift,
-            now.leak_period,
-            rule.fraction_bits,
-            rule.step_log2,
-            rule.levels_log2,
-            rule.cap,
-        )
+        steps = 1 << step_log2, 1 << step_log2 - rule.levels_log2
+        return kind(*steps, now.window_period, now.leak_shift, now.leak_period, *rule[5:])
 
     return changed
 

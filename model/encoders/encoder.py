@@ -18,8 +18,8 @@ if TYPE_CHECKING:  # a configuration knows its encoder, so no encoder imports th
 class Constants(NamedTuple):
     """Constants of an encoder for the compiled functions; steps are in 2**-fraction_bits codes.
 
-    A host may set the first five. The last three are as built: log2 of D, log2 of the number of half-widths of a
-    window, and the most events of a tick.
+    A host may set the first five (``with_settings`` of ``eskin.model.encoders.compiled``). The last three are as built:
+    log2 of D, log2 of the number of half-widths of a window, and the most events of a tick.
     """
 
     step: int
@@ -60,7 +60,7 @@ class Encoder(ABC):
     timed : bool
         The decoder must know which events came late.
     Rule : class
-        A subclass of ``Constants`` of its own.
+        A subclass of ``Constants`` of its own, or a named tuple with the fields of ``Constants`` and those of ``own``.
     state : tuple of str
         Additional state of a taxel besides sample and reference; 0 after reset.
     """
@@ -76,7 +76,7 @@ class Encoder(ABC):
     windowed: ClassVar[bool] = False
     strict: ClassVar[bool] = False
     timed: ClassVar[bool] = False
-    Rule: ClassVar[type[Constants]]
+    Rule: ClassVar[Any]
     state: ClassVar[tuple[str, ...]] = ()
 
     @property
@@ -110,13 +110,18 @@ class Encoder(ABC):
     def check(self, config: ReadoutConfig) -> None:  # noqa: B027 (most encoders take every configuration)
         """Raise InputError for a configuration that this encoder does not support."""
 
-    def rule(self, config: ReadoutConfig) -> Constants:
+    def own(self, config: ReadoutConfig) -> tuple[int, ...]:
+        """Return the values of the fields that ``Rule`` adds to ``Constants``; a host must not change them."""
+        return ()
+
+    def rule(self, config: ReadoutConfig) -> Any:
         """Return the constants of the encoder for a configuration."""
         fraction, levels = self.fraction_bits(config), config.closing_levels_log2
         step_log2 = config.step.bit_length() - 1 + fraction
         set_by_host = (config.window_period, config.leak_shift, config.leak_period)
         steps = (1 << step_log2, 1 << step_log2 - levels)
-        return self.Rule(*steps, *set_by_host, fraction, step_log2, levels, config.most_events_per_tick)
+        built = (fraction, step_log2, levels, config.most_events_per_tick)
+        return self.Rule(*steps, *set_by_host, *built, *self.own(config))
 
     def state_dtype(self, config: ReadoutConfig) -> type[np.signedinteger[Any]]:
         """Return an integer type that can hold every number in ``ticks``."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -20,7 +20,7 @@ class Lcs(Encoder):
     """Level-crossing sampling."""
 
     name, title, colour, marker, code = "lcs", "LCS", "#0072b2", "o", 0
-    Rule = LcsRule
+    Rule: ClassVar[Any] = LcsRule
 
     def grid(self, config: ReadoutConfig) -> int:
         """Return D; every event moves the reference by D."""

@@ -70,7 +70,7 @@ class Nlcs(Encoder):
     name, title, colour, marker, code = "nlcs", "N-LCS", "#d55e00", "^", 2
     fields = ("leak_shift", "leak_period", "fraction_bits")
     polarity, leaks, strict = False, True, True
-    Rule: ClassVar[type[Constants]] = NlcsRule
+    Rule: ClassVar[Any] = NlcsRule
 
     def grid(self, config: ReadoutConfig) -> int:
         """Return one code; a leak may move the reference to any code."""

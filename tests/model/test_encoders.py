@@ -1,6 +1,7 @@
 """Test the registry of encoders."""
 
 import inspect
+from collections import namedtuple
 from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple, get_args
@@ -10,6 +11,7 @@ import pytest
 from eskin.model import readout, window
 from eskin.model.config import Encoding, ReadoutConfig
 from eskin.model.encoders import compiled, registry
+from eskin.model.encoders.encoder import Constants
 from eskin.model.encoders.lcs import Lcs
 
 
@@ -27,7 +29,7 @@ class LcsRule(NamedTuple):
 
 class Other(Twin):
     code = 3
-    Rule = LcsRule  # type: ignore[assignment]
+    Rule = LcsRule
 
 
 @pytest.mark.parametrize(("other", "said"), [(Twin(), "code 0; use different ones"), (Other(), "Rule 'LcsRule'")])
@@ -53,6 +55,24 @@ def test_every_compiled_function_calls_that_of_the_encoder() -> None:
         reach = compiled.reach(rule, taxel)
         compiled.move(rule, taxel, True, False, True, False)
         assert taxel.u == reach == config.step << encoder.fraction_bits(config)
+
+
+OwnRule = namedtuple("OwnRule", (*Constants._fields, "pause"))  # type: ignore[misc]
+
+
+class Own(Lcs):
+    Rule = OwnRule
+
+    def own(self, config: ReadoutConfig) -> tuple[int, ...]:
+        return (config.window_period,)
+
+
+def test_settings_of_a_host_keep_a_constant_of_the_encoder_itself() -> None:
+    rule = Own().rule(ReadoutConfig(resolution=6, window_period=7))
+    now = SimpleNamespace(coarser=2, window_period=3, leak_shift=4, leak_period=5)
+    found = compiled.with_settings(rule, now)
+    assert (type(found), found.step, found.window_period, found.pause) == (OwnRule, 64, 3, 7)
+    assert found._replace(step=16, closing_step=4, window_period=7, leak_shift=6, leak_period=63) == rule
 
 
 def test_an_encoder_reads_fields_of_the_configuration() -> None:
