@@ -20,9 +20,9 @@ def named(name: str) -> Encoder:
     --------
     >>> named("nlcs").title
     'N-LCS'
-    >>> named("pcm")
+    >>> named("pcm")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    eskin.base.errors.InputError: there is no encoder 'pcm'; the encoders are lcs, cw-lcs, nlcs, nlcs-bipolar
+    eskin.base.errors.InputError: there is no encoder 'pcm'; the encoders are lcs, cw-lcs, nlcs, ...
     """
     for encoder in ENCODERS:
         if encoder.name == name:

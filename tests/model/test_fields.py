@@ -10,6 +10,7 @@ import pytest
 import eskin
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
 from eskin.model.encoders.fields import CHOICES, Field, kind, signals
 from eskin.model.frame_config import FrameConfig
 from eskin.model.readout import Stimulus, simulate
@@ -64,7 +65,7 @@ def test_lists_come_back_from_json_and_from_text() -> None:
     assert hash(config) == hash(TWO.replace(fields=config.fields))
 
 
-@pytest.mark.parametrize("encoding", ["lcs", "cw-lcs", "nlcs", "nlcs-bipolar"])
+@pytest.mark.parametrize("encoding", registry.NAMES)
 def test_encoders_see_the_signal_and_decoders_rebuild_it(encoding: Any) -> None:
     config = ReadoutConfig(
         rows=2, columns=2, encoding=encoding, fields=[[[0, 3], 1], [[], 0], [[2], 0], [[1, 1, 2], 2]]

@@ -77,6 +77,11 @@ def test_the_mask_has_a_bit_for_each_taxel_and_settings_begin_as_built(config: R
     assert Settings.of(config, file.signals()).mask == 0
 
 
+def test_the_register_shape_describes_the_code_of_every_encoder() -> None:
+    (encoding,) = (f for register in registers(CONFIG) for f in register.fields if f.name == "encoding")
+    assert encoding.meaning == ", ".join(f"{one.code}: {one.title}" for one in registry.ENCODERS)
+
+
 @pytest.mark.parametrize("config", CONFIGS[1:4:2], ids=lambda c: f"{c.rows}x{c.columns}-{c.encoding}")
 def test_the_header_compiles_and_says_what_the_python_class_says(config: ReadoutConfig, tmp_path: Path) -> None:
     compiler = shutil.which("gcc") or shutil.which("g++")
