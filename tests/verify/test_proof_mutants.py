@@ -40,6 +40,13 @@ def test_a_mutant_of_the_link_is_noticed_by_the_properties_on_what_it_breaks(onl
     assert solve(checker, LINK.depth, 0).failed == {}
 
 
+def test_a_mutant_of_a_block_without_registers_is_noticed() -> None:
+    proof = next(proof for proof in PROOFS if proof.block == "fields" and proof.hunts)
+    checker = proof.checker(proof.config)
+    (mutant,) = mutants(checker, 1, 0)
+    assert solve(checker, proof.depth, 0, mutant.rtlil, cases=False).failed
+
+
 def test_a_seed_draws_the_same_mutants_again_and_none_of_a_clock() -> None:
     checker = LINK.checker(LINK.config)
     first, again, other = (mutants(checker, 12, seed) for seed in (0, 0, 1))

@@ -59,7 +59,7 @@ def solve(checker: Checker[Any], depth: int, limit_s: int = 120, rtlil: str = ""
     text, bench = design(checker, rtlil)
     names = [("bad", name) for name in bench.bad] + [("seen", name) for name in bench.seen]
     shrink, ways = (["scorr"], TOGETHER) if checker.together else ([], EACH)
-    searched = "search.aig" if cases else "proof.aig"
+    searched = "search.aig" if cases or not bench.clocked else "proof.aig"  # the search needs a register
     commands = ["set abcout said.txt", f"read_aiger {searched}", "strash", *shrink, f"bmc3 -a -F {depth}"]
     if limit_s:
         commands += ["read_aiger proof.aig", "strash", ways.format(limit_s)]
@@ -67,6 +67,8 @@ def solve(checker: Checker[Any], depth: int, limit_s: int = 120, rtlil: str = ""
     files = {"one_gate.v": ONE_GATE, "gate.blif": MAPPED_GATE, "solve.abc": "\n".join(commands).encode() + b"\n"}
     script = TO_GATES.format(top=TOP, cut=cutting(checker), expose=exposing(checker)) + RUN_ABC
     said = ECHO.sub("", yosys.run(script, text, "said.txt", files))
+    if "Error:" in said:
+        raise AssertionError(f"the solvers did not search {checker.block.module_name}: {said}")
     found = {names[int(n)]: int(clock) for n, clock in ASSERTED.findall(said)}
     certain = {names[int(n)] for n in CONVERGED.findall(said)}
     if checker.together and ALL_PROVED in said:
