@@ -261,7 +261,8 @@ def test_files_that_are_no_sweep_get_one_sentence(refuses: Any, folder: Path, te
     assert not (folder / "out").exists()
 
 
-NOT_ABOVE_0 = "normalised_rate, data_rate_bps and cells.whole_seeds of a result must be above 0"
+NOT_ABOVE_0 = "normalised_rate, data_rate_bps, cells.of and cells.whole_seeds of a result must be above 0"
+EMPTY = "a result needs class_names and images"
 NO_SHARE = "accuracy and both ends of its intervals must be in 0..1"
 NO_WORD = "labels and predictions must have a digit for each image (240)"
 
@@ -276,7 +277,10 @@ NO_WORD = "labels and predictions must have a digit for each image (240)"
         (["normalised_rate"], 0, NOT_ABOVE_0),
         (["data_rate_bps"], float("nan"), "data_rate_bps is nan"),
         (["cells"], 6, "cells is no object"),
+        (["cells", "of"], 0, NOT_ABOVE_0),
         (["cells", "whole_seeds"], 0, NOT_ABOVE_0),
+        (["class_names"], [], EMPTY),
+        (["last", "images"], 0, EMPTY),
         (["class_names"], ["a", "b"], "confusion must have a row and a column for each of 2 class_names"),
         (["last"], None, "last is no object"),
         (["selected", "accuracy"], 1.2, NO_SHARE),
