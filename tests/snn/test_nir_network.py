@@ -131,6 +131,14 @@ def test_learned_decays_may_reach_their_ends(tmp_path: Path) -> None:
     assert torch.equal(loaded.network.eval()(scans()).logits, weights.network.eval()(scans()).logits)
 
 
+def test_the_neurons_are_those_of_the_document() -> None:
+    for readout, kinds in (("spikes", [nir.IF, nir.IF]), ("membrane", [nir.IF, nir.I])):
+        nodes = to_nir(made(readout=readout)).nodes
+        assert [type(nodes[name]) for name in ("hidden", "readout")] == kinds
+    leaky = to_nir(made(**VARIANTS["tuned"])).nodes["hidden"]
+    assert (type(leaky), set(leaky.r)) == (nir.LIF, {1.0}), "other programs ignore r"
+
+
 def foreign(**changes: Any) -> nir.NIRGraph:
     """Return a NIR graph in the style of another program."""
     generator = np.random.default_rng(3)
