@@ -220,6 +220,10 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"lif1": nir.LIF(*[np.ones(5)] * 3, v_threshold=np.linspace(0.5, 2, 5), metadata={"floor": -1.0})},
         "node 'lif1' has a floor and different thresholds, but the network has one floor",
     ),
+    "number": (
+        {"lif1": nir.LIF(*[np.ones(5)] * 4, metadata={"floor": "low"})},
+        "node 'lif1' has a floor that is not a number",
+    ),
     "weights": ({"fc2": nir.Linear(weight=np.full((2, 5), np.nan))}, "node 'fc2' has weights that are not finite"),
     "no leak": (
         {"if2": nir.LIF(*[np.array([0.01, 0.02])] + [np.ones(2)] * 3), "lif1": nir.IF(np.ones(5), np.ones(5))},
