@@ -71,7 +71,8 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from None
     if data[:32] != hashlib.sha256(data[32:]).digest():
-        raise InputError(f"checkpoint {path} is damaged; remove it to start again")
+        why = "of an earlier version" if data.startswith(b"PK") else "damaged"  # these were archives of torch
+        raise InputError(f"checkpoint {path} is {why}; remove it to start again")
     return dict(torch.load(io.BytesIO(data[32:]), map_location="cpu", weights_only=True))
 
 

@@ -76,8 +76,8 @@ class Preparation:
             return number
         if not all(math.isfinite(number) and number != 0 for number in map(_number, text.split(","))):
             raise InputError(
-                f"--scale needs a number other than 0, max, {PER_TAXEL}, or a percentile such as p99.9, not "
-                f"{self.scale!r}"
+                f"--scale needs a number other than 0, a number for each taxel such as 0.5,2, max, {PER_TAXEL}, or a "
+                f"percentile such as p99.9, not {self.scale!r}"
             )
         return None
 

@@ -22,6 +22,7 @@ from eskin import model, skin
 from eskin.base import cache
 from eskin.base.errors import InputError
 from eskin.base.files import plain, read_arrays, write_arrays
+from eskin.base.outputs import PART
 from eskin.model.config import ReadoutConfig
 from eskin.skin.textures.dataset import Dataset
 from eskin.skin.textures.presets import Scan
@@ -92,7 +93,7 @@ def clear() -> int:
 
 def _entries(folder: Path) -> list[Path]:
     """Return the entries, and the temporary files of their writers."""
-    return sorted(folder.glob("*"))
+    return sorted(path for path in folder.glob("*") if path.suffix in (".npz", PART))
 
 
 def _read(path: Path) -> ScanData | None:

@@ -120,6 +120,7 @@ class Layer:
     """Learned decays before the logistic function, if the file has them."""
 
     @classmethod
+    @np.errstate(divide="ignore")  # a tau of 0 is refused
     def of(
         cls,
         name: str,
@@ -158,7 +159,10 @@ class Layer:
             raise InputError(f"node {name!r} has a v_threshold that is not positive; the network needs one")
         if np.any(values("v_reset")):
             raise InputError(f"node {name!r} has a v_reset other than 0; the network resets to 0")
-        floors = np.unique(float(node.metadata.get("floor", -math.inf)) / threshold)
+        try:
+            floors = np.unique(float(node.metadata.get("floor", -math.inf)) / threshold)
+        except (TypeError, ValueError):
+            raise InputError(f"node {name!r} has a floor that is not a number; export it again") from None
         if len(floors) > 1:
             raise InputError(f"node {name!r} has a floor and different thresholds, but the network has one floor")
         gain = synapse * values("w_in", 1.0) * part * values("r") / threshold

@@ -90,8 +90,9 @@ def _flaw(point: Any) -> str:
             return f"{name} is {point[name]!r}, not one of {', '.join(map(str, choices))}"
     if not known:
         return ""
-    if not (point["normalised_rate"] > 0 and point["data_rate_bps"] > 0 and point["cells"]["whole_seeds"]):
-        return "normalised_rate, data_rate_bps and cells.whole_seeds of a result must be above 0"
+    cells = point["cells"]
+    if not min(point["normalised_rate"], point["data_rate_bps"], cells["of"], cells["whole_seeds"]) > 0:
+        return "normalised_rate, data_rate_bps, cells.of and cells.whole_seeds of a result must be above 0"
     if wrong := misfit({name: point.get(name) for name in LATER}, LATER):
         return wrong
     classes, labels = len(point["class_names"]), point.get("labels")
@@ -100,6 +101,8 @@ def _flaw(point: Any) -> str:
 
 def _flaw_of(result: dict[str, Any], classes: int, labels: str | None) -> str:
     """Return a description of the first error in the values of a result, or an empty string."""
+    if not (classes and result["images"]):
+        return "a result needs class_names and images"
     ends = [result["wilson_95"], result["bootstrap_95"]]
     if [len(pair) for pair in ends] != [2, 2] or not all(0 <= x <= 1 for x in (result["accuracy"], *ends[0], *ends[1])):
         return "accuracy and both ends of its intervals must be in 0..1"

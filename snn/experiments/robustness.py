@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.files import read_json, write_json
+from eskin.base.shapes import misfit
 from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.physical import PhysicalScan
 from eskin.snn.data.disturb import DISTURBANCES, check_strength, record_disturbed
@@ -112,6 +113,9 @@ Cells = Sequence[dict[str, Any]]
 """Answers of trainings: ``network``, ``fold``, ``seed``, ``images``; ``labels`` and ``predicted`` of each image."""
 
 
+_CELL = {"network": str, "fold": int, "seed": int, "labels": [int], "predicted": [int], "rate_hz": float}
+
+
 def by_case(cells: Cells, *names: str) -> list[tuple[dict[str, Any], list[dict[str, Any]]]]:
     """Return each combination of values of some fields, with its cells."""
     found: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
@@ -201,7 +205,10 @@ def run_cells(
         for subject in subjects:
             path = out / subject.name / f"{disturbance}-{strength:g}.json"
             key = {"disturbance": disturbance, "strength": strength}
-            found.append(kept_cell(subject, path, key, partial(_test, subject, (disturbance, strength), scans)))
+            cell = kept_cell(subject, path, key, partial(_test, subject, (disturbance, strength), scans))
+            if misfit(cell, _CELL) or not len(cell["labels"]) == len(cell["predicted"]) == len(subject.images):
+                raise InputError(f"{path} is damaged; remove it")
+            found.append(cell)
             progress()
     return found
 

@@ -101,6 +101,8 @@ MISTAKES = {
     "encode skin -o e --class a": "--class is for a single input",
     "encode skin -o e --model functional": "--model functional is for a single input",
     "encode skin -o e --scale p": "--scale needs a percentile such as p99.9",
+    "encode skin -o e --scale 0,1": "--scale needs a number other than 0, a number for each taxel such as 0.5,2, max, "
+    "per-taxel, or a percentile such as p99.9, not '0,1'\n",
     "encode skin -o e --time-column none": "contains no sampling rate; add --sample-rate HZ",
     "encode skin/tap/0.csv -o e.npz --workers 2": "--workers is for the recordings of a folder",
     "encode skin/tap/0.csv -o e.npz": "times full scale; subtract the baseline with --baseline first, or add --scale "

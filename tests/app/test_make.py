@@ -175,6 +175,7 @@ def test_only_what_is_typed_counts(launch: Callable[..., Any], make: Make) -> No
     done = make("-s", "-n", "-j2", "sim", "WAVES=1", "ROWS:=3", "PYTHON=python3")  # where COLUMNS is exported
     assert done.stdout.splitlines()[-1].endswith("-m eskin sim --waves --rows=3")
     assert launch("test", "PYTEST=-x -k 'a or b'")[1][0][-3:] == ["-x", "-k", "a or b"]
+    assert launch("docs")[1][-1] == ["-c", 'print("out/site/index.html")']
 
 
 def test_every_target_shows_its_command(launch: Callable[..., Any]) -> None:

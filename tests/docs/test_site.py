@@ -49,7 +49,11 @@ def test_the_site_has_every_room_search_and_the_notebook_and_loads_nothing_from_
         "eskin.cocotb_tests.independent.taxel",
     ):
         assert name in index
-    assert (site / "tutorial.ipynb").is_file()
+    notebook = json.loads((site / "tutorial.ipynb").read_text())
+    kinds = [cell["cell_type"] for cell in notebook["cells"]]
+    assert kinds.count("code") == (ROOT / "docs" / "tutorial.md").read_text().count("```python\n") > 5
+    assert set(kinds) == {"code", "markdown"}
+    assert notebook["metadata"]["kernelspec"]["name"] == "python3"
     assert not loaded_from_elsewhere(site)
     # Search: "csv" finds file names, and a page of file:// gets the index and a stand-in for the worker as scripts.
     separator = json.loads(index)["config"]["separator"]

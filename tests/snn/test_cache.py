@@ -115,10 +115,12 @@ def test_the_entries_used_longest_ago_go_first(kept: Path, monkeypatch: pytest.M
     monkeypatch.setattr(cache, "LIMIT_BYTES", 2 * size)
     cache.kept("d", lambda: data)
     assert {path.name for path in kept.glob("*.npz")} == {"a.npz", "d.npz"}
-    (kept / ".x.npz.1.part").write_bytes(b"half")
-    os.utime(kept / ".x.npz.1.part", (0, 0))
+    for name in (".x.npz.1.part", "mine.txt"):
+        (kept / name).write_bytes(b"half")
+        os.utime(kept / name, (0, 0))
     cache.kept("e", lambda: data)
-    assert {path.name for path in kept.glob("*")} == {"d.npz", "e.npz"}, "what a killed writer left is gone"
+    left = {path.name for path in kept.glob("*")}
+    assert left == {"d.npz", "e.npz", "mine.txt"}, "what a killed writer left is gone, other files stay"
 
 
 def test_the_command_shows_and_clears(kept: Path) -> None:

@@ -57,6 +57,14 @@ def test_every_event_and_its_time_are_in_the_bits() -> None:
     assert timed["events"] - timed["addresses"] > 2 * count, "two bits each"
 
 
+def test_the_time_of_every_scan_counts() -> None:
+    config = ReadoutConfig(rows=1, columns=1, resolution=4)
+    ticks = np.arange(1000)
+    events = make_events(ticks * config.clocks_per_sample, 0 * ticks, 0 * ticks, 0 * ticks + 1)
+    made = Recording(events, config, 1000 * config.clocks_per_sample)
+    assert events_bps([made] * 10)["events"] < 0.5 * events_bps([made])["events"], "equal scans hardly cost bits"
+
+
 @pytest.mark.parametrize("bits", [6, 10, 18])
 def test_differences_cost_what_they_say_whatever_the_width_of_a_word(bits: int) -> None:
     steps = np.random.default_rng(2).integers(-1, 2, (10_000, 4))

@@ -121,6 +121,23 @@ def test_what_is_drawn_is_what_the_sweeps_say(call: Any, files: list[str], folde
         assert {line.get_ydata()[0] for line in across} == {100 / 6}, "chance"
 
 
+PUBLISHED = [
+    *(("lcs", 2, 0.027, 56.25, 0), ("lcs", 4, 0.222, 77.08, 0), ("lcs", 6, 1.084, 87.92, 7.0)),
+    *(("lcs", 8, 4.38, 68.75, 17.9), ("nlcs", 4, 0.028, 59.58, 0), ("nlcs", 6, 0.116, 68.33, 0)),
+    *(("nlcs", 8, 0.465, 76.25, 0), ("nlcs", 10, 1.87, 71.67, 0), ("frame", 10, 5.0, 74.58, 0)),
+]
+"""Fig. 9 of the paper: readout, resolution, normalised data rate, accuracy and its deviation over folds in per cent."""
+
+
+def test_the_published_points_are_those_of_the_paper() -> None:
+    found = []
+    for point in figures.fig9_data([], "last")["points"]:
+        shares = (round(100 * point.get(name, 0), 2) for name in ("accuracy", "sd_over_folds"))
+        readout = point["readout"].removesuffix(", published")
+        found.append((readout, point["resolution"], point["normalised_rate"], *shares))
+    assert found == PUBLISHED
+
+
 def ends_of(point: dict[str, Any]) -> list[float]:
     """Return the ends of an error bar: the interval, of published points the deviation; empty without a bar."""
     if point["sweep"] != "published":
@@ -261,7 +278,8 @@ def test_files_that_are_no_sweep_get_one_sentence(refuses: Any, folder: Path, te
     assert not (folder / "out").exists()
 
 
-NOT_ABOVE_0 = "normalised_rate, data_rate_bps and cells.whole_seeds of a result must be above 0"
+NOT_ABOVE_0 = "normalised_rate, data_rate_bps, cells.of and cells.whole_seeds of a result must be above 0"
+EMPTY = "a result needs class_names and images"
 NO_SHARE = "accuracy and both ends of its intervals must be in 0..1"
 NO_WORD = "labels and predictions must have a digit for each image (240)"
 
@@ -276,7 +294,10 @@ NO_WORD = "labels and predictions must have a digit for each image (240)"
         (["normalised_rate"], 0, NOT_ABOVE_0),
         (["data_rate_bps"], float("nan"), "data_rate_bps is nan"),
         (["cells"], 6, "cells is no object"),
+        (["cells", "of"], 0, NOT_ABOVE_0),
         (["cells", "whole_seeds"], 0, NOT_ABOVE_0),
+        (["class_names"], [], EMPTY),
+        (["last", "images"], 0, EMPTY),
         (["class_names"], ["a", "b"], "confusion must have a row and a column for each of 2 class_names"),
         (["last"], None, "last is no object"),
         (["selected", "accuracy"], 1.2, NO_SHARE),

@@ -13,6 +13,7 @@ import torch
 
 from eskin.app.cli import printable
 from eskin.base.errors import InputError
+from eskin.base.files import MOST_UNPACKED
 from eskin.model.address_events import make_events
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
@@ -101,6 +102,7 @@ def test_a_file_that_claims_a_large_network_is_refused_before_it_is_built(
 def test_an_archive_that_unpacks_to_more_than_memory_is_for_is_not_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    assert MOST_UNPACKED == 2**30
     monkeypatch.setattr("eskin.base.files.MOST_UNPACKED", 2**20)
     path = tmp_path / "a.npz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:

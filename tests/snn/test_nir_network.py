@@ -131,6 +131,14 @@ def test_learned_decays_may_reach_their_ends(tmp_path: Path) -> None:
     assert torch.equal(loaded.network.eval()(scans()).logits, weights.network.eval()(scans()).logits)
 
 
+def test_the_neurons_are_those_of_the_document() -> None:
+    for readout, kinds in (("spikes", [nir.IF, nir.IF]), ("membrane", [nir.IF, nir.I])):
+        nodes = to_nir(made(readout=readout)).nodes
+        assert [type(nodes[name]) for name in ("hidden", "readout")] == kinds
+    leaky = to_nir(made(**VARIANTS["tuned"])).nodes["hidden"]
+    assert (type(leaky), set(leaky.r)) == (nir.LIF, {1.0}), "other programs ignore r"
+
+
 def foreign(**changes: Any) -> nir.NIRGraph:
     """Return a NIR graph in the style of another program."""
     generator = np.random.default_rng(3)
@@ -211,6 +219,10 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "floor": (
         {"lif1": nir.LIF(*[np.ones(5)] * 3, v_threshold=np.linspace(0.5, 2, 5), metadata={"floor": -1.0})},
         "node 'lif1' has a floor and different thresholds, but the network has one floor",
+    ),
+    "number": (
+        {"lif1": nir.LIF(*[np.ones(5)] * 4, metadata={"floor": "low"})},
+        "node 'lif1' has a floor that is not a number",
     ),
     "weights": ({"fc2": nir.Linear(weight=np.full((2, 5), np.nan))}, "node 'fc2' has weights that are not finite"),
     "no leak": (

@@ -84,8 +84,9 @@ def test_scans_of_one_image_stay_together_and_other_files_of_its_name_apart(fold
 def test_a_folder_that_is_no_class_of_the_network_is_no_class(skin: Path) -> None:
     (skin / "new").mkdir()
     touch("felt", 0).save(skin / "new" / "00.npz")
+    touch("felt", 1, name="tap/01").save(skin / "new" / "01.npz")
     found = {r.metadata["name"]: class_of(r) for r in read_recordings(event_files([skin]), CLASSES)}
-    assert found["new/00"] is None
+    assert found["new/00"] is found["tap/01"] is None, "a name with a folder stays in another folder"
     assert found["felt/00"] == "felt"
     (alone,) = read_recordings(event_files([skin / "felt" / "00.npz"]), CLASSES)
     assert (alone.metadata["name"], class_of(alone)) == ("felt/00", "felt")

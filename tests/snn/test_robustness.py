@@ -171,6 +171,8 @@ def test_cells_are_kept_resumed_and_paired(call: Any, refuses: Any, folder: Path
     after = {path: path.stat().st_mtime_ns for path in before}
     assert [path for path in before if after[path] != before[path]] == [cell]
     assert json.loads((folder / "out" / "robustness.json").read_text()) == content
+    cell.write_text(json.dumps(json.loads(cell.read_text()) | {"predicted": [0]}))
+    refuses("/lost-0.5.json is damaged; remove it\n", "robustness a b --only dead=0.2,lost -o out")
     (folder / "a" / "fold-0").rename(folder / "a" / "other")
     (folder / "a" / "fold-0").symlink_to(folder / "b" / "fold-0")
     for line, message in (

@@ -164,6 +164,7 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
     [
         ("--points lcs", f"a point must be ENCODER:RESOLUTION (encoders: {ENCODERS}), frame|"),
         ("--points lcs:4,,nlcs:6", "a point must be ENCODER:RESOLUTION"),
+        ("--points ann:4", "a point must be ENCODER:RESOLUTION"),
         ("--points lcs:4,lcs:04", "--points has lcs:4 twice; leave one out"),
         ("--points lcs:4:on,lcs:04:on", "--points has lcs:4:on twice; leave one out"),
         ("--points nlcs:4:on", "a point must be ENCODER:RESOLUTION"),

@@ -162,6 +162,9 @@ def test_a_checkpoint_of_another_configuration_or_a_damaged_one_is_refused(tmp_p
         path.write_bytes(damaged)
         with pytest.raises(InputError, match=r"^checkpoint .*c\.pt is damaged; remove it to start again$"):
             train_on()
+    path.write_bytes(whole[32:])
+    with pytest.raises(InputError, match="is of an earlier version; remove it to start again"):
+        train_on()
 
 
 def test_scans_of_another_array_are_refused() -> None:

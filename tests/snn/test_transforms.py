@@ -1,5 +1,6 @@
 """Test the encoders as torch transforms: bit-exact and usable in a DataLoader."""
 
+import pickle
 import re
 from pathlib import Path
 from typing import Any
@@ -104,6 +105,7 @@ class Signals(Dataset[tuple[Tensor, int]]):
 def test_a_loader_with_workers_gives_the_same(workers: int) -> None:
     transform, data = LevelCrossing(CONFIGS["nlcs"]), signals(6, 2, 3)
     expected = transform(data)
+    assert pickle.loads(pickle.dumps(transform)) == transform, "so that workers can also be spawned"
     loader = DataLoader(Signals(data, transform), batch_size=3, num_workers=workers)
     batches = list(loader)
     assert torch.equal(torch.cat([index for _, index in batches]), torch.arange(6))

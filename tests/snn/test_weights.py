@@ -22,7 +22,14 @@ def made(**fields: Any) -> Weights:
 
 
 @pytest.mark.parametrize(
-    "fields", [{}, {"decay": 0.9, "output_decay": 0.8, "learn_decay": True}, {"kind": "gru"}, {"kind": "cnn"}], ids=str
+    "fields",
+    [
+        {},
+        {"decay": 0.9, "output_decay": 0.8, "learn_decay": True},
+        {"kind": "gru", "input_offset": 0.3},
+        {"kind": "cnn"},
+    ],
+    ids=str,
 )
 def test_a_network_comes_back_bit_exact(tmp_path: Path, fields: dict[str, Any]) -> None:
     weights, path = made(**fields), tmp_path / "w.npz"
