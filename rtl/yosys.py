@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from eskin.base.files import refusing_a_full_disk
 from eskin.rtl.text.fold import fold
 
 
@@ -33,7 +34,7 @@ def run_for(
     script: str, rtlil: str, results: Sequence[str], files: Mapping[str, bytes] | None = None
 ) -> dict[str, str]:
     """Run a Yosys script and return the texts of its output files by name; see ``run``."""
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory() as name, refusing_a_full_disk(Path(name)):
         # Yosys sees no absolute path here: it runs in a sandbox with a /tmp of its own, and prints no path.
         folder = Path(name)
         (folder / "readout.il").write_text(rtlil)

@@ -301,4 +301,5 @@ def test_a_full_disk_is_one_sentence(tmp_path: Path) -> None:
         command, capture_output=True, text=True, env=os.environ | OURS, preexec_fn=no_file_above_8_kb, check=False
     )
     assert done.returncode == 2
-    assert done.stderr.splitlines()[-1] == f"error: cannot write to {tmp_path}/out/1x1-lcs-6b/run: File too large"
+    last = done.stderr.splitlines()[-1]  # the folder of the run; without a kept build, already that of Yosys
+    assert re.fullmatch(r"error: cannot write to \S+: File too large", last)
