@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import hashlib
 import io
 import json
 import math
@@ -144,8 +145,7 @@ class Pieces:
         if out:
             check_file(out)
         lines = kept_lines(self.path) if self.path else ()
-        own = (piece for piece in lines if isinstance(piece, dict) and piece.get("code") == code and "name" in piece)
-        self._known = {piece["name"]: piece for piece in own}
+        self._known = {piece["name"]: piece for piece in lines if self._whole(piece)}
 
     def of(self, name: str, job: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         """Return a stored partial result by name, or compute and store it."""
@@ -159,8 +159,19 @@ class Pieces:
         """Store a partial result under a name and return it."""
         piece = self._known[name] = {"name": name, "code": self.code, **result}
         if self.path:
-            keep_line(self.path, piece)
+            keep_line(self.path, {"seal": _seal(piece), **piece})
         return piece
+
+    def _whole(self, piece: Any) -> bool:
+        """Return True if a line is an undamaged result of the current code."""
+        if not isinstance(piece, dict) or piece.get("code") != self.code:
+            return False
+        return bool(piece.pop("seal", None) == _seal(piece))
+
+
+def _seal(piece: dict[str, Any]) -> str:
+    """Return a digest of a partial result."""
+    return hashlib.sha256(json.dumps(piece).encode()).hexdigest()[:12]
 
 
 def pieces_of(out: Path) -> Path:

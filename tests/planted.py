@@ -5,8 +5,10 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import ModuleType
 from typing import Any
+
+from eskin.rtl.encoders.registry import ENCODERS
 
 
 @contextmanager
@@ -28,14 +30,13 @@ def planted(file: str, *edits: tuple[str, str]) -> Iterator[None]:
     replaced: list[tuple[Any, str, Any, Any]] = [
         (user, name, value, getattr(changed, name)) for user, name, value in found
     ]
-    for name, kind in own.items() if file.startswith("encoders.") else ():  # the registry holds objects of theirs
-        if isinstance(kind, type):
-            methods = {method: value for method, value in vars(kind).items() if isinstance(value, FunctionType)}
-            replaced += [(kind, key, old, getattr(getattr(changed, name), key)) for key, old in methods.items()]
+    listed = {name: build for name, build in ENCODERS.items() if build in own.values()}
     for user, name, _, new in replaced:
         setattr(user, name, new)
+    ENCODERS.update({name: getattr(changed, build.__name__) for name, build in listed.items()})
     try:
         yield
     finally:
+        ENCODERS.update(listed)
         for user, name, value, _ in replaced:
             setattr(user, name, value)

@@ -110,7 +110,7 @@ class ClassifierBench:
         happened["output spikes"] = sum(spike for *_, spike in seen["EveryOutput"])
         happened["classes"] = len({winner for _, winner, _ in seen["ClassAndEvidence"]})
         happened["at an end"] = sum(potential in ends for _, potential, _ in hidden)
-        counts.update(happened)
+        counts.update(happened, runs=1)
 
 
 PROPERTIES = (

@@ -50,7 +50,7 @@ def agree(
                 with reported(printable(f"building and simulating {path.stem} for {simulator}")):
                     counts, problem = _in_rtl(one, numbers[0], events[:rtl], simulator, out / str(number))
                 found |= {"rtl": counts}
-                runs += counts.get("checks", 0)
+                runs += counts.get("runs", 0)
                 problems += [f"{path.stem}: {problem}"] if problem else []
             networks.append(found)
             step()
