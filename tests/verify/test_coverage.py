@@ -69,6 +69,16 @@ def test_a_proof_tells_what_can_never_be_from_what_was_not_played() -> None:
     assert claim(construct("condition", "((a & b)[3]==1) => 1"), False) == "((((a & b) >> 3) & 1'b1)==1)"
 
 
+def test_a_module_within_is_part_of_the_proof_although_synthesis_keeps_it() -> None:
+    inner = "module inner(input wire [1:0] x, output wire [1:0] z);\n  assign z = x;\nendmodule\n"
+    inner = f'(* keep_hierarchy = "yes" *)\n{inner}'
+    whole = inner + TEXT.replace(
+        "assign low = x & 2'h1;", "wire [1:0] z;\n  inner i(.x(x & 2'h1), .z(z));\n  assign low = z;"
+    )
+    never = construct("toggle", "low[1]:0->1")
+    assert unproved(whole, "eskin_a", {never: claim(never, once=False)}) == []
+
+
 def test_what_is_executed_under_a_condition_counts_only_there() -> None:
     lines = [
         "  always @(posedge clk)",

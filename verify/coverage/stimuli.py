@@ -148,7 +148,7 @@ def frame(config: FrameConfig, folder: Path) -> None:
 
 def classifier(config: ClassifierConfig, folder: Path) -> None:
     """Simulate random networks with events at all rates, and with bins that end too early."""
-    for seed in range(4):
+    for seed in range(10):
         play_scans(config, VERILATOR, folder, seed)
         play_scans(config, VERILATOR, folder, seed, "scans_begin_at_any_time")
 

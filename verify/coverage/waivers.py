@@ -11,7 +11,10 @@ from eskin.rtl import yosys
 from eskin.verify.coverage.constructs import MODULE, Construct, modules
 
 FILE = Path(__file__).with_name("waivers.toml")
-READ = "read_verilog -sv design.v; hierarchy -top {module}; proc; memory; flatten; async2sync; opt_clean; "
+READ = (
+    "read_verilog -sv design.v; hierarchy -top {module}; proc; memory; "
+    "setattr -mod -unset keep_hierarchy; flatten; async2sync; opt_clean; "
+)
 PROVE = "sat -tempinduct -timeout 20 -maxsteps {steps} -seq 1 -set-at 1 rst 1 {claims} {module}"
 STEPS = 3
 SUCCESS = "Induction step proven: SUCCESS!"
