@@ -20,14 +20,14 @@ from eskin.verify.crosscheck import cxxrtl
 from eskin.verify.proofs.bind import properties
 
 WAIVED = {
-    "sign-conversion": "registers are signed where numbers are; vectors that are only handed on are not",
-    "arith-op-mismatch": "likewise: widths are equal, which lint of another kind holds",
+    "sign-conversion": "a register of a number is signed; a vector that only passes bits on is unsigned",
+    "arith-op-mismatch": "likewise; another lint checks that the widths are equal",
     "width-expand": "a narrower operand is extended as Verilog defines it",
     "bitwise-op-mismatch": "likewise",
     "sign-compare": "an unsigned bit pattern that stands for a signed constant of the same width",
     "case-overlap": "each condition of a case compares one state: at most one of them holds",
     "case-too-complex": "a case that slang does not look through to the end",
-    "unused-port": "a checker shows all ports of what it watches",
+    "unused-port": "a checker has a port for every port of its block",
 }
 """Waived warnings, each with the reason why the code is intended."""
 
