@@ -5,6 +5,7 @@ Yosys is a WebAssembly program, which runs in this process. Its package starts P
 not survive a fork. Pools of workers start theirs anew.
 """
 
+import atexit
 import contextlib
 import functools
 import hashlib
@@ -95,6 +96,7 @@ def _program() -> tuple[Any, Any]:
     import platformdirs
     import wasmtime
 
+    atexit.register(_program.cache_clear)  # later, Python has taken the library apart
     settings = wasmtime.Config()
     settings.wasm_exceptions = True
     engine = wasmtime.Engine(settings)
