@@ -77,7 +77,8 @@ def _start(script: str, folder: Path) -> str:
         with wasmtime.Store(engine) as store:
             store.set_wasi(wasi)
             try:
-                linker.instantiate(store, module).exports(store)["_start"](store)
+                start: Any = linker.instantiate(store, module).exports(store)["_start"]
+                start(store)
             except wasmtime.ExitTrap as left:
                 failures.append(f"exit code {left.code}" if left.code else "")
             except (wasmtime.Trap, wasmtime.WasmtimeError) as error:
