@@ -140,20 +140,11 @@ class PowerModel:
     ) -> Breakdown:
         """Return the power of the parts of a readout.
 
-        Parameters
-        ----------
-        readout : "nlcs", "lcs" or "frame"
-        resolution : array of whole numbers
-            N, 1..10. The three numbers broadcast against each other.
-        noise_v_rms : float array
-            AFE output noise in volts rms, for a full scale of 1 V.
-        tau_s : float array
-            N-LCS time constant in seconds; the other readouts do not depend on it.
+        - ``resolution``: N, 1..10. The three numbers broadcast against each other.
+        - ``noise_v_rms``: AFE output noise in volts rms, for a full scale of 1 V.
+        - ``tau_s``: N-LCS time constant in seconds; the other readouts do not depend on it.
 
-        Raises
-        ------
-        InputError
-            If the readout is unknown or a number is out of range.
+        Raises InputError if the readout is unknown or a number is out of range.
         """
         if readout not in READOUTS:
             raise InputError(f"readout must be one of {', '.join(READOUTS)}, not {readout!r}")

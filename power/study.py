@@ -100,12 +100,8 @@ def _ratios(model: PowerModel) -> Data:
 def sensitivity_models(model: PowerModel, other_rates: Mapping[str, RateTable]) -> dict[str, tuple[str, PowerModel]]:
     """Return the models of the sensitivity study by name, each with its group.
 
-    Parameters
-    ----------
-    model : PowerModel
-        With measured rates; its corrections are replaced.
-    other_rates : mapping of str to RateTable
-        Rates and bandwidths to put in place of the model's, by the name of the case.
+    ``model`` has measured rates; its corrections are replaced. ``other_rates`` are rates and bandwidths to put in place
+    of the model's, by the name of the case.
     """
     everything = frozenset(CORRECTIONS)
 
