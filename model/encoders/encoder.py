@@ -50,7 +50,7 @@ class Encoder(ABC):
     strict: ClassVar[bool] = False  # ON needs x - u > D; otherwise x - u >= the half-width of the window
     timed: ClassVar[bool] = False  # the decoder must know which events came late
     Rule: ClassVar[Any]
-    """A subclass of ``Constants`` of its own, or a named tuple with the fields of ``Constants`` and those of ``own``."""
+    """A subclass of ``Constants`` of its own, or a named tuple with the fields of ``Constants`` and of ``own``."""
     state: ClassVar[tuple[str, ...]] = ()  # additional state of a taxel besides sample and reference; 0 after reset
 
     @property
