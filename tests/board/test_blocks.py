@@ -126,7 +126,6 @@ def test_a_frame_without_room_is_refused_as_a_whole() -> None:
 
 
 def player(rows: int, columns: int, **readout: Any) -> BoardConfig:
-    """Return a player with few hidden neurons."""
     config = ReadoutConfig(rows=rows, columns=columns, clocks_per_sample=4, **readout)
     network = ClassifierConfig(
         inputs=config.taxels * (1 + config.has_polarity), hidden=8, classes=2, lanes=2, bin_s=0.01

@@ -49,7 +49,6 @@ def small_chip() -> ChipConfig:
 
 
 def walk(ticks: int, taxels: int) -> np.ndarray:
-    """Return random codes that move in small steps."""
     steps = np.random.default_rng(2).integers(-60, 61, (ticks, taxels))
     return np.cumsum(steps, axis=0).clip(-2000, 2000).astype(np.int16)
 
@@ -71,7 +70,6 @@ def flipped(at: int | None) -> Spoil:
 
 
 async def start(dut: Any) -> None:
-    """Start the clock and reset the board."""
     dut.rx.value = dut.rst.value = 1
     Clock(dut.clk, CLOCK_NS, "ns").start()
     await Timer(5 * CLOCK_NS, "ns")
@@ -230,33 +228,25 @@ def test_a_foreign_chip_is_recorded_into_our_files(hosts: Hosts, tmp_path: Path)
 
 # -- a skin ------------------------------------------------------------------------------------------
 
-SKIN_TICKS = 20
-
-
-def skin_chip() -> ChipConfig:
-    """Return a chip of few taxels at a rate that its converter has."""
-    readout = ReadoutConfig(rows=3, columns=4, resolution=5, clocks_per_sample=64)
-    network = ClassifierConfig(inputs=24, hidden=10, classes=3, lanes=2, bin_s=0.0003)
-    return ChipConfig(readout=readout, classifier=network)
-
 
 def test_the_classes_of_a_skin_at_the_board_need_no_samples_of_the_host(
     hosts: Hosts, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(runners, "OPTIMISE", "-O0")  # compiling takes longer than the run
-    chip = skin_chip()
-    rng = np.random.default_rng(5)
-    walk = 2048 + np.cumsum(rng.integers(-140, 141, (SKIN_TICKS, 3, 4)), axis=0)
+    readout = ReadoutConfig(rows=2, columns=3, resolution=5, clocks_per_sample=64)
+    network = ClassifierConfig(inputs=12, hidden=10, classes=3, lanes=2, bin_s=0.0003)
+    chip = ChipConfig(readout=readout, classifier=network)
+    walk = 2048 + np.cumsum(np.random.default_rng(5).integers(-140, 141, (20, 2, 3)), axis=0)
     codes = walk.clip(0, 4095)
     np.save(tmp_path / "codes.npy", codes)
     weights = weights_of(chip, tmp_path / "weights.npz")
-    words = ["play", str(weights), "--sensor", "--limit", str(SKIN_TICKS), "--out", str(tmp_path / "felt.npz")]
+    words = ["play", str(weights), "--sensor", "--limit", str(len(codes)), "--out", str(tmp_path / "felt.npz")]
     skin = {"part": "ads7953", "settle_s": SETTLE_S}
     job = {"felt": {"words": words, "codes": str(tmp_path / "codes.npy"), "sensor": skin}}
     said = hosts(chip, job, SensorConfig(**skin))["felt"]  # type: ignore[arg-type]
     assert said["code"] == 0, said
     felt = Recording.load(tmp_path / "felt.npz")
-    samples = samples_of("ads7953", codes, 12).reshape(SKIN_TICKS, -1)
+    samples = samples_of("ads7953", codes, 12).reshape(len(codes), -1)
     model = simulate_chip(chip, network_of(chip), samples, felt.duration_clocks)
     assert len(felt.events) > 100
     assert np.array_equal(felt.events, as_events(model.events.tolist()))

@@ -161,7 +161,6 @@ class FakeBoard(SimulatedReceiver):
         self.answer = answer
 
     def say(self, *records: Record) -> bytes:
-        """Return the next frame of records."""
         return bytes(self.framed(list(records)))
 
     def _take(self, frame: Frame) -> None:

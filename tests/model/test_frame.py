@@ -29,7 +29,6 @@ EMPTY = FrameStimulus.from_samples(SMALL, np.zeros((1, 3)))
 
 @st.composite
 def configs(draw: st.DrawFn) -> FrameConfig:
-    """Return random frame readouts of up to 12 taxels."""
     sample_bits = draw(st.integers(3, 24))
     resolution = draw(st.integers(1, sample_bits - 2))
     return FrameConfig(

@@ -41,7 +41,6 @@ def column(*codes: int) -> NDArray[np.int16]:
 
 
 def counts(config: ReadoutConfig, *codes: int) -> list[int]:
-    """Return a function that returns the event counts of one taxel."""
     return encode(config, column(*codes))[:, 0].tolist()
 
 
@@ -70,7 +69,6 @@ def second(
 
 @st.composite
 def configs(draw: st.DrawFn, encodings: tuple[str, ...] = registry.NAMES) -> ReadoutConfig:
-    """Return a random configuration of a small array."""
     bits = draw(st.sampled_from([3, 4, 8, 12, 15, 16, 17, 24]))
     encoding = draw(st.sampled_from(encodings))
     config = ReadoutConfig(

@@ -189,7 +189,6 @@ def test_arrays_give_what_single_numbers_give():
 
 
 def alone(name: str, readout: str, **parameters: float) -> tuple[dict, dict]:
-    """Return the power breakdowns without and with one correction."""
     return tuple(at(with_corrections(chosen, **parameters), readout).to_dict() for chosen in ((), (name,)))
 
 

@@ -1,8 +1,10 @@
 """Test the event rates: published values, integer against exponential leak, and the command."""
 
+import functools
 import json
 import math
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -31,11 +33,14 @@ TOLERANCE = dict.fromkeys(PUBLISHED_RATES_HZ, 0.02) | {("lcs", 8): 0.05}
 
 
 @pytest.fixture(scope="module")
-def kylberg() -> Dataset:
+def kylberg() -> Iterator[Dataset]:
+    """Yield all Kylberg images, each decoded once for all rates."""
     data = open_dataset()
     if data.name != "kylberg":
         pytest.skip("the Kylberg images are not here")
-    return data
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Texture, "load", functools.cache(Texture.load))
+        yield data
 
 
 def paper(encoding: str, resolution: int, **fields) -> ReadoutConfig:
