@@ -9,6 +9,7 @@ from typing import NamedTuple
 from eskin.base.errors import InputError
 from eskin.board.config import ADDRESS_BITS, DESIGNS, MOST_CLASSES, BoardConfig
 from eskin.board.serial_frames import MOST_PAYLOAD
+from eskin.model.classifier.run import ClassifierRun
 
 TIME_BITS = 16  # low bits of the time in a record; a separate record carries the high bits when they change
 WORD_BITS, TAG_BITS = 32, 4
@@ -204,7 +205,6 @@ class RecordReader:
         return Event(time, address)
 
     def _follow(self, first: int) -> int:
-        """Return the number of words that follow the first word of a record."""
         tag = first >> VALUE_BITS
         if tag == Tag.CLASS:
             return self.classes
@@ -265,6 +265,16 @@ def hello_values(config: BoardConfig) -> dict[str, int]:
         "classes": classifier.classes if classifier else 0,
         "word_bytes": config.word_bytes,
     }
+
+
+def classes_of(run: ClassifierRun, clocks: int) -> list[Class]:
+    """Return the classes that a run of the classifier reports before a clock."""
+    late = min(run.overruns, default=clocks)
+    return [
+        Class(valid, one.winner, valid > late, tuple(one.evidence.tolist()))
+        for valid, one in zip(run.valid, run.bins, strict=True)
+        if valid < clocks
+    ]
 
 
 def additions(config: BoardConfig) -> int:
