@@ -122,7 +122,6 @@ class Stimulus:
 
 
 def _check_samples(config: ReadoutConfig, samples: NDArray[Any]) -> None:
-    """Check that samples are valid codes of the configuration."""
     full_scale = config.full_scale * (ANALOG_RANGE if config.frontend == "analog" else 1)
     if samples.ndim != 2 or samples.shape[1] != config.taxels:
         raise InputError(
@@ -375,17 +374,7 @@ def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: 
 @njit(inline="always")
 def _set(p: Parameters, now: Any) -> Parameters:
     """Return the loop parameters changed by the settings of a host."""
-    return Parameters(
-        p.leaks,
-        p.per_sample,
-        p.digital,
-        p.four_phase,
-        p.columns,
-        p.reset,
-        p.top,
-        p.bottom,
-        compiled.with_settings(p.rule, now),
-    )
+    return Parameters(*p[:-1], compiled.with_settings(p.rule, now))
 
 
 @njit(inline="always")
