@@ -23,14 +23,10 @@ class PaperScan(Scan):
 
     name = "paper"
 
-    pixel_step: int = 4
-    """The first of this many pixels is used: 200 um of taxel pitch in pixels of 45 um, rounded."""
-    upsampling: int = 560
-    """Factor of the polyphase filter from kept pixels to the played line."""
-    kaiser_beta: float = 5.0
-    """Window of that filter."""
-    half_length: int = 10
-    """Half-length of that filter in kept pixels (it has 2 * half_length * upsampling + 1 taps)."""
+    pixel_step: int = 4  # the first of this many pixels is used: 200 um of taxel pitch in pixels of 45 um, rounded
+    upsampling: int = 560  # factor of the polyphase filter from kept pixels to the played line
+    kaiser_beta: float = 5.0  # window of that filter
+    half_length: int = 10  # of that filter in kept pixels (it has 2 * half_length * upsampling + 1 taps)
     playback_hz: float = 200_000.0
     """Samples per second of the played line: 80,080 samples last 0.4004 s, 65 mm/s."""
     sensor_time_base_hz: float = 1_400_000.0
