@@ -33,19 +33,11 @@ def breakdowns(model: PowerModel, resolution: int, noise_v_rms: float, tau_s: fl
     return {name: model.breakdown(name, resolution, noise_v_rms, tau_s).to_dict() for name in READOUTS}
 
 
-def crossovers(model: PowerModel) -> Data:
-    """Return the crossover noise in volts for N = 1..10; None without a crossover."""
-    return _over_crossovers(model, "noise_v_rms")
+def crossovers(model: PowerModel, what: str = "noise_v_rms") -> Data:
+    """Return the crossover noise in volts for N = 1..10, None without one; or another field of ``Crossover``."""
 
-
-def winning_sides(model: PowerModel) -> Data:
-    """Return the side of the crossover on which spikes need less power: above, below, always or never."""
-    return _over_crossovers(model, "spikes_win")
-
-
-def _over_crossovers(model: PowerModel, attribute: str) -> Data:
     def line(readout: Any, tau_s: float) -> list[Any]:
-        return [getattr(model.crossover(readout, n, tau_s), attribute) for n in RESOLUTIONS]
+        return [getattr(model.crossover(readout, n, tau_s), what) for n in RESOLUTIONS]
 
     return {"lcs": line("lcs", FIG_TAU_S), "nlcs": {tau_key(tau): line("nlcs", tau) for tau in TAUS_S}}
 
@@ -83,7 +75,11 @@ def fig7_data(models: Mapping[str, PowerModel]) -> Data:
         "unit": "V",
         "ratio_noise_v_rms": FIG7_NOISE_V,
         "modes": {
-            mode: {"crossover": crossovers(model), "spikes_win": winning_sides(model), "ratio": _ratios(model)}
+            mode: {
+                "crossover": crossovers(model),
+                "spikes_win": crossovers(model, "spikes_win"),
+                "ratio": _ratios(model),
+            }
             for mode, model in models.items()
         },
     }

@@ -210,7 +210,7 @@ def test_the_page_of_the_demo_in_a_browser(tmp_path: Path) -> None:
     if reason := browsers.missing():
         assert not os.environ.get("CI"), reason
         pytest.skip(reason)
-    words = [sys.executable, "-m", "eskin", "demo", "--port", "0", "--no-browser", "--speed", "0.05"]
+    words = [sys.executable, "-m", "eskin", "demo", "--port", "0", "--no-browser", "--speed", "0.5"]
     words += ["--only", "brick/brick-00", "--udp", "127.0.0.1:9"]
     with (
         subprocess.Popen(words, stdout=subprocess.PIPE, text=True, preexec_fn=hears_ctrl_c) as demo,
