@@ -222,7 +222,8 @@ class RecordReader:
         if tag == Tag.CLASS:
             if above & 0x3F >= self.classes:
                 raise InputError(f"the board sent the class {above & 0x3F}, but has {self.classes} classes; {AGAIN}")
-            return Class(time, above & 0x3F, bool(above >> ADDRESS_BITS - 1), tuple(map(_signed, words[1:])))
+            evidence = tuple(word - (word >> WORD_BITS - 1 << WORD_BITS) for word in words[1:])  # signed
+            return Class(time, above & 0x3F, bool(above >> ADDRESS_BITS - 1), evidence)
         if tag == Tag.ACK:
             return Ack(value & 0xFF)
         if tag == Tag.REFUSED:
@@ -321,7 +322,3 @@ class RecordWriter:
 
 def _word(tag: Tag, value: int) -> int:
     return tag << VALUE_BITS | value
-
-
-def _signed(word: int) -> int:
-    return word - (word >> WORD_BITS - 1 << WORD_BITS)

@@ -157,7 +157,8 @@ class PowerModel:
         else:
             rates = self.taxel_rates(readout, bits, tau)
             parts = published(readout, lcs=self._lcs, nlcs=self._nlcs)(bits, rates)
-            io = self._spiking_io(rates.population_hz, polarity=registry.named(readout).polarity)
+            data_bits = self.parameters.address_bits + registry.named(readout).polarity  # beside REQ and ACK
+            io = (data_bits * self.toggle + 2) * self.bit_j * rates.population_hz
         return Breakdown(self._afe(readout, bits, noise), parts, io)
 
     def crossover(self, readout: Readout, resolution: int, tau_s: float = 0.2) -> Crossover:
@@ -307,11 +308,6 @@ class PowerModel:
         else:
             logic = p.logic_j_per_event * rate
         return {"line_bias": bias, "logic": logic}
-
-    def _spiking_io(self, rate: FloatArray, polarity: bool) -> FloatArray:
-        """Return the power of the pads for polarity, address, REQ and ACK."""
-        data_bits = self.parameters.address_bits + int(polarity)
-        return (data_bits * self.toggle + 2) * self.bit_j * rate
 
     def _frame(self, resolution: FloatArray) -> tuple[dict[str, FloatArray], FloatArray]:
         """Return the power of the converter's parts and the I/O of the frame readout."""

@@ -83,11 +83,11 @@ class Dataset(Sequence[Texture]):
         """Class index of every texture, shape (len(self),)."""
         return np.array([texture.label for texture in self.textures], np.int64)
 
-    def limit(self, count: int) -> Dataset:
-        """Return a dataset of at most ``count`` evenly spread textures."""
-        if count < 1:
+    def limit(self, count: int | None) -> Dataset:
+        """Return a dataset of at most ``count`` evenly spread textures, or all of them."""
+        if count is not None and count < 1:
             raise InputError(f"the number of images must be at least 1, not {count}")
-        if count >= len(self):
+        if count is None or count >= len(self):
             return self
         chosen = tuple(self.textures[i * len(self) // count] for i in range(count))
         return Dataset(self.name, self.class_names, chosen)
