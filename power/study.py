@@ -23,11 +23,6 @@ RESOLUTIONS = range(MIN_RESOLUTION, MAX_RESOLUTION + 1)
 Data = dict[str, Any]
 
 
-def tau_key(tau_s: float) -> str:
-    """Return a time constant as a JSON key: 2.0, 0.2, 0.02."""
-    return str(float(tau_s))
-
-
 def breakdowns(model: PowerModel, resolution: int, noise_v_rms: float, tau_s: float) -> Data:
     """Return the power breakdown of the three readouts in watts, by readout."""
     return {name: model.breakdown(name, resolution, noise_v_rms, tau_s).to_dict() for name in READOUTS}
@@ -39,7 +34,7 @@ def crossovers(model: PowerModel, what: str = "noise_v_rms") -> Data:
     def line(readout: Any, tau_s: float) -> list[Any]:
         return [getattr(model.crossover(readout, n, tau_s), what) for n in RESOLUTIONS]
 
-    return {"lcs": line("lcs", FIG_TAU_S), "nlcs": {tau_key(tau): line("nlcs", tau) for tau in TAUS_S}}
+    return {"lcs": line("lcs", FIG_TAU_S), "nlcs": {str(tau): line("nlcs", tau) for tau in TAUS_S}}
 
 
 def _origin(models: Iterable[PowerModel]) -> Data:
@@ -89,7 +84,7 @@ def _ratios(model: PowerModel) -> Data:
     """Return spiking / frame power at 1 mV for N = 1..10, by readout and time constant."""
     bits = list(RESOLUTIONS)
     frame = model.breakdown("frame", bits, FIG7_NOISE_V).total
-    ratio = {tau_key(tau): (model.breakdown("nlcs", bits, FIG7_NOISE_V, tau).total / frame).tolist() for tau in TAUS_S}
+    ratio = {str(tau): (model.breakdown("nlcs", bits, FIG7_NOISE_V, tau).total / frame).tolist() for tau in TAUS_S}
     return {"lcs": (model.breakdown("lcs", bits, FIG7_NOISE_V).total / frame).tolist(), "nlcs": ratio}
 
 
