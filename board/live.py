@@ -169,8 +169,6 @@ def page() -> bytes:
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """HTTP handler of the live page and its data."""
-
     def __init__(self, view: View, *arguments: Any) -> None:
         self.view = view
         super().__init__(*arguments)

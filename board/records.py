@@ -9,6 +9,7 @@ from typing import NamedTuple
 from eskin.base.errors import InputError
 from eskin.board.config import ADDRESS_BITS, DESIGNS, MOST_CLASSES, BoardConfig
 from eskin.board.serial_frames import MOST_PAYLOAD
+from eskin.model.classifier.run import ClassifierRun
 
 TIME_BITS = 16  # low bits of the time in a record; a separate record carries the high bits when they change
 WORD_BITS, TAG_BITS = 32, 4
@@ -204,7 +205,6 @@ class RecordReader:
         return Event(time, address)
 
     def _follow(self, first: int) -> int:
-        """Return the number of words that follow the first word of a record."""
         tag = first >> VALUE_BITS
         if tag == Tag.CLASS:
             return self.classes
@@ -222,7 +222,8 @@ class RecordReader:
         if tag == Tag.CLASS:
             if above & 0x3F >= self.classes:
                 raise InputError(f"the board sent the class {above & 0x3F}, but has {self.classes} classes; {AGAIN}")
-            return Class(time, above & 0x3F, bool(above >> ADDRESS_BITS - 1), tuple(map(_signed, words[1:])))
+            evidence = tuple(word - (word >> WORD_BITS - 1 << WORD_BITS) for word in words[1:])  # signed
+            return Class(time, above & 0x3F, bool(above >> ADDRESS_BITS - 1), evidence)
         if tag == Tag.ACK:
             return Ack(value & 0xFF)
         if tag == Tag.REFUSED:
@@ -265,6 +266,16 @@ def hello_values(config: BoardConfig) -> dict[str, int]:
         "classes": classifier.classes if classifier else 0,
         "word_bytes": config.word_bytes,
     }
+
+
+def classes_of(run: ClassifierRun, clocks: int) -> list[Class]:
+    """Return the classes that a run of the classifier reports before a clock."""
+    late = min(run.overruns, default=clocks)
+    return [
+        Class(valid, one.winner, valid > late, tuple(one.evidence.tolist()))
+        for valid, one in zip(run.valid, run.bins, strict=True)
+        if valid < clocks
+    ]
 
 
 def additions(config: BoardConfig) -> int:
@@ -311,7 +322,3 @@ class RecordWriter:
 
 def _word(tag: Tag, value: int) -> int:
     return tag << VALUE_BITS | value
-
-
-def _signed(word: int) -> int:
-    return word - (word >> WORD_BITS - 1 << WORD_BITS)

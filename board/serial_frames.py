@@ -51,9 +51,8 @@ class Frame(NamedTuple):
 
 
 class Damaged(NamedTuple):
-    """Bytes between two flags, without escapes, that are not a valid frame."""
+    """Bytes between two flags that are not a valid frame."""
 
-    content: bytes
     reason: str
 
 
@@ -69,11 +68,11 @@ def decode(body: bytes) -> Frame | Damaged:
         escaped = False
     found = bytes(plain)
     if escaped or len(found) < HEAD_BYTES + CRC_BYTES:
-        return Damaged(found, f"it ends after {len(found)} bytes")
+        return Damaged(f"it ends after {len(found)} bytes")
     if zlib.crc32(found[:-CRC_BYTES]) != int.from_bytes(found[-CRC_BYTES:], "little"):
-        return Damaged(found, "its CRC is wrong")
+        return Damaged("its CRC is wrong")
     if found[2] != len(found) - HEAD_BYTES - CRC_BYTES:
-        return Damaged(found, f"its length says {found[2]} bytes, there are {len(found) - HEAD_BYTES - CRC_BYTES}")
+        return Damaged(f"its length says {found[2]} bytes, there are {len(found) - HEAD_BYTES - CRC_BYTES}")
     return Frame(found[0], found[1], found[HEAD_BYTES:-CRC_BYTES])
 
 
@@ -82,11 +81,6 @@ class FrameReader:
 
     def __init__(self) -> None:
         self._open: bytearray | None = None
-
-    @property
-    def unfinished(self) -> bool:
-        """True if a frame is incomplete."""
-        return bool(self._open)
 
     def feed(self, data: bytes) -> Iterator[Frame | Damaged]:
         """Return the frames completed by these bytes."""

@@ -15,7 +15,7 @@ from eskin.board.changes import ChangeCoder, whole_tick
 from eskin.board.config import ADDRESS_BITS, BOTH_FLAG, OFF_FLAG, BoardConfig
 from eskin.board.journal import Journal
 from eskin.board.link import Link
-from eskin.board.records import Class, Event, Feature, Lost, Record, Tag, Words
+from eskin.board.records import Class, Event, Feature, Lost, Record, Tag, Words, classes_of
 from eskin.board.serial_frames import MOST_PAYLOAD, Kind
 from eskin.board.udp import AddressEvent
 from eskin.model.address_events import EVENT_DTYPE, Events
@@ -224,12 +224,7 @@ def difference(chip: ChipConfig, weights: IntegerWeights, samples: NDArray[Any],
     model = simulate_chip(chip, weights.network, samples, clocks)
     if (found := first_difference(model.events, as_events(received.events))) is not None:
         return found.describe(("model", "board"))
-    late = min(model.classifier.overruns, default=clocks)
-    expected = [
-        Class(valid, one.winner, valid > late, tuple(one.evidence.tolist()))
-        for valid, one in zip(model.classifier.valid, model.classifier.bins, strict=True)
-        if valid < clocks
-    ]
+    expected = classes_of(model.classifier, clocks)
     for number, (wanted, got) in enumerate(zip(expected, received.classes, strict=False)):
         if wanted != got:
             return f"bin {number} differs: model {wanted}; board {got}"

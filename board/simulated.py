@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.board.config import BoardConfig
-from eskin.board.records import STATUS_WORDS, Ack, Class, Event, Record, RecordWriter, Tag, Words, hello_values
+from eskin.board.records import STATUS_WORDS, Ack, Event, Record, RecordWriter, Tag, Words, classes_of, hello_values
 from eskin.board.serial_frames import MOST_PAYLOAD, Damaged, Frame, FrameReader, Kind
 from eskin.model.classifier.chip import channels_of, simulate_chip
 from eskin.model.classifier.chip_config import ChipConfig
@@ -86,13 +86,11 @@ class SimulatedBoard:
         self._say(self.carry_out(frame))
 
     def _begin(self) -> None:
-        """Start a session."""
         self._sequence = self.taken = 0
         self._writer = RecordWriter()
         self._out.clear()
 
     def _restart_at(self, clock: float) -> None:
-        """Restart the time at a given clock."""
         self._origin = (time.monotonic(), clock)
 
     def _now(self) -> float:
@@ -118,7 +116,6 @@ class SimulatedBoard:
         return frames
 
     def _say(self, records: list[Record]) -> None:
-        """Send records to the host."""
         frames = self.framed(records)
         while frames and not self._ending:
             if select.select([], [self._master], [], MOST_NAP_S)[1]:
@@ -202,9 +199,7 @@ class SimulatedPlayer(SimulatedBoard):
         made: list[tuple[int, Record]] = [
             (time, Event(time, channel)) for time, channel in zip(run.events["t"].tolist(), channels, strict=True)
         ]
-        late = min(run.classifier.overruns, default=clocks)
-        for valid, one in zip(run.classifier.valid, run.classifier.bins, strict=True):
-            made.append((valid, Class(valid, one.winner, valid > late, tuple(one.evidence.tolist()))))
+        made += [(one.time, one) for one in classes_of(run.classifier, clocks)]
         made = [(time, record) for time, record in made if self._done <= time < clocks]
         self._restart_at(min(now, self._done))  # the time stands still while the models run
         self._out.extend(sorted([*made, *self._acks], key=lambda item: item[0]))

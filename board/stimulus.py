@@ -52,7 +52,6 @@ def codes_to_play(
 
 
 def _chosen(names: list[str], name: str, place: str | Path, kind: str) -> str:
-    """Return a name after checking that it is one of the names."""
     if name not in names:
         raise InputError(f"{place} has no {kind} {name!r}; the first {kind} is {names[0]}")
     return name

@@ -363,12 +363,8 @@ class ReadoutConfig(Configuration):
         result is the exact time constant of its integers. If none comes within 5 % of ``tau_s``, the error names the
         nearest time constants that do.
 
-        Parameters
-        ----------
-        tau_s, ts_s : float
-            Wanted time constant and sample period in seconds.
-        **parameters
-            All other fields of the configuration but sample_rate_hz, leak_shift and leak_period.
+        - ``tau_s``, ``ts_s``: wanted time constant and sample period in seconds.
+        - ``parameters``: all other fields of the configuration but sample_rate_hz, leak_shift and leak_period.
         """
         for name, value in (("tau", tau_s), ("sample period", ts_s)):
             if not (math.isfinite(value) and value > 0):

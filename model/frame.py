@@ -133,30 +133,16 @@ class FrameModel:
 
 @dataclass(frozen=True)
 class FrameStimulus:
-    """Inputs of a frame readout, starting at the end of reset.
-
-    Attributes
-    ----------
-    samples : ndarray of int, shape (ticks, taxels)
-        W-bit codes of all taxels; the ADC sees the newest of the selected taxel when it starts.
-    sample_clock : ndarray of int64, shape (ticks,)
-        Clock from which each entry is valid, rising from 0.
-    frame_clock : ndarray of int64, shape (frames,)
-        Clocks with ``frame_start``, rising.
-    clocks : int
-        Length of the run.
-    conversion : ndarray of int64, shape (pattern,)
-        Clocks from adc_start to adc_done of one conversion after the other, repeated; at least 1.
-    ready : ndarray of uint8, shape (pattern,)
-        ``word_ready`` per clock, repeated.
-    """
+    """Inputs of a frame readout, starting at the end of reset."""
 
     samples: NDArray[np.integer]
-    sample_clock: NDArray[np.int64]
-    frame_clock: NDArray[np.int64]
-    clocks: int
+    """W-bit codes, shape (ticks, taxels); the ADC sees the newest of the selected taxel when it starts."""
+    sample_clock: NDArray[np.int64]  # clock from which each entry is valid, rising from 0, shape (ticks,)
+    frame_clock: NDArray[np.int64]  # clocks with ``frame_start``, rising, shape (frames,)
+    clocks: int  # length of the run
     conversion: NDArray[np.int64]
-    ready: NDArray[np.uint8] = field(default_factory=lambda: np.ones(1, np.uint8))
+    """Clocks from adc_start to adc_done of one conversion after the other, repeated; at least 1, shape (pattern,)."""
+    ready: NDArray[np.uint8] = field(default_factory=lambda: np.ones(1, np.uint8))  # ``word_ready`` per clock, repeated
 
     @classmethod
     def from_samples(cls, config: FrameConfig, samples: NDArray[np.integer], *, drain: int = 0) -> FrameStimulus:
@@ -186,23 +172,12 @@ class FrameStimulus:
 
 @dataclass(frozen=True)
 class FrameRun:
-    """Words, conversion starts and missed frame starts of one simulated run.
+    """Words, conversion starts and missed frame starts of one simulated run."""
 
-    Attributes
-    ----------
-    words : ndarray of WORD_DTYPE, shape (words,)
-    starts : ndarray of int64, shape (conversions, 2)
-        Clock of every adc_start, and the index of the taxel.
-    overruns : ndarray of int64, shape (missed,)
-        Clocks of every frame_start that was missed (one before ``frame_overrun``).
-    idle : bool
-        Whether the readout was idle at the end.
-    """
-
-    words: NDArray[np.void]
-    starts: NDArray[np.int64]
-    overruns: NDArray[np.int64]
-    idle: bool
+    words: NDArray[np.void]  # of WORD_DTYPE, shape (words,)
+    starts: NDArray[np.int64]  # clock of every adc_start, and the index of the taxel, shape (conversions, 2)
+    overruns: NDArray[np.int64]  # clocks of every frame_start that was missed (one before ``frame_overrun``)
+    idle: bool  # whether the readout was idle at the end
 
 
 def simulate(config: FrameConfig, stimulus: FrameStimulus) -> FrameRun:

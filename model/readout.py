@@ -35,45 +35,33 @@ TAKEN, WAITED = 1, 2
 
 @dataclass(frozen=True)
 class Stimulus:
-    """The inputs of a readout, starting at the end of reset.
-
-    Attributes
-    ----------
-    samples : ndarray of int32, shape (ticks, taxels)
-        Codes of all taxels at every sample tick, before receptive fields; an analog signal may be up to four times full
-        scale.
-    sample_clock : ndarray of int64, shape (ticks,)
-        Clock of every sample tick, rising.
-    clocks : int
-        Length of the run. Actions in this clock or later are ignored (a REQ that rises at an edge is seen in the next
-        clock).
-    enable_clock, enable : ndarray of int64, shape (changes,), and of bool, shape (changes, taxels)
-        Masks, and the clocks from which they are valid; the first at clock 0.
-    ready : ndarray of uint8, shape (pattern,)
-        ``event_ready`` per clock, repeated (stream link).
-    ack_delay : ndarray of int64, shape (delays,)
-        From each edge of REQ to that of ACK in 1/8 clock, repeated, never a multiple of 8 (four-phase link).
-    decisions : ndarray of uint8, shape (clocks, taxels), optional
-        Decisions of the comparators in every clock, 1 for above and 2 for below (analog front end), for comparators
-        with offset, noise or hysteresis. By default they follow from the samples.
-    settings : ndarray of SETTING_DTYPE, shape (changes,)
-        Settings of a host, and the clocks from which they are valid; the first at clock 0 (``registers="spi"``).
-    choice_clock, choice : ndarray of int64, shape (changes,), and of uint8, shape (changes, taxels)
-        Fields that a host chooses, by their numbers in ``fields.CHOICES``, and the clocks from which they are valid;
-        the first at clock 0 (``fields="settable"``). By default all are ``own``. A mask silences taxels that are off.
-    """
+    """The inputs of a readout, starting at the end of reset."""
 
     samples: NDArray[np.int32]
-    sample_clock: NDArray[np.int64]
+    """Codes at every sample tick, before receptive fields; an analog signal may be up to four times full scale.
+
+    Shape (ticks, taxels).
+    """
+    sample_clock: NDArray[np.int64]  # clock of every sample tick, rising, shape (ticks,)
     clocks: int
-    enable_clock: NDArray[np.int64]
-    enable: NDArray[np.bool_]
+    """Length of the run; actions in this clock or later are ignored (a REQ that rises at an edge is seen in the next
+    clock)."""
+    enable_clock: NDArray[np.int64]  # clocks from which the masks are valid, the first 0, shape (changes,)
+    enable: NDArray[np.bool_]  # masks, shape (changes, taxels)
     ready: NDArray[np.uint8] = field(default_factory=lambda: np.ones(1, np.uint8))
+    """``event_ready`` per clock, repeated (stream link), shape (pattern,)."""
     ack_delay: NDArray[np.int64] = field(default_factory=lambda: np.ones(1, np.int64))
+    """From each edge of REQ to that of ACK in 1/8 clock, repeated, never a multiple of 8 (four-phase link)."""
     decisions: NDArray[np.uint8] | None = None
+    """Decisions of the comparators in every clock, 1 for above and 2 for below, shape (clocks, taxels) (analog front
+    end), for comparators with offset, noise or hysteresis. By default they follow from the samples."""
     settings: NDArray[np.void] = field(default_factory=lambda: np.zeros(0, settings.SETTING_DTYPE))
+    """Settings of a host, and the clocks from which they are valid; the first at clock 0 (``registers="spi"``)."""
     choice_clock: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     choice: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 0), np.uint8))
+    """Fields that a host chooses, by their numbers in ``fields.CHOICES``, shape (changes, taxels), and the clocks from
+    which they are valid; the first at clock 0 (``fields="settable"``). By default all are ``own``. A mask silences
+    taxels that are off."""
 
     @classmethod
     def from_samples(
@@ -134,7 +122,6 @@ class Stimulus:
 
 
 def _check_samples(config: ReadoutConfig, samples: NDArray[Any]) -> None:
-    """Check that samples are valid codes of the configuration."""
     full_scale = config.full_scale * (ANALOG_RANGE if config.frontend == "analog" else 1)
     if samples.ndim != 2 or samples.shape[1] != config.taxels:
         raise InputError(
@@ -154,27 +141,16 @@ def _check_samples(config: ReadoutConfig, samples: NDArray[Any]) -> None:
 
 @dataclass(frozen=True)
 class State:
-    """The registers of a readout just before a clock.
+    """The registers of a readout just before a clock; arrays have the shape (rows, columns)."""
 
-    Attributes
-    ----------
-    sample, reference, half_width : ndarray of int64, shape (rows, columns)
-        Codes; the reference of an encoder that leaks in units of 2**-fraction_bits codes.
-    pending, polarity : ndarray of bool, shape (rows, columns)
-    latch_row, latch_columns : int
-        The burst latch: its row, and its columns as bits.
-    behind : int
-        Rows, as bits, that come before all others in the next grant.
-    """
-
-    sample: NDArray[np.int64]
-    reference: NDArray[np.int64]
-    half_width: NDArray[np.int64]
+    sample: NDArray[np.int64]  # codes
+    reference: NDArray[np.int64]  # codes; of an encoder that leaks, in units of 2**-fraction_bits codes
+    half_width: NDArray[np.int64]  # codes
     pending: NDArray[np.bool_]
     polarity: NDArray[np.bool_]
-    latch_row: int
-    latch_columns: int
-    behind: int
+    latch_row: int  # row of the burst latch
+    latch_columns: int  # its columns as bits
+    behind: int  # rows, as bits, that come before all others in the next grant
 
 
 def simulate(config: ReadoutConfig, stimulus: Stimulus) -> Events:
@@ -398,17 +374,7 @@ def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: 
 @njit(inline="always")
 def _set(p: Parameters, now: Any) -> Parameters:
     """Return the loop parameters changed by the settings of a host."""
-    return Parameters(
-        p.leaks,
-        p.per_sample,
-        p.digital,
-        p.four_phase,
-        p.columns,
-        p.reset,
-        p.top,
-        p.bottom,
-        compiled.with_settings(p.rule, now),
-    )
+    return Parameters(*p[:-1], compiled.with_settings(p.rule, now))
 
 
 @njit(inline="always")

@@ -48,21 +48,12 @@ _BLOCK_BYTES = 2**20
 def encode(config: ReadoutConfig, samples: Samples, out: Counts | None = None) -> Counts:
     """Return the event counts of each sample for every taxel.
 
-    Parameters
-    ----------
-    config : ReadoutConfig
-        Encoder and its parameters.
-    samples : integer array, shape (ticks, taxels)
-        Codes of W bits. int16 in C order (W <= 16) is read in place; other types are converted. LCS and CW-LCS accept
-        any number of taxels. N-LCS needs ``config.taxels``, because its leak depends on the row, and so do receptive
-        fields, which are applied to the samples.
-    out : array of the result's shape and type, optional
-        Array for the result, to avoid a new one. Its content is undefined after an error.
+    The counts, shape (ticks, taxels), are signed int16; int32 only where one sample can cause more than 32,767 events.
 
-    Returns
-    -------
-    int16 array, shape (ticks, taxels)
-        Signed number of events; int32 only where one sample can cause more than 32,767 of them.
+    - ``samples``: codes of W bits, shape (ticks, taxels). int16 in C order (W <= 16) is read in place; other types are
+      converted. LCS and CW-LCS accept any number of taxels. N-LCS needs ``config.taxels``, because its leak depends on
+      the row, and so do receptive fields, which are applied to the samples.
+    - ``out``: array for the result, to avoid a new one. Its content is undefined after an error.
 
     Examples
     --------
@@ -256,7 +247,6 @@ def _check_samples(config: ReadoutConfig, samples: Samples) -> NDArray[Any]:
 
 
 def _refuse_range(config: ReadoutConfig, samples: NDArray[Any]) -> None:
-    """Raise InputError if a sample is out of range."""
     low, high = -config.full_scale, config.full_scale - 1
     for worst in (int(samples.min(initial=0)), int(samples.max(initial=0))):
         if not low <= worst <= high:
@@ -273,7 +263,6 @@ def _silenced(config: ReadoutConfig, found: NDArray[Any]) -> NDArray[Any]:
 
 
 def _check_counts(config: ReadoutConfig, counts: Counts, late: Flags | None, needed: bool) -> tuple[Counts, Flags]:
-    """Return checked counts and late flags."""
     counts = np.asarray(counts)
     if counts.ndim != 2 or counts.dtype.kind != "i":
         raise InputError(

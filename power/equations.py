@@ -140,20 +140,11 @@ class PowerModel:
     ) -> Breakdown:
         """Return the power of the parts of a readout.
 
-        Parameters
-        ----------
-        readout : "nlcs", "lcs" or "frame"
-        resolution : array of whole numbers
-            N, 1..10. The three numbers broadcast against each other.
-        noise_v_rms : float array
-            AFE output noise in volts rms, for a full scale of 1 V.
-        tau_s : float array
-            N-LCS time constant in seconds; the other readouts do not depend on it.
+        - ``resolution``: N, 1..10. The three numbers broadcast against each other.
+        - ``noise_v_rms``: AFE output noise in volts rms, for a full scale of 1 V.
+        - ``tau_s``: N-LCS time constant in seconds; the other readouts do not depend on it.
 
-        Raises
-        ------
-        InputError
-            If the readout is unknown or a number is out of range.
+        Raises InputError if the readout is unknown or a number is out of range.
         """
         if readout not in READOUTS:
             raise InputError(f"readout must be one of {', '.join(READOUTS)}, not {readout!r}")
@@ -166,7 +157,8 @@ class PowerModel:
         else:
             rates = self.taxel_rates(readout, bits, tau)
             parts = published(readout, lcs=self._lcs, nlcs=self._nlcs)(bits, rates)
-            io = self._spiking_io(rates.population_hz, polarity=registry.named(readout).polarity)
+            data_bits = self.parameters.address_bits + registry.named(readout).polarity  # beside REQ and ACK
+            io = (data_bits * self.toggle + 2) * self.bit_j * rates.population_hz
         return Breakdown(self._afe(readout, bits, noise), parts, io)
 
     def crossover(self, readout: Readout, resolution: int, tau_s: float = 0.2) -> Crossover:
@@ -316,11 +308,6 @@ class PowerModel:
         else:
             logic = p.logic_j_per_event * rate
         return {"line_bias": bias, "logic": logic}
-
-    def _spiking_io(self, rate: FloatArray, polarity: bool) -> FloatArray:
-        """Return the power of the pads for polarity, address, REQ and ACK."""
-        data_bits = self.parameters.address_bits + int(polarity)
-        return (data_bits * self.toggle + 2) * self.bit_j * rate
 
     def _frame(self, resolution: FloatArray) -> tuple[dict[str, FloatArray], FloatArray]:
         """Return the power of the converter's parts and the I/O of the frame readout."""

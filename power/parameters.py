@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, get_type_hints
+from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.model.config import MAX_SIDE, parameter
@@ -93,16 +93,15 @@ class PowerParameters:
     )
 
     def __post_init__(self) -> None:
-        for name, hint in get_type_hints(type(self)).items():
-            value = getattr(self, name)
+        for field in dataclasses.fields(self):
+            name, value, unit = field.name, getattr(self, field.name), field.metadata["unit"]
             if isinstance(value, bool) or not isinstance(value, (int, float)):
                 raise InputError(f"{name} must be a number, not {value!r}")
-            if hint is int:
+            if isinstance(field.default, int):
                 if value != int(value) or not 1 <= value <= MAX_SIDE:
                     raise InputError(f"{name} must be a whole number in 1..{MAX_SIDE}, not {value!r}")
                 object.__setattr__(self, name, int(value))
             elif not (math.isfinite(value) and value > 0):
-                unit = type(self).unit(name)
                 raise InputError(f"{name} must be a positive number{f' in {unit}' if unit else ''}, not {value!r}")
             elif not SMALLEST**2 <= value <= LARGEST:
                 raise InputError(f"{name} must be in {SMALLEST**2:g}..{LARGEST:g}, not {value!r}")
@@ -112,11 +111,6 @@ class PowerParameters:
         ):
             if getattr(self, name) > 1:
                 raise InputError(f"{name} is a share and must be at most 1, not {getattr(self, name)!r}")
-
-    @classmethod
-    def unit(cls, name: str) -> str:
-        """Return the unit of a parameter; empty for a pure number."""
-        return str(next(f.metadata["unit"] for f in dataclasses.fields(cls) if f.name == name))
 
     @property
     def taxels(self) -> int:

@@ -23,31 +23,18 @@ RESOLUTIONS = range(MIN_RESOLUTION, MAX_RESOLUTION + 1)
 Data = dict[str, Any]
 
 
-def tau_key(tau_s: float) -> str:
-    """Return a time constant as a JSON key: 2.0, 0.2, 0.02."""
-    return str(float(tau_s))
-
-
 def breakdowns(model: PowerModel, resolution: int, noise_v_rms: float, tau_s: float) -> Data:
     """Return the power breakdown of the three readouts in watts, by readout."""
     return {name: model.breakdown(name, resolution, noise_v_rms, tau_s).to_dict() for name in READOUTS}
 
 
-def crossovers(model: PowerModel) -> Data:
-    """Return the crossover noise in volts for N = 1..10; None without a crossover."""
-    return _over_crossovers(model, "noise_v_rms")
+def crossovers(model: PowerModel, what: str = "noise_v_rms") -> Data:
+    """Return the crossover noise in volts for N = 1..10, None without one; or another field of ``Crossover``."""
 
-
-def winning_sides(model: PowerModel) -> Data:
-    """Return the side of the crossover on which spikes need less power: above, below, always or never."""
-    return _over_crossovers(model, "spikes_win")
-
-
-def _over_crossovers(model: PowerModel, attribute: str) -> Data:
     def line(readout: Any, tau_s: float) -> list[Any]:
-        return [getattr(model.crossover(readout, n, tau_s), attribute) for n in RESOLUTIONS]
+        return [getattr(model.crossover(readout, n, tau_s), what) for n in RESOLUTIONS]
 
-    return {"lcs": line("lcs", FIG_TAU_S), "nlcs": {tau_key(tau): line("nlcs", tau) for tau in TAUS_S}}
+    return {"lcs": line("lcs", FIG_TAU_S), "nlcs": {str(tau): line("nlcs", tau) for tau in TAUS_S}}
 
 
 def _origin(models: Iterable[PowerModel]) -> Data:
@@ -83,7 +70,11 @@ def fig7_data(models: Mapping[str, PowerModel]) -> Data:
         "unit": "V",
         "ratio_noise_v_rms": FIG7_NOISE_V,
         "modes": {
-            mode: {"crossover": crossovers(model), "spikes_win": winning_sides(model), "ratio": _ratios(model)}
+            mode: {
+                "crossover": crossovers(model),
+                "spikes_win": crossovers(model, "spikes_win"),
+                "ratio": _ratios(model),
+            }
             for mode, model in models.items()
         },
     }
@@ -93,19 +84,15 @@ def _ratios(model: PowerModel) -> Data:
     """Return spiking / frame power at 1 mV for N = 1..10, by readout and time constant."""
     bits = list(RESOLUTIONS)
     frame = model.breakdown("frame", bits, FIG7_NOISE_V).total
-    ratio = {tau_key(tau): (model.breakdown("nlcs", bits, FIG7_NOISE_V, tau).total / frame).tolist() for tau in TAUS_S}
+    ratio = {str(tau): (model.breakdown("nlcs", bits, FIG7_NOISE_V, tau).total / frame).tolist() for tau in TAUS_S}
     return {"lcs": (model.breakdown("lcs", bits, FIG7_NOISE_V).total / frame).tolist(), "nlcs": ratio}
 
 
 def sensitivity_models(model: PowerModel, other_rates: Mapping[str, RateTable]) -> dict[str, tuple[str, PowerModel]]:
     """Return the models of the sensitivity study by name, each with its group.
 
-    Parameters
-    ----------
-    model : PowerModel
-        With measured rates; its corrections are replaced.
-    other_rates : mapping of str to RateTable
-        Rates and bandwidths to put in place of the model's, by the name of the case.
+    ``model`` has measured rates; its corrections are replaced. ``other_rates`` are rates and bandwidths to put in place
+    of the model's, by the name of the case.
     """
     everything = frozenset(CORRECTIONS)
 

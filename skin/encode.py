@@ -195,7 +195,6 @@ def _gray(image: Image) -> NDArray[Any]:
 
 
 def _has_time(source: Path) -> bool:
-    """Return True if a .csv file has a time column."""
     from eskin.skin.recordings.table import read_table
 
     try:
@@ -231,7 +230,6 @@ def _check_full_scale(path: Path, values: NDArray[Any], config: ReadoutConfig) -
 
 
 def _scale_factor(scale: str | None, values: NDArray[Any], config: ReadoutConfig) -> float:
-    """Return the factor that scales values to full scale."""
     if scale == "max":
         largest = float(np.abs(values.astype(np.float64)).max())
         # The positive end of the range is one code short of full scale.

@@ -32,8 +32,6 @@ PROGRAMS = {
 }
 
 NETWORK = Path(str(resources.files("eskin.model").joinpath("classifier", "networks", "embedded", "fold-0.npz")))
-KILOBYTE = 1024
-BLOCK_BITS = 18 * 1024
 
 
 class BuildFailed(RuntimeError):
@@ -63,7 +61,7 @@ class Built:
     @property
     def memory_kilobytes(self) -> float:
         """Capacity in kilobytes of the block RAMs used."""
-        return self.blocks * BLOCK_BITS / 8 / KILOBYTE
+        return self.blocks * 18 / 8
 
 
 def design_of(

@@ -17,8 +17,7 @@ from eskin.model.classifier.run import ClassifierRun, first_ready, simulate, wor
 class ChipRun:
     """Events, clocks and classes of one simulated run of a chip."""
 
-    events: Events
-    """Events that the classifier took; all ON if it ignores polarity."""
+    events: Events  # that the classifier took; all ON if it ignores polarity
     classifier: ClassifierRun
 
 

@@ -20,26 +20,14 @@ Whole = NDArray[np.int64]
 
 
 class Bin(NamedTuple):
-    """Potentials, spikes (0 or 1) and evidence at the end of a bin.
+    """Potentials, spikes (0 or 1) and evidence at the end of a bin."""
 
-    Attributes
-    ----------
-    potential, spikes : shape (hidden,)
-        Potentials as compared with the threshold.
-    output, output_spikes : shape (classes,)
-        Membrane outputs never spike.
-    evidence : shape (classes,)
-        Evidence since the scan began.
-    winner : int
-        The class: the first output with the most evidence.
-    """
-
-    potential: Whole
-    spikes: Whole
-    output: Whole
-    output_spikes: Whole
-    evidence: Whole
-    winner: int
+    potential: Whole  # as compared with the threshold, shape (hidden,)
+    spikes: Whole  # shape (hidden,)
+    output: Whole  # shape (classes,)
+    output_spikes: Whole  # shape (classes,); membrane outputs never spike
+    evidence: Whole  # since the scan began, shape (classes,)
+    winner: int  # the class: the first output with the most evidence
 
 
 def _arrays(config: ClassifierConfig) -> dict[str, tuple[tuple[int, ...], int]]:
@@ -57,27 +45,15 @@ def _arrays(config: ClassifierConfig) -> dict[str, tuple[tuple[int, ...], int]]:
 class IntegerNetwork:
     """A spiking network with integer weights.
 
-    Parameters
-    ----------
-    config : ClassifierConfig
-    w_in : shape (inputs, hidden)
-    w_rec : shape (hidden, hidden)
-        From the first index to the second.
-    w_out : shape (hidden, classes)
-    b_hidden, b_out : shapes (hidden,), (classes,)
-
-    Raises
-    ------
-    InputError
-        If an array has another shape, or a number exceeds its bits.
+    Raises InputError if an array has another shape, or a number exceeds its bits.
     """
 
     config: ClassifierConfig
-    w_in: Whole
-    w_rec: Whole
-    w_out: Whole
-    b_hidden: Whole
-    b_out: Whole
+    w_in: Whole  # shape (inputs, hidden)
+    w_rec: Whole  # from the first index to the second, shape (hidden, hidden)
+    w_out: Whole  # shape (hidden, classes)
+    b_hidden: Whole  # shape (hidden,)
+    b_out: Whole  # shape (classes,)
 
     def __post_init__(self) -> None:
         for name, (shape, bits) in _arrays(self.config).items():
@@ -160,17 +136,9 @@ class State:
     in rising order of their neuron. Each addition stops at the end of the bits. In neurons with a synaptic current all
     this adds to the current, and the end of the bin adds the current to the leaked potential.
 
-    Attributes
-    ----------
-    v : shape (scans, hidden)
-        Potentials, or synaptic currents.
-    rest : shape (scans, hidden)
-        With a synaptic current: potentials after the previous bin, leaked.
-    spikes : shape (scans, hidden)
-        Spikes of the previous bin.
-    output, output_rest : shape (scans, classes)
-        Like v and rest.
-    evidence : shape (scans, classes)
+    ``v``, shape (scans, hidden), are potentials or synaptic currents; with a current, ``rest`` are the potentials after
+    the previous bin, leaked. ``spikes`` are those of the previous bin. ``output`` and ``output_rest``, shape (scans,
+    classes), are like v and rest, and ``evidence`` has their shape.
     """
 
     def __init__(self, network: IntegerNetwork, scans: int = 1) -> None:

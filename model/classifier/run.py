@@ -12,28 +12,15 @@ from eskin.model.classifier.network import Bin, IntegerNetwork, State
 
 @dataclass
 class ClassifierRun:
-    """Clocks, classes and waiting times of one simulated run of the classifier.
+    """Clocks, classes and waiting times of one simulated run of the classifier."""
 
-    Attributes
-    ----------
-    accepted : list of int
-        Clock in which each event was taken; events behind the last of them were not.
-    bins : list of Bin
-        One for each bin that ended.
-    ended, valid : list of int
-        Clock of the ``bin_end`` of each bin, and of its ``class_valid``.
-    overruns : list of int
-        Clocks of ``bin_end`` while the work of one before was not done; from the next clock on ``overrun`` is high.
-    stalled : int
-        Clocks in which an event waited, until the observation ends.
-    """
-
-    accepted: list[int] = field(default_factory=list)
-    bins: list[Bin] = field(default_factory=list)
-    ended: list[int] = field(default_factory=list)
-    valid: list[int] = field(default_factory=list)
+    accepted: list[int] = field(default_factory=list)  # clock of each event that was taken, the first ones in order
+    bins: list[Bin] = field(default_factory=list)  # one for each bin that ended
+    ended: list[int] = field(default_factory=list)  # clock of the ``bin_end`` of each bin
+    valid: list[int] = field(default_factory=list)  # clock of its ``class_valid``
     overruns: list[int] = field(default_factory=list)
-    stalled: int = 0
+    """Clocks of ``bin_end`` while the work of one before was not done; from the next clock on ``overrun`` is high."""
+    stalled: int = 0  # clocks in which an event waited, until the observation ends
 
     @property
     def latencies(self) -> list[int]:
@@ -58,16 +45,10 @@ def simulate(
 ) -> ClassifierRun:
     """Simulate the classifier clock by clock.
 
-    Parameters
-    ----------
-    offered : sequence of (clock, channel)
-        Clock from which each event is offered, in order, after the previous event has been taken.
-    ends : sequence of int
-        Clocks of ``bin_end``, rising.
-    clocks : int
-        The observation ends before this clock.
-    start : int
-        Clock of ``scan_start``; -1 for the end of reset.
+    - ``offered``: clock from which each event is offered, in order, after the previous event has been taken; channel.
+    - ``ends``: clocks of ``bin_end``, rising.
+    - ``clocks``: the observation ends before this clock.
+    - ``start``: clock of ``scan_start``; -1 for the end of reset.
     """
     config, run, state = network.config, ClassifierRun(), State(network)
     free = first_ready(config, start)  # first clock in which the next event can be taken

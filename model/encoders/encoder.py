@@ -34,50 +34,24 @@ class Constants(NamedTuple):
 
 
 class Encoder(ABC):
-    """The rule by which a taxel converts samples into events.
+    """The rule by which a taxel converts samples into events."""
 
-    Attributes
-    ----------
-    name : str
-        Name in configurations and commands.
-    title : str
-        Name in tables and figures.
-    colour, marker : str
-        Colour and marker of its line in figures, for Matplotlib.
-    code : int
-        Its number in the register ``shape.encoding``, 0..7; never given to another encoder.
-    fields : tuple of str
-        Fields of ``ReadoutConfig`` that only some encoders read, and this one does.
-    polarity : bool
-        Events are ON or OFF. Without polarity all events are ON, the reference never goes below zero, and a sample
-        below zero counts as zero.
-    leaks : bool
-        The reference leaks at decay ticks.
-    windowed : bool
-        Every taxel has a window, which closes while no event happens.
-    strict : bool
-        ON needs x - u > D; otherwise x - u >= the half-width of the window.
-    timed : bool
-        The decoder must know which events came late.
-    Rule : class
-        A subclass of ``Constants`` of its own, or a named tuple with the fields of ``Constants`` and those of ``own``.
-    state : tuple of str
-        Additional state of a taxel besides sample and reference; 0 after reset.
-    """
-
-    name: ClassVar[str]
-    title: ClassVar[str]
-    colour: ClassVar[str]
+    name: ClassVar[str]  # in configurations and commands
+    title: ClassVar[str]  # in tables and figures
+    colour: ClassVar[str]  # of its line in figures, for Matplotlib
     marker: ClassVar[str]
-    code: ClassVar[int]
-    fields: ClassVar[tuple[str, ...]] = ()
+    code: ClassVar[int]  # number in the register ``shape.encoding``, 0..7; never given to another encoder
+    fields: ClassVar[tuple[str, ...]] = ()  # fields of ``ReadoutConfig`` that this encoder reads, and others do not
     polarity: ClassVar[bool] = True
-    leaks: ClassVar[bool] = False
-    windowed: ClassVar[bool] = False
-    strict: ClassVar[bool] = False
-    timed: ClassVar[bool] = False
+    """Events are ON or OFF. Without polarity all events are ON, the reference never goes below zero, and a sample below
+    zero counts as zero."""
+    leaks: ClassVar[bool] = False  # the reference leaks at decay ticks
+    windowed: ClassVar[bool] = False  # every taxel has a window, which closes while no event happens
+    strict: ClassVar[bool] = False  # ON needs x - u > D; otherwise x - u >= the half-width of the window
+    timed: ClassVar[bool] = False  # the decoder must know which events came late
     Rule: ClassVar[Any]
-    state: ClassVar[tuple[str, ...]] = ()
+    """A subclass of ``Constants`` of its own, or a named tuple with the fields of ``Constants`` and of ``own``."""
+    state: ClassVar[tuple[str, ...]] = ()  # additional state of a taxel besides sample and reference; 0 after reset
 
     @property
     def late(self) -> bool:

@@ -29,21 +29,11 @@ class AddressEvent(NamedTuple):
 
 @dataclass(frozen=True)
 class Difference:
-    """The first difference between two recordings.
+    """The first difference between two recordings."""
 
-    Attributes
-    ----------
-    index : int
-        Number of the event, counted from 0; all events before it are equal.
-    start : int
-        Number of the first event of the context.
-    context_a, context_b : tuple of AddressEvent
-        The events ``start`` .. ``index + 3`` of both, as far as they exist.
-    """
-
-    index: int
-    start: int
-    context_a: tuple[AddressEvent, ...]
+    index: int  # number of the event, counted from 0; all events before it are equal
+    start: int  # number of the first event of the context
+    context_a: tuple[AddressEvent, ...]  # the events ``start`` .. ``index + 3``, as far as they exist
     context_b: tuple[AddressEvent, ...]
 
     @property

@@ -32,19 +32,6 @@ _HEADER_TYPES: dict[str, type] = {
 class Recording:
     """Address events with their configuration, duration and metadata; immutable and validated.
 
-    Parameters
-    ----------
-    events : ndarray of EVENT_DTYPE, shape (events,)
-        Events in order of transfer; stored as a read-only copy.
-    config : ReadoutConfig
-        The readout that sent them, or the skin of tiles (``TilesConfig``).
-    duration_clocks : int
-        Length in clocks; all events have ``0 <= t < duration_clocks``. Rates are events divided by the length.
-    version : str
-        Version of the program that recorded.
-    metadata : dict, optional
-        Any other JSON values: name, label, source, ...
-
     Examples
     --------
     >>> from eskin.model.config import ReadoutConfig
@@ -61,10 +48,15 @@ class Recording:
     """
 
     events: Events
+    """Events in order of transfer, shape (events,); stored as a read-only copy."""
     config: ReadoutConfig
+    """The readout that sent them, or the skin of tiles (``TilesConfig``)."""
     duration_clocks: int
+    """Length in clocks; all events have ``0 <= t < duration_clocks``. Rates are events divided by the length."""
     version: str = __version__
+    """Version of the program that recorded."""
     metadata: dict[str, Any] = field(default_factory=dict)
+    """Any other JSON values: name, label, source, ..."""
 
     def __post_init__(self) -> None:
         check_events(self.events, self.config, self.duration_clocks)

@@ -20,27 +20,18 @@ Kind = Literal["constant", "setting", "pulse", "counter"]
 
 @dataclass(frozen=True)
 class Field:
-    """A bit field of a register; ``low`` is the place of its lowest bit.
-
-    Attributes
-    ----------
-    kind : str
-        ``constant`` for ever; ``setting``, written and read back; ``pulse``, 1 for one clock after a 1 was written;
-        ``counter`` of its input, which stops at its end.
-    least, most : int
-        Range of writable values.
-    announced : bool
-        The hardware behind the register is notified of a write (``swmod``).
-    """
+    """A bit field of a register."""
 
     name: str
-    low: int
+    low: int  # place of the lowest bit
     width: int
     reset: int
     kind: Kind
-    least: int
+    """``constant`` for ever; ``setting``, written and read back; ``pulse``, 1 for one clock after a 1 was written;
+    ``counter`` of its input, which stops at its end."""
+    least: int  # writable value
     most: int
-    announced: bool
+    announced: bool  # the hardware behind the register is notified of a write (``swmod``)
     meaning: str
 
     @property

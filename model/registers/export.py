@@ -68,7 +68,6 @@ def _page(config: ReadoutConfig, found: Iterable[Register], scope: str) -> str:
 
 
 def _table(found: Iterable[Register]) -> str:
-    """Return a Markdown table of all register fields."""
     lines = ["| address | register | bits | field | access | reset | range | |", "|" + "---|" * 8]
     arrays: dict[str, list[Register]] = {}
     for register in found:

@@ -21,13 +21,6 @@ class RegisterFile:
 
     The file refuses a word with a field out of range as a whole, and any write to a read-only register or an unused
     address. Unused addresses read 0. A counter stops at its end.
-
-    Attributes
-    ----------
-    words : dict of int to int
-        The registers by their addresses.
-    written : frozenset of str
-        Signals of fields that report a write of their register to the hardware in this clock.
     """
 
     def __init__(self, config: ReadoutConfig) -> None:
@@ -36,8 +29,8 @@ class RegisterFile:
 
     def reset(self) -> None:
         """Set all registers to their reset values."""
-        self.words = {address: register.reset for address, register in self.at.items()}
-        self.written: frozenset[str] = frozenset()
+        self.words = {address: register.reset for address, register in self.at.items()}  # by address
+        self.written: frozenset[str] = frozenset()  # fields that report a write to the hardware in this clock
 
     def read(self, address: int) -> int:
         """Return the word read at an address; 0 for pulses and unused addresses."""

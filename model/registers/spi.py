@@ -29,33 +29,20 @@ class Pins(NamedTuple):
 
 
 class SpiSlave:
-    """The SPI slave; properties give its outputs before a rising edge, and ``clock`` applies the edge.
-
-    Attributes
-    ----------
-    sck, cs_n, mosi : list of int
-        Pins as they were one clock before, two, and so on: the first two are the synchroniser.
-    active : bool
-        A transfer is under way: CS was high for two clocks and then low ever since.
-    count : int
-        Bits of the word or command so far.
-    in_data, writes : bool
-        True if the command is complete and is a write.
-    address : int
-    shift : int
-        The last 32 bits, or the bits still to be read.
-    bit : int
-        The newest bit.
-    """
+    """The SPI slave; properties give its outputs before a rising edge, and ``clock`` applies the edge."""
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
         """Reset the slave, which then ignores the bus until CS has been high."""
+        # Pins as they were one clock before, two, and so on: the first two are the synchroniser.
         self.sck, self.cs_n, self.mosi = [0, 0, 0], [0, 0, 0, 0], [0, 0]
-        self.active = self.in_data = self.writes = False
-        self.count = self.address = self.shift = self.bit = 0
+        self.active = False  # a transfer is under way: CS was high for two clocks and then low ever since
+        self.in_data = self.writes = False  # the command is complete, and is a write
+        self.count = 0  # bits of the word or command so far
+        self.shift = self.bit = 0  # the last 32 bits, or the bits still to be read; the newest bit
+        self.address = 0
 
     @property
     def rises(self) -> bool:

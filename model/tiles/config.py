@@ -27,14 +27,8 @@ class TilesConfig(ReadoutConfig):
     """A skin of identical tiles in rows and columns, whose events are merged into one stream.
 
     ``rows`` and ``columns`` are those of the whole skin, so its event files are read like any other; ``tile`` is the
-    readout of one tile. Tile (r, c) of the skin has index ``r * tile_columns + c``.
-
-    Parameters
-    ----------
-    tile_rows, tile_columns : int
-        Rows and columns of tiles, 64 tiles at most.
-    relays : int
-        Relay stations on the line from each tile to the merge; each takes an event one clock.
+    readout of one tile. Tile (r, c) of the skin has index ``r * tile_columns + c``. A relay station takes an event one
+    clock.
 
     Examples
     --------

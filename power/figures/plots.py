@@ -88,7 +88,6 @@ def plot_fig7(data: Data, path: Path) -> None:
 
 
 def _found(data: Data, values: list[Any]) -> list[tuple[int, float]]:
-    """Return resolutions and noise values of the crossovers of a line."""
     return [(n, value) for n, value in zip(data["resolution"], values, strict=True) if value is not None]
 
 

@@ -139,7 +139,6 @@ def _draw(
 def _end_ms(
     config: ReadoutConfig, recordings: Iterable[Events], signals: Iterable[NDArray[Any]], duration_clocks: int | None
 ) -> float:
-    """Return the right end of the time axis in ms."""
     if duration_clocks is None:
         ends = [int(events["t"][-1]) + 1 for events in recordings if len(events)]
         ends += [len(signal) * config.clocks_per_sample for signal in signals]

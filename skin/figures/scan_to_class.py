@@ -223,7 +223,6 @@ def _draw_taxel(panel: Axes, played: ScanToClass, taxel: int, offset: float, siz
 
 
 def _draw_events(panel: Axes, played: ScanToClass) -> None:
-    """Draw the address events of all taxels."""
     config, events = played.recording.config, played.recording.events
     index = taxel_of(events, config)
     for on, colour in ((True, ON_COLOUR), (False, OFF_COLOUR)):
@@ -236,7 +235,6 @@ def _draw_events(panel: Axes, played: ScanToClass) -> None:
 
 
 def _draw_hidden(panel: Axes, played: ScanToClass) -> None:
-    """Draw the spikes of the hidden neurons."""
     step, neuron = np.nonzero(played.spikes)
     panel.plot(played.ends_ms[step], neuron, ls="", marker="|", ms=2, mew=0.7, color=_INK, rasterized=True)
     panel.set_ylim(played.spikes.shape[1] - 0.5, -0.5)

@@ -39,25 +39,17 @@ class Source:
 class RecordingSet:
     """Recordings as codes, with their common configuration."""
 
-    name: str
-    """Name of the folder or file."""
+    name: str  # of the folder or file
     sources: tuple[Source, ...]
-    codes: list[NDArray[np.int32]]
-    """Codes in the order of the sources, each of shape (ticks, taxels)."""
+    codes: list[NDArray[np.int32]]  # in the order of the sources, each of shape (ticks, taxels)
     config: ReadoutConfig
-    options: Preparation
-    """Preparation that made the codes."""
+    options: Preparation  # that made the codes
     scale: Scale
-    clipped: int
-    """Samples beyond full scale."""
-    notes: tuple[str, ...]
-    """Interpretation of the files."""
-    warnings: tuple[str, ...]
-    """Problems, each with the option that fixes it."""
-    columns: tuple[str, ...] = ()
-    """Names of the taxels, if the files have them."""
-    starts_s: Mapping[str, float] = field(default_factory=dict)
-    """First time stamp in seconds by name of the source, if any."""
+    clipped: int  # samples beyond full scale
+    notes: tuple[str, ...]  # interpretation of the files
+    warnings: tuple[str, ...]  # problems, each with the option that fixes it
+    columns: tuple[str, ...] = ()  # names of the taxels, if the files have them
+    starts_s: Mapping[str, float] = field(default_factory=dict)  # first time stamp in seconds by source, if any
 
     def recording(self, number: int) -> tuple[Recording, Quality]:
         """Return the events of a recording from the cycle-accurate model, and their quality."""

@@ -122,7 +122,6 @@ def on_grid(table: Table, rate_hz: float) -> tuple[Values, bool]:
 
 
 def _filled(tables: Sequence[Table]) -> list[str]:
-    """Return a sentence about missing rows and missing cells."""
     rows, holed, cells = 0, 0, sum(table.filled for table in tables)
     for table in tables:
         if table.time_s is not None:

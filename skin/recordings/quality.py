@@ -117,18 +117,17 @@ def power_of_two(clocks: int) -> int:
 
 def pooled(parts: list[Quality]) -> Quality:
     """Return the quality of several recordings together: weighted means and worst peaks."""
-    samples, seconds = sum(p.samples for p in parts), math.fsum(p.seconds for p in parts)
+    counts = {
+        name: sum(getattr(p, name) for p in parts) for name in ("samples", "events", "expected", "late", "merged")
+    }
+    seconds = math.fsum(p.seconds for p in parts)
     return Quality(
-        samples=samples,
+        **counts,
         seconds=seconds,
-        events=sum(p.events for p in parts),
-        expected=sum(p.expected for p in parts),
-        late=sum(p.late for p in parts),
-        merged=sum(p.merged for p in parts),
         load=math.fsum(p.load * p.seconds for p in parts) / seconds,
         peak_load=max(p.peak_load for p in parts),
-        signal=math.fsum(p.signal * p.samples for p in parts) / samples,
-        noise=math.fsum(p.noise * p.samples for p in parts) / samples,
+        signal=math.fsum(p.signal * p.samples for p in parts) / counts["samples"],
+        noise=math.fsum(p.noise * p.samples for p in parts) / counts["samples"],
         bound_holds=all(p.bound_holds for p in parts),
     )
 

@@ -5,6 +5,7 @@ import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,18 +126,16 @@ def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...]
 
 def _numbers(text: str, delimiter: str | None) -> Values:
     """Return the numbers in a text, shape (rows, columns), with NaN for cells without a number."""
+
+    def load(**more: Any) -> Values:
+        return np.loadtxt(io.StringIO(text), np.float64, delimiter=delimiter, comments=None, ndmin=2, **more)
+
     try:
-        return np.loadtxt(io.StringIO(text), np.float64, delimiter=delimiter, comments=None, ndmin=2)
+        return load()
     except ValueError:
         if delimiter is None or not any(_is_missing(cell) for cell in re.split(f"[{re.escape(delimiter)}\n]", text)):
             raise
-
-    def number(cell: str) -> float:
-        return math.nan if _is_missing(cell) else float(cell)
-
-    return np.loadtxt(
-        io.StringIO(text), np.float64, delimiter=delimiter, comments=None, ndmin=2, converters=number, encoding="utf-8"
-    )
+    return load(converters=lambda cell: math.nan if _is_missing(cell) else float(cell), encoding="utf-8")
 
 
 def _numbered(values: Values) -> tuple[str, ...]:

@@ -45,13 +45,10 @@ PATCH_WIDTH_PX, PATCH_HEIGHT_PX = 256, 64
 class Texture:
     """One texture image with its class; pixels are loaded on demand."""
 
-    name: str
-    """Class and image, unique and stable, as ``brick/brick-00``."""
+    name: str  # class and image, unique and stable, as ``brick/brick-00``
     class_name: str
-    label: int
-    """Index of the class in ``Dataset.class_names``."""
-    path: Path
-    """PNG file of the image."""
+    label: int  # index of the class in ``Dataset.class_names``
+    path: Path  # PNG file of the image
     crop: tuple[int, int, int, int] | None = None
     """Part of the file in pixels (top, left, height, width); None for the whole image."""
 
@@ -68,10 +65,8 @@ class Texture:
 class Dataset(Sequence[Texture]):
     """Textures in a fixed order, sorted by class."""
 
-    name: str
-    """``embedded``, or the name of the directory."""
-    class_names: tuple[str, ...]
-    """In alphabetical order; a label is an index into them."""
+    name: str  # ``embedded``, or the name of the directory
+    class_names: tuple[str, ...]  # in alphabetical order; a label is an index into them
     textures: tuple[Texture, ...]
 
     def __len__(self) -> int:
@@ -88,11 +83,11 @@ class Dataset(Sequence[Texture]):
         """Class index of every texture, shape (len(self),)."""
         return np.array([texture.label for texture in self.textures], np.int64)
 
-    def limit(self, count: int) -> Dataset:
-        """Return a dataset of at most ``count`` evenly spread textures."""
-        if count < 1:
+    def limit(self, count: int | None) -> Dataset:
+        """Return a dataset of at most ``count`` evenly spread textures, or all of them."""
+        if count is not None and count < 1:
             raise InputError(f"the number of images must be at least 1, not {count}")
-        if count >= len(self):
+        if count is None or count >= len(self):
             return self
         chosen = tuple(self.textures[i * len(self) // count] for i in range(count))
         return Dataset(self.name, self.class_names, chosen)
@@ -156,7 +151,6 @@ def directory_dataset(root: Path) -> Dataset:
 
 
 def _verify(root: Path, found: dict[str, list[str]]) -> None:
-    """Check the images of a directory against its SHA256SUMS file."""
     listed = _read_sums(root / SUMS_FILE)
     classes = {name.split("/")[0] for name in listed}
     if unknown := [name for name in found if name not in classes]:
@@ -236,7 +230,6 @@ def embedded_dataset() -> Dataset:
 
 
 def _skimage_file(name: str, digest: str) -> Path:
-    """Return the path of a data file of the installed scikit-image."""
     spec = find_spec("skimage")
     if spec is None or not spec.submodule_search_locations:
         raise InputError(

@@ -23,14 +23,10 @@ class PaperScan(Scan):
 
     name = "paper"
 
-    pixel_step: int = 4
-    """The first of this many pixels is used: 200 um of taxel pitch in pixels of 45 um, rounded."""
-    upsampling: int = 560
-    """Factor of the polyphase filter from kept pixels to the played line."""
-    kaiser_beta: float = 5.0
-    """Window of that filter."""
-    half_length: int = 10
-    """Half-length of that filter in kept pixels (it has 2 * half_length * upsampling + 1 taps)."""
+    pixel_step: int = 4  # the first of this many pixels is used: 200 um of taxel pitch in pixels of 45 um, rounded
+    upsampling: int = 560  # factor of the polyphase filter from kept pixels to the played line
+    kaiser_beta: float = 5.0  # window of that filter
+    half_length: int = 10  # of that filter in kept pixels (it has 2 * half_length * upsampling + 1 taps)
     playback_hz: float = 200_000.0
     """Samples per second of the played line: 80,080 samples last 0.4004 s, 65 mm/s."""
     sensor_time_base_hz: float = 1_400_000.0
@@ -140,15 +136,15 @@ def _paper_response(scan: PaperScan, kept: int, every: int) -> Signals:
     """
     from scipy import signal
 
-    ticks = kept * scan.upsampling // every
-    response = np.empty((ticks, kept))
-    taps = 2 * scan.half_length * scan.upsampling + 1
-    window = ("kaiser", scan.kaiser_beta)
-    lowpass = signal.firwin(taps, 1.0 / scan.upsampling, window=window)
-    block = 16  # bounds the memory of the line at full rate
-    for start in range(0, kept, block):
-        unit = np.eye(kept)[:, start : start + block]
-        line = signal.resample_poly(unit, scan.upsampling, 1, axis=0, window=lowpass)
-        response[:, start : start + block] = scan.sensor(line, scan.sensor_time_base_hz)[every - 1 :: every]
+    # The filter of the first pixels begins before the line; every later pixel has the response of the last of them.
+    ahead = scan.half_length
+    lowpass = signal.firwin(2 * ahead * scan.upsampling + 1, 1.0 / scan.upsampling, window=("kaiser", scan.kaiser_beta))
+    line = signal.resample_poly(np.eye(kept)[:, : ahead + 1], scan.upsampling, 1, axis=0, window=lowpass)
+    first = scan.sensor(line, scan.sensor_time_base_hz)
+    at = np.arange(every - 1, len(line), every)
+    response = np.empty((len(at), kept))
+    for pixel in range(kept):
+        since = at - max(pixel - ahead, 0) * scan.upsampling
+        response[:, pixel] = np.where(since < 0, 0.0, first[since, min(pixel, ahead)])
     response.setflags(write=False)
     return response

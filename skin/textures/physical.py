@@ -23,12 +23,9 @@ class PhysicalScan(Scan):
 
     name = "physical"
 
-    taxel_pitch_m: float = 200e-6
-    """Distance of neighbouring taxels in metres (paper, section II)."""
-    pixel_pitch_m: float = 26e-3 / 576
-    """Distance of neighbouring pixels in metres: a Kylberg image of 576 pixels is 26 mm wide."""
-    speed_m_per_s: float = 65e-3
-    """Speed of the slide."""
+    taxel_pitch_m: float = 200e-6  # distance of neighbouring taxels in metres (paper, section II)
+    pixel_pitch_m: float = 26e-3 / 576  # of neighbouring pixels: a Kylberg image of 576 pixels is 26 mm wide
+    speed_m_per_s: float = 65e-3  # of the slide
     lowest_time_base_hz: float = 20_000.0
     """The sensor is solved on the sample ticks, or on whole fractions of them until it is solved this often."""
 

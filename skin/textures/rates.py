@@ -106,8 +106,7 @@ def _rates_of(
 class Scanned:
     """Events of one scan of one image, encoded without contention."""
 
-    counts: NDArray[np.int64]
-    """Number of counted events of every configuration and taxel. Shape (configurations, taxels)."""
+    counts: NDArray[np.int64]  # counted events, shape (configurations, taxels)
     clipped: int  # samples outside full scale
     seconds: float  # length of the scan
     signals: Signals  # output of the sensors in full scale, shape (ticks, taxels)

@@ -48,10 +48,8 @@ class Scan(ABC):
     sensor_denominator: tuple[float, ...] = (1.0, 1007.0, 7000.0)
     """Coefficients of the sensor's transfer function, highest power of s (rad/s) first: 1000 s / (s^2 + 1007 s + 7000),
     a POSFET with 7 rad/s high-pass and a pole at 1000 rad/s."""
-    pixel_full_scale: float = 256.0
-    """Pixel value of 1.0 full scale: 2^8 for 8-bit images."""
-    skin: tuple[int, int] | None = None
-    """Rows and columns of the sliding skin, by default of the readout."""
+    pixel_full_scale: float = 256.0  # pixel value of 1.0 full scale: 2^8 for 8-bit images
+    skin: tuple[int, int] | None = None  # rows and columns of the sliding skin, by default of the readout
     taxels: tuple[int, ...] = ()
     """Taxels of ``skin`` (row * columns + column) that the inputs of the readout are wired to, in their order; empty:
     all of them."""

@@ -24,7 +24,6 @@ def test_mistakes_are_one_sentence(refuses: Any) -> None:
 
 def test_the_default_is_the_chip_of_the_embedded_textures() -> None:
     config = design_of(None, receiver=False)
-    assert config.chip is not None
     assert (config.chip.readout.taxels, config.chip.classifier.hidden) == (64, 64)
     assert config.identity == design_of(NETWORK, receiver=False).identity
     assert config.identity != design_of(NETWORK.with_name("fold-1.npz"), receiver=False).identity

@@ -126,7 +126,6 @@ def test_a_frame_without_room_is_refused_as_a_whole() -> None:
 
 
 def player(rows: int, columns: int, **readout: Any) -> BoardConfig:
-    """Return a player with few hidden neurons."""
     config = ReadoutConfig(rows=rows, columns=columns, clocks_per_sample=4, **readout)
     network = ClassifierConfig(
         inputs=config.taxels * (1 + config.has_polarity), hidden=8, classes=2, lanes=2, bin_s=0.01
@@ -170,7 +169,6 @@ def loaded_by_rtl(config: BoardConfig, frames: list[Frame]) -> tuple[list[int], 
 def test_changes_become_the_samples_that_the_encoder_reads(rows: int, columns: int, readout: dict[str, Any]) -> None:
     """Steps, turns, jumps, rest, and ticks that are sent whole: all taxels at once over the full scale."""
     config = player(rows, columns, **readout)
-    assert config.chip is not None
     own, rng = config.chip.readout, np.random.default_rng(7)
     low, high = ChangeCoder(own).low, own.full_scale
     walk = np.cumsum(rng.choice([0, 0, 0, 1, -1, 1, 5], (12, own.taxels)) << low, axis=0)

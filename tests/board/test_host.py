@@ -44,6 +44,7 @@ from eskin.board.session import Received, foreign_events, listen, observed_clock
 from eskin.board.simulated import SimulatedReceiver
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
+from eskin.skin.foreign.address_map import AddressMap
 
 FRAMES = st.builds(Frame, st.integers(0, 255), st.integers(0, 255), st.binary(max_size=255))
 TIMES = st.integers(0, 1 << 40)
@@ -161,7 +162,6 @@ class FakeBoard(SimulatedReceiver):
         self.answer = answer
 
     def say(self, *records: Record) -> bytes:
-        """Return the next frame of records."""
         return bytes(self.framed(list(records)))
 
     def _take(self, frame: Frame) -> None:
@@ -386,3 +386,8 @@ def test_an_address_that_the_array_has_not_is_refused() -> None:
         foreign_events(ReadoutConfig(rows=3, columns=4))(Event(0, 12))
     assert foreign_events(ReadoutConfig(rows=3, columns=4, encoding="nlcs"))(Event(1, 9)) == (1, 1, 2, True)
     assert np.array(foreign_events(ReadoutConfig(rows=3, columns=4))(Event(1, 0x19))).tolist() == [1, 1, 2, 1]
+    mapping = AddressMap({(y + 1, x + 1): (x, y) for x in range(3) for y in range(2)}, "map.csv")  # with swapped axes
+    to_event = foreign_events(ReadoutConfig(rows=2, columns=3), mapping)
+    assert [to_event(Event(0, address)) for address in (0x16, 0x5)] == [(0, 0, 1, True), (0, 0, 0, False)]
+    with pytest.raises(InputError, match=r"the foreign chip sent the address 0x3, which map\.csv does not map"):
+        to_event(Event(0, 0x3))

@@ -10,7 +10,6 @@ from eskin.base.errors import InputError
 
 @contextmanager
 def refused(sentence: str) -> Iterator[None]:
-    """Check that the block raises InputError with this sentence."""
     with pytest.raises(InputError) as error:
         yield
     assert str(error.value) == sentence

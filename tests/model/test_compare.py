@@ -45,7 +45,6 @@ def test_finds_the_field_that_differs(field: str, value: int, name: str) -> None
     a, b = ten_events(), ten_events()
     b[field][5] = value
     difference = first_difference(a, b)
-    assert difference is not None
     assert difference.index == 5
     assert difference.fields == (name,)
     assert difference.a == AddressEvent(35, 2, 0, False)
@@ -57,7 +56,6 @@ def test_description_shows_three_events_around() -> None:
     a = ten_events()
     b = np.delete(a, 4)
     difference = first_difference(a, b)
-    assert difference is not None
     assert difference.describe().splitlines() == [
         "event 4 differs in clock, row, column, polarity: "
         "expected clock 28, row 1, column 4, ON; got clock 35, row 2, column 0, OFF",

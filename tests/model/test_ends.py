@@ -25,7 +25,6 @@ CONFIGS = [
 
 
 def held(config: ReadoutConfig, level: int) -> Stimulus:
-    """Return a constant signal."""
     samples = np.full((CLOCKS // 8, config.taxels), level)
     return Stimulus.from_samples(config, samples, clocks_per_sample=8)
 

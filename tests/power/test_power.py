@@ -2,6 +2,8 @@
 
 import dataclasses
 import math
+from collections.abc import Iterable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 
 from eskin.base.errors import InputError
 from eskin.power.build import chosen_corrections
-from eskin.power.equations import CORRECTIONS, LARGEST, SMALLEST, PowerModel, TaxelRates
+from eskin.power.equations import CORRECTIONS, LARGEST, SMALLEST, Breakdown, PowerModel, TaxelRates
 from eskin.power.explore import GivenRates
 from eskin.power.parameters import PowerParameters
 from eskin.power.rates import TAUS_S, stored_table
@@ -40,8 +42,13 @@ readouts = st.sampled_from(READOUTS)
 choices = st.sets(st.sampled_from(sorted(CORRECTIONS))).map(frozenset)
 
 
-def with_corrections(chosen: frozenset[str], **parameters: float) -> PowerModel:
-    return PowerModel(corrections=chosen, measured=RATES, parameters=PowerParameters().replace(**parameters))
+def with_corrections(chosen: Iterable[str], **parameters: float) -> PowerModel:
+    return PowerModel(corrections=frozenset(chosen), measured=RATES, parameters=PowerParameters().replace(**parameters))
+
+
+def at(model: PowerModel, readout: str, resolution: int = 6) -> Breakdown:
+    """Return the power at 1 mV."""
+    return model.breakdown(readout, resolution, 1e-3)
 
 
 @pytest.mark.parametrize(
@@ -57,9 +64,8 @@ def with_corrections(chosen: frozenset[str], **parameters: float) -> PowerModel:
 )
 def test_paper_mode_gives_figure_6(noise, readout, afe, converter, io, total):
     found = PAPER.breakdown(readout, 6, noise, 0.2)
-    assert [float(v) for v in (found.afe, found.converter, found.io, found.total)] == pytest.approx(
-        [afe, converter, io, total], rel=0.01
-    )
+    parts = [float(part) for part in (found.afe, found.converter, found.io, found.total)]
+    assert parts == pytest.approx([afe, converter, io, total], rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -79,37 +85,26 @@ def test_paper_mode_lines_of_figure_7_end_where_converter_and_io_exceed_frames()
     for readout, tau, last in (("lcs", 0.2, 10), ("nlcs", 2.0, 10), ("nlcs", 0.2, 8), ("nlcs", 0.02, 5)):
         found = [PAPER.crossover(readout, n, tau).noise_v_rms is not None for n in range(1, 11)]
         assert found == [n <= last for n in range(1, 11)]
-        quiet = (
-            PAPER.breakdown(readout, range(1, 11), 1e3, tau).total < PAPER.breakdown("frame", range(1, 11), 1e3).total
-        )
-        assert quiet.tolist() == found
+        spiking, frame = (PAPER.breakdown(name, range(1, 11), 1e3, tau).total for name in (readout, "frame"))
+        assert (spiking < frame).tolist() == found
 
 
 def test_paper_mode_afe_is_worth_the_published_noise_efficiency():
-    per_taxel = float(PAPER.breakdown("lcs", 6, 1e-3).afe) / 64
-    unit = dataclasses.replace(
-        PAPER, corrections=frozenset({"afe_nef"}), parameters=PowerParameters(noise_efficiency=1)
-    )
-    assert math.sqrt(per_taxel / (float(unit.breakdown("lcs", 6, 1e-3).afe) / 64)) == pytest.approx(158, rel=0.01)
+    unit = with_corrections({"afe_nef"}, noise_efficiency=1)
+    assert math.sqrt(at(PAPER, "lcs").afe / at(unit, "lcs").afe) == pytest.approx(158, rel=0.01)
 
 
 def test_consistent_mode_is_against_spikes_at_six_bits_and_for_leaky_ones_at_four():
     """Check the result that docs/results/power.md states."""
-    ratio = {
-        (r, n): float(CONSISTENT.breakdown(r, n, 1e-3).total / CONSISTENT.breakdown("frame", n, 1e-3).total)
-        for r in SPIKING
-        for n in (4, 6)
-    }
-    assert ratio["lcs", 6] == pytest.approx(22.6, rel=0.01)
-    assert ratio["nlcs", 6] == pytest.approx(3.66, rel=0.01)
-    assert ratio["nlcs", 4] == pytest.approx(0.886, rel=0.01)
+    for readout, n, ratio in (("lcs", 6, 22.6), ("nlcs", 6, 3.66), ("nlcs", 4, 0.886)):
+        found = at(CONSISTENT, readout, n).total / at(CONSISTENT, "frame", n).total
+        assert found == pytest.approx(ratio, rel=0.01)
 
 
 def test_parts_of_the_lcs_converter_by_hand():
     for per_second in (2429.0, 0.3):
         p = PowerParameters(lcs_rate_2b_hz=per_second)
-        parts = PowerModel(parameters=p).breakdown("lcs", 6, 1e-3).converter_parts
-        rate = per_second * 16
+        parts, rate = at(PowerModel(parameters=p), "lcs").converter_parts, per_second * 16
         assert parts["comparator_dynamic"] == pytest.approx(2 * p.comparator_dynamic_f * p.supply_v**2 * rate)
         assert parts["logic"] == pytest.approx(p.logic_f * p.supply_v**2 * p.lines * rate / p.logic_share)
         assert parts["dac"] == pytest.approx(32 * p.dac_unit_f * p.supply_v**2 * 0.5 * rate)
@@ -117,10 +112,7 @@ def test_parts_of_the_lcs_converter_by_hand():
 
 @pytest.mark.parametrize("readout", SPIKING)
 def test_switching_power_grows_with_the_square_of_the_supply(readout):
-    low, high = (
-        PowerModel(parameters=PowerParameters(supply_v=volts)).breakdown(readout, 6, 1e-3).converter_parts
-        for volts in (1.0, 2.0)
-    )
+    low, high = (at(with_corrections((), supply_v=volts), readout).converter_parts for volts in (1.0, 2.0))
     assert high["comparator_dynamic"] == pytest.approx(4 * low["comparator_dynamic"])
 
 
@@ -129,9 +121,9 @@ def test_switching_power_grows_with_the_square_of_the_supply(readout):
 def test_totals_are_the_sum_of_positive_parts(readout, n, noise, tau, chosen):
     found = with_corrections(chosen).breakdown(readout, n, noise, tau)
     parts = [found.afe, *found.converter_parts.values(), found.io]
-    assert all(float(p) > 0 for p in parts)
-    assert float(found.total) == pytest.approx(math.fsum(float(p) for p in parts), rel=1e-12)
-    assert float(found.converter) == pytest.approx(float(found.total - found.afe - found.io), rel=1e-6, abs=1e-18)
+    assert all(part > 0 for part in parts)
+    assert found.total == pytest.approx(math.fsum(parts), rel=1e-12)
+    assert found.converter == pytest.approx(found.total - found.afe - found.io, rel=1e-6, abs=1e-18)
 
 
 @settings(deadline=None, max_examples=60)
@@ -139,11 +131,9 @@ def test_totals_are_the_sum_of_positive_parts(readout, n, noise, tau, chosen):
 def test_afe_power_falls_with_the_square_of_the_noise_and_nothing_else_does(readout, n, noise, factor, chosen):
     model = with_corrections(chosen)
     quiet, loud = model.breakdown(readout, n, noise), model.breakdown(readout, n, noise * factor)
-    assert float(quiet.afe) == pytest.approx(float(loud.afe) * factor**2, rel=1e-9)
-    assert float(quiet.io) == float(loud.io)
-    assert {k: float(v) for k, v in quiet.converter_parts.items()} == {
-        k: float(v) for k, v in loud.converter_parts.items()
-    }
+    assert quiet.afe == pytest.approx(loud.afe * factor**2, rel=1e-9)
+    assert quiet.io == loud.io
+    assert quiet.converter_parts == loud.converter_parts
 
 
 @settings(deadline=None, max_examples=40)
@@ -151,7 +141,7 @@ def test_afe_power_falls_with_the_square_of_the_noise_and_nothing_else_does(read
 def test_frame_power_does_not_depend_on_events(n, noise, tau, factor, chosen):
     busy = {"lcs_rate_2b_hz": 2429.0 * factor, "nlcs_rate_4b_hz": 3009.6 * factor}
     calm, many = with_corrections(chosen), with_corrections(chosen, **busy)
-    assert float(calm.breakdown("frame", n, noise, 0.2).total) == float(many.breakdown("frame", n, noise, tau).total)
+    assert calm.breakdown("frame", n, noise, 0.2).total == many.breakdown("frame", n, noise, tau).total
     for readout in SPIKING if "event_rates" not in chosen and factor > 1 else ():
         assert many.breakdown(readout, n, noise).total > calm.breakdown(readout, n, noise).total
 
@@ -161,8 +151,7 @@ def test_frame_power_does_not_depend_on_events(n, noise, tau, factor, chosen):
 def test_power_never_falls_with_the_resolution_and_spiking_power_with_a_shorter_tau(noise, tau, chosen):
     model = with_corrections(chosen)
     for readout in READOUTS:
-        total = model.breakdown(readout, range(1, 11), noise, tau).total
-        assert (np.diff(total) > 0).all()
+        assert (np.diff(model.breakdown(readout, range(1, 11), noise, tau).total) > 0).all()
     # of the measured rates short time constants lose events at coarse steps, never so many
     shorter = model.breakdown("nlcs", range(4, 11), noise, max(tau / 2, 0.02))
     longer = model.breakdown("nlcs", range(4, 11), noise, tau)
@@ -175,20 +164,18 @@ def test_a_crossover_is_a_root_and_its_side_is_right(readout, n, tau, chosen):
     model = with_corrections(chosen)
     found = model.crossover(readout, n, tau)
 
-    def totals(noise: float) -> tuple[float, float]:
-        return tuple(float(model.breakdown(r, n, noise, tau).total) for r in (readout, "frame"))
+    def ratio(noise: float) -> float:
+        """Return the power of spikes in terms of that of frames."""
+        spiking, frame = (model.breakdown(r, n, noise, tau).total for r in (readout, "frame"))
+        return float(spiking / frame)
 
     if found.noise_v_rms is None:
         for noise in (1e-6, 1e-4, 1e-2):
-            spiking, frame = totals(noise)
-            assert (spiking < frame) == (found.spikes_win == "always")
+            assert (ratio(noise) < 1) == (found.spikes_win == "always")
         return
-    spiking, frame = totals(found.noise_v_rms)
-    assert spiking == pytest.approx(frame, rel=1e-9)
-    spiking, frame = totals(found.noise_v_rms * 1.1)
-    assert (spiking < frame) == (found.spikes_win == "above")
-    spiking, frame = totals(found.noise_v_rms / 1.1)
-    assert (spiking < frame) == (found.spikes_win == "below")
+    assert ratio(found.noise_v_rms) == pytest.approx(1, rel=1e-9)
+    assert (ratio(found.noise_v_rms * 1.1) < 1) == (found.spikes_win == "above")
+    assert (ratio(found.noise_v_rms / 1.1) < 1) == (found.spikes_win == "below")
 
 
 def test_arrays_give_what_single_numbers_give():
@@ -198,15 +185,11 @@ def test_arrays_give_what_single_numbers_give():
             found = model.breakdown(readout, bits, noise, tau)
             assert found.afe.shape == found.converter.shape == found.io.shape == found.total.shape == (10, 2, 3)
             single = model.breakdown(readout, 7, 1e-2, 0.1)
-            assert float(found.total[6, 1, 1]) == pytest.approx(float(single.total), rel=1e-12)
+            assert found.total[6, 1, 1] == pytest.approx(single.total, rel=1e-12)
 
 
 def alone(name: str, readout: str, **parameters: float) -> tuple[dict, dict]:
-    """Return the power breakdowns without and with one correction."""
-    return tuple(
-        with_corrections(frozenset(chosen), **parameters).breakdown(readout, 6, 1e-3).to_dict()
-        for chosen in ((), (name,))
-    )
+    return tuple(at(with_corrections(chosen, **parameters), readout).to_dict() for chosen in ((), (name,)))
 
 
 def test_every_correction_changes_something():
@@ -229,10 +212,9 @@ def test_the_shared_afe_settles_once_for_every_taxel():
 
 
 def test_event_rates_come_from_the_encoders():
-    before, after = alone("event_rates", "lcs")
-    assert after["io"] / before["io"] == pytest.approx(99_231.9 / (2429 * 16), rel=1e-3)
-    before, after = alone("event_rates", "nlcs")
-    assert after["io"] / before["io"] == pytest.approx(12_361.5 / (3009.6 * 4), rel=1e-3)
+    for readout, ratio in (("lcs", 99_231.9 / (2429 * 16)), ("nlcs", 12_361.5 / (3009.6 * 4))):
+        before, after = alone("event_rates", readout)
+        assert after["io"] / before["io"] == pytest.approx(ratio, rel=1e-3)
 
 
 def test_a_comparator_at_its_own_rate_takes_the_share_of_its_taxel():
@@ -244,31 +226,21 @@ def test_a_comparator_at_its_own_rate_takes_the_share_of_its_taxel():
 
 
 def test_unequal_taxels_cost_more_in_the_decay_filter_only():
-    class Unequal:
-        def taxel_rates(self, readout, resolution, tau_s, taxels):
-            rate = np.full_like(resolution, 1000.0)
-            return TaxelRates(rate, rate**2)  # one taxel makes all events
-
-    class Equal:
-        def taxel_rates(self, readout, resolution, tau_s, taxels):
-            return TaxelRates.uniform(np.full_like(resolution, 1000.0), taxels)
-
-    chosen = frozenset({"comparators", "event_rates"})
-    one, all_ = (
-        PowerModel(corrections=chosen, measured=source).breakdown("nlcs", 6, 1e-3) for source in (Unequal(), Equal())
-    )
+    rate, found = np.array(1000.0), []
+    for rates in (TaxelRates(rate, rate**2), TaxelRates.uniform(rate, 64)):  # of the first, one taxel makes all events
+        source = SimpleNamespace(taxel_rates=lambda *_, rates=rates: rates)
+        found.append(at(PowerModel(corrections=frozenset({"comparators", "event_rates"}), measured=source), "nlcs"))
+    one, all_ = found
     differing = [k for k in one.converter_parts if one.converter_parts[k] != all_.converter_parts[k]]
     assert differing == ["decay_filter"]
     assert one.total > all_.total
 
 
 def test_the_frame_rate_follows_the_signal():
-    before, after = alone("bandwidth", "frame")
-    for part in ("afe", "converter", "io"):
-        assert after[part] == pytest.approx(before[part] * 97 / 10e3)
-    before, after = alone("bandwidth", "lcs")
-    assert after["afe"] == pytest.approx(before["afe"] * 97 / 10e3)
-    assert (after["converter"], after["io"]) == (before["converter"], before["io"])
+    for readout, slower in (("frame", ("afe", "converter", "io")), ("lcs", ("afe",))):
+        before, after = alone("bandwidth", readout)
+        for part in ("afe", "converter", "io"):
+            assert after[part] == pytest.approx(before[part] * (97 / 10e3 if part in slower else 1))
 
 
 @pytest.mark.parametrize("volts", [5.0, 3.3, 1.8])
@@ -290,13 +262,11 @@ def test_the_afe_by_noise_efficiency():
 
 
 def test_a_shared_afe_may_need_more_bandwidth_than_its_samples():
-    model = with_corrections(frozenset({"afe_nef", "afe_settling"}), shared_afe_bandwidth=15.0)
-    plain = with_corrections(frozenset({"afe_nef", "afe_settling"}))
-    assert float(model.breakdown("frame", 6, 1e-3).afe) == pytest.approx(
-        15 * float(plain.breakdown("frame", 6, 1e-3).afe)
-    )
-    assert float(plain.breakdown("frame", 6, 1e-3).afe) == pytest.approx(float(plain.breakdown("lcs", 6, 1e-3).afe))
-    assert float(model.breakdown("lcs", 6, 1e-3).afe) == float(plain.breakdown("lcs", 6, 1e-3).afe)
+    model = with_corrections({"afe_nef", "afe_settling"}, shared_afe_bandwidth=15.0)
+    plain = with_corrections({"afe_nef", "afe_settling"})
+    assert at(model, "frame").afe == pytest.approx(15 * at(plain, "frame").afe)
+    assert at(plain, "frame").afe == pytest.approx(at(plain, "lcs").afe)
+    assert at(model, "lcs").afe == at(plain, "lcs").afe
 
 
 def test_digital_power_is_the_published_energy_per_event_or_that_of_the_netlist():
@@ -304,9 +274,9 @@ def test_digital_power_is_the_published_energy_per_event_or_that_of_the_netlist(
     assert alone("digital", "lcs")[1]["converter_parts"]["logic"] == pytest.approx(435e-15 * rate)
     model = PowerModel(corrections=frozenset({"digital"}), gates={"lcs": REPORT})
     expected = 1e-7 + 1e-12 * 1e6 + 1e-13 * rate
-    assert float(model.breakdown("lcs", 6, 1e-3).converter_parts["logic"]) == pytest.approx(expected)
+    assert at(model, "lcs").converter_parts["logic"] == pytest.approx(expected)
     # without its own report a readout keeps the published energy
-    assert float(model.breakdown("nlcs", 6, 1e-3).converter_parts["logic"]) == pytest.approx(435e-15 * 3009.6 * 4)
+    assert at(model, "nlcs").converter_parts["logic"] == pytest.approx(435e-15 * 3009.6 * 4)
 
 
 def test_a_netlist_is_scaled_by_taxels_and_clocked_as_fast_as_its_events():
@@ -326,7 +296,7 @@ def test_a_lone_event_may_cost_more_and_more_events_never_draw_less():
     model = PowerModel(corrections=frozenset({"digital"}), gates={"frame": frame})
     samples_hz = 2 * 10e3 * 64
     expected = 1e-7 + 1e-12 * samples_hz + 1e-13 * samples_hz
-    assert float(model.breakdown("frame", 6, 1e-3).converter_parts["logic"]) == pytest.approx(expected)
+    assert at(model, "frame").converter_parts["logic"] == pytest.approx(expected)
 
 
 def test_a_reference_that_leaks_in_the_netlist_pays_for_no_decay_filter():
@@ -334,13 +304,12 @@ def test_a_reference_that_leaks_in_the_netlist_pays_for_no_decay_filter():
     found = {}
     for leak in ("analog", "digital"):
         gates = {"nlcs": dataclasses.replace(analog, leak=leak)}
-        found[leak] = PowerModel(corrections=frozenset({"digital"}), gates=gates).breakdown("nlcs", 6, 1e-3)
-        off = PowerModel(gates=gates).breakdown("nlcs", 6, 1e-3)  # nothing of a report without the correction
-        assert off.converter_parts.keys() == PAPER.breakdown("nlcs", 6, 1e-3).converter_parts.keys()
-    assert set(found["analog"].converter_parts) ^ set(found["digital"].converter_parts) == {"decay_filter", "dac"}
+        found[leak] = at(PowerModel(corrections=frozenset({"digital"}), gates=gates), "nlcs").converter_parts
+        off = at(PowerModel(gates=gates), "nlcs")  # nothing of a report without the correction
+        assert off.converter_parts.keys() == at(PAPER, "nlcs").converter_parts.keys()
+    assert set(found["analog"]) ^ set(found["digital"]) == {"decay_filter", "dac"}
     rate, code = 3009.6 * 4, 32
-    unit = PowerParameters().dac_unit_f
-    assert float(found["digital"].converter_parts["dac"]) == pytest.approx(code * unit * 0.5 * rate)
+    assert found["digital"]["dac"] == pytest.approx(code * PowerParameters().dac_unit_f * 0.5 * rate)
     with pytest.raises(InputError, match=r"^leak must be one of analog, digital, not 'none'$"):
         dataclasses.replace(analog, leak="none")
 
@@ -349,8 +318,8 @@ def test_arrays_of_other_shapes():
     square, flat = PowerParameters(rows=8, columns=8), PowerParameters(rows=1, columns=64)
     assert (square.address_bits, square.lines, flat.address_bits, flat.lines) == (6, 16, 6, 65)
     one = PowerModel(parameters=PowerParameters(rows=1, columns=1))
-    assert float(one.breakdown("lcs", 6, 1e-3).afe) == pytest.approx(float(PAPER.breakdown("lcs", 6, 1e-3).afe) / 64)
-    assert float(one.breakdown("nlcs", 6, 1e-3).io) == pytest.approx(2 * 125e-12 * 3009.6 * 4 / 64)
+    assert at(one, "lcs").afe == pytest.approx(at(PAPER, "lcs").afe / 64)
+    assert at(one, "nlcs").io == pytest.approx(2 * 125e-12 * 3009.6 * 4 / 64)
 
 
 @pytest.mark.parametrize(
@@ -404,10 +373,9 @@ def test_every_parameter_has_a_source_and_a_meaning():
 
 @pytest.mark.parametrize("name", ["cw-lcs", "pcm"])
 def test_an_encoder_without_published_rates_has_none(name: Any) -> None:
-    with pytest.raises(InputError, match=f"^the power model has equations of nlcs and lcs only, not of {name}$"):
-        RATES.population_hz(name, 6)
-    with pytest.raises(InputError, match=f"^the power model has equations of nlcs and lcs only, not of {name}$"):
-        GivenRates(1.0, 1.0, 6).taxel_rates(name, np.array(6.0), np.array(0.2), 64)
+    for rates in (RATES, GivenRates(1.0, 1.0, 6)):
+        with pytest.raises(InputError, match=f"^the power model has equations of nlcs and lcs only, not of {name}$"):
+            rates.taxel_rates(name, np.array(6.0), np.array(0.2), 64)
 
 
 def test_an_encoder_takes_its_own_equations_or_those_of_lcs() -> None:

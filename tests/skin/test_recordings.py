@@ -320,11 +320,10 @@ def test_what_leaves_in_the_first_tick_counts():
     assert (found.late, found.peak_load) == (3, 0.2)
 
 
-@pytest.mark.parametrize(("resolution", "clocks"), [(6, 64), (8, 0)])
-def test_the_snr_is_that_of_a_plain_reconstruction(tmp_path, resolution, clocks):
+@pytest.mark.parametrize(("resolution", "given"), [(6, {"clocks_per_sample"}), (8, ())])
+def test_the_snr_is_that_of_a_plain_reconstruction(tmp_path, resolution, given):
     write_csv(tmp_path / "s/tap/0.csv", counts("tap"))
-    config = ReadoutConfig(resolution=resolution, clocks_per_sample=clocks or 64)
-    found = read_set(tmp_path / "s", FIRST, config, {"clocks_per_sample"} if clocks else ())
+    found = read_set(tmp_path / "s", FIRST, ReadoutConfig(resolution=resolution), given)
     recording, quality = found.recording(0)
     assert quality.snr_db == pytest.approx(plain_snr_db(found.codes[0], found.config, recording.events), abs=1e-9)
 

@@ -39,7 +39,6 @@ def test_nothing_is_late_and_every_point_has_its_equal_of_uniform_sampling(point
 def test_uniform_sampling_is_what_a_loop_over_samples_gives():
     codes = slow_signals()[2][:200]
     found = uniform([codes], 16 * 6 * 25.0, 100.0, SAMPLE_BITS)
-    assert found is not None
     bits, every = found["bits"], 100 / found["frame_rate_hz"]
     held, noise, due = None, 0.0, 0.0
     for tick, row in enumerate(codes.tolist()):
@@ -47,7 +46,6 @@ def test_uniform_sampling_is_what_a_loop_over_samples_gives():
             step = 2 ** (SAMPLE_BITS - bits)
             held = [min(round(x / step), 2 ** (bits - 1) - 1) * step for x in row]
             due += every
-        assert held is not None
         noise += sum((x - y) ** 2 for x, y in zip(row, held, strict=True))
     signal = float(((codes - codes.mean(0)) ** 2).sum())
     assert found["snr_db"] == pytest.approx(10 * math.log10(signal / noise), abs=0.01)

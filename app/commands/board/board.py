@@ -66,16 +66,13 @@ def play(
         raise InputError("--samples, --data, --dataset and --sensor each choose an input; give one of them")
     network = IntegerWeights.load(weights)
     chip = session.chip_of(network, weights)
-    piece = None
+    view = View(chip.readout, chip.clock_hz, WINDOW_S, network.class_names, chip.classifier.clocks_per_bin)
     if sensor:
         name, codes = "the skin", None
     else:
         name, codes = codes_to_play(network, chip.readout, samples=samples, recordings=data, dataset=dataset, only=only)
         codes = codes[:limit]
         piece = piece_of(name, codes, chip.readout)
-    window_s = WINDOW_S if piece is None else piece.seconds
-    view = View(chip.readout, chip.clock_hz, window_s, network.class_names, chip.classifier.clocks_per_bin)
-    if piece is not None:
         view.begin(piece, piece.seconds)
     received = session.Received(session.player_events(chip))
     with Link(port, received, baud, patience) as link:

@@ -66,7 +66,9 @@ def power(
     )
     if crossover:
         print_report(
-            study.crossovers(model), as_json, lambda data: _print_crossovers(data, study.winning_sides(model), model)
+            study.crossovers(model),
+            as_json,
+            lambda data: _print_crossovers(data, study.crossovers(model, "spikes_win"), model),
         )
         return
     title = f"N = {resolution}, noise {noise * 1e3:g} mV rms, tau {tau:g} s"

@@ -94,7 +94,6 @@ def _check_output(out: Path, bin_s: float | None, unit: str | None) -> None:
 def _convert_folder(
     source: Path, config: ReadoutConfig, given: frozenset[str], options: Mapping[str, object], out: Path
 ) -> None:
-    """Write an event file for every foreign file below a folder."""
     from eskin.base.inputs import check_no_others, find_files
     from eskin.skin.foreign.files import SUFFIXES, is_foreign
 

@@ -74,14 +74,10 @@ def encode(
         with common.open_pool(workers, scheduler, threads=True) as pool:
             _encode_folder(source, out, preparation_of(source, config, prepared), config, given, pool)
         return
-    if workers is not None or scheduler is not None:
-        option = "--workers" if scheduler is None else "--scheduler"
+    of_folders = {"--scheduler": scheduler, "--workers": workers, "--strict": prepared.get("strict")}
+    if wrong := [option for option, value in of_folders.items() if value is not None]:
         raise InputError(
-            f"{option} is for the recordings of a folder, but {source} is a single input; leave {option} out"
-        )
-    if "strict" in prepared:
-        raise InputError(
-            f"--strict is for the recordings of a folder, but {source} is a single input; leave --strict out"
+            f"{wrong[0]} is for the recordings of a folder, but {source} is a single input; leave {wrong[0]} out"
         )
     check_event_path(out)
     kind = source.suffix.lower()
@@ -183,8 +179,10 @@ def compare(
         check_picture_path(plot)
     first, second = Recording.load(a), Recording.load(b)
     labels = (a.name, b.name) if a.name != b.name else (str(a), str(b))
-    for line in _settings_that_differ(first, second, labels):
-        print(line)
+    fields, others = (one.config.to_dict() | {"duration_clocks": one.duration_clocks} for one in (first, second))
+    for name, value in fields.items():
+        if value != others[name]:
+            print(f"{name} differs: {labels[0]} {value}; {labels[1]} {others[name]}")
     difference = first_difference(first.events, second.events)
     if plot is not None:
         duration = max(first.duration_clocks, second.duration_clocks)
@@ -196,17 +194,6 @@ def compare(
     print(difference.describe(labels))
     _print_counts(first, second, labels)
     raise typer.Exit(1)
-
-
-def _settings_that_differ(first: Recording, second: Recording, labels: tuple[str, str]) -> list[str]:
-    fields = [
-        recording.config.to_dict() | {"duration_clocks": recording.duration_clocks} for recording in (first, second)
-    ]
-    return [
-        f"{name} differs: {labels[0]} {value}; {labels[1]} {fields[1][name]}"
-        for name, value in fields[0].items()
-        if value != fields[1][name]
-    ]
 
 
 def _print_counts(first: Recording, second: Recording, labels: tuple[str, str]) -> None:

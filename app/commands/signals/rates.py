@@ -15,7 +15,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.frame_config import FrameConfig
 from eskin.power.rates import measure_table, tables_text
-from eskin.skin.textures.dataset import EMBEDDED, Dataset, open_dataset
+from eskin.skin.textures.dataset import EMBEDDED, open_dataset
 from eskin.skin.textures.presets import preset
 from eskin.skin.textures.rates import PAPER_TAU_S, compare_traffic, measure_rates, published_rate_hz
 
@@ -40,7 +40,7 @@ def rates(
     if tau is None and not given & {"leak_shift", "leak_period"}:
         tau = PAPER_TAU_S
     config = scan.configure(config, tau)
-    textures = _textures(dataset, limit)
+    textures = open_dataset(dataset).limit(limit)
     with (
         common.open_pool(workers, scheduler, threads=True) as pool,
         bar("scanning textures", len(textures)) as progress,
@@ -52,14 +52,7 @@ def rates(
     print_report(report, as_json, _print_rates)
 
 
-def _textures(place: str | None, limit: int | None) -> Dataset:
-    """Return a texture dataset, or a number of its images."""
-    found = open_dataset(place)
-    return found if limit is None else found.limit(limit)
-
-
 def _print_rates(report: dict[str, Any]) -> None:
-    """Print event rates as a table."""
     rate, published, tau_s = (report[k] for k in ("population_rate_hz", "published_rate_hz", "tau_s"))
     rows = {
         "readout": f"{report['encoding']} {report['resolution']} b"
@@ -99,7 +92,7 @@ def frames(
     frame = FrameConfig(readout=readout, **(stored | own))
     if tau is None and not given & {"leak_shift", "leak_period"}:
         tau = PAPER_TAU_S
-    textures = _textures(dataset, limit)
+    textures = open_dataset(dataset).limit(limit)
     scans = len(registry.NAMES) * len(textures)
     with common.open_pool(workers, scheduler, threads=True) as pool, bar("scanning textures", scans) as progress:
         report = compare_traffic(textures, scan, config, frame, tau, pool, progress)
@@ -107,7 +100,6 @@ def frames(
 
 
 def _print_traffic(report: dict[str, Any]) -> None:
-    """Print data rates as a table, one row per readout."""
     cells = "{title} | {events_per_s:,.0f} | {bits_per_event} | {bits_per_s:,.0f} | {ratio_to_frame:.3g}"
     cells += " | {events_per_taxel_per_s:,.0f} | {equal_frame_rate_hz:,.1f}"
     frame = "frame | {words_per_s:,.0f} | {bits_per_word} | {bits_per_s:,.0f} | 1"
@@ -145,15 +137,12 @@ def event_rates(
     places: list[str | None] = list(dataset or []) or [None]
     with common.open_pool(workers, scheduler, threads=True) as pool:
         for place in places:
-            textures = _textures(place, limit)
+            textures = open_dataset(place).limit(limit)
             for scan in scans:
-                tables.append(measure_table(textures, scan, config, pool=pool, watch=bar))
-                last = tables[-1]
-                rate = last.population_hz("lcs", 6)
-                print(
-                    f"{last.dataset} {last.preset}: {last.images} images, {last.bandwidth_hz:g} Hz, "
-                    f"LCS 6 b {rate:,.0f} events/s"
-                )
+                last = measure_table(textures, scan, config, pool=pool, watch=bar)
+                rate = f"LCS 6 b {last.population_hz('lcs', 6):,.0f} events/s"
+                print(f"{last.dataset} {last.preset}: {last.images} images, {last.bandwidth_hz:g} Hz, {rate}")
+                tables.append(last)
     command = "eskin event-rates --out power/event_rates.json"
     for name in dict.fromkeys(table.dataset for table in tables):
         command += f" --dataset {name if name == EMBEDDED else f'data/{name}'}"
@@ -184,7 +173,6 @@ def study(
 
 
 def _print_study(found: dict[str, Any]) -> None:
-    """Print the study of slow signals as a table."""
     print_table(
         "encoder | N | events/s | kbit/s | SNR dB | uniform dB | its bits | its rate/s | clock kHz",
         [point | {"title": registry.named(point["encoding"]).title} for point in found["points"]],
