@@ -65,7 +65,7 @@ COMMANDS = {
     "touch": "cocotb_tests/test_touch.py::test_mistakes_are_one_sentence",  # a run takes half a minute
     "agree": "tests/snn/test_integer.py::test_published_networks_are_bit_exact_in_the_rtl",
     "replay": "tests/app/test_simulate.py::test_replay_is_bit_exact",
-    "train": "tests/snn/test_hostile.py::test_train_names_the_data_it_used",
+    "train": "tests/snn/test_predict.py::test_an_intact_replay_passes",
     "crossval": "tests/snn/test_train.py::test_crossval_prints_both_readings",
     "robustness": "tests/snn/test_robustness.py::test_cells_are_kept_resumed_and_paired",
     "noise-power": "tests/snn/test_studies.py::test_power_is_that_of_the_model_at_these_rates",

@@ -124,6 +124,9 @@ def test_the_name_of_frames_says_rate_bits_and_what_the_receiver_makes_of_them()
         with pytest.raises(InputError, match=r"frames need KIND:RATE:BITS"):
             FrameSteps.parse(name, 0.004)
     assert FrameSteps(rate_hz=5000.0, bits=10, frames_per_step=20) == FrameSteps(), "as older files have it"
+    for bad in (True, 2.0, "3", 0):
+        with pytest.raises(InputError, match="frames_per_step must be at least 1, not"):
+            FrameSteps(frames_per_step=bad)
 
 
 def test_differences_and_crossings_by_hand() -> None:

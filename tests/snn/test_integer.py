@@ -1,6 +1,7 @@
 """Test integer networks: equal to float networks with integer weights, close to other float networks."""
 
 import json
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -153,12 +154,15 @@ def test_what_the_hardware_has_not_is_refused(fields: dict[str, Any], said: str)
         quantise(weights_of(network(**fields)), Precision())
 
 
-def test_a_network_that_has_diverged_is_refused() -> None:
+def test_a_network_that_has_diverged_and_an_absurd_clock_are_refused() -> None:
     made = network()
     with torch.no_grad():
         made.w_out[1, 2] = torch.inf
     with pytest.raises(InputError, match="w_out has values that are not finite; train again"):
         quantise(weights_of(made), Precision())
+    for clock_hz in (1.0, 1e300, math.nan):
+        with pytest.raises(InputError, match=r"^the clock must be in 1000\.\.1e\+10 hertz, not "):
+            Precision(clock_hz=clock_hz)
 
 
 def test_a_network_that_rounds_its_weights_learns_through_it_and_becomes_what_it_was() -> None:

@@ -136,3 +136,16 @@ def test_wrong_commands_are_one_sentence_and_leave_nothing(refuses: Any, line: s
     recording().save(Path("e.npz"))
     Path("broken.nir").write_bytes(b"no HDF5")
     refuses(f"error: {message}", line)
+
+
+@pytest.mark.parametrize("rate", [1e-9, 1e12])  # the ends of what a configuration takes
+def test_events_at_an_absurd_clock_are_converted_or_refused_in_one_sentence(call: Any, rate: float) -> None:
+    config = READOUT.replace(sample_rate_hz=rate)
+    recording(config).save(Path("a.npz"))
+    for out in ("a.nir", "a.npy"):
+        code, _, error = call("convert", "a.npz", "-o", out)
+        assert code == 0 or (code, error.count("\n")) == (2, 1), error
+        assert Path(out).exists() == (code == 0)
+    if rate < 1:
+        with pytest.raises(InputError, match="too long for microseconds; use clocks"):
+            in_unit(Recording(make_events([10**9], [0], [0]), config, 10**9 + 1))

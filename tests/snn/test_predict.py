@@ -3,8 +3,6 @@
 import dataclasses
 import json
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eskin.app.cli import app as snn_app
-from eskin.app.cli import run
+from eskin.app.cli import printable
+from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.foreign.aedat4 import write_aedat4
@@ -21,14 +19,15 @@ from eskin.skin.textures.dataset import embedded_dataset
 from eskin.skin.textures.physical import PhysicalScan
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.record import record, record_dataset
+from eskin.snn.exchange.nir_network import save_nir
 from eskin.snn.exchange.weights import save_weights
 from eskin.snn.experiments import evaluate
 from eskin.snn.experiments.evaluate import Check
-from eskin.snn.experiments.trained import load_trained
-from tests.conftest import Call
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.trained import load_trained, read_result
+from tests.conftest import Call, run_eskin
 from tests.snn.helpers import some_weights
 
-ROOT = Path(__file__).parents[2]
 CONFIG = ReadoutConfig(rows=1, columns=4)
 BINS = BinConfig(bin_s=0.01)
 
@@ -40,9 +39,9 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "readout.json").write_text(CONFIG.to_json())
     arguments = ["train", "--dataset", "embedded", "--config", str(folder / "readout.json"), "--bin", "0.01"]
     arguments += ["--set", "hidden=32", "--set", "batch=8", "--epochs", "20", "--out", str(folder)]
-    with pytest.raises(SystemExit) as left:
-        run(snn_app, "eskin", arguments)
-    assert left.value.code == 0
+    done = run_eskin(*arguments)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("data: events of lcs with 6 bits from embedded textures, physical scan\n")
     return folder
 
 
@@ -117,13 +116,12 @@ def test_a_folder_of_foreign_events_is_learned_and_its_files_are_classified(
 
 
 @pytest.mark.skipif(shutil.which("g++") is None or shutil.which("perl") is None, reason="no simulator: g++ and perl")
-def test_predictions_from_rtl_spikes_are_those_from_model_spikes(tmp_path: Path, trained: Path, predict: Call) -> None:
-    size = ["--rows", "1", "--columns", "4"]
-    what = ["--dataset", "embedded", "--limit", "6", "--workers", "1", "--out", str(tmp_path / "replay")]
-    command = [sys.executable, "-m", "eskin", "replay", *size, *what]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
-    assert done.returncode == 0, done.stdout + done.stderr
-    code, output, error = predict("--events", tmp_path / "replay", "--check-model")
+def test_predictions_from_rtl_spikes_are_those_from_model_spikes(
+    tmp_path: Path, trained: Path, call: Call, predict: Call
+) -> None:
+    code, output, error = call("replay --rows 1 --columns 4 --dataset embedded --limit 6 --workers 1 --out replay")
+    assert code == 0, output + error
+    code, output, error = predict("--events", "replay", "--check-model")
     assert code == 0, output + error
     assert "6 of 6 images: same events, same tensors, same logits, same predictions (" in output
     of_rtl = images_in(tmp_path)
@@ -402,3 +400,54 @@ def test_damaged_and_missing_files_are_refused(tmp_path: Path, trained: Path, re
     assert error.endswith("none.npz does not exist; make one with eskin replay\n")
     code, _, error = predict("--events", replayed, weights=tmp_path / "gone.npz")
     assert (code, error) == (2, f"error: weight file {tmp_path}/gone.npz does not exist; make one with eskin train\n")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"class_names": "abc"},
+        {"class_names": None},
+        {"class_names": ["a", "b", 3]},
+        {"fold": "0"},
+        {"fold": True},
+        {"folds": 2.5},
+        {"labels": "01"},
+        {"labels": [None]},
+        {"experiment": 3},
+        {"experiment": {}},
+        {"bins": {"bin_s": True}},
+        {"bins": {"bin_s": "0.002"}},
+        {"frames": {"bits": "3"}},
+        {"train": {"epochs": "3"}},
+        {"train": {"epochs": True}},
+        {"network": {"decay": [1]}},
+        {"network": 7},
+    ],
+    ids=str,
+)
+def test_a_result_with_wrong_types_is_refused(tmp_path: Path, change: dict[str, Any]) -> None:
+    experiment = Experiment(bins=BinConfig(bin_s=0.002)).to_dict()
+    good = {"experiment": experiment, "class_names": list("abc"), "fold": 0, "folds": 2, "labels": [0, 1, 2]}
+    path = tmp_path / "result.json"
+    path.write_text(json.dumps(good))
+    assert read_result(path, path, some_weights()).class_names == tuple("abc")
+    name = next(iter(change))
+    path.write_text(json.dumps(good | ({"experiment": experiment | change} if name in experiment else change)))
+    with pytest.raises(InputError, match="is damaged or not the result of a training; remove it or train again"):
+        read_result(path, path, some_weights())
+
+
+def test_a_name_is_shown_and_not_obeyed(call: Call, replayed: Path, folder: Path) -> None:
+    assert printable("\x1b[2Jclear\x07 \u202egnp.exe \x9b1m") == "\\x1b[2Jclear\\x07 \\u202egnp.exe \\x9b1m"
+    assert printable("Kylberg Gefühl, 砂 — ok") == "Kylberg Gefühl, 砂 — ok"
+    evil = "sand\x1b]0;title\x07"
+    weights = some_weights((evil, "b", "c"), 0.01, inputs=8, readout="membrane")
+    save_weights(Path("w.npz"), weights)
+    made = Recording.load(replayed / "brick" / "brick-00.npz")
+    for kind, expected, words in ((evil, 0, "sand\\x1b]0;title\\x07"), (f"not {evil}", 2, "has the unknown class")):
+        dataclasses.replace(made, metadata={"name": evil, "class": kind}).save(Path("a.npz"))
+        code, out, error = call("predict w.npz --events a.npz -o p.json")
+        assert (code, words in out + error, "\x1b" in out + error) == (expected, True, False), error
+    save_nir(Path("w.nir"), weights)
+    code, out, _ = call("import w.nir -o b.npz")
+    assert (code, "\x1b" in out) == (0, False)

@@ -54,7 +54,7 @@ def skin(folder: Path) -> Path:
 SMALL = "--bin 0.1 --set hidden=16 --set shift_steps=0 --set batch=4 --set learning_rate=0.01 --epochs 20"
 
 
-def test_the_class_is_that_of_the_metadata_else_of_the_folder(skin: Path) -> None:
+def test_the_class_is_that_of_the_metadata_else_of_the_folder(skin: Path, call: Any) -> None:
     touch("felt", 99, **{"class": "felt"}).save(skin / "wood" / "99.npz")
     touch("felt", 98, label="felt").save(skin / "wood" / "98.npz")  # as older event files say it
     data = load_recordings(skin, BINS)
@@ -63,6 +63,9 @@ def test_the_class_is_that_of_the_metadata_else_of_the_folder(skin: Path) -> Non
     touch("felt", 0).save(skin / "lost.npz")
     with pytest.raises(InputError, match=r"lost\.npz has no class; put it into a folder of its class"):
         load_recordings(skin, BINS)
+    shutil.copytree(skin / "felt", "one/felt")
+    code, _, error = call("train --events one --bin 0.1 --folds 2")
+    assert (code, error) == (2, "error: recordings in one has one class, felt; a classifier needs two at least\n")
 
 
 def test_scans_of_one_image_stay_together_and_other_files_of_its_name_apart(folder: Path) -> None:

@@ -26,6 +26,7 @@ from eskin.model.encoders import registry
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.scans import ScanData
 from eskin.snn.experiments import crossval
+from eskin.snn.experiments.crossval import read_cell
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.settings import parse_points
 from eskin.snn.experiments.sweep import PointRun, SweepPoint, sweep
@@ -99,6 +100,29 @@ def test_cells_of_other_scans_or_another_experiment_are_refused(tmp_path: Path) 
         sweep(points(epochs=3)[:1], tmp_path, pool=Local(1), folds=2, seeds=1)
     with pytest.raises(InputError, match=r"^point hidden-16: .* belongs to another experiment \(different: data\)"):
         sweep(points(steps=14)[:1], tmp_path, pool=Local(1), folds=2, seeds=1)
+
+
+CELL = {"fold": 0, "seed": 0, "test_images": [0], "labels": [1], "last": [1], "selected": [0]}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 100_000,
+        json.dumps({"experiment": {}, "result": 3}),
+        *(
+            json.dumps({"experiment": {}, "result": CELL | change})
+            for change in ({"labels": 3}, {"last": ["x"]}, {"last": [1, 1]}, {"fold": None}, {"test_images": [-1]})
+        ),
+    ],
+    ids=range(7),
+)
+def test_a_file_in_the_place_of_a_cell_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "cell.json").write_text(json.dumps({"experiment": {}, "result": CELL}))
+    assert read_cell(tmp_path / "cell.json") == ({}, CELL)
+    (tmp_path / "cell.json").write_text(text)
+    with pytest.raises(InputError, match="is not the result of a training; remove it"):
+        read_cell(tmp_path / "cell.json")
 
 
 def test_rates_of_the_summary_by_hand(tmp_path: Path) -> None:

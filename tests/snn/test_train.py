@@ -23,6 +23,7 @@ from eskin.base.files import write_json
 from eskin.model.config import ReadoutConfig
 from eskin.skin.textures.dataset import embedded_dataset
 from eskin.skin.textures.physical import PhysicalScan
+from eskin.snn.adam import Adam
 from eskin.snn.checkpoint import Checkpoint, read_checkpoint
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.folds import stratified_folds
@@ -136,9 +137,19 @@ def test_output_neurons_that_never_fire_are_counted() -> None:
     assert made.history[0].silent_outputs == int((logits == 0).all(0).sum()) > 0
 
 
-def test_a_loss_that_is_no_number_stops_the_training() -> None:
-    with pytest.raises(DivergedError, match="diverged in epoch 1"):
+def test_a_loss_or_weight_that_is_no_number_stops_the_training(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(DivergedError, match="diverged in epoch 1: the loss is "):
         train(Split(easy_data(), range(21)), small_network(output_scale=1e38), TrainConfig(epochs=3), 0)
+    original = Adam.step
+
+    def broken(self: Adam) -> None:
+        original(self)
+        with torch.no_grad():
+            self.parameters[0].view(-1)[0] = math.nan
+
+    monkeypatch.setattr(Adam, "step", broken)
+    with pytest.raises(DivergedError, match="a weight is not a number; lower the learning rate"):
+        train(Split(easy_data(), range(21)), small_network(), TrainConfig(epochs=1, batch=64), 0)
 
 
 def test_a_checkpoint_of_another_configuration_or_a_damaged_one_is_refused(tmp_path: Path) -> None:
@@ -459,6 +470,10 @@ def test_a_network_that_is_too_large_gets_one_sentence() -> None:
         (["--grid", "dropout=0,fast"], "--grid dropout takes a number, not 'fast'"),
         (["--grid", "dropout=0", "--grid", "dropout=0.3"], "--grid has dropout twice; separate its values by commas"),
         (["--preset", "paper", "--start-rows", "2"], "the paper preset has one start row; use the physical preset"),
+        *(
+            (["--set", f"learning_rate={rate}"], "learning_rate must be ")
+            for rate in ("1e300", "11", "0", "nan", "inf")
+        ),
     ],
 )
 def test_bad_options_get_one_sentence(options: list[str], message: str, refuses: Any) -> None:
