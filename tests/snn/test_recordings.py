@@ -1,5 +1,6 @@
 """Test a user's recordings in every command: names from paths, classes from folders."""
 
+import contextlib
 import dataclasses
 import json
 import shutil
@@ -24,6 +25,7 @@ from eskin.snn.data.recordings import class_of, event_files, read_recordings
 from eskin.snn.data.scans import load_recordings
 from eskin.snn.exchange.weights import save_weights
 from eskin.snn.experiments.points import load_sweep
+from tests.conftest import run_eskin
 from tests.skins import CLASSES as TOUCHES
 from tests.skins import counts, write_csv, write_skin
 from tests.snn.helpers import some_weights
@@ -115,7 +117,8 @@ def test_from_class_folders_to_classes(skin: Path, call: Any) -> None:
     assert all(text.split("/")[0] in CLASSES for text in tested)
     # Another resolution gets a folder of its own; a folder that the user named is refused.
     weights = Path("out/train/weights.npz").read_bytes()
-    other = ("train", "--events", skin, SMALL, "--folds", 2, "--seed", 1)
+    brief = SMALL.replace("--epochs 20", "--epochs 1")
+    other = ("train", "--events", skin, brief, "--folds", 2, "--seed", 1)
     code, out, error = call(*other)
     assert code == 0, error
     own = next(line for line in error.splitlines() if line.startswith("out/train holds another training"))
@@ -126,7 +129,7 @@ def test_from_class_folders_to_classes(skin: Path, call: Any) -> None:
     assert Path("out/train/weights.npz").read_bytes() == weights
     assert f"next: eskin quantise {folder}/weights.npz\n" in out
     assert call(*other)[2] == error, "called again, it goes on in the same folder"
-    code, _, error = call("train", "--events", skin, SMALL, "--test", "*/0[0-4]", "--seed", 1)
+    code, _, error = call("train", "--events", skin, brief, "--test", "*/0[0-4]", "--seed", 1)
     assert code == 0, error
     assert str(folder) not in error, "other test recordings, another folder"
     code, _, error = call(*other, "-o", "out/train")
@@ -172,17 +175,26 @@ def test_crossval_and_sweep_take_them(skin: Path, call: Any, refuses: Any) -> No
 OWN = f"--data skin --baseline median {SMALL}"
 
 
-@pytest.fixture
-def own(folder: Path, call: Any) -> dict[str, Any]:
-    """Train on the tables of a slow skin; return the result."""
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Train on the tables of a slow skin; return the folder."""
+    folder = tmp_path_factory.mktemp("own")
     write_skin(folder / "skin", taxels=4, each=8, jitter_s=0.003)
     (folder / "skin" / "none").mkdir()
-    code, out, error = call("train", OWN, "--folds 2")
-    assert code == 0, error
-    assert "warning: folder skin/none contains no recording" in error
-    assert "classes: press, stroke, tap" in out
-    assert "event files of skin: out/recordings/skin-" in out
-    assert "note: 24 of 24 recordings have uneven time stamps" in out
+    with contextlib.chdir(folder):
+        done = run_eskin(*f"train {OWN} --folds 2".split())
+    assert done.returncode == 0, done.stderr
+    assert "warning: folder skin/none contains no recording" in done.stderr
+    assert "classes: press, stroke, tap" in done.stdout
+    assert "event files of skin: out/recordings/skin-" in done.stdout
+    assert "note: 24 of 24 recordings have uneven time stamps" in done.stdout
+    return folder
+
+
+@pytest.fixture
+def own(trained: Path, folder: Path) -> dict[str, Any]:
+    """Copy tables and training into the current folder; return the result."""
+    shutil.copytree(trained, folder, dirs_exist_ok=True)
     found: dict[str, Any] = json.loads(Path("out/train/result.json").read_text())
     return found
 
@@ -246,7 +258,7 @@ def test_fig8_and_sweep_take_own_recordings(own: dict[str, Any], call: Any, refu
     assert (data["image"], data["preset"], data["readout"]) == ("tap/1", None, own["recordings"]["readout"])
     refuses("name the folder of your recordings with --data", "fig8")
     again = "--epochs 2 --seeds 1 --workers 1"
-    tests = [f"--test */[{pair}]" for pair in ("01", "23", "45", "67")]
+    tests = [f"--test */[{numbers}]" for numbers in ("012", "345", "67")]
     sweep = ("sweep", OWN, again, "--points lcs:3,nlcs:4,frame:17.5:8")
     code, _, error = call(*sweep, *tests)
     assert code == 0, error
@@ -259,7 +271,7 @@ def test_fig8_and_sweep_take_own_recordings(own: dict[str, Any], call: Any, refu
     assert points[2]["data_rate_bps"] == 17.5 * 4 * 8
     cell = json.loads(Path("out/sweep/frame-17.5-8/fold-1-seed-0.json").read_text())
     images = load_recordings(next(Path("out/recordings").iterdir()), BinConfig()).names
-    assert [images[k] for k in cell["result"]["test_images"]] == [f"{kind}/{k}" for kind in TOUCHES for k in (2, 3)]
+    assert [images[k] for k in cell["result"]["test_images"]] == [f"{kind}/{k}" for kind in TOUCHES for k in (3, 4, 5)]
     code, _, error = call(*sweep, *tests, "--test", "tap/*", "-o", "other")
     assert (code, "tap/0 fits 2 of the patterns of --test" in error) == (2, True)
     assert "--data skin" in load_sweep(Path("out/sweep")).command

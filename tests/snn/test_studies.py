@@ -1,6 +1,7 @@
 """Test the studies of noise, latency, rest, timing and precision."""
 
 import dataclasses
+import itertools
 import json
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.pairs import paired
 from eskin.snn.experiments.robustness import Subject
 from eskin.snn.network import build
+from eskin.snn.studies import merits
 from eskin.snn.studies.early import begin_of
 from eskin.snn.studies.merits import _errors, bits_per_second, timing_points
 from eskin.snn.studies.noise import Noise, Rates, noisy_scans, power_of
@@ -135,7 +137,11 @@ def test_answers_are_paired_on_the_folds_that_both_have() -> None:
     assert paired([point("a", {1: "0123"}), point("b", {0: "0.23"})], "a", "b", ["time_s"]) == []
 
 
-def test_both_commands_write_what_they_print(call: Any, refuses: Any, folder: Path) -> None:
+def test_both_commands_write_what_they_print(
+    call: Any, refuses: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(merits, "NOISES_V", (0.0,))
+    monkeypatch.setattr(merits, "FRAMES_HZ", (250.0,))
     two_textures(folder / "textures")
     small = "--dataset textures --folds 2 --epochs 1 --set hidden=8"
     for name, options in (("a", ""), ("b", "--frames frame-onoff:250:8")):
@@ -171,6 +177,9 @@ def test_both_commands_write_what_they_print(call: Any, refuses: Any, folder: Pa
     assert last["answers"][0]["predicted"] == "".join(map(str, said))  # the whole scan lasts less than that
     assert len(result["latency_pairs"]) == 14
     assert len(result["noise"]) == 8
+    assert {(one["readout"], one["phase"]) for one in result["rest"]} == set(
+        itertools.product(merits.READOUTS, ("moving", "resting"))
+    )
     assert (folder / "merits" / "merits.png").stat().st_size > 10_000
     for line, message in (
         ("noise-power nets --noises 1,50,60 -o out", "out/a-fold-0-seed-0.json belongs to other weights, noises or "),
