@@ -280,7 +280,8 @@ def test_fig8_and_sweep_take_own_recordings(own: dict[str, Any], call: Any, refu
 
 def test_a_bin_is_no_shorter_than_a_sample_of_own_recordings(folder: Path, call: Any) -> None:
     write_skin(folder / "skin", taxels=4, each=3)
-    code, out, error = call("train", "--data", "skin", "--folds", 3, "--epochs", 1, "--set", "hidden=8")
+    given = "--encoding lcs --resolution 3 --folds 3 --epochs 1 --set hidden=8"
+    code, out, error = call("train --data skin", given)
     assert code == 0, error
     assert "time bin: 0.02857 s, the sample period of these recordings; --bin sets another time bin" in out
     experiment = json.loads(Path("out/train/result.json").read_text())["experiment"]
