@@ -1,5 +1,6 @@
 """Test that a sweep gives equal files in parallel, in series and after a restart, and rejects invalid input."""
 
+import itertools
 import json
 import os
 import signal
@@ -28,6 +29,8 @@ from eskin.snn.data.scans import ScanData
 from eskin.snn.experiments import crossval
 from eskin.snn.experiments.crossval import read_cell
 from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.pairs import find_point, pair
+from eskin.snn.experiments.points import READINGS, Point, as_word, load_sweep
 from eskin.snn.experiments.settings import parse_points
 from eskin.snn.experiments.sweep import PointRun, SweepPoint, sweep
 from eskin.snn.training import TrainConfig
@@ -53,8 +56,8 @@ def files(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.json")}
 
 
-def test_only_missing_cells_are_run_and_all_seeds_of_a_point_stay_together(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_only_missing_cells_are_run_and_every_prediction_is_kept_for_pairs(
+    tmp_path: Path, call: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ran: list[tuple[int, int, int]] = []
     original = crossval.run_cell
@@ -73,6 +76,7 @@ def test_only_missing_cells_are_run_and_all_seeds_of_a_point_stay_together(
             assert (found[0]["last"] is None) == (found[0]["cells"]["whole_seeds"] == 0)
             assert (tmp_path / "hidden-16" / "result.json").exists() == (found[0]["cells"]["done"] == 4)
 
+    data = easy_data()
     sweep(points(), tmp_path, pool=Local(1), folds=2, seeds=2, progress=progress)
     assert ran == [(hidden, fold, seed) for seed in (0, 1) for hidden in (16, 12) for fold in (0, 1)]
     assert seen == [(1, 0), (2, 1), (2, 1), (2, 1), (3, 1), (4, 2), (4, 2), (4, 2)]
@@ -82,6 +86,56 @@ def test_only_missing_cells_are_run_and_all_seeds_of_a_point_stay_together(
     sweep(points(), tmp_path, pool=Local(1), folds=2, seeds=2)
     assert ran == [(12, 1, 0)]
     assert files(tmp_path) == whole
+
+    (first, _) = load_sweep(tmp_path).points
+    assert first["labels"] == as_word(data.image_labels)
+    for reading, (fold, seed) in itertools.product(READINGS, itertools.product(range(2), range(2))):
+        _, cell = read_cell(tmp_path / "hidden-16" / f"fold-{fold}-seed-{seed}.json")
+        word = first[reading]["predictions"][seed]
+        assert [int(word[image]) for image in cell["test_images"]] == cell[reading]
+    names = [f"{tmp_path}:hidden-16", f"{tmp_path}:hidden-12"]
+    code, out, error = call("pair", *names, "--out pair.json")
+    assert code == 0, error
+    expected = pair(*(find_point(name, tmp_path) for name in names), "last")
+    written = json.loads(Path("pair.json").read_text())
+    assert written["only_first"] == expected.only_first
+    assert written["difference"] == expected.difference
+    assert [written["first"], written["second"]] == names
+    assert f"only B right {expected.only_second[1]}" in out
+
+
+def predicted(name: str, *predictions: str, labels: str = "00112") -> Point:
+    result = {"predictions": predictions}
+    return {"name": name, "class_names": ["a", "b", "c"], "labels": labels, "last": result, "selected": result}
+
+
+def test_two_points_are_compared_image_by_image() -> None:
+    found = pair(predicted("a", "00110", "00000"), predicted("b", "10112", "00112", "00112"), "last")
+    assert (found.only_first, found.only_second) == ([1, 0], [1, 3]), "seeds that one alone has do not count"
+    assert found.p == [1.0, pytest.approx(0.25)]
+    assert (found.accuracy_first, found.accuracy_second) == ([0.8, 0.4], [0.8, 1.0])
+    assert found.difference == pytest.approx(0.3)
+    assert found.interval[0] < 0.3 < found.interval[1]
+    seeds = pair(predicted("a", "00112", "11221"), predicted("b", "00112", "00112"), "last")
+    assert seeds.interval == (0.0, 1.0), "every image gains the same, so that the interval is all of the seeds"
+    same = pair(predicted("a", "00110"), predicted("b", "00110"), "selected")
+    assert (same.difference, same.interval, same.p) == (0.0, (0.0, 0.0), [1.0])
+    with pytest.raises(InputError, match="a and b have different images or classes and cannot be compared"):
+        pair(predicted("a", "00110"), predicted("b", "00110", labels="00111"), "last")
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (["lcs-4", "x:y"], "a point must be SWEEP:POINT, such as rates-cnn:lcs-4, not 'lcs-4'"),
+        (["tuned:lcs-5", "x:y"], "sweep tuned has no point 'lcs-5'; it has lcs-2, lcs-3"),
+        (["tuned:lcs-4", "x:y"], "tuned:lcs-4 has no predictions for images; run its sweep again"),
+        (["nowhere:lcs-4", "x:y"], "cannot read the sweep nowhere: "),
+        (["a:b", "x:y", "--reading", "best"], "reading must be one of last, selected, not 'best'"),
+    ],
+)
+def test_bad_names_get_one_sentence(names: list[str], message: str, refuses: Any) -> None:
+    refuses(f"error: {message}", "pair", *names)
 
 
 def test_a_cell_that_diverges_is_named_and_the_others_are_kept(tmp_path: Path) -> None:
