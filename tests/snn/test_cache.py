@@ -152,7 +152,6 @@ def test_a_folder_that_others_can_write_to_or_a_link_is_not_believed(
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="no compiler")
 def test_a_library_that_was_planted_is_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Check that planted libraries are not loaded from predictable or shared places."""
     source = 'extern "C" void kernel_keep_memory() {}\n'
     (tmp_path / "kernel.cpp").write_text(source)
     trap = f'__attribute__((constructor)) static void run() {{ fopen("{tmp_path}/sprung", "w"); }}\n'

@@ -48,7 +48,6 @@ def test_a_recording_of_more_counts_than_are_taken_is_refused() -> None:
 
 
 def test_tensors_of_rtl_event_files_and_of_the_model_are_equal(tmp_path: Path) -> None:
-    """Compare tensors from replay files with tensors from the model."""
     data = embedded_dataset().limit(4)
     config = ReadoutConfig(rows=2, columns=2, resolution=4)
     for texture in data:
@@ -77,7 +76,6 @@ def test_start_rows_are_scans_of_one_image_and_only_the_first_is_tested() -> Non
 
 
 def test_variants_are_of_the_same_scans(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Check that variants of an encoder use the same scans."""
     few_textures(monkeypatch)
     small = ReadoutConfig(rows=2, columns=2, resolution=4)
     fields: dict[str, Any] = {"dataset": "embedded"}

@@ -216,7 +216,6 @@ def test_the_kept_sweeps_and_the_latest_are_the_default(
 def test_no_mark_of_fig9_hides_another_and_labels_lie_on_nothing(
     files: list[str], project: tuple[dict[str, Any], Figure], crowded: bool
 ) -> None:
-    """Check that markers and labels do not overlap, with the project's points and with duplicates."""
     _, figure = project
     if crowded:
         (sweep,) = figures.load_sweeps([Path("plain.json")])
@@ -417,7 +416,6 @@ def test_fig8_shows_the_first_test_image_and_its_logits(call: Any, folder: Path,
 
 
 def test_the_way_of_the_scan_is_seen_on_the_texture(folder: Path) -> None:
-    """Check that the path of a thin array is visible on the texture."""
     for preset, rows in (("physical", 2), ("paper", 1)):
         config = ReadoutConfig(rows=rows, columns=12 // rows // 2, resolution=4)
         experiment = Experiment(dataset="embedded", preset=preset, readout=config, bins=EXPERIMENT.bins)

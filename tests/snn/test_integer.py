@@ -51,7 +51,6 @@ COUNTS = np.random.default_rng(5).poisson(0.8, (4, 30, 6))
 @pytest.mark.parametrize("reset", ["zero", "subtract"])
 @pytest.mark.parametrize("readout", ["spikes", "membrane"])
 def test_a_network_of_whole_numbers_stays_what_it_is(reset: str, readout: str) -> None:
-    """Check that quantisation keeps a network with weights in steps of 1/128 exactly."""
     made = network(step=1 / 128, reset=reset, readout=readout)
     whole = quantise(weights_of(made), Precision())
     x = torch.from_numpy(COUNTS.transpose(1, 0, 2)).float()

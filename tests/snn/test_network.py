@@ -131,7 +131,6 @@ def test_the_rule_of_the_paper_lets_the_gradient_through_its_reset() -> None:
 
 
 def test_a_neuron_by_hand() -> None:
-    """Check a neuron by hand: threshold 1, reset to zero or by 1, floor."""
     x = torch.tensor([0.5, 0.5, 0.25, 1.5, -3.0, 1.75, 0.5]).view(-1, 1, 1)
     one, zero = torch.ones(1, 1), torch.zeros(1)
     to_zero = layer(NeuronRule(), x, one, zero, one[0]).flatten().tolist()

@@ -93,7 +93,6 @@ def test_foreign_events_get_the_class_of_ours(tmp_path: Path, replayed: Path, pr
 def test_a_folder_of_foreign_events_is_learned_and_its_files_are_classified(
     tmp_path: Path, call: Call, refuses: Callable[..., None], predict: Call
 ) -> None:
-    """Train on tables of foreign events in a folder, and classify them."""
     rng = np.random.default_rng(6)
     for number in range(12):
         begin = 1_700_000_000_000_000 + int(rng.integers(1_000_000_000))

@@ -98,7 +98,6 @@ def test_a_folder_that_is_no_class_of_the_network_is_no_class(skin: Path) -> Non
 
 
 def test_from_class_folders_to_classes(skin: Path, call: Any) -> None:
-    """Check that recordings with equal names in different class folders stay separate."""
     code, out, error = call("train", "--events", skin, SMALL, "--folds", 2)
     assert code == 0, error
     assert out.startswith(

@@ -119,7 +119,6 @@ def trained_files(places: list[Path]) -> list[Path]:
 
 
 def _print_robustness(points: list[dict[str, Any]]) -> None:
-    """Print the accuracy of every network under every disturbance."""
     networks = sorted({point["network"] for point in points})
     rows: dict[tuple[str, float], list[str]] = {}
     for point in points:
