@@ -422,7 +422,8 @@ def test_the_way_of_the_scan_is_seen_on_the_texture(folder: Path) -> None:
         trained(folder / preset, experiment)
         figure = draw_scan(played(folder / preset))
         panel = next(panel for panel in figure.axes if panel.get_title("left") == "texture and scan")
-        figure.canvas.draw()
+        figure.draw_without_rendering()
+        panel.draw(figure.canvas.get_renderer())  # type: ignore[attr-defined]
         drawn = np.asarray(figure.canvas.buffer_rgba()).astype(int)  # type: ignore[attr-defined]
         box = panel.get_window_extent()
         inside = drawn[-int(box.y1) : -int(box.y0), int(box.x0) : int(box.x1), :3]

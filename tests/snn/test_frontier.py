@@ -14,6 +14,7 @@ from eskin.base.files import plain
 from eskin.skin.textures.choice import choose
 from eskin.snn.data.folds import stratified_folds
 from eskin.snn.data.scans import Split
+from eskin.snn.experiments import intervals
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.points import load_sweep
 from eskin.snn.figures import fig9
@@ -265,8 +266,10 @@ def test_each_scan_and_network_has_a_column_with_rates_and_power() -> None:
 
 @pytest.fixture(scope="module")
 def swept() -> dict[str, list[dict[str, Any]]]:
-    """Return the points of the frontier by the sweep of the project to which they belong."""
-    return {name: points_of(load_sweep(fig9.KEPT / f"{name}.json"), network) for name, network in SWEEPS.items()}
+    """Return the points of the frontier by the sweep of the project to which they belong, with rough intervals."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(intervals, "BOOTSTRAPS", 50)
+        return {name: points_of(load_sweep(fig9.KEPT / f"{name}.json"), network) for name, network in SWEEPS.items()}
 
 
 def test_the_documented_readouts_are_those_that_the_command_chooses(swept: dict[str, list[dict[str, Any]]]) -> None:

@@ -53,7 +53,7 @@ def skin(folder: Path) -> Path:
     return folder / "skin"
 
 
-SMALL = "--bin 0.1 --set hidden=16 --set shift_steps=0 --set batch=4 --set learning_rate=0.01 --epochs 20"
+SMALL = "--bin 0.1 --set hidden=16 --set shift_steps=0 --set batch=4 --set learning_rate=0.01 --epochs 12"
 
 
 def test_the_class_is_that_of_the_metadata_else_of_the_folder(skin: Path, call: Any) -> None:
@@ -116,7 +116,7 @@ def test_from_class_folders_to_classes(skin: Path, call: Any) -> None:
     assert all(text.split("/")[0] in CLASSES for text in tested)
     # Another resolution gets a folder of its own; a folder that the user named is refused.
     weights = Path("out/train/weights.npz").read_bytes()
-    brief = SMALL.replace("--epochs 20", "--epochs 1")
+    brief = SMALL.replace("--epochs 12", "--epochs 1")
     other = ("train", "--events", skin, brief, "--folds", 2, "--seed", 1)
     code, out, error = call(*other)
     assert code == 0, error

@@ -18,7 +18,7 @@ from eskin.power.parameters import PowerParameters
 from eskin.skin.textures.dataset import Dataset, open_dataset
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.exchange.integer import Precision, quantise
-from eskin.snn.exchange.weights import Weights, load_weights
+from eskin.snn.exchange.weights import Weights
 from eskin.snn.experiments.evaluate import integer_classes
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.pairs import paired
@@ -137,7 +137,7 @@ def test_answers_are_paired_on_the_folds_that_both_have() -> None:
     assert paired([point("a", {1: "0123"}), point("b", {0: "0.23"})], "a", "b", ["time_s"]) == []
 
 
-def test_both_commands_write_what_they_print(
+def test_the_commands_write_what_they_print_and_keep_their_answers(
     call: Any, refuses: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(merits, "NOISES_V", (0.0,))
@@ -192,6 +192,27 @@ def test_both_commands_write_what_they_print(
     ):
         refuses(f"error: {message}", line)
 
+    code, _, error = call("precision nets/a --variants 8,2:m12 -o few")
+    assert code == 0, error
+    content = json.loads(Path("few/precision.json").read_text())
+    assert content["command"] == "eskin precision nets/a --variants 8,2:m12"
+    assert [point["variant"] for point in content["points"]] == ["float", "8", "2:m12"]
+    assert Path("few/precision.png").stat().st_size > 10_000
+    subject = Subject.load(Path("nets/a/fold-0/weights.npz"), scenes=False)
+    precision = Precision(in_bits=2, rec_bits=2, out_bits=2, membrane_bits=12)
+    network = quantise(subject.weights, precision).network
+    point = content["points"][2]
+    assert content["tests"]["a"][0]["images"] == subject.images.tolist()
+    classes = integer_classes(network, subject.experiment.data(), subject.images)
+    assert point["predicted"][0] == "".join(map(str, classes))
+    assert (point["memory_bits"], point["membrane_bits"]) == (network.config.memory_bits, 12)
+    kept = Path("few/a-fold-0-seed-0.json")
+    written = kept.stat().st_mtime_ns
+    assert call("precision nets/a --variants 8,2:m12 -o few")[0] == 0
+    assert kept.stat().st_mtime_ns == written
+    other = "a-fold-0-seed-0.json belongs to other weights, variants or images; remove it"
+    refuses(other, "precision nets/a --variants 8 -o few")
+
 
 def test_variants_are_read_as_they_are_written() -> None:
     found = parse_variants("8, 4:t6,3:t5:m12")
@@ -224,33 +245,6 @@ def test_an_image_counts_once_with_all_its_seeds() -> None:
     assert [(point["network"], point["images"]) for point in others] == [("b", 1), ("b", 1)]
     with pytest.raises(InputError, match="no common test image"):
         points_of([cell(0, [0], "0"), cell(1, [1], "0")])
-
-
-def test_answers_are_those_of_the_integer_model_and_are_kept(call: Any, refuses: Any, folder: Path) -> None:
-    two_textures(folder / "textures")
-    small = "--dataset textures --folds 2 --epochs 2 --recipe paper --set hidden=8"
-    assert call(f"train {small} -o nets/a/fold-0")[0] == 0
-    code, _, error = call("precision nets --variants 8,2:m12 -o out")
-    assert code == 0, error
-    content = json.loads(Path("out/precision.json").read_text())
-    assert content["command"] == "eskin precision nets --variants 8,2:m12"
-    assert [point["variant"] for point in content["points"]] == ["float", "8", "2:m12"]
-    assert Path("out/precision.png").stat().st_size > 10_000
-
-    subject = Subject.load(Path("nets/a/fold-0/weights.npz"), scenes=False)
-    precision = Precision(in_bits=2, rec_bits=2, out_bits=2, membrane_bits=12)
-    network = quantise(load_weights(Path("nets/a/fold-0/weights.npz")), precision).network
-    data = subject.experiment.data()
-    point = content["points"][2]
-    assert content["tests"]["a"][0]["images"] == subject.images.tolist()
-    assert point["predicted"][0] == "".join(map(str, integer_classes(network, data, subject.images)))
-    assert (point["memory_bits"], point["membrane_bits"]) == (network.config.memory_bits, 12)
-
-    before = (folder / "out" / "a-fold-0-seed-0.json").stat().st_mtime_ns
-    assert call("precision nets --variants 8,2:m12 -o out")[0] == 0
-    assert (folder / "out" / "a-fold-0-seed-0.json").stat().st_mtime_ns == before
-    other = "a-fold-0-seed-0.json belongs to other weights, variants or images; remove it"
-    refuses(other, "precision nets --variants 8 -o out")
 
 
 def test_additions_are_rows_of_events_and_of_spikes() -> None:
