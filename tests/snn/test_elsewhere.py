@@ -96,15 +96,14 @@ def trained() -> tuple[Weights, ScanData]:
 
 @pytest.mark.parametrize("library", LIBRARIES)
 def test_a_trained_portable_network_classifies_every_image_alike(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, call: Any, trained: tuple[Weights, ScanData], library: str
+    folder: Path, monkeypatch: pytest.MonkeyPatch, eskin: Any, trained: tuple[Weights, ScanData], library: str
 ) -> None:
     weights, data = trained
     images = np.arange(len(data.names))
     here = predicted_classes(weights.network, data, images)
     assert (here == data.image_labels).mean() > 0.8
     save_weights(Path("w.npz"), weights)
-    code, text, _ = call("export w.npz -o net.nir")
-    assert (code, "snnTorch and Norse support every feature of this network" in text) == (0, True), text
+    assert "snnTorch and Norse support every feature of this network" in eskin("export w.npz -o net.nir")[0]
     found = there(library, folder, monkeypatch)
     assert found["classify"](found["net"], data.batch(images)).tolist() == here.tolist()
 
@@ -172,7 +171,7 @@ def norse_network() -> torch.nn.Module:
 
 
 @pytest.mark.parametrize("kind", ["snntorch", "snntorch, recurrent", "norse"])
-def test_their_networks_come_here_and_classify_alike(call: Any, folder: Path, kind: str) -> None:
+def test_their_networks_come_here_and_classify_alike(eskin: Any, folder: Path, kind: str) -> None:
     library = kind.split(",")[0]
     torch.manual_seed(1)
     net = norse_network() if library == "norse" else snntorch_network(recurrent=kind != library)
@@ -189,7 +188,7 @@ def test_their_networks_come_here_and_classify_alike(call: Any, folder: Path, ki
         for step in x:
             out, state = net(step, state) if library == "norse" else (net(step), None)
             total = total + out
-    assert call(f"import theirs.nir -o ours.npz --step {STEP_S}")[0] == 0
+    eskin(f"import theirs.nir -o ours.npz --step {STEP_S}")
     loaded = load_weights(Path("ours.npz"))
     assert loaded.step_s == STEP_S
     logits = loaded.network.eval()(x).logits.detach()

@@ -90,9 +90,8 @@ def marks(panel: Any) -> list[tuple[float, float, str, bool]]:
 
 
 @pytest.mark.parametrize("reading", ["last", "selected"])
-def test_what_is_drawn_is_what_the_sweeps_say(call: Any, files: list[str], folder: Path, reading: str) -> None:
-    code, out, _ = call("fig9", *files, "--reading", reading, "-o", "pictures", "--data-out", "numbers")
-    assert code == 0
+def test_what_is_drawn_is_what_the_sweeps_say(eskin: Any, files: list[str], folder: Path, reading: str) -> None:
+    out, _ = eskin("fig9", *files, "--reading", reading, "-o", "pictures", "--data-out", "numbers")
     assert "left out, because no seed is finished: plain: nlcs-8\n" in out
     for name in ("fig9", "confusion"):
         assert (folder / "pictures" / f"{name}.png").stat().st_size > 10_000
@@ -378,10 +377,9 @@ def played(folder: Path, image: str | None = None) -> ScanToClass:
 
 
 @pytest.mark.parametrize("readout", ["spikes", "membrane"])
-def test_fig8_shows_the_first_test_image_and_its_logits(call: Any, folder: Path, readout: str) -> None:
+def test_fig8_shows_the_first_test_image_and_its_logits(eskin: Any, folder: Path, readout: str) -> None:
     options = trained(folder / "train", readout=readout)
-    code, out, _ = call("fig8", *options)
-    assert code == 0
+    out, _ = eskin("fig8", *options)
     assert (folder / "out" / "fig8.png").stat().st_size > 30_000
     data = json.loads((folder / "out" / "fig8.json").read_text())
     assert data["image"] == FIRST.name
@@ -431,7 +429,7 @@ def test_the_way_of_the_scan_is_seen_on_the_texture(folder: Path) -> None:
         assert coloured > 0.02, preset
 
 
-def test_the_default_of_fig8_is_right_and_says_how_many_are(call: Any, refuses: Any, folder: Path) -> None:
+def test_the_default_of_fig8_is_right_and_says_how_many_are(eskin: Any, refuses: Any, folder: Path) -> None:
     options = trained(folder / "train")
     file = folder / "train" / "result.json"
     result = json.loads(file.read_text())
@@ -441,8 +439,7 @@ def test_the_default_of_fig8_is_right_and_says_how_many_are(call: Any, refuses: 
     assert not right[0]
     assert any(right)
     file.write_text(json.dumps(result | {"predicted": predicted}))
-    code, out, _ = call("fig8", *options)
-    assert code == 0
+    out, _ = eskin("fig8", *options)
     assert f"the network is right for {sum(right)} of {len(TEST)} test images" in out
     data = json.loads((folder / "out" / "fig8.json").read_text())
     assert data["image"] == TEXTURES[int(TEST[right.index(True)])].name

@@ -332,26 +332,24 @@ def test_metadata_that_contradict_the_nodes_are_refused() -> None:
         from_nir(graph)
 
 
-def test_networks_go_out_and_come_back(call: Any, folder: Path) -> None:
+def test_networks_go_out_and_come_back(eskin: Any, folder: Path) -> None:
     weights, x = made(), scans()
     save_weights(Path("w.npz"), weights)
-    code, text, _ = call("export w.npz -o net.nir")
-    assert (code, text.startswith("net.nir: 3 classes, 0.002 s per step")) == (0, True), text
-    assert call("import net.nir -o back.npz")[:2] == (0, "back.npz: 6 inputs, 20 hidden neurons, classes a, b, c\n")
+    assert eskin("export w.npz -o net.nir")[0].startswith("net.nir: 3 classes, 0.002 s per step")
+    assert eskin("import net.nir -o back.npz")[0] == "back.npz: 6 inputs, 20 hidden neurons, classes a, b, c\n"
     assert Path("back.npz").read_bytes() == Path("w.npz").read_bytes()
-    assert call("export w.npz -o small.npz --eight-bits")[0] == 0
+    eskin("export w.npz -o small.npz --eight-bits")
     assert Path("small.npz").stat().st_size < Path("w.npz").stat().st_size
     small = load_weights(Path("small.npz")).network.eval()(x).logits
     assert not torch.equal(small, weights.network.eval()(x).logits)
     nir.write("other.nir", foreign())
-    assert call("import other.nir -o other.npz --step 0.001 --classes x,y")[0] == 0
+    eskin("import other.nir -o other.npz --step 0.001 --classes x,y")
     assert load_weights(Path("other.npz")).class_names == ("x", "y")
 
 
-def test_an_export_says_what_other_libraries_lack(call: Any, folder: Path) -> None:
+def test_an_export_says_what_other_libraries_lack(eskin: Any, folder: Path) -> None:
     save_weights(Path("w.npz"), made(**VARIANTS["tuned"], reset="subtract"))
-    code, text, _ = call("export w.npz -o net.nir")
-    assert code == 0
+    text, _ = eskin("export w.npz -o net.nir")
     for line in (
         "input scale 0.4: included in the weights of hidden_in",
         "floor -1: NIR, snnTorch and Norse have no floor",
@@ -361,7 +359,7 @@ def test_an_export_says_what_other_libraries_lack(call: Any, folder: Path) -> No
     ):
         assert line in text
     save_weights(Path("w.npz"), made(**VARIANTS["no floor"]))
-    assert "snnTorch and Norse support every feature of this network" in call("export w.npz -o net.nir")[1]
+    assert "snnTorch and Norse support every feature of this network" in eskin("export w.npz -o net.nir")[0]
 
 
 def test_what_is_lacking_is_taken_away_one_after_the_other() -> None:

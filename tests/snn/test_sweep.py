@@ -13,9 +13,7 @@ from typing import Any
 
 import distributed
 import pytest
-from typer.testing import CliRunner
 
-from eskin.app.cli import app
 from eskin.app.commands.learn.sweep import _print_table
 from eskin.app.options import LEAKY
 from eskin.base.errors import InputError
@@ -57,7 +55,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 def test_only_missing_cells_are_run_and_every_prediction_is_kept_for_pairs(
-    tmp_path: Path, call: Any, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, eskin: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ran: list[tuple[int, int, int]] = []
     original = crossval.run_cell
@@ -94,8 +92,7 @@ def test_only_missing_cells_are_run_and_every_prediction_is_kept_for_pairs(
         word = first[reading]["predictions"][seed]
         assert [int(word[image]) for image in cell["test_images"]] == cell[reading]
     names = [f"{tmp_path}:hidden-16", f"{tmp_path}:hidden-12"]
-    code, out, error = call("pair", *names, "--out pair.json")
-    assert code == 0, error
+    out, _ = eskin("pair", *names, "--out pair.json")
     expected = pair(*(find_point(name, tmp_path) for name in names), "last")
     written = json.loads(Path("pair.json").read_text())
     assert written["only_first"] == expected.only_first
@@ -205,7 +202,7 @@ def command(folder: Path) -> list[str]:
     return [*options, "--points", "lcs:4,rnn:100", "--set", "hidden=16", "--folds", "2", "--seeds", "2"]
 
 
-def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> None:
+def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path, eskin: Any) -> None:
     options = [*command(tmp_path), "--epochs", "2"]
     arguments = [sys.executable, "-m", "eskin", *options, "--workers", "2", "--out", str(tmp_path / "killed")]
     killed = subprocess.Popen(arguments, cwd=ROOT, start_new_session=True, stdout=subprocess.DEVNULL)
@@ -221,12 +218,11 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
     kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "killed").glob("*/fold-*.json")}
     assert 2 <= len(kept) < 8
     for name in ("killed", "whole"):
-        result = CliRunner().invoke(app, [*options, "--workers", "1", "--out", str(tmp_path / name)])
-        assert result.exit_code == 0, result.output
+        out, _ = eskin(*options, "--workers 1 --out", tmp_path / name)
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     assert files(tmp_path / "killed") == files(tmp_path / "whole")
-    assert "rnn-100" in result.output
-    assert f"draw it with eskin fig9 --sweep {tmp_path}/whole" in "".join(result.output.splitlines())
+    assert "rnn-100" in out
+    assert f"draw it with eskin fig9 --sweep {tmp_path}/whole" in "".join(out.splitlines())
     summary = json.loads((tmp_path / "whole" / "sweep.json").read_text())
     assert summary["command"] == (
         f"eskin sweep --points lcs:4,rnn:100 --config {tmp_path}/small.json --dataset embedded --epochs 2 "
@@ -268,10 +264,9 @@ def test_bad_options_get_one_sentence(options: str, message: str, refuses: Any) 
     refuses(f"error: {message}", "sweep --dataset embedded --out out", options)
 
 
-def test_a_setting_that_some_points_do_not_have_is_said(call: Any) -> None:
+def test_a_setting_that_some_points_do_not_have_is_said(eskin: Any) -> None:
     options = "--set decay=0.5 --workers 2 --scheduler tcp://a:1"  # the scheduler beside workers is refused after that
-    code, _, error = call("sweep --dataset embedded --out out --points lcs:4,rnn:20,gru:20", options)
-    assert code == 2
+    _, error = eskin("sweep --dataset embedded --out out --points lcs:4,rnn:20,gru:20", options, code=2)
     note, _ = error.splitlines()
     assert note == "note: --set decay has no effect on the network of rnn-20, gru-20"
 
@@ -308,12 +303,11 @@ def test_points_are_encoder_and_number() -> None:
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x", "tcp://127.0.0.1:port", "tcp:///"])
 def test_a_scheduler_that_is_not_there_gets_one_sentence(
-    address: str, call: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
+    address: str, eskin: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(dask_cluster, "CONNECT_S", 1.0)
     began = time.monotonic()
-    code, _, error = call(*command(folder), "--out out --scheduler", address)
-    assert code == 2
+    _, error = eskin(*command(folder), "--out out --scheduler", address, code=2)
     assert time.monotonic() - began < 25  # a client of Dask would try for 30 s
     assert error == (
         f"error: no Dask scheduler answers at {address}; start one with dask scheduler and give its address, "
