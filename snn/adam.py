@@ -18,12 +18,7 @@ OPTIONS |= dict.fromkeys(("foreach", "amsgrad", "maximize"), False)
 class Adam:
     """Adam optimiser with its moment estimates.
 
-    Attributes
-    ----------
-    parameters : list of Parameter
-    learning_rate, weight_decay : float
-    state : dict
-        For the number of every parameter that has had a gradient: ``step``, ``exp_avg`` and ``exp_avg_sq``.
+    ``state``: for the number of every parameter that has had a gradient ``step``, ``exp_avg`` and ``exp_avg_sq``.
     """
 
     def __init__(self, parameters: Iterable[nn.Parameter], learning_rate: float, weight_decay: float) -> None:

@@ -370,7 +370,9 @@ def test_a_sweep_outlives_its_workers_and_ends_in_the_files_of_a_serial_one(
 
         sweep(points(**slow), tmp_path / "cluster", pool=pool, folds=2, seeds=2, progress=kill)
         assert killed, "no worker ran a cell when it was killed"
-        assert len(client.scheduler_info()["workers"]) == 1
+        (loaded,) = client.run(lambda: set(sys.modules)).values()
+        assert "eskin.snn.kernels.layer" in loaded
+        assert loaded.isdisjoint({"torch._dynamo", "triton"}), "compilers, which take longer to load than torch"
         assert not pool._shared
     sweep(points(**slow), tmp_path / "serial", pool=Local(1), folds=2, seeds=2)
     assert files(tmp_path / "cluster") == files(tmp_path / "serial")
