@@ -53,17 +53,11 @@ def there(library: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[s
     return names
 
 
-def hidden_spikes(net: Any, name: str = "hidden") -> list[torch.Tensor]:
-    """Return a list that collects the hidden spikes of every step."""
-    seen: list[torch.Tensor] = []
-    node = getattr(net, name)
-    node.register_forward_hook(lambda _, __, out: seen.append(out[0] if isinstance(out, tuple) else out))
-    return seen
-
-
 def same(there: dict[str, Any], weights: Weights, x: torch.Tensor, node: str = "hidden") -> tuple[Any, set[int]]:
     """Check that spikes and classes of a library are ours; return the spikes, and the classes that occur."""
-    seen = hidden_spikes(there["net"], node)
+    seen: list[torch.Tensor] = []
+    hidden = getattr(there["net"], node)
+    hidden.register_forward_hook(lambda _, __, out: seen.append(out[0] if isinstance(out, tuple) else out))
     classes = there["classify"](there["net"], x).tolist()
     network = weights.network.eval()
     with torch.no_grad():
@@ -111,13 +105,9 @@ def test_a_trained_portable_network_classifies_every_image_alike(
 def test_what_a_library_lacks_is_another_network_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     weights, x = made(decay=0.5, output_decay=0.75), scans()
     save_nir(tmp_path / "net.nir", weights)
-    found = there("snntorch", tmp_path, monkeypatch)
-    seen = hidden_spikes(found["net"])
-    found["classify"](found["net"], x)
-    network = weights.network
-    assert not torch.equal(torch.stack(seen), network.spikes(x))
-    without = made(decay=0.5, output_decay=0.75, **NO_FLOOR).network
-    assert torch.equal(torch.stack(seen), without.spikes(x))
+    without = made(decay=0.5, output_decay=0.75, **NO_FLOOR)
+    spikes, _ = same(there("snntorch", tmp_path, monkeypatch), without, x)
+    assert not torch.equal(spikes, weights.network.spikes(x))
 
 
 STEP_S = 0.004

@@ -243,20 +243,17 @@ def test_what_the_network_cannot_express_is_refused_by_the_name_of_its_node(name
 
 
 def test_other_forms_and_broken_files_are_refused(tmp_path: Path) -> None:
-    graph = foreign()
-    graph.edges = [*graph.edges, ("if2", "fc2")]
-    with pytest.raises(InputError, match="the graph has 8 edges, where the network has 7; remove other loops"):
-        from_nir(graph, step_s=0.001)
-    graph.edges = [*foreign().edges, ("in", "fc2")]
-    with pytest.raises(InputError, match="node 'in' leads to 2 further nodes; it must lead to one"):
-        from_nir(graph, step_s=0.001)
-    graph.edges = [*foreign().edges, ("lif1", "twice"), ("twice", "lif1")]
-    graph.nodes["twice"] = graph.nodes["rec"]
-    with pytest.raises(InputError, match="node 'lif1' has 2 recurrent connections; the network has one"):
-        from_nir(graph, step_s=0.001)
-    graph.edges = [*foreign().edges, ("in", "nowhere")]
-    with pytest.raises(InputError, match="the graph is incomplete"):
-        from_nir(graph, step_s=0.001)
+    rec = foreign().nodes["rec"]
+    for nodes, edges, message in (
+        ({}, [("if2", "fc2")], "the graph has 8 edges, where the network has 7; remove other loops"),
+        ({}, [("in", "fc2")], "node 'in' leads to 2 further nodes; it must lead to one"),
+        ({"twice": rec}, [("lif1", "twice"), ("twice", "lif1")], "node 'lif1' has 2 recurrent connections; the "),
+        ({}, [("in", "nowhere")], "the graph is incomplete"),
+    ):
+        graph = foreign(**nodes)
+        graph.edges = [*graph.edges, *edges]
+        with pytest.raises(InputError, match=message):
+            from_nir(graph, step_s=0.001)
     with pytest.raises(InputError, match=r"export it as \.npz"):
         to_nir(some_weights(kind="gru"))
     with pytest.raises(InputError, match=r"NIR files end in \.nir, but net\.h5 does not"):
