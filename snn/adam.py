@@ -27,7 +27,6 @@ class Adam:
         self.state: dict[int, dict[str, Tensor]] = {}
 
     def zero_grad(self) -> None:
-        """Clear the gradients of all parameters."""
         for parameter in self.parameters:
             parameter.grad = None
 
@@ -45,7 +44,6 @@ class Adam:
             adamw([parameter], [parameter.grad], first, second, [], steps, **options)
 
     def load_state(self, state: dict[int, dict[str, Tensor]]) -> None:
-        """Load the state from a checkpoint."""
         self.state = {
             number: {"step": torch.tensor(float(one["step"]))}
             | {name: one[name].to(self.parameters[number], copy=True) for name in ("exp_avg", "exp_avg_sq")}

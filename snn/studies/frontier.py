@@ -193,7 +193,6 @@ class Point:
         return ((int(found[1]), int(found[2])), found[3]) if found else (SKIN, self.taxels)
 
     def experiment(self, dataset: str | None = None) -> Experiment:
-        """Return the experiment of this point."""
         settings = dict(NETWORKS[self.preset][self.network])
         kind, _, number = self.readout.partition(":")
         (rows, columns), choice = self.skin

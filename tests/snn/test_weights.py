@@ -77,10 +77,6 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     np.savez(path, events=np.zeros(3))
     with pytest.raises(InputError, match="is an archive, but not a weight file; train again"):
         load_weights(path)
-
-
-def test_a_file_of_another_kind_is_named_with_the_command_that_makes_the_right_one(tmp_path: Path) -> None:
-    path, integer = tmp_path / "float.npz", tmp_path / "integer.npz"
     save_weights(path, made())
     with pytest.raises(InputError) as refused:
         IntegerWeights.load(path)
@@ -89,9 +85,9 @@ def test_a_file_of_another_kind_is_named_with_the_command_that_makes_the_right_o
     shapes = {"w_in": (4, 4), "w_rec": (4, 4), "w_out": (4, 2), "b_hidden": 4, "b_out": 2}
     config = ClassifierConfig(inputs=4, hidden=4, classes=2, lanes=4)
     network = IntegerNetwork(config, **{name: np.zeros(shape, np.int64) for name, shape in shapes.items()})
-    IntegerWeights(network, ("a", "b")).save(integer)
+    IntegerWeights(network, ("a", "b")).save(path)
     with pytest.raises(InputError, match="it is an integer network instead of a float network; make one"):
-        load_weights(integer)
+        load_weights(path)
 
 
 def changed(path: Path, header: dict[str, Any] | None = None, **arrays: Any) -> Path:

@@ -108,7 +108,6 @@ def subjects_of(places: list[Path] | None, scenes: bool = True) -> list[Subject]
 
 
 def trained_files(places: list[Path]) -> list[Path]:
-    """Return the weight files below folders."""
     found = []
     for place in places:
         below = sorted(place.rglob("weights.npz")) if place.is_dir() else [place]
