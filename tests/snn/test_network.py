@@ -1,6 +1,7 @@
 """Test spikes and gradients of the neuron layer against a plain loop, and the networks."""
 
 import itertools
+import shutil
 import sys
 from typing import Any
 
@@ -10,7 +11,6 @@ from torch import Tensor
 from torch.nn import functional
 
 from eskin.base.errors import InputError
-from eskin.snn.kernels import cpu as kernel
 from eskin.snn.kernels.layer import MOST_ENTRIES, Backend, layer
 from eskin.snn.kernels.reference import layer_reference
 from eskin.snn.kernels.rule import SURROGATES, NeuronReset, NeuronRule
@@ -18,7 +18,7 @@ from eskin.snn.network import Output, SpikingNetwork, build
 from eskin.snn.network_config import NetworkConfig
 from tests.snn.helpers import small_network
 
-needs_kernel = pytest.mark.skipif(not kernel.available(), reason="no C++ compiler for the kernel")
+needs_kernel = pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compiler for the kernel")
 RESETS: tuple[NeuronReset, ...] = ("zero", "subtract")
 RULES = [
     NeuronRule(reset=reset, reset_gradient=through, surrogate=surrogate, surrogate_width=0.7)
