@@ -102,8 +102,8 @@ def test_the_selected_epoch_is_that_of_the_held_out_images_not_of_the_test() -> 
 def test_a_killed_command_goes_on_and_ends_in_the_same_bits(eskin: Any, folder: Path) -> None:
     (folder / "small.json").write_text(json.dumps({"rows": 2, "columns": 2, "resolution": 4}))
     command = f"train --dataset embedded --bin 0.02 --set hidden=32 --config {folder / 'small.json'} --epochs 100"
-    command += f" --checkpoint-every 1 --out {folder}/"
-    words = [sys.executable, "-m", "eskin", *f"{command}killed".split()]
+    command += f" --out {folder}/"
+    words = [sys.executable, "-m", "eskin", *f"{command}killed --checkpoint-every 1".split()]
     killed = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     checkpoints = [folder / name / "checkpoint.pt" for name in ("killed", "whole")]
     while not checkpoints[0].exists() and killed.poll() is None:
