@@ -18,12 +18,7 @@ OPTIONS |= dict.fromkeys(("foreach", "amsgrad", "maximize"), False)
 class Adam:
     """Adam optimiser with its moment estimates.
 
-    Attributes
-    ----------
-    parameters : list of Parameter
-    learning_rate, weight_decay : float
-    state : dict
-        For the number of every parameter that has had a gradient: ``step``, ``exp_avg`` and ``exp_avg_sq``.
+    ``state``: for the number of every parameter that has had a gradient ``step``, ``exp_avg`` and ``exp_avg_sq``.
     """
 
     def __init__(self, parameters: Iterable[nn.Parameter], learning_rate: float, weight_decay: float) -> None:
@@ -32,7 +27,6 @@ class Adam:
         self.state: dict[int, dict[str, Tensor]] = {}
 
     def zero_grad(self) -> None:
-        """Clear the gradients of all parameters."""
         for parameter in self.parameters:
             parameter.grad = None
 
@@ -50,7 +44,6 @@ class Adam:
             adamw([parameter], [parameter.grad], first, second, [], steps, **options)
 
     def load_state(self, state: dict[int, dict[str, Tensor]]) -> None:
-        """Load the state from a checkpoint."""
         self.state = {
             number: {"step": torch.tensor(float(one["step"]))}
             | {name: one[name].to(self.parameters[number], copy=True) for name in ("exp_avg", "exp_avg_sq")}

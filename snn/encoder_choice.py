@@ -34,20 +34,15 @@ class ByClasses(Fit):
     """Choice of encoder, resolution and full scale from the training recordings of one fold.
 
     All taxels have a common scale, or each has its own.
-
-    Attributes
-    ----------
-    fold, folds : int
-        Test fold, and number of folds.
-    test : str or None
-        Pattern of the names of the test recordings, instead of a fold.
     """
 
     other_scales: ClassVar[tuple[str, ...]] = (PER_TAXEL,)
 
     fold: int = 0
+    """Test fold."""
     folds: int = 6
     test: str | None = None
+    """Pattern of the names of the test recordings, instead of a fold."""
 
     def learned(self, names: Sequence[str], classes: Sequence[str]) -> NDArray[np.int64]:
         """Return the numbers of the training recordings."""

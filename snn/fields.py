@@ -9,7 +9,7 @@ from eskin.base.errors import InputError
 LARGEST = (2 - 2**-23) * 2.0**127
 """Largest finite float32, in which networks compute."""
 
-_NOUNS = {bool: "true or false", int: "a whole number", float: "a number", str: "a word"}
+NOUNS = {bool: "true or false", int: "a whole number", float: "a number", str: "a word"}
 
 
 def check_types(config: Any) -> None:
@@ -29,7 +29,7 @@ def check_types(config: Any) -> None:
             object.__setattr__(config, name, value)
         wanted = str if get_args(hint) else hint
         if type(value) is not wanted:
-            raise InputError(f"{name} must be {_NOUNS[wanted]}, not {value!r}")
+            raise InputError(f"{name} must be {NOUNS[wanted]}, not {value!r}")
         if isinstance(value, float) and LARGEST < abs(value) < math.inf:
             raise InputError(f"{name} must be a number of at most {LARGEST:.3g}, which float32 holds, not {value!r}")
 

@@ -111,7 +111,6 @@ class NetworkConfig:
         return NeuronRule(**{field.name: getattr(self, field.name) for field in dataclasses.fields(NeuronRule)})
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as a dictionary."""
         return dataclasses.asdict(self)
 
     @classmethod

@@ -35,22 +35,12 @@ def train_together(
 ) -> list[ConvolutionalNetwork]:
     """Return one trained network for each entry of ``learned``, on the CPU.
 
-    Parameters
-    ----------
-    data : ScanData
-    learned : sequence of sequence of int
-        Training images of each network; all networks have equally many scans.
-    seeds : sequence of int
-        Seed of each network.
-    network_config, train_config
-        Equal for all networks. Windows, class weights, speeds and dropped taxels are not supported.
-    device : str
-        Device name of torch.
+    Raise DivergedError if a weight is not finite at the end.
 
-    Raises
-    ------
-    DivergedError
-        If a weight is not finite at the end.
+    - ``learned``, ``seeds``: training images and seed of each network; all networks have equally many scans.
+    - ``network_config``, ``train_config``: equal for all networks. Windows, class weights, speeds and dropped taxels
+      are not supported.
+    - ``device``: device name of torch.
     """
     others = ("window_steps", "windows", "balanced", "speed_spread", "drop_taxels")
     supported = dataclasses.replace(train_config, **{name: getattr(TrainConfig, name) for name in others})
@@ -143,11 +133,7 @@ def _logits(config: NetworkConfig, weights: Mapping[str, Tensor], x: Tensor) -> 
 def _convolved(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
     """Return the convolution over time of every network's scans with its own kernel.
 
-    Parameters
-    ----------
-    x : shape (networks, scans, channels, steps)
-    weight : shape (networks, outputs, channels, width)
-    bias : shape (networks, outputs)
+    Shapes: x (networks, scans, channels, steps), weight (networks, outputs, channels, width), bias (networks, outputs).
     """
     width = weight.shape[3]
     windows = functional.pad(x, (width // 2, width // 2)).unfold(3, width, 1)  # ..., channels, steps, width

@@ -45,25 +45,14 @@ def train(
 ) -> Training:
     """Return a trained network.
 
-    Parameters
-    ----------
-    split : Split
-        The scans, and which images are learned, held out and tested.
-    network_config, train_config, seed
-        With the split they fix the result.
-    checkpoint : Checkpoint, optional
-        Checkpoint to load and to write.
-    device : str
-        Device name of torch.
-    progress : callable, optional
-        Called with every Epoch of this run.
+    Raise InputError if the network does not fit the data, or the checkpoint is damaged or of another configuration;
+    DivergedError if the loss is not finite.
 
-    Raises
-    ------
-    InputError
-        If the network does not fit the data, or the checkpoint is damaged or of another configuration.
-    DivergedError
-        If the loss is not finite.
+    - ``split``: the scans, and which images are learned, held out and tested.
+    - ``network_config``, ``train_config``, ``seed``: with the split they fix the result.
+    - ``checkpoint``: checkpoint to load and to write.
+    - ``device``: device name of torch.
+    - ``progress``: called with every epoch of this run.
     """
     data = split.data
     check_fits(network_config, data)

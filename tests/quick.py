@@ -65,14 +65,14 @@ COMMANDS = {
     "touch": "cocotb_tests/test_touch.py::test_mistakes_are_one_sentence",  # a run takes half a minute
     "agree": "tests/snn/test_integer.py::test_published_networks_are_bit_exact_in_the_rtl",
     "replay": "tests/app/test_simulate.py::test_replay_is_bit_exact",
-    "train": "tests/snn/test_hostile.py::test_train_names_the_data_it_used",
+    "train": "tests/snn/test_predict.py::test_an_intact_replay_passes",
     "crossval": "tests/snn/test_train.py::test_crossval_prints_both_readings",
     "robustness": "tests/snn/test_robustness.py::test_cells_are_kept_resumed_and_paired",
     "noise-power": "tests/snn/test_studies.py::test_power_is_that_of_the_model_at_these_rates",
     "merits": "tests/snn/test_studies.py::test_events_know_times_to_a_sample_and_frames_to_a_period",
     "precision": "tests/snn/test_studies.py::test_variants_are_read_as_they_are_written",
     "sweep": "tests/snn/test_sweep.py::test_bad_options_get_one_sentence",  # pair runs a real one
-    "pair": "tests/snn/test_pairs.py::test_a_sweep_keeps_every_prediction",
+    "pair": "tests/snn/test_sweep.py::test_only_missing_cells_are_run",
     "predict": "tests/snn/test_predict.py::test_an_intact_replay_passes",
     "fig8": "tests/snn/test_figures.py::test_fig8_shows_the_first_test_image_and_its_logits",
     "frontier": "tests/snn/test_frontier.py::test_frames_and_events_of_one_rate_and_network_are_paired",

@@ -80,14 +80,9 @@ def record_dataset(
 ) -> ScanData:
     """Return the event counts of all textures of a dataset, with one scan per start row.
 
-    Parameters
-    ----------
-    dataset, scan, config
-        ``config`` from ``scan.configure``.
-    start_rows : sequence of float
-        Image rows of the array's top edge, in pixels; only 0 in the ``paper`` preset.
-    progress : callable, optional
-        Called after each scan.
+    - ``config``: from ``scan.configure``.
+    - ``start_rows``: image rows of the array's top edge, in pixels; only 0 in the ``paper`` preset.
+    - ``progress``: called after each scan.
     """
     recordings = []
     for texture in dataset:

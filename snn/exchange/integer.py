@@ -155,7 +155,6 @@ def _with_widths(made: IntegerNetwork, precision: Precision) -> IntegerNetwork:
 
 
 def _check(network: SpikingNetwork, arrays: dict[str, NDArray[np.float64]]) -> None:
-    """Check that the hardware supports a network."""
     for name, values in arrays.items():
         if not np.isfinite(values).all():
             raise InputError(f"{name} has values that are not finite; train again")

@@ -55,17 +55,12 @@ class LevelCrossing:
 
         Raise InputError if the data are not floating-point, have no time dimension, hold NaN or do not fit the array.
 
-        Parameters
-        ----------
-        data : floating-point tensor or array, shape (time, ...)
-            In full scales: the range is -1.0 to 1.0, what is outside saturates. It is rounded half to even to codes of
-            ``config.sample_bits`` bits. The reference starts at ``config.reference_reset``. Where the reference leaks,
-            which depends on the row, the last dimensions are (..., rows, columns) or (..., taxels).
+        The shape is (time, ...) or (time, 2, ...); type and device are those of the data.
 
-        Returns
-        -------
-        Tensor, shape (time, ...) or (time, 2, ...)
-            Type and device of the data.
+        ``data``: floating-point, shape (time, ...), in full scales: the range is -1.0 to 1.0, what is outside
+        saturates. It is rounded half to even to codes of ``config.sample_bits`` bits. The reference starts at
+        ``config.reference_reset``. Where the reference leaks, which depends on the row, the last dimensions are
+        (..., rows, columns) or (..., taxels).
         """
         tensor = torch.as_tensor(data)
         if not tensor.is_floating_point():

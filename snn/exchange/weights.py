@@ -95,7 +95,9 @@ def _from_arrays(arrays: dict[str, NDArray[Any]]) -> Weights:
         shapes = {name: tuple(tensor.shape) for name, tensor in build(config, seed=0).state_dict().items()}
     state = {}
     for name, shape in shapes.items():
-        values = _plain(arrays, name)
+        values = arrays[name]
+        if values.dtype == np.int8:
+            values = values * arrays[name + SCALE_SUFFIX].reshape(-1, *[1] * (values.ndim - 1))
         if values.dtype.kind not in "fiu":
             raise InputError(f"{name} holds values of type {values.dtype}, instead of real numbers; train again")
         values = values.astype(np.float32)
@@ -140,16 +142,6 @@ def quantise(matrix: NDArray[Any]) -> tuple[NDArray[np.int8], NDArray[np.float32
 
 
 def config_of(network: nn.Module) -> NetworkConfig:
-    """Return the configuration of a network."""
     config = network.config
     assert isinstance(config, NetworkConfig)
     return config
-
-
-def _plain(arrays: dict[str, NDArray[Any]], name: str) -> NDArray[Any]:
-    """Return an array as floats, expanded from 8 bits if necessary."""
-    values = arrays[name]
-    if values.dtype != np.int8:
-        return values
-    scale = arrays[name + SCALE_SUFFIX]
-    return values * scale.reshape(-1, *[1] * (values.ndim - 1))

@@ -82,7 +82,6 @@ class Experiment:
             self.settings()
 
     def _check_fit(self) -> None:
-        """Check that the fields fit each other."""
         frames, recorded = self.frames is not None, self.events is not None
         if frames and self.train.speed_spread:
             raise InputError("speed_spread moves events in time and cannot be used for frames; set it to 0")

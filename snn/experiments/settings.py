@@ -9,6 +9,7 @@ from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.frame_steps import FRAMES, FrameKind, FrameSteps
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.recipes import BASELINES, RECIPES
+from eskin.snn.fields import NOUNS
 from eskin.snn.network_config import NetworkConfig, fields_of
 from eskin.snn.training import TrainConfig, parted
 
@@ -28,15 +29,11 @@ def parse_settings(texts: list[str], option: str = "--set") -> dict[str, Any]:
             raise InputError(
                 f"{option} needs NAME=VALUE with one of the names {', '.join(sorted(hints))}, not {text!r}"
             )
-        hint = hints[name]
+        hint = str if get_args(hints[name]) else hints[name]
         try:
-            if hint is bool:
-                found[name] = {"true": True, "false": False}[value.lower()]
-            else:
-                found[name] = value if get_args(hint) else hint(value)
+            found[name] = {"true": True, "false": False}[value.lower()] if hint is bool else hint(value)
         except (KeyError, ValueError):
-            noun = {bool: "true or false", int: "a whole number", float: "a number"}.get(hint, "a word")
-            raise InputError(f"{option} {name} takes {noun}, not {value!r}") from None
+            raise InputError(f"{option} {name} takes {NOUNS[hint]}, not {value!r}") from None
     return found
 
 

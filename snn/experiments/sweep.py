@@ -189,7 +189,6 @@ def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell) -> 
     flying = 0
 
     def take(run: PointRun, fold: int, seed: int, future: Any) -> None:
-        """Store the result of a training, or its error."""
         nonlocal flying
         flying -= 1
         try:

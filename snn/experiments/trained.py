@@ -225,7 +225,6 @@ def said_of_training(path: Path, weights: Weights) -> dict[str, Any]:
 def _images_of(
     experiment: Experiment, classes: Sequence[str], own: bool
 ) -> tuple[Sequence[str], NDArray[np.int64], str | None]:
-    """Return names, labels and dataset of the images of a training."""
     if experiment.events is not None:
         folder = Path(experiment.events)
         data = load_recordings(folder, experiment.bins, classes)

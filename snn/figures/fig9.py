@@ -126,7 +126,6 @@ def own_point(sweep: Sweep, point: Point, reading: str) -> Data:
 
 
 def title(sweep: str) -> str:
-    """Return the title of a sweep in figures."""
     return TITLES.get(sweep, sweep)
 
 

@@ -38,7 +38,6 @@ Series = tuple[str, str, list[Data]]
 
 
 def plot_fig9(data: Data, path: Path) -> None:
-    """Plot accuracy against data rate to a file; see :func:`draw_fig9`."""
     save_figure(draw_fig9(data), path)
 
 
@@ -84,7 +83,6 @@ def draw_fig9(data: Data) -> Figure:
 
 
 def _draw_axes(panel: Axes, classes: set[int]) -> None:
-    """Draw the logarithmic rate axis and the chance level."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
     for count in sorted(classes):
@@ -99,7 +97,6 @@ def _draw_axes(panel: Axes, classes: set[int]) -> None:
 
 
 def _series(points: list[Data], sweeps: list[str]) -> Iterator[Series]:
-    """Yield the data series of a panel."""
     for sweep in sweeps:
         for readout in NAMES:
             chosen = [p for p in points if p["sweep"] == sweep and p["readout"].split(",")[0] == readout]

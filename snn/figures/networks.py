@@ -81,17 +81,12 @@ def network_styles(points: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, A
     return styles
 
 
-def accuracies(points: Sequence[Mapping[str, Any]]) -> tuple[list[float], list[list[float]]]:
-    """Return accuracies and the lengths of their error bars, in %."""
-    ends = [[100 * abs(point["accuracy"] - point["bootstrap_95"][end]) for point in points] for end in (0, 1)]
-    return [100 * point["accuracy"] for point in points], ends
-
-
 def draw_accuracies(
     axis: Axes, x: Sequence[float], points: Sequence[Mapping[str, Any]], style: Mapping[str, Any], **line: Any
 ) -> None:
     """Draw a line through the accuracies of points, with pale error bars."""
-    middle, ends = accuracies(points)
+    middle = [100 * point["accuracy"] for point in points]
+    ends = [[100 * abs(point["accuracy"] - point["bootstrap_95"][end]) for point in points] for end in (0, 1)]
     axis.errorbar(x, middle, ends, color=style["color"], alpha=0.25, linestyle="none", capsize=2)
     axis.plot(x, middle, **style, **line)
 

@@ -67,7 +67,6 @@ def plot_precision(data: Mapping[str, Any], path: Path) -> None:
 
 
 def _styles(labels: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return colour, marker and line style by label."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 
@@ -87,7 +86,6 @@ def _styles(labels: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 
 def _bits(axis: Axes, points: Sequence[dict[str, Any]], colour: str) -> None:
-    """Write the weight bits beside the points."""
     for point in points:
         if (y := 100 * point["accuracy"]) >= LEAST and point["variant"] in BITS:
             at = point["memory_bits"] / 8000, y

@@ -44,7 +44,6 @@ def plot_robustness(data: Mapping[str, Any], path: Path) -> None:
 
 
 def _draw(panel: Axes, name: str, points: Sequence[Mapping[str, Any]], styles: Mapping[str, Mapping[str, Any]]) -> None:
-    """Draw accuracy against the strength of one disturbance."""
     dress(panel)
     strengths = list(dict.fromkeys(point["strength"] for point in points))
     draw_networks(panel, points, lambda point: strengths.index(point["strength"]), styles)

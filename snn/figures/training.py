@@ -36,7 +36,6 @@ def draw_training(result: Mapping[str, Any], tested: list[str], out: Path) -> li
 
 
 def _matrix(result: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the confusion matrix of the test images."""
     classes = result["class_names"]
     confusion = np.zeros((len(classes), len(classes)), np.int64)
     np.add.at(confusion, (result["labels"], result["predicted"]), 1)

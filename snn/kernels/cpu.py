@@ -165,8 +165,7 @@ def _call(name: str, *arguments: Any) -> None:
 
 def _require() -> ctypes.CDLL:
     library = _library()
-    if library is None:
-        raise RuntimeError("the compiled kernel is not available; check available() first")
+    assert library is not None, "callers check available() first"
     return library
 
 

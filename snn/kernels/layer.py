@@ -46,27 +46,16 @@ def layer(
     backend: Backend = "auto",
     synapse_decay: float = 0.0,
 ) -> Tensor:
-    """Return the spikes of a layer that starts at rest.
+    """Return the spikes of a layer that starts at rest: 0 and 1, shape (steps, batch, neurons).
 
-    Parameters
-    ----------
-    x : shape (steps, batch, inputs)
-        Counts, spikes or any numbers.
-    w_in : shape (neurons, inputs)
-    bias, decay : shape (neurons,)
-        Decay is the part of v that is left after one step; 1 for a neuron without a leak.
-    w_rec : shape (neurons, neurons), optional
-        Entry (i, j) is the weight from neuron j to neuron i, one step later.
-    backend : "auto", "kernel", "triton" or "torch"
-        "auto" selects the kernel for float32 on the CPU if it can be compiled, and Triton for float32 on a GPU if it is
-        installed.
-    synapse_decay : float
-        Part of the synaptic current that is left after one step; 0 for neurons without one. With it the plain loop
-        computes, whatever the backend.
-
-    Returns
-    -------
-    Tensor of 0 and 1, shape (steps, batch, neurons)
+    - ``x``: shape (steps, batch, inputs); counts, spikes or any numbers.
+    - ``w_in``: shape (neurons, inputs).
+    - ``bias``, ``decay``: shape (neurons,). Decay is the part of v that is left after one step; 1 without a leak.
+    - ``w_rec``: shape (neurons, neurons). Entry (i, j) is the weight from neuron j to neuron i, one step later.
+    - ``backend``: "auto" selects the kernel for float32 on the CPU if it can be compiled, and Triton for float32 on a
+      GPU if it is installed.
+    - ``synapse_decay``: part of the synaptic current that is left after one step; 0 for neurons without one. With it
+      the plain loop computes, whatever the backend.
 
     Examples
     --------

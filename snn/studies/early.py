@@ -34,7 +34,6 @@ def course_of(network: Any, data: ScanData, images: NDArray[np.int64], device: s
 
 
 def _logits_after(steps: int, network: Any, data: ScanData, scans: Any, device: str = "cpu") -> NDArray[np.float32]:
-    """Return the logits for the first steps of scans."""
     from eskin.snn.train import logits_of
 
     return logits_of(network, dataclasses.replace(data, values=data.values[:, :steps], lengths=None), scans, device)

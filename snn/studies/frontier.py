@@ -193,7 +193,6 @@ class Point:
         return ((int(found[1]), int(found[2])), found[3]) if found else (SKIN, self.taxels)
 
     def experiment(self, dataset: str | None = None) -> Experiment:
-        """Return the experiment of this point."""
         settings = dict(NETWORKS[self.preset][self.network])
         kind, _, number = self.readout.partition(":")
         (rows, columns), choice = self.skin
@@ -277,12 +276,10 @@ class Frontier:
         return self._known(point, trainings, inner)
 
     def _names(self, point: Point, trainings: Sequence[tuple[int, int]], inner: bool) -> dict[tuple[int, int], str]:
-        """Return the name of the result of each training."""
         digest = _digest(point.experiment(self._dataset).to_dict())
         return {(fold, seed): f"{point.name}/{fold}/{seed}{'/inner' * inner}/{digest}" for fold, seed in trainings}
 
     def _known(self, point: Point, trainings: Sequence[tuple[int, int]], inner: bool) -> list[dict[str, Any]]:
-        """Return the stored results of trainings."""
         found = (self._pieces.known(name) for name in self._names(point, trainings, inner).values())
         return [cell for cell in found if cell is not None]
 
@@ -484,7 +481,6 @@ def trivial_of(data: ScanData) -> float:
 
 
 def _named(point: Point, experiment: Experiment) -> dict[str, Any]:
-    """Return the names of readout and network of a point, and its taxels."""
     return {
         "name": point.name,
         "readout": point.readout,

@@ -1,8 +1,5 @@
 """Test that the optimiser gives the same bits as torch's."""
 
-import subprocess
-import sys
-
 import pytest
 import torch
 from torch import nn
@@ -32,17 +29,3 @@ def test_it_gives_the_bits_of_torch_and_goes_on_from_its_checkpoints(weight_deca
         assert all(torch.equal(a, b) for a, b in zip(ours, theirs, strict=True))
     adam.zero_grad()
     assert all(parameter.grad is None for parameter in ours)
-
-
-def test_a_training_loads_no_compiler() -> None:
-    code = """
-import sys
-from tests.snn.helpers import easy_data, small_network
-from eskin.snn.data.scans import Split
-from eskin.snn.train import train
-from eskin.snn.training import TrainConfig
-train(Split(easy_data(), range(21)), small_network(), TrainConfig(epochs=1), 0)
-assert "eskin.snn.kernels.layer" in sys.modules
-sys.exit("torch._dynamo" in sys.modules)
-"""
-    assert subprocess.run([sys.executable, "-c", code]).returncode == 0

@@ -7,12 +7,11 @@ import shutil
 import subprocess
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from eskin.app.cli import app
 from eskin.base import cache as place
 from eskin.model.config import ReadoutConfig
 from eskin.skin.textures.dataset import Dataset, embedded_dataset
@@ -123,16 +122,15 @@ def test_the_entries_used_longest_ago_go_first(kept: Path, monkeypatch: pytest.M
     assert left == {"d.npz", "e.npz", "mine.txt"}, "what a killed writer left is gone, other files stay"
 
 
-def test_the_command_shows_and_clears(kept: Path) -> None:
+def test_the_command_shows_and_clears(kept: Path, eskin: Any) -> None:
     cache.kept("a", easy_data)
-    shown = CliRunner().invoke(app, ["cache"])
-    assert shown.output == f"{kept.parent}: 1 recorded scans, 0.0 MB of at most 1074 MB\n"
-    assert CliRunner().invoke(app, ["cache", "--clear"]).output.startswith("removed 1 recorded scans")
+    assert eskin("cache")[0] == f"{kept.parent}: 1 recorded scans, 0.0 MB of at most 1074 MB\n"
+    assert eskin("cache --clear")[0].startswith("removed 1 recorded scans")
     assert not list(kept.iterdir())
 
 
 def test_a_folder_that_others_can_write_to_or_a_link_is_not_believed(
-    kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    kept: Path, tmp_path: Path, eskin: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cache.kept("a", easy_data)
     (kept / "a.npz").chmod(0o666)
@@ -143,7 +141,7 @@ def test_a_folder_that_others_can_write_to_or_a_link_is_not_believed(
     (tmp_path / "link").symlink_to(tmp_path / "other")
     monkeypatch.setenv("ESKIN_CACHE", str(tmp_path / "link"))
     assert place.usable() is None
-    assert "the folder is not used: it cannot be written" in CliRunner().invoke(app, ["cache"]).output
+    assert "the folder is not used: it cannot be written" in eskin("cache")[0]
     monkeypatch.setenv("ESKIN_CACHE", str(tmp_path / "mine"))
     monkeypatch.setattr(os, "getuid", lambda: 123456)
     assert place.usable() is None, "it is another user's"
@@ -152,7 +150,6 @@ def test_a_folder_that_others_can_write_to_or_a_link_is_not_believed(
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="no compiler")
 def test_a_library_that_was_planted_is_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Check that planted libraries are not loaded from predictable or shared places."""
     source = 'extern "C" void kernel_keep_memory() {}\n'
     (tmp_path / "kernel.cpp").write_text(source)
     trap = f'__attribute__((constructor)) static void run() {{ fopen("{tmp_path}/sprung", "w"); }}\n'

@@ -91,9 +91,6 @@ def test_a_readout_has_coded_rates_below_its_own() -> None:
     assert 0 < frames["samples"] < 250 * 4 * 8
 
 
-ENCODERS = ", ".join(registry.NAMES)
-
-
 def scans(values: list[list[int]]) -> ScanData:
     found = np.array([values], np.int16)
     one = np.zeros(1, np.int64)
@@ -108,10 +105,11 @@ def test_likeness_by_hand() -> None:
     assert likeness(nlcs, scans([[1, 0], [0, 2], [3, 0]]))["correlation"] < 0
 
 
-def test_the_command_writes_what_it_prints(call: Any, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_writes_what_it_prints(
+    eskin: Any, refuses: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     few_textures(monkeypatch, 4)
-    code, output, error = call("counts --preset physical --dataset embedded --points lcs:2,lcs:3,nlcs:4 --out c.json")
-    assert code == 0, error
+    output, _ = eskin("counts --preset physical --dataset embedded --points lcs:2,lcs:3,nlcs:4 --out c.json")
     found = json.loads((folder / "c.json").read_text())
     assert found["command"].startswith("eskin counts --points lcs:2,lcs:3,nlcs:4")
     assert found.keys() >= {"commit", "date"}
@@ -121,7 +119,5 @@ def test_the_command_writes_what_it_prints(call: Any, folder: Path, monkeypatch:
     assert 0.5 < one["correlation"] < 1
     said = f"correlation of the counts {one['correlation']:.4f}, ratio {one['ratio']:.2f}"
     assert f"lcs:2 and lcs:3: {said}" in output
-
-
-def test_frames_have_no_events_to_count(refuses: Any) -> None:
-    refuses(f"error: --points takes event encoders ({ENCODERS}), not frame\n", "counts --points frame:250:8")
+    encoders = ", ".join(registry.NAMES)
+    refuses(f"error: --points takes event encoders ({encoders}), not frame\n", "counts --points frame:250:8")

@@ -41,14 +41,7 @@ def test_the_time_window_cuts_and_a_partial_last_bin_is_left_out() -> None:
     assert counts[:, 0].tolist() == [2, 1, 0]
 
 
-def test_a_recording_of_more_counts_than_are_taken_is_refused() -> None:
-    long = recording([1], [0], [True], clocks=MOST_COUNTS // 12 + 1)
-    with pytest.raises(InputError, match=rf"more than {MOST_COUNTS} counts; choose a longer bin"):
-        bin_recording(long, BinConfig(bin_s=1e-4))
-
-
 def test_tensors_of_rtl_event_files_and_of_the_model_are_equal(tmp_path: Path) -> None:
-    """Compare tensors from replay files with tensors from the model."""
     data = embedded_dataset().limit(4)
     config = ReadoutConfig(rows=2, columns=2, resolution=4)
     for texture in data:
@@ -77,7 +70,6 @@ def test_start_rows_are_scans_of_one_image_and_only_the_first_is_tested() -> Non
 
 
 def test_variants_are_of_the_same_scans(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Check that variants of an encoder use the same scans."""
     few_textures(monkeypatch)
     small = ReadoutConfig(rows=2, columns=2, resolution=4)
     fields: dict[str, Any] = {"dataset": "embedded"}
@@ -107,6 +99,8 @@ def test_frames_come_from_the_same_scans() -> None:
     codes, _ = PhysicalScan().samples(sampled, data[1].load())
     expected = codes[: frames.steps * 5].reshape(frames.steps, 20) / 512
     assert np.array_equal(frames.values[1], expected.astype(np.float32))
+    differences = frame_dataset(data, PhysicalScan(), config, FrameSteps.parse("frame-diff:250:8", 0.004))
+    assert not differences.frames, "what a shift in time brings in is 0, not the difference at the edge again"
 
 
 def test_the_name_of_frames_says_rate_bits_and_what_the_receiver_makes_of_them() -> None:
@@ -124,6 +118,9 @@ def test_the_name_of_frames_says_rate_bits_and_what_the_receiver_makes_of_them()
         with pytest.raises(InputError, match=r"frames need KIND:RATE:BITS"):
             FrameSteps.parse(name, 0.004)
     assert FrameSteps(rate_hz=5000.0, bits=10, frames_per_step=20) == FrameSteps(), "as older files have it"
+    for bad in (True, 2.0, "3", 0):
+        with pytest.raises(InputError, match="frames_per_step must be at least 1, not"):
+            FrameSteps(frames_per_step=bad)
 
 
 def test_differences_and_crossings_by_hand() -> None:
@@ -138,14 +135,6 @@ def test_differences_and_crossings_by_hand() -> None:
     assert values_of(samples, codes).tolist() == [[0, 0.5, 3 / 16, 0.5, 5 / 16, -9 / 16]], (
         "what fills no step is left out"
     )
-
-
-def test_a_scan_that_has_not_begun_has_no_differences() -> None:
-    data = embedded_dataset().limit(1)
-    frames = frame_dataset(
-        data, PhysicalScan(), ReadoutConfig(rows=1, columns=2), FrameSteps.parse("frame-diff:250:8", 0.004)
-    )
-    assert not frames.frames, "what a shift in time brings in is 0, not the difference at the edge again"
 
 
 def test_scans_at_other_speeds_keep_their_events() -> None:
@@ -218,6 +207,8 @@ def test_bad_recordings_are_refused_in_one_sentence(tmp_path: Path) -> None:
     assert refused([good], BinConfig(bin_s=1.0)) == (
         "a lasts 0.01 s and contains no complete bin of 1 s in the time window; choose a shorter bin or another window"
     )
+    long = recording([1], [0], [True], clocks=MOST_COUNTS // 12 + 1)
+    assert f"more than {MOST_COUNTS} counts; choose a longer bin" in refused([long], BinConfig(bin_s=1e-4))
     with pytest.raises(InputError, match="holds no event files"):
         load_recordings(tmp_path, bins)
     with pytest.raises(InputError, match="does not exist"):

@@ -53,17 +53,11 @@ def there(library: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[s
     return names
 
 
-def hidden_spikes(net: Any, name: str = "hidden") -> list[torch.Tensor]:
-    """Return a list that collects the hidden spikes of every step."""
-    seen: list[torch.Tensor] = []
-    node = getattr(net, name)
-    node.register_forward_hook(lambda _, __, out: seen.append(out[0] if isinstance(out, tuple) else out))
-    return seen
-
-
 def same(there: dict[str, Any], weights: Weights, x: torch.Tensor, node: str = "hidden") -> tuple[Any, set[int]]:
     """Check that spikes and classes of a library are ours; return the spikes, and the classes that occur."""
-    seen = hidden_spikes(there["net"], node)
+    seen: list[torch.Tensor] = []
+    hidden = getattr(there["net"], node)
+    hidden.register_forward_hook(lambda _, __, out: seen.append(out[0] if isinstance(out, tuple) else out))
     classes = there["classify"](there["net"], x).tolist()
     network = weights.network.eval()
     with torch.no_grad():
@@ -96,15 +90,14 @@ def trained() -> tuple[Weights, ScanData]:
 
 @pytest.mark.parametrize("library", LIBRARIES)
 def test_a_trained_portable_network_classifies_every_image_alike(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, call: Any, trained: tuple[Weights, ScanData], library: str
+    folder: Path, monkeypatch: pytest.MonkeyPatch, eskin: Any, trained: tuple[Weights, ScanData], library: str
 ) -> None:
     weights, data = trained
     images = np.arange(len(data.names))
     here = predicted_classes(weights.network, data, images)
     assert (here == data.image_labels).mean() > 0.8
     save_weights(Path("w.npz"), weights)
-    code, text, _ = call("export w.npz -o net.nir")
-    assert (code, "snnTorch and Norse support every feature of this network" in text) == (0, True), text
+    assert "snnTorch and Norse support every feature of this network" in eskin("export w.npz -o net.nir")[0]
     found = there(library, folder, monkeypatch)
     assert found["classify"](found["net"], data.batch(images)).tolist() == here.tolist()
 
@@ -112,13 +105,9 @@ def test_a_trained_portable_network_classifies_every_image_alike(
 def test_what_a_library_lacks_is_another_network_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     weights, x = made(decay=0.5, output_decay=0.75), scans()
     save_nir(tmp_path / "net.nir", weights)
-    found = there("snntorch", tmp_path, monkeypatch)
-    seen = hidden_spikes(found["net"])
-    found["classify"](found["net"], x)
-    network = weights.network
-    assert not torch.equal(torch.stack(seen), network.spikes(x))
-    without = made(decay=0.5, output_decay=0.75, **NO_FLOOR).network
-    assert torch.equal(torch.stack(seen), without.spikes(x))
+    without = made(decay=0.5, output_decay=0.75, **NO_FLOOR)
+    spikes, _ = same(there("snntorch", tmp_path, monkeypatch), without, x)
+    assert not torch.equal(spikes, weights.network.spikes(x))
 
 
 STEP_S = 0.004
@@ -172,7 +161,7 @@ def norse_network() -> torch.nn.Module:
 
 
 @pytest.mark.parametrize("kind", ["snntorch", "snntorch, recurrent", "norse"])
-def test_their_networks_come_here_and_classify_alike(call: Any, folder: Path, kind: str) -> None:
+def test_their_networks_come_here_and_classify_alike(eskin: Any, folder: Path, kind: str) -> None:
     library = kind.split(",")[0]
     torch.manual_seed(1)
     net = norse_network() if library == "norse" else snntorch_network(recurrent=kind != library)
@@ -189,7 +178,7 @@ def test_their_networks_come_here_and_classify_alike(call: Any, folder: Path, ki
         for step in x:
             out, state = net(step, state) if library == "norse" else (net(step), None)
             total = total + out
-    assert call(f"import theirs.nir -o ours.npz --step {STEP_S}")[0] == 0
+    eskin(f"import theirs.nir -o ours.npz --step {STEP_S}")
     loaded = load_weights(Path("ours.npz"))
     assert loaded.step_s == STEP_S
     logits = loaded.network.eval()(x).logits.detach()

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 
@@ -28,7 +29,7 @@ from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.sweep import PUBLISHED_BPS
 from eskin.snn.figures import fig9 as figures
 from eskin.snn.figures import fig9_plot as pictures
-from eskin.snn.figures.confusion import draw_confusion
+from eskin.snn.figures.confusion import confusion_data, draw_confusion
 from eskin.snn.figures.fig8_play import evidence, play
 from eskin.snn.network import build
 from eskin.snn.network_config import NetworkConfig
@@ -62,6 +63,13 @@ PHYSICAL = {
 CLASSES = PHYSICAL["points"][0]["class_names"]
 
 
+@pytest.fixture(scope="module")
+def project() -> tuple[dict[str, Any], Figure]:
+    """Return data and figure of the sweeps of the project."""
+    data = figures.fig9_data(figures.load_sweeps(figures.kept_sweeps()), "last")
+    return data, pictures.draw_fig9(data)
+
+
 @pytest.fixture
 def files(folder: Path) -> list[str]:
     """Write two sweeps, as file and as folder; return the options for them."""
@@ -82,11 +90,12 @@ def marks(panel: Any) -> list[tuple[float, float, str, bool]]:
 
 
 @pytest.mark.parametrize("reading", ["last", "selected"])
-def test_what_is_drawn_is_what_the_sweeps_say(call: Any, files: list[str], folder: Path, reading: str) -> None:
-    code, out, _ = call("fig9", *files, "--reading", reading, "-o", "pictures", "--data-out", "numbers")
-    assert code == 0
+def test_what_is_drawn_is_what_the_sweeps_say(eskin: Any, files: list[str], folder: Path, reading: str) -> None:
+    out, _ = eskin("fig9", *files, "--reading", reading, "-o", "pictures", "--data-out", "numbers")
     assert "left out, because no seed is finished: plain: nlcs-8\n" in out
-    assert (folder / "pictures" / "fig9.png").stat().st_size > 10_000
+    for name in ("fig9", "confusion"):
+        assert (folder / "pictures" / f"{name}.png").stat().st_size > 10_000
+    check_confusion(json.loads((folder / "numbers" / "confusion.json").read_text()), reading)
     data = json.loads((folder / "numbers" / "fig9.json").read_text())
     shown = load_accuracy(folder / "numbers" / "fig9.json")["points"]
     for name in ("accuracy", "data_rate_bps", "interval"):
@@ -119,6 +128,24 @@ def test_what_is_drawn_is_what_the_sweeps_say(call: Any, files: list[str], folde
         assert bars == {(p["normalised_rate"], *(100 * end for end in ends)) for p in points if (ends := ends_of(p))}
         across = [line for line in panel.lines if line.get_transform() == panel.get_yaxis_transform()]
         assert {line.get_ydata()[0] for line in across} == {100 / 6}, "chance"
+
+
+def check_confusion(data: dict[str, Any], reading: str) -> None:
+    """Check that the matrices are those of the best finished spiking point of each scan, and are drawn."""
+    sweeps = {"plain": SWEEP["points"][:2], "hand": PHYSICAL["points"]}
+    best = {name: max(points, key=lambda point: point[reading]["accuracy"]) for name, points in sweeps.items()}
+    assert {point["sweep"]: point["name"] for point in data["points"]} == {n: p["name"] for n, p in best.items()}
+    figure = draw_confusion(data)
+    figure.draw_without_rendering()
+    for panel, point in zip(figure.axes, data["points"], strict=True):
+        title = next(text for text in panel.findobj(Text) if text.get_text() == panel.get_title("left") != "")
+        assert title.get_window_extent().x1 <= figure.bbox.x1, "it stays in the picture"
+        counts = np.array(point["confusion"])
+        shares = 100 * counts / counts.sum(1, keepdims=True)  # rows are the true classes
+        assert np.asarray(panel.images[0].get_array()) == pytest.approx(shares)
+        assert [text.get_text() for text in panel.texts] == [f"{share:.1f}" for share in shares.ravel()]
+        assert [label.get_text() for label in panel.get_yticklabels()] == CLASSES
+        assert np.trace(counts) / counts.sum() == pytest.approx(point["accuracy"])
 
 
 PUBLISHED = [
@@ -185,12 +212,14 @@ def test_the_kept_sweeps_and_the_latest_are_the_default(
 
 
 @pytest.mark.parametrize("crowded", [False, True])
-def test_no_mark_of_fig9_hides_another_and_labels_lie_on_nothing(files: list[str], crowded: bool) -> None:
-    """Check that markers and labels do not overlap, with the project's points and with duplicates."""
-    sweeps = figures.load_sweeps([Path("plain.json")] if crowded else [])
+def test_no_mark_of_fig9_hides_another_and_labels_lie_on_nothing(
+    files: list[str], project: tuple[dict[str, Any], Figure], crowded: bool
+) -> None:
+    _, figure = project
     if crowded:
-        sweeps.append(dataclasses.replace(sweeps[0], name="again"))
-    figure = pictures.draw_fig9(figures.fig9_data(sweeps, "last"))
+        (sweep,) = figures.load_sweeps([Path("plain.json")])
+        twice = [sweep, dataclasses.replace(sweep, name="again")]
+        figure = pictures.draw_fig9(figures.fig9_data(twice, "last"))
     figure.draw_without_rendering()
     for panel in figure.axes:
         boxes = []
@@ -213,15 +242,12 @@ def test_no_mark_of_fig9_hides_another_and_labels_lie_on_nothing(files: list[str
             assert common is None or min(common.width, common.height) < 0.01
 
 
-def test_the_page_has_the_points_of_the_kept_sweeps() -> None:
-    data = figures.fig9_data(figures.load_sweeps(figures.kept_sweeps()), "last")
+def test_fig9_names_sweeps_and_networks_in_words_and_the_rate_of_frames_in_every_panel(
+    project: tuple[dict[str, Any], Figure],
+) -> None:
+    data, figure = project
     assert json.loads(ACCURACY.read_text()) == json.loads(json.dumps(data)), "copy what eskin fig9 writes"
-
-
-def test_fig9_names_sweeps_and_networks_in_words_and_the_rate_of_frames_in_every_panel() -> None:
-    data = figures.fig9_data(figures.load_sweeps([]), "last")
     words = " ".join([data["source"], *(point["label"] for point in data["points"])])
-    figure = pictures.draw_fig9(data)
     words += " ".join(text.get_text() for text in figure.findobj(Text))
     for file in figures.kept_sweeps():
         assert file.stem not in words
@@ -235,47 +261,13 @@ def test_fig9_names_sweeps_and_networks_in_words_and_the_rate_of_frames_in_every
         assert said is not (axes.get_title("left") in known)
 
 
-def test_confusion_of_the_best_finished_spiking_points(call: Any, files: list[str], folder: Path) -> None:
-    assert call("fig9", *files)[0] == 0
-    data = json.loads((folder / "out" / "confusion.json").read_text())
-    best = max(PHYSICAL["points"], key=lambda point: point["last"]["accuracy"])
-    assert [(p["sweep"], p["name"]) for p in data["points"]] == [("plain", "lcs-6"), ("hand", best["name"])]
-    assert (folder / "out" / "confusion.png").stat().st_size > 10_000
-    figure = draw_confusion(data)
-    figure.draw_without_rendering()
-    for panel, point in zip(figure.axes, data["points"], strict=True):
-        title = next(text for text in panel.findobj(Text) if text.get_text() == panel.get_title("left") != "")
-        assert title.get_window_extent().x1 <= figure.bbox.x1, "it stays in the picture"
-        counts = np.array(point["confusion"])
-        shares = 100 * counts / counts.sum(1, keepdims=True)  # rows are the true classes
-        assert np.asarray(panel.images[0].get_array()) == pytest.approx(shares)
-        assert [text.get_text() for text in panel.texts] == [f"{share:.1f}" for share in shares.ravel()]
-        assert [label.get_text() for label in panel.get_yticklabels()] == CLASSES
-        assert np.trace(counts) / counts.sum() == pytest.approx(point["accuracy"])
-
-
-def test_confusion_of_a_named_point(call: Any, refuses: Any, files: list[str], folder: Path) -> None:
+def test_confusion_of_a_named_point(refuses: Any, files: list[str], folder: Path) -> None:
     others = [point | {"class_names": list("abcdef")} for point in PHYSICAL["points"]]
     (folder / "hand" / "sweep.json").write_text(json.dumps(PHYSICAL | {"points": others}))
-    assert call("fig9", *files, "--confusion", "lcs-4", "--reading", "selected")[0] == 0
-    points = json.loads((folder / "out" / "confusion.json").read_text())["points"]
+    points = confusion_data(figures.load_sweeps([Path("plain.json"), Path("hand")]), "selected", "lcs-4")["points"]
     assert [point["class_names"] for point in points] == [CLASSES, list("abcdef")]
     assert points[1]["confusion"] == PHYSICAL["points"][0]["selected"]["confusion"]
     refuses("there is no point 'lcs-5'; the points are lcs-4, lcs-6,", "fig9", *files, "--confusion", "lcs-5")
-
-
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        ("", "the sweep bad.json is not JSON"),
-        ("[]", "bad.json contains no points of a sweep; make it with eskin sweep"),
-        ('{"points": []}', "bad.json contains no points of a sweep"),
-    ],
-)
-def test_files_that_are_no_sweep_get_one_sentence(refuses: Any, folder: Path, text: str, sentence: str) -> None:
-    (folder / "bad.json").write_text(text)
-    refuses(sentence, "fig9", "--sweep", "bad.json")
-    assert not (folder / "out").exists()
 
 
 NOT_ABOVE_0 = "normalised_rate, data_rate_bps, cells.of and cells.whole_seeds of a result must be above 0"
@@ -325,6 +317,13 @@ def test_other_bad_options_get_one_sentence(refuses: Any, files: list[str], fold
     refuses("cannot read the sweep sweep.json", "fig9", "--sweep", "sweep.json")
     refuses("two sweeps are called plain; rename one of them", "fig9", *files[:2], *files[:2])
     refuses("reading must be one of last, selected, not 'best'", "fig9", *files, "--reading", "best")
+    for text, sentence in (
+        ("", "the sweep bad.json is not JSON"),
+        ("[]", "bad.json contains no points of a sweep; make it with eskin sweep"),
+        ('{"points": []}', "bad.json contains no points of a sweep"),
+    ):
+        (folder / "bad.json").write_text(text)
+        refuses(sentence, "fig9 --sweep bad.json")
 
 
 @pytest.mark.parametrize(
@@ -354,52 +353,54 @@ def test_the_evidence_ends_in_the_logits(fields: dict[str, Any]) -> None:
 EXPERIMENT = Experiment(
     dataset="embedded", readout=ReadoutConfig(rows=2, columns=3, resolution=4), bins=BinConfig(bin_s=0.004)
 )
+TEXTURES = open_dataset("embedded")
+TEST = stratified_folds(TEXTURES.labels, 6)[1]
+FIRST = TEXTURES[int(TEST[0])]
 
 
 def trained(folder: Path, experiment: Experiment = EXPERIMENT, **fields: Any) -> list[str]:
     """Write weights and result of a training without epochs; return the option for them."""
     taxels = experiment.readout.rows * experiment.readout.columns
     channels = 2 * taxels if experiment.readout.has_polarity else taxels
-    textures = open_dataset("embedded")
     fields = {"inputs": channels, "hidden": 32, "decay": 0.9, "output_decay": 0.9} | fields
     folder.mkdir(exist_ok=True)
-    save_weights(folder / "weights.npz", some_weights(textures.class_names, experiment.bins.bin_s, **fields))
-    labels = textures.labels[stratified_folds(textures.labels, 6)[1]].tolist()
+    save_weights(folder / "weights.npz", some_weights(TEXTURES.class_names, experiment.bins.bin_s, **fields))
     result = {"experiment": experiment.to_dict(), "fold": 1, "folds": 6, "seed": 0}
-    result |= {"class_names": list(textures.class_names), "labels": labels}
+    result |= {"class_names": list(TEXTURES.class_names), "labels": TEXTURES.labels[TEST].tolist()}
     (folder / "result.json").write_text(json.dumps(result))
     return ["--weights", str(folder / "weights.npz")]
 
 
-@pytest.mark.parametrize("readout", ["spikes", "membrane"])
-def test_fig8_shows_the_first_test_image_and_its_logits(call: Any, folder: Path, readout: str) -> None:
-    options = trained(folder / "train", readout=readout)
-    code, out, _ = call("fig8", *options)
-    assert code == 0
+def played(folder: Path, image: str | None = None) -> ScanToClass:
+    """Return the response of the network in a folder of ``trained``."""
+    return play(folder / "weights.npz", folder / "result.json", image=image)
+
+
+def test_fig8_shows_the_first_test_image_and_its_logits(eskin: Any, folder: Path) -> None:
+    options = trained(folder / "train", readout="membrane")
+    out, _ = eskin("fig8", *options)
     assert (folder / "out" / "fig8.png").stat().st_size > 30_000
     data = json.loads((folder / "out" / "fig8.json").read_text())
-    textures = open_dataset("embedded")
-    test = stratified_folds(textures.labels, 6)[1]
-    assert data["image"] == textures[int(test[0])].name
+    assert data["image"] == FIRST.name
     assert data["of_the_test_fold"]
-    played = play(folder / "train" / "weights.npz", folder / "train" / "result.json")
-    recording = record(textures[int(test[0])], "embedded", played.scan, EXPERIMENT.readout)
-    assert np.array_equal(played.recording.events, recording.events)
-    scan = collect([recording], EXPERIMENT.bins, textures.class_names)
+    found = played(folder / "train")
+    recording = record(FIRST, "embedded", found.scan, EXPERIMENT.readout)
+    assert np.array_equal(found.recording.events, recording.events)
+    scan = collect([recording], EXPERIMENT.bins, TEXTURES.class_names)
     network = load_weights(folder / "train" / "weights.npz").network.eval()
     logits = network(scan.batch([0])).logits[0].detach().numpy()
     assert data["evidence"][-1] == pytest.approx(logits, rel=1e-4, abs=1e-5)
     assert len(data["hidden_spikes"]) == int(network.spikes(scan.batch([0])).sum()) > 0
-    assert data["predicted"] == textures.class_names[int(logits.argmax())]
+    assert data["predicted"] == TEXTURES.class_names[int(logits.argmax())]
     assert f"predicted {data['predicted']}" in out
 
-    figure = draw_scan(played)
+    figure = draw_scan(found)
     verdict = "right" if data["predicted"] == data["true"] else "wrong"
     title = figure.get_suptitle()
     assert title == (f"{data['image']} (test image): true {data['true']}, predicted {data['predicted']}, {verdict}")
     panels = {panel.get_title("left"): panel for panel in figure.axes}
     lines = {str(line.get_label()): line for line in panels["evidence for each class"].lines}
-    for name, value in zip(textures.class_names, logits, strict=True):
+    for name, value in zip(TEXTURES.class_names, logits, strict=True):
         assert lines[name].get_ydata()[-1] == pytest.approx(value, rel=1e-4, abs=1e-5)
     widths = {name: line.get_linewidth() for name, line in lines.items()}
     assert max(widths, key=lambda name: widths[name]) == data["predicted"]
@@ -412,14 +413,14 @@ def test_fig8_shows_the_first_test_image_and_its_logits(call: Any, folder: Path,
 
 
 def test_the_way_of_the_scan_is_seen_on_the_texture(folder: Path) -> None:
-    """Check that the path of a thin array is visible on the texture."""
     for preset, rows in (("physical", 2), ("paper", 1)):
         config = ReadoutConfig(rows=rows, columns=12 // rows // 2, resolution=4)
         experiment = Experiment(dataset="embedded", preset=preset, readout=config, bins=EXPERIMENT.bins)
         trained(folder / preset, experiment)
-        figure = draw_scan(play(folder / preset / "weights.npz", folder / preset / "result.json"))
+        figure = draw_scan(played(folder / preset))
         panel = next(panel for panel in figure.axes if panel.get_title("left") == "texture and scan")
-        figure.canvas.draw()
+        figure.draw_without_rendering()
+        panel.draw(figure.canvas.get_renderer())  # type: ignore[attr-defined]
         drawn = np.asarray(figure.canvas.buffer_rgba()).astype(int)  # type: ignore[attr-defined]
         box = panel.get_window_extent()
         inside = drawn[-int(box.y1) : -int(box.y0), int(box.x0) : int(box.x1), :3]
@@ -427,30 +428,23 @@ def test_the_way_of_the_scan_is_seen_on_the_texture(folder: Path) -> None:
         assert coloured > 0.02, preset
 
 
-def test_the_default_of_fig8_is_right_and_says_how_many_are(call: Any, refuses: Any, folder: Path) -> None:
+def test_the_default_of_fig8_is_right_and_says_how_many_are(eskin: Any, refuses: Any, folder: Path) -> None:
     options = trained(folder / "train")
     file = folder / "train" / "result.json"
     result = json.loads(file.read_text())
-    textures = open_dataset("embedded")
-    test = stratified_folds(textures.labels, 6)[1]
     network = load_weights(folder / "train" / "weights.npz").network
-    predicted = predicted_classes(network, EXPERIMENT.data(), test).tolist()
+    predicted = predicted_classes(network, EXPERIMENT.data(), TEST).tolist()
     right = [a == b for a, b in zip(predicted, result["labels"], strict=True)]
     assert not right[0]
     assert any(right)
     file.write_text(json.dumps(result | {"predicted": predicted}))
-    code, out, _ = call("fig8", *options)
-    assert code == 0
-    assert f"the network is right for {sum(right)} of {len(test)} test images" in out
+    out, _ = eskin("fig8", *options)
+    assert f"the network is right for {sum(right)} of {len(TEST)} test images" in out
     data = json.loads((folder / "out" / "fig8.json").read_text())
-    assert data["image"] == textures[int(test[right.index(True)])].name
+    assert data["image"] == TEXTURES[int(TEST[right.index(True)])].name
     assert data["predicted"] == data["true"]
-    file.write_text(json.dumps(result | {"predicted": [2 - a for a in result["labels"]]}))  # none, or class 1 alone
-    code, out, _ = call("fig8", *options, "--image", textures[int(test[0])].name)
-    assert code == 0
-    title = draw_scan(play(folder / "train" / "weights.npz", file, image=textures[int(test[0])].name)).get_suptitle()
-    assert ", wrong; " in title
-    for bad in ([0], ["a"] * len(test), 3):
+    assert ", wrong; " in draw_scan(played(folder / "train", FIRST.name)).get_suptitle()
+    for bad in ([0], ["a"] * len(TEST), 3):
         file.write_text(json.dumps(result | {"predicted": bad}))
         refuses("result.json is damaged or not the result of a training", "fig8", *options)
 
@@ -458,27 +452,23 @@ def test_the_default_of_fig8_is_right_and_says_how_many_are(call: Any, refuses: 
 def test_fig8_of_the_paper_scan_counts_from_where_events_count(folder: Path) -> None:
     config = ReadoutConfig(rows=2, columns=3, resolution=5, encoding="nlcs")
     trained(folder / "train", Experiment(dataset="embedded", preset="paper", readout=config, bins=EXPERIMENT.bins))
-    played = play(folder / "train" / "weights.npz", folder / "train" / "result.json", image="grass/grass-03")
-    assert played.start_s == pytest.approx(0.1, abs=1e-3)
-    assert played.ends_ms[-1] <= 1e3 * played.recording.duration_s
-    assert not played.tested
-    assert "grass/grass-03 (training image): true grass" in draw_scan(played).get_suptitle()
-    assert notes(played) == ["events do not\ncount yet"]
-    assert notes(dataclasses.replace(played, start_s=0.1 * played.recording.duration_s)) == []  # no room
-
-
-def notes(played: ScanToClass) -> list[str]:
-    """Return the texts in the panel of the hidden neurons."""
-    hidden = [panel for panel in draw_scan(played).axes if panel.get_title("left") == "hidden neurons"]
-    return [text.get_text() for text in hidden[0].texts]
+    found = played(folder / "train", "grass/grass-03")
+    assert found.start_s == pytest.approx(0.1, abs=1e-3)
+    assert found.ends_ms[-1] <= 1e3 * found.recording.duration_s
+    assert not found.tested
+    assert "grass/grass-03 (training image): true grass" in draw_scan(found).get_suptitle()
+    for start_s, notes in ((found.start_s, ["events do not\ncount yet"]), (0.1 * found.recording.duration_s, [])):
+        panels = draw_scan(dataclasses.replace(found, start_s=start_s)).axes
+        (hidden,) = (panel for panel in panels if panel.get_title("left") == "hidden neurons")
+        assert [text.get_text() for text in hidden.texts] == notes, "written only where there is room"
 
 
 def test_labels_of_fig8_do_not_lie_on_each_other(folder: Path) -> None:
     trained(folder / "train")
-    played = play(folder / "train" / "weights.npz", folder / "train" / "result.json")
-    grown = np.zeros_like(played.evidence)
-    grown[-1, 1 - played.label] = 0.001  # another class wins by a hair
-    panel = draw_scan(dataclasses.replace(played, evidence=grown)).axes[-1]
+    found = played(folder / "train")
+    grown = np.zeros_like(found.evidence)
+    grown[-1, 1 - found.label] = 0.001  # another class wins by a hair
+    panel = draw_scan(dataclasses.replace(found, evidence=grown)).axes[-1]
     heights = sorted(text.xy[1] for text in panel.texts)
     assert len(heights) == 2
     assert heights[1] - heights[0] > 0.1 * (panel.get_ylim()[1] - panel.get_ylim()[0])

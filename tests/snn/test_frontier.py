@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from eskin.base.files import plain
 from eskin.skin.textures.choice import choose
 from eskin.snn.data.folds import stratified_folds
 from eskin.snn.data.scans import Split
+from eskin.snn.experiments import intervals
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.points import load_sweep
 from eskin.snn.figures import fig9
@@ -140,13 +142,19 @@ def test_frames_are_tried_at_most_at_the_data_rate_of_events() -> None:
                 assert 0.75 * rate <= float(frames_hz) * int(bits) * taxels <= rate
 
 
-class Trained:
-    """A frontier that trains nothing; subclasses give the inner validation."""
+def measured(inner: Callable[[Point, int], dict[str, Any]]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return the points of all budgets without a training, for given results of inner validation, and these."""
 
-    chosen = Frontier.chosen
+    class Run:
+        chosen = Frontier.chosen
 
-    def point(self, point: Point, seeds: int, step: Any) -> dict[str, Any]:
-        return {"name": point.name, "seeds": seeds}
+        def inner(self, point: Point, folds: int, step: Any) -> dict[str, Any]:
+            return inner(point, folds)
+
+        def point(self, point: Point, seeds: int, step: Any) -> dict[str, Any]:
+            return {"name": point.name, "seeds": seeds}
+
+    return frontier.measured(Run(), lambda: None)  # type: ignore[arg-type]
 
 
 def test_the_best_in_inner_validation_is_measured_and_frames_have_its_rate(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -156,13 +164,12 @@ def test_the_best_in_inner_validation_is_measured_and_frames_have_its_rate(monke
     monkeypatch.setattr(frontier, "ALSO", {"physical/convolutions/nlcs:6/12x16:across:2": 1})
     accuracies = {"lcs:2": 0.8, "lcs:3": 0.9, "lcs:4": 0.9, "nlcs:5": 0.5, "nlcs:6": 0.6}
 
-    class Run(Trained):
-        def inner(self, point: Point, folds: int, step: Any) -> dict[str, Any]:
-            taxels = len(point.experiment().taxels)
-            rate = {"lcs:4": 1_000.0}.get(point.readout, 1_000.0 * taxels)
-            return {"name": point.name, "bits_per_s": rate, "accuracy": accuracies.get(point.readout, 0.1)}
+    def validated(point: Point, _: int) -> dict[str, Any]:
+        taxels = len(point.experiment().taxels)
+        rate = {"lcs:4": 1_000.0}.get(point.readout, 1_000.0 * taxels)
+        return {"name": point.name, "bits_per_s": rate, "accuracy": accuracies.get(point.readout, 0.1)}
 
-    points, inner = frontier.measured(Run(), lambda: None)  # type: ignore[arg-type]
+    points, inner = measured(validated)
     frames = frame_candidates("physical", "convolutions", 1_000.0)
     assert points == [
         {"name": "physical/convolutions/nlcs:6/12x16:across:2", "seeds": 3},
@@ -172,7 +179,7 @@ def test_the_best_in_inner_validation_is_measured_and_frames_have_its_rate(monke
     assert len(inner) == 5 + len(frames)
     assert {one["budget_hz"] for one in inner} == {1_000}
     monkeypatch.setattr(frontier, "frame_candidates", lambda *_: [])
-    points, inner = frontier.measured(Run(), lambda: None)  # type: ignore[arg-type]
+    points, inner = measured(validated)
     assert (len(points), len(inner)) == (2, 5), "events so rare that no frames are slow enough"
 
 
@@ -257,29 +264,34 @@ def test_each_scan_and_network_has_a_column_with_rates_and_power() -> None:
     assert rows[2] == [[(1e-6, 88.889), (1e-6, 100.0), (1e-6, 100.0)], []], "bipolar N-LCS has no equations"
 
 
-def test_the_documented_readouts_are_those_that_the_command_chooses() -> None:
+@pytest.fixture(scope="module")
+def swept() -> dict[str, list[dict[str, Any]]]:
+    """Return the points of the frontier by the sweep of the project to which they belong, with rough intervals."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(intervals, "BOOTSTRAPS", 50)
+        return {name: points_of(load_sweep(fig9.KEPT / f"{name}.json"), network) for name, network in SWEEPS.items()}
+
+
+def test_the_documented_readouts_are_those_that_the_command_chooses(swept: dict[str, list[dict[str, Any]]]) -> None:
     data = json.loads((Path(__file__).parents[2] / "docs" / "data" / "frontier.json").read_text())
     known = {one["name"]: one for one in data["inner"]}
 
-    class Run(Trained):
-        def inner(self, point: Point, folds: int, step: Any) -> dict[str, Any]:
-            assert known[point.name]["folds"] == folds
-            return {name: value for name, value in known[point.name].items() if name not in ("budget_hz", "chosen")}
+    def validated(point: Point, folds: int) -> dict[str, Any]:
+        assert known[point.name]["folds"] == folds
+        return {name: value for name, value in known[point.name].items() if name not in ("budget_hz", "chosen")}
 
-    points, inner = frontier.measured(Run(), lambda: None)  # type: ignore[arg-type]
+    points, inner = measured(validated)
     assert inner == data["inner"]
-    sweeps = [(load_sweep(fig9.KEPT / f"{name}.json"), network) for name, network in SWEEPS.items()]
-    swept = {point["name"] for sweep, network in sweeps for point in points_of(sweep, network)}
-    documented = {one["name"]: one["seeds"] for one in data["points"] if one["name"] not in swept}
+    names = {point["name"] for points in swept.values() for point in points}
+    documented = {one["name"]: one["seeds"] for one in data["points"] if one["name"] not in names}
     assert {one["name"]: one["seeds"] for one in points} == documented
 
 
 @pytest.mark.parametrize("name", SWEEPS)
-def test_the_kept_sweeps_are_points_of_the_frontier(name: str) -> None:
+def test_the_kept_sweeps_are_points_of_the_frontier(name: str, swept: dict[str, list[dict[str, Any]]]) -> None:
     file = fig9.KEPT / f"{name}.json"
     assert file not in fig9.kept_sweeps()
-    sweep = load_sweep(file)
-    for one, point in zip(sweep.points, points_of(sweep, SWEEPS[name]), strict=True):
+    for one, point in zip(load_sweep(file).points, swept[name], strict=True):
         assert point["accuracy_of_seeds"] == pytest.approx(one["last"]["accuracy_of_seeds"], abs=1e-12)
         assert point["bits_per_s"] == pytest.approx(one["data_rate_bps"])
         assert Point.parse(point["name"]).name == point["name"]

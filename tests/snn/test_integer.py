@@ -1,6 +1,7 @@
 """Test integer networks: equal to float networks with integer weights, close to other float networks."""
 
 import json
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -8,12 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from typer.testing import CliRunner
 
-from eskin.app.cli import app
 from eskin.base import progress
 from eskin.base.errors import InputError
-from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.file import IntegerWeights, weight_image
 from eskin.model.classifier.network import State
 from eskin.snn.exchange.integer import Precision, quantise
@@ -50,7 +48,6 @@ COUNTS = np.random.default_rng(5).poisson(0.8, (4, 30, 6))
 @pytest.mark.parametrize("reset", ["zero", "subtract"])
 @pytest.mark.parametrize("readout", ["spikes", "membrane"])
 def test_a_network_of_whole_numbers_stays_what_it_is(reset: str, readout: str) -> None:
-    """Check that quantisation keeps a network with weights in steps of 1/128 exactly."""
     made = network(step=1 / 128, reset=reset, readout=readout)
     whole = quantise(weights_of(made), Precision())
     x = torch.from_numpy(COUNTS.transpose(1, 0, 2)).float()
@@ -112,29 +109,24 @@ def test_the_nearest_leak_is_taken_and_said() -> None:
     assert config.out_synapse_shift == 0
 
 
-def test_published_networks_are_bit_exact_in_the_rtl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_published_networks_are_bit_exact_in_the_rtl(folder: Path, eskin: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run the NIR paper's Braille networks in RTL, and compare the classes with the float networks."""
     monkeypatch.setattr(progress, "SILENCE_S", 0.01)
     paths = []
     for file in sorted((Path(__file__).parent / "nir_paper").glob("*.nir")):
         reset = "subtract" if "subtract" in file.name else "zero"
-        paths.append(tmp_path / f"{reset}.npz")
+        paths.append(f"{reset}.npz")
         save_weights(paths[-1], load_nir(file, 1e-4, reset=reset))
-    options = ["--bits", "8", "--scans", "64", "--bins", "24", "--rate", "0.5", "--sim", "icarus"]
-    done = CliRunner().invoke(app, ["agree", *map(str, paths), *options, "-o", str(tmp_path / "out")])
-    assert done.exit_code == 0, done.output
-    assert re.search(
-        r"^bit-exact: 2 runs, \d{4} clocks, 1\d\d events, 48 bins, 0 mismatches$", done.output, re.MULTILINE
-    )
-    slow = re.findall(r"^building and simulating (zero|subtract) for icarus: \d+ s so far$", done.output, re.MULTILINE)
+    out, notes = eskin("agree", *paths, "--bits 8 --scans 64 --bins 24 --rate 0.5 --sim icarus -o out")
+    assert re.search(r"^bit-exact: 2 runs, \d{4} clocks, 1\d\d events, 48 bins, 0 mismatches$", out, re.MULTILINE)
+    slow = re.findall(r"^building and simulating (zero|subtract) for icarus: \d+ s so far$", notes, re.MULTILINE)
     assert set(slow) == {"zero", "subtract"}
-    for network in json.loads((tmp_path / "out" / "agreement.json").read_text())["networks"]:
+    for network in json.loads((folder / "out" / "agreement.json").read_text())["networks"]:
         assert network["rtl"]["hidden spikes"] > 10
         assert network["rtl"]["output spikes"] > 10
         assert network["points"][0]["same"] >= 50
-    short = ["--bits", "8", "--scans", "1", "--bins", "1", "--rtl", "0", "-o", str(tmp_path / "new")]
-    assert CliRunner().invoke(app, ["agree", str(paths[0]), *short]).exit_code == 0
-    assert (tmp_path / "new" / "agreement.json").exists()
+    eskin("agree", paths[0], "--bits 8 --scans 1 --bins 1 --rtl 0 -o new")
+    assert (folder / "new" / "agreement.json").exists()
 
 
 @pytest.mark.parametrize(
@@ -153,12 +145,15 @@ def test_what_the_hardware_has_not_is_refused(fields: dict[str, Any], said: str)
         quantise(weights_of(network(**fields)), Precision())
 
 
-def test_a_network_that_has_diverged_is_refused() -> None:
+def test_a_network_that_has_diverged_and_an_absurd_clock_are_refused() -> None:
     made = network()
     with torch.no_grad():
         made.w_out[1, 2] = torch.inf
     with pytest.raises(InputError, match="w_out has values that are not finite; train again"):
         quantise(weights_of(made), Precision())
+    for clock_hz in (1.0, 1e300, math.nan):
+        with pytest.raises(InputError, match=r"^the clock must be in 1000\.\.1e\+10 hertz, not "):
+            Precision(clock_hz=clock_hz)
 
 
 def test_a_network_that_rounds_its_weights_learns_through_it_and_becomes_what_it_was() -> None:
@@ -177,18 +172,15 @@ def test_a_network_that_rounds_its_weights_learns_through_it_and_becomes_what_it
         to_nir(weights_of(made))
 
 
-def test_the_command_writes_the_network_and_its_images(tmp_path: Path) -> None:
+def test_the_command_writes_the_network_and_its_images(folder: Path, eskin: Any) -> None:
     made = network(3, decay=0.8)
-    save_weights(tmp_path / "weights.npz", weights_of(made))
-    arguments = ["quantise", str(tmp_path / "weights.npz"), "-o", str(tmp_path / "integer.npz"), "--bits", "4"]
-    done = CliRunner().invoke(app, [*arguments, "--out-bits", "6"])
-    assert done.exit_code == 0, done.output
-    assert "decay of 0.8 becomes 0.75" in done.output
-    loaded = IntegerWeights.load(tmp_path / "integer.npz")
+    save_weights(folder / "weights.npz", weights_of(made))
+    out, _ = eskin("quantise weights.npz -o integer.npz --bits 4 --out-bits 6")
+    assert "decay of 0.8 becomes 0.75" in out
+    loaded = IntegerWeights.load(folder / "integer.npz")
     expected = quantise(weights_of(made), Precision(in_bits=4, rec_bits=4, out_bits=6, narrow=True))
     assert loaded.network.config == expected.network.config
     assert loaded.network.config.clocks_per_bin == 200_000
-    lines = (tmp_path / "integer.weights.hex").read_text().split()
+    lines = (folder / "integer.weights.hex").read_text().split()
     assert [int(line, 16) for line in lines] == weight_image(expected.network)
-    assert (tmp_path / "integer.neurons.hex").exists()
-    assert ClassifierConfig.from_dict(loaded.network.config.to_dict()) == loaded.network.config
+    assert (folder / "integer.neurons.hex").exists()

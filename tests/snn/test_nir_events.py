@@ -106,17 +106,17 @@ def test_the_array_of_event_tools() -> None:
         in_unit(original, "s")
 
 
-def test_events_go_out_and_come_back(call: Any, folder: Path) -> None:
+def test_events_go_out_and_come_back(eskin: Any, folder: Path) -> None:
     original = recording()
     original.save(Path("e.npz"))
-    assert call("convert e.npz -o e.nir") == (0, "e.nir: 500 events in 0.275719 s\n", "")
-    assert call("convert e.nir -o back.npz")[0] == 0
+    assert eskin("convert e.npz -o e.nir") == ("e.nir: 500 events in 0.275719 s\n", "")
+    eskin("convert e.nir -o back.npz")
     assert Path("back.npz").read_bytes() == Path("e.npz").read_bytes()
-    assert call("convert e.npz -o counts.nir --bin 0.01")[0] == 0
+    eskin("convert e.npz -o counts.nir --bin 0.01")
     assert nir.read_data("counts.nir").nodes["input"].observables["spikes"].n_time_steps == 27
-    assert call("convert e.npz -o e.npy")[0] == 0
+    eskin("convert e.npz -o e.npy")
     assert np.array_equal(np.load("e.npy"), in_unit(original))
-    assert call("convert e.npz -o e.npy --unit clocks")[0] == 0
+    eskin("convert e.npz -o e.npy --unit clocks")
     assert np.array_equal(np.load("e.npy"), original.events)
 
 
@@ -136,3 +136,16 @@ def test_wrong_commands_are_one_sentence_and_leave_nothing(refuses: Any, line: s
     recording().save(Path("e.npz"))
     Path("broken.nir").write_bytes(b"no HDF5")
     refuses(f"error: {message}", line)
+
+
+@pytest.mark.parametrize("rate", [1e-9, 1e12])  # the ends of what a configuration takes
+def test_events_at_an_absurd_clock_are_converted_or_refused_in_one_sentence(call: Any, rate: float) -> None:
+    config = READOUT.replace(sample_rate_hz=rate)
+    recording(config).save(Path("a.npz"))
+    for out in ("a.nir", "a.npy"):
+        code, _, error = call("convert", "a.npz", "-o", out)
+        assert code == 0 or (code, error.count("\n")) == (2, 1), error
+        assert Path(out).exists() == (code == 0)
+    if rate < 1:
+        with pytest.raises(InputError, match="too long for microseconds; use clocks"):
+            in_unit(Recording(make_events([10**9], [0], [0]), config, 10**9 + 1))

@@ -3,8 +3,6 @@
 import dataclasses
 import json
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eskin.app.cli import app as snn_app
-from eskin.app.cli import run
+from eskin.app.cli import printable
+from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.foreign.aedat4 import write_aedat4
@@ -21,14 +19,15 @@ from eskin.skin.textures.dataset import embedded_dataset
 from eskin.skin.textures.physical import PhysicalScan
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.record import record, record_dataset
+from eskin.snn.exchange.nir_network import save_nir
 from eskin.snn.exchange.weights import save_weights
 from eskin.snn.experiments import evaluate
 from eskin.snn.experiments.evaluate import Check
-from eskin.snn.experiments.trained import load_trained
-from tests.conftest import Call
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.trained import load_trained, read_result
+from tests.conftest import run_eskin
 from tests.snn.helpers import some_weights
 
-ROOT = Path(__file__).parents[2]
 CONFIG = ReadoutConfig(rows=1, columns=4)
 BINS = BinConfig(bin_s=0.01)
 
@@ -40,9 +39,9 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "readout.json").write_text(CONFIG.to_json())
     arguments = ["train", "--dataset", "embedded", "--config", str(folder / "readout.json"), "--bin", "0.01"]
     arguments += ["--set", "hidden=32", "--set", "batch=8", "--epochs", "20", "--out", str(folder)]
-    with pytest.raises(SystemExit) as left:
-        run(snn_app, "eskin", arguments)
-    assert left.value.code == 0
+    done = run_eskin(*arguments)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("data: events of lcs with 6 bits from embedded textures, physical scan\n")
     return folder
 
 
@@ -60,30 +59,29 @@ def replayed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def predict(call: Call, trained: Path, tmp_path: Path) -> Call:
-    """Return a function that runs predict with the trained weights and returns exit code, output and error output."""
+def predict(eskin: Any, trained: Path, tmp_path: Path) -> Any:
+    """Return the fixture ``eskin`` for predict with the trained weights."""
 
-    def run(*words: object, weights: Path = trained / "weights.npz") -> tuple[int, str, str]:
-        return call("predict", weights, *words, "-o", tmp_path / "predictions.json")
+    def predict(*words: object, weights: Path = trained / "weights.npz", code: int = 0) -> tuple[str, str]:
+        return eskin("predict", weights, *words, "-o", tmp_path / "predictions.json", code=code)
 
-    return run
+    return predict
 
 
 def images_in(folder: Path) -> list[dict[str, Any]]:
     return json.loads((folder / "predictions.json").read_text())["images"]
 
 
-def test_foreign_events_get_the_class_of_ours(tmp_path: Path, replayed: Path, predict: Call) -> None:
+def test_foreign_events_get_the_class_of_ours(tmp_path: Path, replayed: Path, predict: Any) -> None:
     """Check that microsecond time stamps keep every event in its bin of 10 ms."""
     pytest.importorskip("dv_processing", reason="the group exchange is not installed")
     for path in replayed.rglob("*.npz"):
         target = tmp_path / "theirs" / path.relative_to(replayed).with_suffix(".aedat4")
         target.parent.mkdir(parents=True, exist_ok=True)
         write_aedat4(target, Recording.load(path))
-    assert predict("--events", replayed)[0] == 0
+    predict("--events", replayed)
     ours = {image["class"] + image["name"].split("/")[-1]: image for image in images_in(tmp_path)}
-    code, output, error = predict("--events", tmp_path / "theirs")
-    assert code == 0, output + error
+    predict("--events", tmp_path / "theirs")
     theirs = {image["class"] + image["name"].split("/")[-1]: image for image in images_in(tmp_path)}
     assert {name: image["predicted"] for name, image in theirs.items()} == {
         name: image["predicted"] for name, image in ours.items()
@@ -92,9 +90,8 @@ def test_foreign_events_get_the_class_of_ours(tmp_path: Path, replayed: Path, pr
 
 
 def test_a_folder_of_foreign_events_is_learned_and_its_files_are_classified(
-    tmp_path: Path, call: Call, refuses: Callable[..., None], predict: Call
+    tmp_path: Path, eskin: Any, refuses: Callable[..., None], predict: Any
 ) -> None:
-    """Train on tables of foreign events in a folder, and classify them."""
     rng = np.random.default_rng(6)
     for number in range(12):
         begin = 1_700_000_000_000_000 + int(rng.integers(1_000_000_000))
@@ -105,26 +102,22 @@ def test_a_folder_of_foreign_events_is_learned_and_its_files_are_classified(
         file.write_text("\n".join(lines))
     train = ["train", "--events", "ours", "--folds", "3", "--bin", "0.01", "--epochs", "12", "--set", "hidden=16"]
     for arguments in (["convert", "theirs", "-o", "ours"], [*train, "--set", "batch=4", "--out", "trained"]):
-        assert call(*arguments)[0] == 0, arguments
+        eskin(*arguments)
     Path("theirs/a/0.csv").rename("theirs/a/new.csv")
     refuses("contains 1 .npz file that this command would not overwrite (ours/a/0.npz)", "convert theirs -o ours")
     assert {Recording.load(path).config.columns for path in Path("ours").rglob("*.npz")} == {4}
-    code, output, error = predict("--events", "ours", weights=Path("trained/weights.npz"))
-    assert code == 0, output + error
+    predict("--events", "ours", weights=Path("trained/weights.npz"))
     found = images_in(tmp_path)
     assert len(found) == 12
     assert [image["class"] for image in found] == [image["predicted"] for image in found]
 
 
 @pytest.mark.skipif(shutil.which("g++") is None or shutil.which("perl") is None, reason="no simulator: g++ and perl")
-def test_predictions_from_rtl_spikes_are_those_from_model_spikes(tmp_path: Path, trained: Path, predict: Call) -> None:
-    size = ["--rows", "1", "--columns", "4"]
-    what = ["--dataset", "embedded", "--limit", "6", "--workers", "1", "--out", str(tmp_path / "replay")]
-    command = [sys.executable, "-m", "eskin", "replay", *size, *what]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
-    assert done.returncode == 0, done.stdout + done.stderr
-    code, output, error = predict("--events", tmp_path / "replay", "--check-model")
-    assert code == 0, output + error
+def test_predictions_from_rtl_spikes_are_those_from_model_spikes(
+    tmp_path: Path, trained: Path, eskin: Any, predict: Any
+) -> None:
+    eskin("replay --rows 1 --columns 4 --dataset embedded --limit 6 --workers 1 --out replay")
+    output, _ = predict("--events", "replay", "--check-model")
     assert "6 of 6 images: same events, same tensors, same logits, same predictions (" in output
     of_rtl = images_in(tmp_path)
     assert {image["source"] for image in of_rtl} == {"rtl"}
@@ -136,13 +129,12 @@ def test_predictions_from_rtl_spikes_are_those_from_model_spikes(tmp_path: Path,
     assert len(np.unique(of_model, axis=0)) == 6
 
 
-def test_test_images_are_told_from_training_images(tmp_path: Path, trained: Path, predict: Call) -> None:
+def test_test_images_are_told_from_training_images(tmp_path: Path, trained: Path, predict: Any) -> None:
     for texture in embedded_dataset():
         path = tmp_path / "all" / f"{texture.name}.npz"
         path.parent.mkdir(parents=True, exist_ok=True)
         record(texture, "embedded", PhysicalScan(), CONFIG).save(path)
-    code, output, error = predict("--events", tmp_path / "all")
-    assert code == 0, error
+    output, _ = predict("--events", tmp_path / "all")
     result = json.loads((trained / "result.json").read_text())
     right = sum(a == b for a, b in zip(result["labels"], result["predicted"], strict=True))
     assert f"test images of the fold: accuracy {result['accuracy']:.1%} ({right} of {len(result['labels'])})" in output
@@ -155,24 +147,22 @@ def test_test_images_are_told_from_training_images(tmp_path: Path, trained: Path
     assert len({image["predicted"] for image in images_in(tmp_path)}) > 1
 
 
-def test_images_of_another_dataset_or_readout_are_told(tmp_path: Path, replayed: Path, predict: Call) -> None:
+def test_images_of_another_dataset_or_readout_are_told(tmp_path: Path, replayed: Path, predict: Any) -> None:
     made = Recording.load(replayed / "brick" / "brick-00.npz")
     config, metadata = CONFIG.replace(resolution=5), made.metadata | {"dataset": "mine"}
     dataclasses.replace(made, config=config, metadata=metadata).save(tmp_path / "a.npz")
-    code, output, error = predict("--events", tmp_path / "a.npz")
-    assert code == 0
+    output, error = predict("--events", tmp_path / "a.npz")
     assert "images not used in the training: accuracy" in output
     assert images_in(tmp_path)[0]["part"] == "other"
     assert error == "warning: the readout differs from the readout of the training: resolution 5, in training 6\n"
-    assert predict("--events", replayed)[2] == ""
+    assert predict("--events", replayed)[1] == ""
 
 
 def test_without_the_result_of_the_training_nothing_is_said_about_folds(
-    tmp_path: Path, trained: Path, replayed: Path, predict: Call
+    tmp_path: Path, trained: Path, replayed: Path, predict: Any
 ) -> None:
     shutil.copy(trained / "weights.npz", tmp_path / "weights.npz")
-    code, output, _ = predict("--events", replayed, weights=tmp_path / "weights.npz")
-    assert code == 0
+    output, _ = predict("--events", replayed, weights=tmp_path / "weights.npz")
     assert "all images: accuracy" in output
     assert "learned some of them: result.json of the training is missing beside weights.npz" in output
     assert {image["part"] for image in images_in(tmp_path)} == {None}
@@ -202,13 +192,12 @@ def test_a_training_on_event_files_has_its_folds_too(tmp_path: Path, replayed: P
     assert found.readout is None
 
 
-def test_a_recording_without_a_class_is_only_classified(tmp_path: Path, replayed: Path, predict: Call) -> None:
+def test_a_recording_without_a_class_is_only_classified(tmp_path: Path, replayed: Path, predict: Any) -> None:
     made = Recording.load(replayed / "grass" / "grass-00.npz")
-    expected = predict("--events", replayed / "grass" / "grass-00.npz")[1].splitlines()[1]
+    expected = predict("--events", replayed / "grass" / "grass-00.npz")[0].splitlines()[1]
     (tmp_path / "in").mkdir()
     dataclasses.replace(made, metadata={"name": ["no", "name"]}).save(tmp_path / "in" / "mine.npz")
-    code, output, _ = predict("--events", tmp_path / "in")
-    assert code == 0
+    output, _ = predict("--events", tmp_path / "in")
     assert "accuracy" not in output
     assert output.splitlines()[1] == expected.replace("grass/grass-00", "mine").replace(
         "class: grass", "class: not known"
@@ -216,17 +205,15 @@ def test_a_recording_without_a_class_is_only_classified(tmp_path: Path, replayed
     assert images_in(tmp_path)[0]["class"] is None
 
 
-def test_the_bins_are_those_of_the_training(tmp_path: Path, trained: Path, replayed: Path, predict: Call) -> None:
+def test_the_bins_are_those_of_the_training(tmp_path: Path, trained: Path, replayed: Path, predict: Any) -> None:
     bins = BinConfig(bin_s=0.02, start_s=0.04, stop_s=0.1, polarity=False)
     weights = copied(trained, tmp_path, {"bins": dataclasses.asdict(bins)})
     classes = load_trained(trained / "weights.npz").weights.class_names
     save_weights(weights, some_weights(classes, 0.02, inputs=4, readout="membrane"))
-    code, output, error = predict("--events", replayed, "--check-model", weights=weights)
-    assert code == 0, error
+    output, _ = predict("--events", replayed, "--check-model", weights=weights)
     assert output.startswith("6 recordings; 3 steps of 4 channels, 0.02 s each")
     (tmp_path / "result.json").unlink()
-    code, _, error = predict("--events", replayed, weights=weights)
-    assert code == 2
+    _, error = predict("--events", replayed, weights=weights, code=2)
     assert error.startswith("error: the network has 4 input channels, but the scans have 8 (4 taxels)")
 
 
@@ -242,9 +229,8 @@ def tampered(replayed: Path, folder: Path, metadata: dict[str, Any] | None = Non
     return path
 
 
-def test_an_intact_replay_passes(replayed: Path, predict: Call, tmp_path: Path) -> None:
-    code, output, _ = predict("--events", replayed, "--events", replayed / "brick" / "brick-00.npz", "--check-model")
-    assert code == 0
+def test_an_intact_replay_passes(replayed: Path, predict: Any, tmp_path: Path) -> None:
+    output, _ = predict("--events", replayed, "--events", replayed / "brick" / "brick-00.npz", "--check-model")
     events = sum(len(Recording.load(path).events) for path in replayed.rglob("*.npz"))
     last = output.splitlines()[-1]
     assert last == f"6 of 6 images: same events, same tensors, same logits, same predictions ({events} events)"
@@ -293,15 +279,14 @@ def other_taxel(events: Any) -> Any:
     ids=lambda value: value if isinstance(value, str) else None,
 )
 def test_a_recording_that_differs_from_the_model_is_found(
-    tmp_path: Path, replayed: Path, predict: Call, change: Any, words: str
+    tmp_path: Path, replayed: Path, predict: Any, change: Any, words: str
 ) -> None:
     events = Recording.load(replayed / f"{GRAVEL}.npz").events.copy()
     changes = {"events": change(events)} if callable(change) else dict(change)
     if "duration_clocks" in changes:
         changes["duration_clocks"] = int(events["t"][-1]) + 1
     path = tampered(replayed, tmp_path / "in", **changes)
-    code, output, _ = predict("--events", path if "config" in changes else tmp_path / "in", "--check-model")
-    assert code == 1
+    output, _ = predict("--events", path if "config" in changes else tmp_path / "in", "--check-model", code=1)
     assert words in output
     assert "reproduce: eskin predict" in output
     assert f"--events {path} --check-model\n" in output
@@ -313,7 +298,7 @@ def test_a_recording_that_differs_from_the_model_is_found(
 
 
 def test_counts_and_logits_are_compared_by_themselves(
-    replayed: Path, predict: Call, monkeypatch: pytest.MonkeyPatch
+    replayed: Path, predict: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Check that defects in binning and in the network are found although events are equal."""
     original = evaluate.bin_recording
@@ -324,8 +309,7 @@ def test_counts_and_logits_are_compared_by_themselves(
 
     with monkeypatch.context() as patch:
         patch.setattr(evaluate, "bin_recording", lossy)
-        code, output, _ = predict("--events", replayed, "--check-model")
-    assert code == 1
+        output, _ = predict("--events", replayed, "--check-model", code=1)
     assert "brick/brick-00: step 0, taxel (0, 0), channel 0: model" in output
     assert "images compared, different: 0 in events, 6 in tensors, " in output
     calls = 0
@@ -339,21 +323,18 @@ def test_counts_and_logits_are_compared_by_themselves(
 
     with monkeypatch.context() as patch:
         patch.setattr(evaluate, "logits_of", drifting)
-        code, output, _ = predict("--events", replayed, "--check-model")
-    assert code == 1
+        output, _ = predict("--events", replayed, "--check-model", code=1)
     assert "brick/brick-00: logits of the model [" in output
     assert "images compared, different: 0 in events, 0 in tensors, 6 in logits, 0 in predictions" in output
 
 
-def test_nothing_compared_is_a_failure(tmp_path: Path, replayed: Path, predict: Call) -> None:
+def test_nothing_compared_is_a_failure(tmp_path: Path, replayed: Path, predict: Any) -> None:
     made = Recording.load(replayed / "brick" / "brick-00.npz")
     dataclasses.replace(made, metadata=made.metadata | {"source": "model"}).save(tmp_path / "a.npz")
-    code, output, _ = predict("--events", tmp_path / "a.npz", "--check-model")
-    assert code == 1
+    output, _ = predict("--events", tmp_path / "a.npz", "--check-model", code=1)
     assert output.splitlines()[-1] == ('FAILED: nothing was compared, none of 1 recordings has the source "rtl"')
     assert not Check([], 0, {}, np.zeros((1, 3), np.float32)).passed
-    code, output, _ = predict("--events", tmp_path / "a.npz", "--events", replayed, "--check-model")
-    assert code == 0
+    output, _ = predict("--events", tmp_path / "a.npz", "--events", replayed, "--check-model")
     assert "1 recordings do not come from the RTL and were not compared" in output
     assert output.splitlines()[-1].startswith("6 of 6 recordings: same events")
 
@@ -371,15 +352,16 @@ def test_nothing_compared_is_a_failure(tmp_path: Path, replayed: Path, predict: 
     ids=str,
 )
 def test_a_scan_that_the_model_cannot_make_again_is_refused(
-    tmp_path: Path, replayed: Path, predict: Call, metadata: dict[str, Any], sentence: str
+    tmp_path: Path, replayed: Path, predict: Any, metadata: dict[str, Any], sentence: str
 ) -> None:
     path = tampered(replayed, tmp_path / "in", metadata)
-    code, _, error = predict("--events", path, "--check-model", "--dataset", "embedded")
-    assert code == 2
+    _, error = predict("--events", path, "--check-model", "--dataset", "embedded", code=2)
     assert sentence in error
 
 
-def test_damaged_and_missing_files_are_refused(tmp_path: Path, trained: Path, replayed: Path, predict: Call) -> None:
+def test_damaged_results_and_missing_events_are_refused(
+    tmp_path: Path, trained: Path, replayed: Path, predict: Any
+) -> None:
     damaged = "is damaged or not the result of a training; remove it or train again\n"
     for experiment, changes, words in (
         ({}, {"class_names": ["a", "b", "c"]}, "has other classes or time bins than weights.npz"),
@@ -388,17 +370,59 @@ def test_damaged_and_missing_files_are_refused(tmp_path: Path, trained: Path, re
         ({"frames": {"frames_per_step": 20}, "network": {"kind": "rnn"}}, {}, "was trained on frames and cannot"),
     ):
         path = copied(trained, tmp_path, experiment, **changes)
-        code, _, error = predict("--events", replayed, weights=path)
-        assert (code, words in error) == (2, True)
+        assert words in predict("--events", replayed, weights=path, code=2)[1]
     (tmp_path / "result.json").write_text("{}")
-    assert predict("--events", replayed, weights=path)[2] == f"error: {tmp_path}/result.json {damaged}"
-    path.write_bytes(path.read_bytes()[:5000])
-    code, _, error = predict("--events", replayed, weights=path)
-    assert (code, error) == (2, f"error: {path} is damaged or not a weight file; train again\n")
-    (tmp_path / "none").mkdir()
-    assert "holds no event files (.npz, .aedat4)" in predict("--events", tmp_path / "none")[2]
-    code, _, error = predict("--events", tmp_path / "none.npz")
-    assert code == 2
+    _, error = predict("--events", replayed, weights=path, code=2)
+    assert error == f"error: {tmp_path}/result.json {damaged}"
+    _, error = predict("--events", tmp_path / "none.npz", code=2)
     assert error.endswith("none.npz does not exist; make one with eskin replay\n")
-    code, _, error = predict("--events", replayed, weights=tmp_path / "gone.npz")
-    assert (code, error) == (2, f"error: weight file {tmp_path}/gone.npz does not exist; make one with eskin train\n")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"class_names": "abc"},
+        {"class_names": None},
+        {"class_names": ["a", "b", 3]},
+        {"fold": "0"},
+        {"fold": True},
+        {"folds": 2.5},
+        {"labels": "01"},
+        {"labels": [None]},
+        {"experiment": 3},
+        {"experiment": {}},
+        {"bins": {"bin_s": True}},
+        {"bins": {"bin_s": "0.002"}},
+        {"frames": {"bits": "3"}},
+        {"train": {"epochs": "3"}},
+        {"train": {"epochs": True}},
+        {"network": {"decay": [1]}},
+        {"network": 7},
+    ],
+    ids=str,
+)
+def test_a_result_with_wrong_types_is_refused(tmp_path: Path, change: dict[str, Any]) -> None:
+    experiment = Experiment(bins=BinConfig(bin_s=0.002)).to_dict()
+    good = {"experiment": experiment, "class_names": list("abc"), "fold": 0, "folds": 2, "labels": [0, 1, 2]}
+    path = tmp_path / "result.json"
+    path.write_text(json.dumps(good))
+    assert read_result(path, path, some_weights()).class_names == tuple("abc")
+    name = next(iter(change))
+    path.write_text(json.dumps(good | ({"experiment": experiment | change} if name in experiment else change)))
+    with pytest.raises(InputError, match="is damaged or not the result of a training; remove it or train again"):
+        read_result(path, path, some_weights())
+
+
+def test_a_name_is_shown_and_not_obeyed(eskin: Any, replayed: Path, folder: Path) -> None:
+    assert printable("\x1b[2Jclear\x07 \u202egnp.exe \x9b1m") == "\\x1b[2Jclear\\x07 \\u202egnp.exe \\x9b1m"
+    assert printable("Kylberg Gefühl, 砂 — ok") == "Kylberg Gefühl, 砂 — ok"
+    evil = "sand\x1b]0;title\x07"
+    weights = some_weights((evil, "b", "c"), 0.01, inputs=8, readout="membrane")
+    save_weights(Path("w.npz"), weights)
+    made = Recording.load(replayed / "brick" / "brick-00.npz")
+    for kind, expected, words in ((evil, 0, "sand\\x1b]0;title\\x07"), (f"not {evil}", 2, "has the unknown class")):
+        dataclasses.replace(made, metadata={"name": evil, "class": kind}).save(Path("a.npz"))
+        shown = "".join(eskin("predict w.npz --events a.npz -o p.json", code=expected))
+        assert (words in shown, "\x1b" in shown) == (True, False)
+    save_nir(Path("w.nir"), weights)
+    assert "\x1b" not in eskin("import w.nir -o b.npz")[0]

@@ -1,5 +1,6 @@
 """Test a user's recordings in every command: names from paths, classes from folders."""
 
+import contextlib
 import dataclasses
 import json
 import shutil
@@ -24,6 +25,7 @@ from eskin.snn.data.recordings import class_of, event_files, read_recordings
 from eskin.snn.data.scans import load_recordings
 from eskin.snn.exchange.weights import save_weights
 from eskin.snn.experiments.points import load_sweep
+from tests.conftest import run_eskin
 from tests.skins import CLASSES as TOUCHES
 from tests.skins import counts, write_csv, write_skin
 from tests.snn.helpers import some_weights
@@ -51,10 +53,10 @@ def skin(folder: Path) -> Path:
     return folder / "skin"
 
 
-SMALL = "--bin 0.1 --set hidden=16 --set shift_steps=0 --set batch=4 --set learning_rate=0.01 --epochs 20"
+SMALL = "--bin 0.1 --set hidden=16 --set shift_steps=0 --set batch=4 --set learning_rate=0.01 --epochs 12"
 
 
-def test_the_class_is_that_of_the_metadata_else_of_the_folder(skin: Path) -> None:
+def test_the_class_is_that_of_the_metadata_else_of_the_folder(skin: Path, eskin: Any) -> None:
     touch("felt", 99, **{"class": "felt"}).save(skin / "wood" / "99.npz")
     touch("felt", 98, label="felt").save(skin / "wood" / "98.npz")  # as older event files say it
     data = load_recordings(skin, BINS)
@@ -63,6 +65,9 @@ def test_the_class_is_that_of_the_metadata_else_of_the_folder(skin: Path) -> Non
     touch("felt", 0).save(skin / "lost.npz")
     with pytest.raises(InputError, match=r"lost\.npz has no class; put it into a folder of its class"):
         load_recordings(skin, BINS)
+    shutil.copytree(skin / "felt", "one/felt")
+    _, error = eskin("train --events one --bin 0.1 --folds 2", code=2)
+    assert error == "error: recordings in one has one class, felt; a classifier needs two at least\n"
 
 
 def test_scans_of_one_image_stay_together_and_other_files_of_its_name_apart(folder: Path) -> None:
@@ -92,10 +97,8 @@ def test_a_folder_that_is_no_class_of_the_network_is_no_class(skin: Path) -> Non
     assert (alone.metadata["name"], class_of(alone)) == ("felt/00", "felt")
 
 
-def test_from_class_folders_to_classes(skin: Path, call: Any) -> None:
-    """Check that recordings with equal names in different class folders stay separate."""
-    code, out, error = call("train", "--events", skin, SMALL, "--folds", 2)
-    assert code == 0, error
+def test_from_class_folders_to_classes(skin: Path, eskin: Any) -> None:
+    out, _ = eskin("train", "--events", skin, SMALL, "--folds", 2)
     assert out.startswith(
         f"data: recordings in {skin}\n15 recordings for training (15 scans), 15 for testing, 3 classes;"
     )
@@ -112,9 +115,9 @@ def test_from_class_folders_to_classes(skin: Path, call: Any) -> None:
     assert all(text.split("/")[0] in CLASSES for text in tested)
     # Another resolution gets a folder of its own; a folder that the user named is refused.
     weights = Path("out/train/weights.npz").read_bytes()
-    other = ("train", "--events", skin, SMALL, "--folds", 2, "--seed", 1)
-    code, out, error = call(*other)
-    assert code == 0, error
+    brief = SMALL.replace("--epochs 12", "--epochs 1")
+    other = ("train", "--events", skin, brief, "--folds", 2, "--seed", 1)
+    out, error = eskin(*other)
     own = next(line for line in error.splitlines() if line.startswith("out/train holds another training"))
     folder = Path(own.rpartition(" ")[2])
     assert folder.parent == Path("out")
@@ -122,37 +125,31 @@ def test_from_class_folders_to_classes(skin: Path, call: Any) -> None:
     assert (folder / "weights.npz").exists()
     assert Path("out/train/weights.npz").read_bytes() == weights
     assert f"next: eskin quantise {folder}/weights.npz\n" in out
-    assert call(*other)[2] == error, "called again, it goes on in the same folder"
-    code, _, error = call("train", "--events", skin, SMALL, "--test", "*/0[0-4]", "--seed", 1)
-    assert code == 0, error
+    assert eskin(*other)[1] == error, "called again, it goes on in the same folder"
+    _, error = eskin("train", "--events", skin, brief, "--test", "*/0[0-4]", "--seed", 1)
     assert str(folder) not in error, "other test recordings, another folder"
-    code, _, error = call(*other, "-o", "out/train")
-    assert (code, "belongs to another configuration" in error) == (2, True)
+    assert "belongs to another configuration" in eskin(*other, "-o", "out/train", code=2)[1]
     # The studies take textures only: they leave these out, and name the command that makes others.
     for study in ("precision", "robustness", "noise-power"):
-        code, _, error = call(study)
-        assert (code, "make one with eskin train" in error) == (2, True)
+        _, error = eskin(study, code=2)
         assert error.startswith("error: no network in out/train suits (out/train")
-    code, out, error = call("predict", "out/train/weights.npz", "--events", skin)
-    assert code == 0, error
+        assert "make one with eskin train" in error
+    out, _ = eskin("predict", "out/train/weights.npz", "--events", skin)
     assert f"test recordings of the fold: accuracy {result['accuracy']:.1%}" in out
     images = json.loads(Path("out/predictions.json").read_text())["images"]
     assert [image["part"] for image in images].count("test") == 15
     assert {image["name"].split("/")[0] == image["class"] for image in images} == {True}
     shutil.move(skin / "felt" / "00.npz", "00.npz")
-    code, out, _ = call("predict", "out/train/weights.npz", "--events", "00.npz")
-    assert code == 0
+    out, _ = eskin("predict", "out/train/weights.npz", "--events", "00.npz")
     assert "class: not known" in out
 
 
-def test_crossval_and_sweep_take_them(skin: Path, call: Any, refuses: Any) -> None:
-    code, _, error = call("crossval", "--events", skin, SMALL, "--folds", 2, "--seeds", 1, "--workers", 1)
-    assert code == 0, error
+def test_crossval_and_sweep_take_them(skin: Path, eskin: Any, refuses: Any) -> None:
+    eskin("crossval", "--events", skin, SMALL, "--folds", 2, "--seeds", 1, "--workers", 1)
     assert json.loads(Path("out/crossval/result.json").read_text())["last"]["images"] == 30
     shutil.copytree(skin, "again/events")
     both = ("--events", skin, "--events", "again/events")
-    code, _, error = call("sweep", *both, SMALL, "--folds", 2, "--seeds", 1, "--workers", 1)
-    assert code == 0, error
+    eskin("sweep", *both, SMALL, "--folds", 2, "--seeds", 1, "--workers", 1)
     points = load_sweep(Path("out/sweep")).points
     assert [tuple(p[name] for name in ("name", "readout", "resolution", "preset")) for p in points] == [
         ("skin", "lcs", 4, None),
@@ -161,7 +158,7 @@ def test_crossval_and_sweep_take_them(skin: Path, call: Any, refuses: Any) -> No
     assert points[0]["last"]["accuracy"] == points[1]["last"]["accuracy"] >= 0.9
     assert points[0]["data_rate_bps"] == pytest.approx(120 / 2 * 3)
     assert f"--events {skin}" in load_sweep(Path("out/sweep")).command
-    assert call("fig9", "--sweep", "out/sweep")[0] == 0
+    eskin("fig9", "--sweep", "out/sweep")
     refuses("--points has no effect with --events", "sweep", *both, "--points lcs:2")
     refuses("--preset has no effect with --events", "sweep", *both, "--preset paper")
 
@@ -169,45 +166,52 @@ def test_crossval_and_sweep_take_them(skin: Path, call: Any, refuses: Any) -> No
 OWN = f"--data skin --baseline median {SMALL}"
 
 
-@pytest.fixture
-def own(folder: Path, call: Any) -> dict[str, Any]:
-    """Train on the tables of a slow skin; return the result."""
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Train on the tables of a slow skin; return the folder."""
+    folder = tmp_path_factory.mktemp("own")
     write_skin(folder / "skin", taxels=4, each=8, jitter_s=0.003)
     (folder / "skin" / "none").mkdir()
-    code, out, error = call("train", OWN, "--folds 2")
-    assert code == 0, error
-    assert "warning: folder skin/none contains no recording" in error
-    assert "classes: press, stroke, tap" in out
-    assert "event files of skin: out/recordings/skin-" in out
-    assert "note: 24 of 24 recordings have uneven time stamps" in out
+    with contextlib.chdir(folder):
+        done = run_eskin(*f"train {OWN} --folds 2".split())
+    assert done.returncode == 0, done.stderr
+    assert "warning: folder skin/none contains no recording" in done.stderr
+    assert "classes: press, stroke, tap" in done.stdout
+    assert "event files of skin: out/recordings/skin-" in done.stdout
+    assert "note: 24 of 24 recordings have uneven time stamps" in done.stdout
+    return folder
+
+
+@pytest.fixture
+def own(trained: Path, folder: Path) -> dict[str, Any]:
+    """Copy tables and training into the current folder; return the result."""
+    shutil.copytree(trained, folder, dirs_exist_ok=True)
     found: dict[str, Any] = json.loads(Path("out/train/result.json").read_text())
     return found
 
 
-def test_own_recordings_are_predicted_as_those_of_the_training_were_taken(own: dict[str, Any], call: Any) -> None:
+def test_own_recordings_are_predicted_as_those_of_the_training_were_taken(own: dict[str, Any], eskin: Any) -> None:
     said = own["recordings"]
     assert said["prepared"]["baseline"] == "median"
     assert said["readout"]["sample_rate_hz"] == 35
     assert own["accuracy"] >= 0.9
-    code, out, error = call("predict", "out/train/weights.npz", "--data", "skin")
-    assert code == 0, error
+    out, _ = eskin("predict", "out/train/weights.npz", "--data", "skin")
     assert f"test recordings of the fold: accuracy {own['accuracy']:.1%} (" in out
     (Path("new") / "unheard").mkdir(parents=True)
     for kind in ("tap", "press"):  # at half the height, which a scale of their own would hide
         values = (counts(kind, taxels=4, seed=99) - 10_000) // 2
         write_csv(Path("new") / f"{kind}.csv", values)
     shutil.copy("new/tap.csv", "new/unheard/0.csv")
-    code, out, error = call("predict", "out/train/weights.npz", "--data", "new", "-o", "new.json")
-    assert code == 0, error
+    out, _ = eskin("predict", "out/train/weights.npz", "--data", "new", "-o", "new.json")
     assert "unheard/0: " in out
     assert out.count("(class: not known)") == 3
     events = [Recording.load(path) for path in sorted(Path("out/recordings").glob("new-*/*.npz"))]
     assert {recording.metadata["scale"] for recording in events} == {said["scale"]}
     assert {recording.config.to_json() for recording in events} == {ReadoutConfig.from_dict(said["readout"]).to_json()}
-    assert call("predict", "out/train/weights.npz", "--data", "skin/tap/0.csv")[0] == 0
+    eskin("predict", "out/train/weights.npz", "--data", "skin/tap/0.csv")
 
 
-def test_the_rtl_of_own_recordings_is_held_to_the_model(own: dict[str, Any], call: Any) -> None:
+def test_the_rtl_of_own_recordings_is_held_to_the_model(own: dict[str, Any], eskin: Any) -> None:
     said = own["recordings"]
     recordings = OwnReadout(ReadoutConfig.from_dict(said["readout"]), Preparation(baseline="median")).read(Path("skin"))
     for number in (0, 9):
@@ -219,34 +223,29 @@ def test_the_rtl_of_own_recordings_is_held_to_the_model(own: dict[str, Any], cal
         path.parent.mkdir(parents=True)
         rtl.save(path)
     check = ("predict", "out/train/weights.npz", "--events", "rtl", "--check-model")
-    code, out, error = call(*check, "--data", "skin")
-    assert code == 0, error
+    out, _ = eskin(*check, "--data", "skin")
     assert "2 of 2 images: same events, same tensors, same logits, same predictions" in out
     values = (Path("skin") / "press" / "0.csv").read_text().splitlines()
     cells = values[70].split(",")
     values[70] = ",".join([cells[0], str(int(cells[1]) + 900), *cells[2:]])
     (Path("skin") / "press" / "0.csv").write_text("\n".join(values) + "\n")
-    code, out, _ = call(*check, "--data", "skin")
-    assert code == 1
+    out, _ = eskin(*check, "--data", "skin", code=1)
     assert "press/0: RTL and model differ" in out
-    code, _, error = call(*check)
-    assert code == 2
+    _, error = eskin(*check, code=2)
     assert "press/0 is one of your own recordings; name the folder of its samples with --data" in error
 
 
-def test_fig8_and_sweep_take_own_recordings(own: dict[str, Any], call: Any, refuses: Any) -> None:
-    code, out, error = call("fig8", "--data", "skin", "--image", "tap/1")
-    assert code == 0, error
+def test_fig8_and_sweep_take_own_recordings(own: dict[str, Any], eskin: Any, refuses: Any) -> None:
+    out, _ = eskin("fig8", "--data", "skin", "--image", "tap/1")
     assert "tap/1: true tap, predicted " in out
     assert Path("out/fig8.png").stat().st_size > 30_000
     data = json.loads(Path("out/fig8.json").read_text())
     assert (data["image"], data["preset"], data["readout"]) == ("tap/1", None, own["recordings"]["readout"])
     refuses("name the folder of your recordings with --data", "fig8")
     again = "--epochs 2 --seeds 1 --workers 1"
-    tests = [f"--test */[{pair}]" for pair in ("01", "23", "45", "67")]
+    tests = [f"--test */[{numbers}]" for numbers in ("012", "345", "67")]
     sweep = ("sweep", OWN, again, "--points lcs:3,nlcs:4,frame:17.5:8")
-    code, _, error = call(*sweep, *tests)
-    assert code == 0, error
+    eskin(*sweep, *tests)
     points = load_sweep(Path("out/sweep")).points
     assert [tuple(p[name] for name in ("name", "readout", "resolution", "preset")) for p in points] == [
         ("lcs-3", "lcs", 3, None),
@@ -256,23 +255,23 @@ def test_fig8_and_sweep_take_own_recordings(own: dict[str, Any], call: Any, refu
     assert points[2]["data_rate_bps"] == 17.5 * 4 * 8
     cell = json.loads(Path("out/sweep/frame-17.5-8/fold-1-seed-0.json").read_text())
     images = load_recordings(next(Path("out/recordings").iterdir()), BinConfig()).names
-    assert [images[k] for k in cell["result"]["test_images"]] == [f"{kind}/{k}" for kind in TOUCHES for k in (2, 3)]
-    code, _, error = call(*sweep, *tests, "--test", "tap/*", "-o", "other")
-    assert (code, "tap/0 fits 2 of the patterns of --test" in error) == (2, True)
+    assert [images[k] for k in cell["result"]["test_images"]] == [f"{kind}/{k}" for kind in TOUCHES for k in (3, 4, 5)]
+    _, error = eskin(*sweep, *tests, "--test", "tap/*", "-o", "other", code=2)
+    assert "tap/0 fits 2 of the patterns of --test" in error
     assert "--data skin" in load_sweep(Path("out/sweep")).command
     assert "--baseline median" in load_sweep(Path("out/sweep")).command
 
 
-def test_a_bin_is_no_shorter_than_a_sample_of_own_recordings(folder: Path, call: Any) -> None:
+def test_a_bin_is_no_shorter_than_a_sample_of_own_recordings(folder: Path, eskin: Any) -> None:
     write_skin(folder / "skin", taxels=4, each=3)
-    code, out, error = call("train", "--data", "skin", "--folds", 3, "--epochs", 1, "--set", "hidden=8")
-    assert code == 0, error
+    given = "--encoding lcs --resolution 3 --folds 3 --epochs 1 --set hidden=8"
+    out, _ = eskin("train --data skin", given)
     assert "time bin: 0.02857 s, the sample period of these recordings; --bin sets another time bin" in out
     experiment = json.loads(Path("out/train/result.json").read_text())["experiment"]
     assert experiment["bins"]["bin_s"] == 1 / 35
 
 
-def test_a_frame_is_the_newest_sample(folder: Path, call: Any) -> None:
+def test_a_frame_is_the_newest_sample(folder: Path) -> None:
     write_skin(folder / "skin", taxels=4, each=1)
     events = events_of(folder / "skin", {"baseline": "first"}, ReadoutConfig(), ())
     codes, rate_hz = signals_of(events)
@@ -311,9 +310,9 @@ def test_a_frame_is_the_newest_sample(folder: Path, call: Any) -> None:
         ("fig8 --data skin --dataset embedded", "--dataset is for textures, --data for your own recordings; give one"),
     ],
 )
-def test_what_own_recordings_cannot_have_is_refused(words: str, sentence: str, call: Any, folder: Path) -> None:
+def test_what_own_recordings_cannot_have_is_refused(words: str, sentence: str, eskin: Any, folder: Path) -> None:
     write_skin(folder / "skin", taxels=4, each=6)
     save_weights(Path("weights.npz"), some_weights(("press", "stroke", "tap"), 0.1, inputs=8))
-    code, _, error = call(words)
-    assert (code, error.count("\n")) == (2, 1)
+    _, error = eskin(words, code=2)
+    assert error.count("\n") == 1
     assert error.startswith(f"error: {sentence}")

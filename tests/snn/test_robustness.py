@@ -145,13 +145,12 @@ def test_training_scans_are_disturbed_within_their_ranges_and_the_first_is_clean
     assert len({scan.tobytes() for scan in data.values}) == 6
 
 
-def test_cells_are_kept_resumed_and_paired(call: Any, refuses: Any, folder: Path) -> None:
+def test_cells_are_kept_resumed_and_paired(eskin: Any, refuses: Any, folder: Path) -> None:
     two_textures(folder / "textures")
     small = "--dataset textures --folds 2 --epochs 1 --set hidden=8"
     for name, options in (("a", ""), ("b", "--disturbed 1")):
-        assert call(f"train {small} {options} -o {name}/fold-0")[0] == 0
-    code, _, error = call("robustness a b --only dead=0.2,lost -o out")
-    assert code == 0, error
+        eskin(f"train {small} {options} -o {name}/fold-0")
+    eskin("robustness a b --only dead=0.2,lost -o out")
     content = json.loads((folder / "out" / "robustness.json").read_text())
     assert content["command"] == "eskin robustness a b --only dead=0.2,lost"
     points = content["points"]
@@ -167,7 +166,7 @@ def test_cells_are_kept_resumed_and_paired(call: Any, refuses: Any, folder: Path
     (cell,) = (folder / "out" / "a-fold-0-seed-0").glob("lost-0.5.json")
     before = {path: path.stat().st_mtime_ns for path in (folder / "out").rglob("*-fold-*/*.json")}
     cell.unlink()
-    assert call("robustness a b --only dead=0.2,lost -o out")[0] == 0
+    eskin("robustness a b --only dead=0.2,lost -o out")
     after = {path: path.stat().st_mtime_ns for path in before}
     assert [path for path in before if after[path] != before[path]] == [cell]
     assert json.loads((folder / "out" / "robustness.json").read_text()) == content

@@ -1,6 +1,7 @@
 """Test the studies of noise, latency, rest, timing and precision."""
 
 import dataclasses
+import itertools
 import json
 from pathlib import Path
 from typing import Any
@@ -17,12 +18,13 @@ from eskin.power.parameters import PowerParameters
 from eskin.skin.textures.dataset import Dataset, open_dataset
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.exchange.integer import Precision, quantise
-from eskin.snn.exchange.weights import Weights, load_weights
+from eskin.snn.exchange.weights import Weights
 from eskin.snn.experiments.evaluate import integer_classes
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.pairs import paired
 from eskin.snn.experiments.robustness import Subject
 from eskin.snn.network import build
+from eskin.snn.studies import merits
 from eskin.snn.studies.early import begin_of
 from eskin.snn.studies.merits import _errors, bits_per_second, timing_points
 from eskin.snn.studies.noise import Noise, Rates, noisy_scans, power_of
@@ -135,13 +137,16 @@ def test_answers_are_paired_on_the_folds_that_both_have() -> None:
     assert paired([point("a", {1: "0123"}), point("b", {0: "0.23"})], "a", "b", ["time_s"]) == []
 
 
-def test_both_commands_write_what_they_print(call: Any, refuses: Any, folder: Path) -> None:
+def test_the_commands_write_what_they_print_and_keep_their_answers(
+    eskin: Any, refuses: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(merits, "NOISES_V", (0.0,))
+    monkeypatch.setattr(merits, "FRAMES_HZ", (250.0,))
     two_textures(folder / "textures")
     small = "--dataset textures --folds 2 --epochs 1 --set hidden=8"
     for name, options in (("a", ""), ("b", "--frames frame-onoff:250:8")):
-        assert call(f"train {small} {options} -o nets/{name}/fold-0")[0] == 0
-    code, _, error = call("noise-power nets --noises 1,50 --pair a,b -o out")
-    assert code == 0, error
+        eskin(f"train {small} {options} -o nets/{name}/fold-0")
+    eskin("noise-power nets --noises 1,50 --pair a,b -o out")
     content = json.loads((folder / "out" / "noise_power.json").read_text())
     assert content["command"] == "eskin noise-power nets --noises 1,50 --pair a,b"
     points = content["points"]
@@ -158,19 +163,21 @@ def test_both_commands_write_what_they_print(call: Any, refuses: Any, folder: Pa
         [a == b for a, b in zip(answer["predicted"], answer["labels"], strict=True)]
     )
     before = {path: path.stat().st_mtime_ns for path in (folder / "out").glob("*-fold-*.json")}
-    assert call("noise-power nets --noises 1,50 -o out")[0] == 0
+    eskin("noise-power nets --noises 1,50 -o out")
     assert len(before) == 2
     assert {path: path.stat().st_mtime_ns for path in before} == before
 
     line = "merits nets --pair a,b --dataset textures --limit 1 --noise out/noise_power.json -o merits"
-    code, _, error = call(line)
-    assert code == 0, error
+    eskin(line)
     result = json.loads((folder / "merits" / "merits.json").read_text())
     last = [point for point in result["latency"] if point["network"] == "a"][-1]
     said = json.loads((folder / "nets" / "a" / "fold-0" / "result.json").read_text())["predicted"]
     assert last["answers"][0]["predicted"] == "".join(map(str, said))  # the whole scan lasts less than that
     assert len(result["latency_pairs"]) == 14
     assert len(result["noise"]) == 8
+    assert {(one["readout"], one["phase"]) for one in result["rest"]} == set(
+        itertools.product(merits.READOUTS, ("moving", "resting"))
+    )
     assert (folder / "merits" / "merits.png").stat().st_size > 10_000
     for line, message in (
         ("noise-power nets --noises 1,50,60 -o out", "out/a-fold-0-seed-0.json belongs to other weights, noises or "),
@@ -183,18 +190,31 @@ def test_both_commands_write_what_they_print(call: Any, refuses: Any, folder: Pa
     ):
         refuses(f"error: {message}", line)
 
+    eskin("precision nets/a --variants 8,2:m12 -o few")
+    content = json.loads(Path("few/precision.json").read_text())
+    assert content["command"] == "eskin precision nets/a --variants 8,2:m12"
+    assert [point["variant"] for point in content["points"]] == ["float", "8", "2:m12"]
+    assert Path("few/precision.png").stat().st_size > 10_000
+    subject = Subject.load(Path("nets/a/fold-0/weights.npz"), scenes=False)
+    precision = Precision(in_bits=2, rec_bits=2, out_bits=2, membrane_bits=12)
+    network = quantise(subject.weights, precision).network
+    point = content["points"][2]
+    assert content["tests"]["a"][0]["images"] == subject.images.tolist()
+    classes = integer_classes(network, subject.experiment.data(), subject.images)
+    assert point["predicted"][0] == "".join(map(str, classes))
+    assert (point["memory_bits"], point["membrane_bits"]) == (network.config.memory_bits, 12)
+    other = "a-fold-0-seed-0.json belongs to other weights, variants or images; remove it"
+    refuses(other, "precision nets/a --variants 8 -o few")
+
 
 def test_variants_are_read_as_they_are_written() -> None:
     found = parse_variants("8, 4:t6,3:t5:m12")
     weights = {name: (p.in_bits, p.rec_bits, p.out_bits) for name, p in found.items()}
     assert weights == {"8": (8, 8, 8), "4:t6": (4, 4, 4), "3:t5:m12": (3, 3, 3)}
     assert [(p.threshold_bits, p.membrane_bits) for p in found.values()] == [(8, None), (6, None), (5, 12)]
-
-
-@pytest.mark.parametrize("text", ["9", "8,8", "4:m", "4:m12:t6", "", "4t6"])
-def test_other_variants_are_refused(text: str) -> None:
-    with pytest.raises(InputError, match="--variants must list different BITS"):
-        parse_variants(text)
+    for text in ("9", "8,8", "4:m", "4:m12:t6", "", "4t6"):
+        with pytest.raises(InputError, match="--variants must list different BITS"):
+            parse_variants(text)
 
 
 def cell(seed: int, images: list[int], said: str, network: str = "a") -> dict[str, Any]:
@@ -215,33 +235,6 @@ def test_an_image_counts_once_with_all_its_seeds() -> None:
     assert [(point["network"], point["images"]) for point in others] == [("b", 1), ("b", 1)]
     with pytest.raises(InputError, match="no common test image"):
         points_of([cell(0, [0], "0"), cell(1, [1], "0")])
-
-
-def test_answers_are_those_of_the_integer_model_and_are_kept(call: Any, refuses: Any, folder: Path) -> None:
-    two_textures(folder / "textures")
-    small = "--dataset textures --folds 2 --epochs 2 --recipe paper --set hidden=8"
-    assert call(f"train {small} -o nets/a/fold-0")[0] == 0
-    code, _, error = call("precision nets --variants 8,2:m12 -o out")
-    assert code == 0, error
-    content = json.loads(Path("out/precision.json").read_text())
-    assert content["command"] == "eskin precision nets --variants 8,2:m12"
-    assert [point["variant"] for point in content["points"]] == ["float", "8", "2:m12"]
-    assert Path("out/precision.png").stat().st_size > 10_000
-
-    subject = Subject.load(Path("nets/a/fold-0/weights.npz"), scenes=False)
-    precision = Precision(in_bits=2, rec_bits=2, out_bits=2, membrane_bits=12)
-    network = quantise(load_weights(Path("nets/a/fold-0/weights.npz")), precision).network
-    data = subject.experiment.data()
-    point = content["points"][2]
-    assert content["tests"]["a"][0]["images"] == subject.images.tolist()
-    assert point["predicted"][0] == "".join(map(str, integer_classes(network, data, subject.images)))
-    assert (point["memory_bits"], point["membrane_bits"]) == (network.config.memory_bits, 12)
-
-    before = (folder / "out" / "a-fold-0-seed-0.json").stat().st_mtime_ns
-    assert call("precision nets --variants 8,2:m12 -o out")[0] == 0
-    assert (folder / "out" / "a-fold-0-seed-0.json").stat().st_mtime_ns == before
-    other = "a-fold-0-seed-0.json belongs to other weights, variants or images; remove it"
-    refuses(other, "precision nets --variants 8 -o out")
 
 
 def test_additions_are_rows_of_events_and_of_spikes() -> None:

@@ -1,5 +1,6 @@
 """Test that a sweep gives equal files in parallel, in series and after a restart, and rejects invalid input."""
 
+import itertools
 import json
 import os
 import signal
@@ -12,9 +13,7 @@ from typing import Any
 
 import distributed
 import pytest
-from typer.testing import CliRunner
 
-from eskin.app.cli import app
 from eskin.app.commands.learn.sweep import _print_table
 from eskin.app.options import LEAKY
 from eskin.base.errors import InputError
@@ -26,7 +25,10 @@ from eskin.model.encoders import registry
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.scans import ScanData
 from eskin.snn.experiments import crossval
+from eskin.snn.experiments.crossval import read_cell
 from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.pairs import find_point, pair
+from eskin.snn.experiments.points import READINGS, Point, as_word, load_sweep
 from eskin.snn.experiments.settings import parse_points
 from eskin.snn.experiments.sweep import PointRun, SweepPoint, sweep
 from eskin.snn.training import TrainConfig
@@ -52,8 +54,8 @@ def files(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.json")}
 
 
-def test_only_missing_cells_are_run_and_all_seeds_of_a_point_stay_together(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_only_missing_cells_are_run_and_every_prediction_is_kept_for_pairs(
+    tmp_path: Path, eskin: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ran: list[tuple[int, int, int]] = []
     original = crossval.run_cell
@@ -72,6 +74,7 @@ def test_only_missing_cells_are_run_and_all_seeds_of_a_point_stay_together(
             assert (found[0]["last"] is None) == (found[0]["cells"]["whole_seeds"] == 0)
             assert (tmp_path / "hidden-16" / "result.json").exists() == (found[0]["cells"]["done"] == 4)
 
+    data = easy_data()
     sweep(points(), tmp_path, pool=Local(1), folds=2, seeds=2, progress=progress)
     assert ran == [(hidden, fold, seed) for seed in (0, 1) for hidden in (16, 12) for fold in (0, 1)]
     assert seen == [(1, 0), (2, 1), (2, 1), (2, 1), (3, 1), (4, 2), (4, 2), (4, 2)]
@@ -81,6 +84,55 @@ def test_only_missing_cells_are_run_and_all_seeds_of_a_point_stay_together(
     sweep(points(), tmp_path, pool=Local(1), folds=2, seeds=2)
     assert ran == [(12, 1, 0)]
     assert files(tmp_path) == whole
+
+    (first, _) = load_sweep(tmp_path).points
+    assert first["labels"] == as_word(data.image_labels)
+    for reading, (fold, seed) in itertools.product(READINGS, itertools.product(range(2), range(2))):
+        _, cell = read_cell(tmp_path / "hidden-16" / f"fold-{fold}-seed-{seed}.json")
+        word = first[reading]["predictions"][seed]
+        assert [int(word[image]) for image in cell["test_images"]] == cell[reading]
+    names = [f"{tmp_path}:hidden-16", f"{tmp_path}:hidden-12"]
+    out, _ = eskin("pair", *names, "--out pair.json")
+    expected = pair(*(find_point(name, tmp_path) for name in names), "last")
+    written = json.loads(Path("pair.json").read_text())
+    assert written["only_first"] == expected.only_first
+    assert written["difference"] == expected.difference
+    assert [written["first"], written["second"]] == names
+    assert f"only B right {expected.only_second[1]}" in out
+
+
+def predicted(name: str, *predictions: str, labels: str = "00112") -> Point:
+    result = {"predictions": predictions}
+    return {"name": name, "class_names": ["a", "b", "c"], "labels": labels, "last": result, "selected": result}
+
+
+def test_two_points_are_compared_image_by_image() -> None:
+    found = pair(predicted("a", "00110", "00000"), predicted("b", "10112", "00112", "00112"), "last")
+    assert (found.only_first, found.only_second) == ([1, 0], [1, 3]), "seeds that one alone has do not count"
+    assert found.p == [1.0, pytest.approx(0.25)]
+    assert (found.accuracy_first, found.accuracy_second) == ([0.8, 0.4], [0.8, 1.0])
+    assert found.difference == pytest.approx(0.3)
+    assert found.interval[0] < 0.3 < found.interval[1]
+    seeds = pair(predicted("a", "00112", "11221"), predicted("b", "00112", "00112"), "last")
+    assert seeds.interval == (0.0, 1.0), "every image gains the same, so that the interval is all of the seeds"
+    same = pair(predicted("a", "00110"), predicted("b", "00110"), "selected")
+    assert (same.difference, same.interval, same.p) == (0.0, (0.0, 0.0), [1.0])
+    with pytest.raises(InputError, match="a and b have different images or classes and cannot be compared"):
+        pair(predicted("a", "00110"), predicted("b", "00110", labels="00111"), "last")
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (["lcs-4", "x:y"], "a point must be SWEEP:POINT, such as rates-cnn:lcs-4, not 'lcs-4'"),
+        (["tuned:lcs-5", "x:y"], "sweep tuned has no point 'lcs-5'; it has lcs-2, lcs-3"),
+        (["tuned:lcs-4", "x:y"], "tuned:lcs-4 has no predictions for images; run its sweep again"),
+        (["nowhere:lcs-4", "x:y"], "cannot read the sweep nowhere: "),
+        (["a:b", "x:y", "--reading", "best"], "reading must be one of last, selected, not 'best'"),
+    ],
+)
+def test_bad_names_get_one_sentence(names: list[str], message: str, refuses: Any) -> None:
+    refuses(f"error: {message}", "pair", *names)
 
 
 def test_a_cell_that_diverges_is_named_and_the_others_are_kept(tmp_path: Path) -> None:
@@ -99,6 +151,29 @@ def test_cells_of_other_scans_or_another_experiment_are_refused(tmp_path: Path) 
         sweep(points(epochs=3)[:1], tmp_path, pool=Local(1), folds=2, seeds=1)
     with pytest.raises(InputError, match=r"^point hidden-16: .* belongs to another experiment \(different: data\)"):
         sweep(points(steps=14)[:1], tmp_path, pool=Local(1), folds=2, seeds=1)
+
+
+CELL = {"fold": 0, "seed": 0, "test_images": [0], "labels": [1], "last": [1], "selected": [0]}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 100_000,
+        json.dumps({"experiment": {}, "result": 3}),
+        *(
+            json.dumps({"experiment": {}, "result": CELL | change})
+            for change in ({"labels": 3}, {"last": ["x"]}, {"last": [1, 1]}, {"fold": None}, {"test_images": [-1]})
+        ),
+    ],
+    ids=range(7),
+)
+def test_a_file_in_the_place_of_a_cell_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "cell.json").write_text(json.dumps({"experiment": {}, "result": CELL}))
+    assert read_cell(tmp_path / "cell.json") == ({}, CELL)
+    (tmp_path / "cell.json").write_text(text)
+    with pytest.raises(InputError, match="is not the result of a training; remove it"):
+        read_cell(tmp_path / "cell.json")
 
 
 def test_rates_of_the_summary_by_hand(tmp_path: Path) -> None:
@@ -127,7 +202,7 @@ def command(folder: Path) -> list[str]:
     return [*options, "--points", "lcs:4,rnn:100", "--set", "hidden=16", "--folds", "2", "--seeds", "2"]
 
 
-def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> None:
+def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path, eskin: Any) -> None:
     options = [*command(tmp_path), "--epochs", "2"]
     arguments = [sys.executable, "-m", "eskin", *options, "--workers", "2", "--out", str(tmp_path / "killed")]
     killed = subprocess.Popen(arguments, cwd=ROOT, start_new_session=True, stdout=subprocess.DEVNULL)
@@ -143,12 +218,11 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
     kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "killed").glob("*/fold-*.json")}
     assert 2 <= len(kept) < 8
     for name in ("killed", "whole"):
-        result = CliRunner().invoke(app, [*options, "--workers", "1", "--out", str(tmp_path / name)])
-        assert result.exit_code == 0, result.output
+        out, _ = eskin(*options, "--workers 1 --out", tmp_path / name)
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     assert files(tmp_path / "killed") == files(tmp_path / "whole")
-    assert "rnn-100" in result.output
-    assert f"draw it with eskin fig9 --sweep {tmp_path}/whole" in "".join(result.output.splitlines())
+    assert "rnn-100" in out
+    assert f"draw it with eskin fig9 --sweep {tmp_path}/whole" in "".join(out.splitlines())
     summary = json.loads((tmp_path / "whole" / "sweep.json").read_text())
     assert summary["command"] == (
         f"eskin sweep --points lcs:4,rnn:100 --config {tmp_path}/small.json --dataset embedded --epochs 2 "
@@ -190,10 +264,9 @@ def test_bad_options_get_one_sentence(options: str, message: str, refuses: Any) 
     refuses(f"error: {message}", "sweep --dataset embedded --out out", options)
 
 
-def test_a_setting_that_some_points_do_not_have_is_said(call: Any) -> None:
+def test_a_setting_that_some_points_do_not_have_is_said(eskin: Any) -> None:
     options = "--set decay=0.5 --workers 2 --scheduler tcp://a:1"  # the scheduler beside workers is refused after that
-    code, _, error = call("sweep --dataset embedded --out out --points lcs:4,rnn:20,gru:20", options)
-    assert code == 2
+    _, error = eskin("sweep --dataset embedded --out out --points lcs:4,rnn:20,gru:20", options, code=2)
     note, _ = error.splitlines()
     assert note == "note: --set decay has no effect on the network of rnn-20, gru-20"
 
@@ -230,12 +303,11 @@ def test_points_are_encoder_and_number() -> None:
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x", "tcp://127.0.0.1:port", "tcp:///"])
 def test_a_scheduler_that_is_not_there_gets_one_sentence(
-    address: str, call: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
+    address: str, eskin: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(dask_cluster, "CONNECT_S", 1.0)
     began = time.monotonic()
-    code, _, error = call(*command(folder), "--out out --scheduler", address)
-    assert code == 2
+    _, error = eskin(*command(folder), "--out out --scheduler", address, code=2)
     assert time.monotonic() - began < 25  # a client of Dask would try for 30 s
     assert error == (
         f"error: no Dask scheduler answers at {address}; start one with dask scheduler and give its address, "
@@ -298,7 +370,9 @@ def test_a_sweep_outlives_its_workers_and_ends_in_the_files_of_a_serial_one(
 
         sweep(points(**slow), tmp_path / "cluster", pool=pool, folds=2, seeds=2, progress=kill)
         assert killed, "no worker ran a cell when it was killed"
-        assert len(client.scheduler_info()["workers"]) == 1
+        (loaded,) = client.run(lambda: set(sys.modules)).values()
+        assert "eskin.snn.kernels.layer" in loaded
+        assert loaded.isdisjoint({"torch._dynamo", "triton"}), "compilers, which take longer to load than torch"
         assert not pool._shared
     sweep(points(**slow), tmp_path / "serial", pool=Local(1), folds=2, seeds=2)
     assert files(tmp_path / "cluster") == files(tmp_path / "serial")

@@ -59,8 +59,7 @@ def check_on_device(rule: NeuronRule, values: dict[str, Tensor]) -> Tensor:
 
 
 @runs
-@pytest.mark.parametrize("recurrent", [True, False])
-@pytest.mark.parametrize("rule", RULES, ids=str)
+@pytest.mark.parametrize(("rule", "recurrent"), [*((rule, True) for rule in RULES), (NeuronRule(), False)], ids=str)
 def test_equals_plain_autograd(rule: NeuronRule, recurrent: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kernel_triton, "COLUMNS", 32)  # two blocks of neurons, two of the sum
     values = tensors(5, 5, 6, 33, 0.5)
@@ -72,12 +71,11 @@ def test_equals_plain_autograd(rule: NeuronRule, recurrent: bool, monkeypatch: p
 
 @runs
 @pytest.mark.parametrize(
-    ("steps", "batch", "inputs", "neurons"),
-    [(1, 1, 1, 1), (1, 5, 3, 6), (7, 5, 3, 6), (3, 18, 6, 70), (3, 2, 6, 150), (2, 33, 4, 16)],
+    "shape", [(1, 1, 1, 1), (1, 5, 3, 6), (7, 5, 3, 6), (3, 18, 6, 70), (3, 2, 6, 150), (2, 33, 4, 16)], ids=str
 )
-@pytest.mark.parametrize("floor", [-0.25, -float("inf")])
-def test_any_size_and_floor(steps: int, batch: int, inputs: int, neurons: int, floor: float) -> None:
-    check_on_device(NeuronRule(floor=floor), tensors(steps, batch, inputs, neurons, 0.7))
+def test_any_size_and_floor(shape: tuple[int, int, int, int]) -> None:
+    for floor in (-0.25, -float("inf")) if shape[0] == 7 else (-0.25,):
+        check_on_device(NeuronRule(floor=floor), tensors(*shape, 0.7))
 
 
 class Memory:
@@ -236,7 +234,7 @@ def test_compiles_with_the_barrier_at_the_end_of_each_step(
 @pytest.mark.parametrize("rule", RULES, ids=str)
 def test_every_rule_compiles(rule: NeuronRule, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("TRITON_CACHE_DIR", str(tmp_path))
-    for direction in ("forward", "backward"):
+    for direction in ("forward", "backward") if rule in RULES[::8] else ("backward",):  # forward knows the reset alone
         assert compiled(direction, rule, (200, 32, 16), False, monkeypatch).asm["cubin"]
 
 
@@ -253,9 +251,3 @@ def test_other_tensors_are_refused(dtype: torch.dtype) -> None:
     values = {name: value.to(dtype) for name, value in tensors(3, 2, 3, 5, 1.0).items()}
     with pytest.raises(InputError, match="float32 on a CUDA GPU and the package triton; use torch"):
         layer(NeuronRule(), **values, backend="triton")
-
-
-@compiler_only
-def test_triton_is_imported_on_demand_only() -> None:
-    code = "import sys, eskin.snn.kernels.layer; sys.exit('triton' in sys.modules)"
-    subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[2])

@@ -108,7 +108,6 @@ def subjects_of(places: list[Path] | None, scenes: bool = True) -> list[Subject]
 
 
 def trained_files(places: list[Path]) -> list[Path]:
-    """Return the weight files below folders."""
     found = []
     for place in places:
         below = sorted(place.rglob("weights.npz")) if place.is_dir() else [place]
@@ -119,7 +118,6 @@ def trained_files(places: list[Path]) -> list[Path]:
 
 
 def _print_robustness(points: list[dict[str, Any]]) -> None:
-    """Print the accuracy of every network under every disturbance."""
     networks = sorted({point["network"] for point in points})
     rows: dict[tuple[str, float], list[str]] = {}
     for point in points:

@@ -119,7 +119,6 @@ def _point(readout: str, numbers: str, options: dict[str, Any]) -> SweepPoint:
 
 
 def _recorded_point(folder: Path, options: dict[str, Any]) -> SweepPoint:
-    """Return the sweep point for a folder of event files."""
     from eskin.snn.experiments.sweep import SweepPoint
 
     made = build_experiment(options | UNSAID | {"events": folder})
@@ -128,7 +127,6 @@ def _recorded_point(folder: Path, options: dict[str, Any]) -> SweepPoint:
 
 
 def _print_table(points: list[Point]) -> None:
-    """Print accuracy and data rate of every sweep point."""
     print_table(
         "point | rate | last epoch | 95 % interval | sd | selected | sd",
         points,
