@@ -26,6 +26,8 @@ LONGEST_CPU_S = 30
 """Of this process: no case here takes three; one that takes so long has found a loop without end."""
 LONGEST_S = 600
 """By the clock, for what waits instead of computing; a busy machine makes a case ten times as long."""
+AGAIN_S = 1.0
+"""From one signal to the next: a broad except may have caught the first."""
 MOST_BYTES = 6 * 2**30
 """Address space that a case may add: torch and Numba map much and use little."""
 
@@ -78,7 +80,7 @@ def _limits(memory: bool) -> Iterator[None]:
     timers = ((signal.ITIMER_PROF, signal.SIGPROF, LONGEST_CPU_S), (signal.ITIMER_REAL, signal.SIGALRM, LONGEST_S))
     handlers = {number: signal.signal(number, too_long) for _, number, _ in timers}
     for timer, _, limit in timers:
-        signal.setitimer(timer, limit, 1)  # again every second: a broad except may have caught the first
+        signal.setitimer(timer, limit, AGAIN_S)
     faulthandler.dump_traceback_later(
         LONGEST_S + 60, exit=True, file=sys.__stderr__
     )  # native code sees no signal of Python's

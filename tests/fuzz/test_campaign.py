@@ -6,6 +6,7 @@ counted in docs/data/verification/fuzz.json.
 
 import traceback
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import typer
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
+from eskin.app.report import page
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
 from tests.fuzz import corpus
@@ -44,6 +46,22 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.chdir(root)
         corpus.make(root)
     return root
+
+
+@pytest.fixture(scope="module", autouse=True)
+def drawn_once() -> Iterator[None]:
+    """Draw every picture of a report once: in most of the cases only that of Fig. 9 is another one."""
+    draw, drawn = page.embedded, dict[str, Any]()
+
+    def embedded(plot: Any, *words: str) -> Any:
+        name = f"{plot} {words}"
+        if name not in drawn:
+            drawn[name] = draw(plot, *words)
+        return drawn[name]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(page, "embedded", embedded)
+        yield
 
 
 @pytest.fixture(autouse=True)
@@ -129,6 +147,7 @@ def test_attacks(name: str, root: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("swallowed", [False, True])
 def test_a_loop_without_end_is_ended(monkeypatch: pytest.MonkeyPatch, swallowed: bool) -> None:
     monkeypatch.setattr(limits, "LONGEST_CPU_S", 0.2)
+    monkeypatch.setattr(limits, "AGAIN_S", 0.1)
     app = typer.Typer()
 
     @app.command()
