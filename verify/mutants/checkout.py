@@ -63,10 +63,9 @@ def original(folder: Path) -> Path:
         for name in names:
             (draft / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, draft / name, follow_symlinks=False)
-        for sources in {(ROOT / name).parent.relative_to(ROOT) for name in names}:  # copy the compiled files, too
-            for kernel in (ROOT / sources).glob("__pycache__/*.nb?"):
-                (draft / sources / "__pycache__").mkdir(exist_ok=True)
-                shutil.copy2(kernel, draft / sources / "__pycache__")
+        for compiled in {Path(name).parent / "__pycache__" for name in names}:
+            if (ROOT / compiled).is_dir():
+                shutil.copytree(ROOT / compiled, draft / compiled)
         (folder / "build").mkdir(exist_ok=True)
         (draft / "build").symlink_to(folder.resolve() / "build")
         draft.rename(place)

@@ -2,7 +2,7 @@
 
 import json
 import re
-import sys
+import time
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -105,8 +105,12 @@ def within(module: str, modules: Mapping[str, str]) -> dict[str, str]:
     return found
 
 
-def difference(original: Path, mutated: Path) -> str:
-    """Return a sentence about the first module that is not proved equal; empty if all are."""
+def difference(original: Path, mutated: Path, limit_s: float) -> str:
+    """Return a sentence about the first module that is not proved equal within a time; empty if all are.
+
+    Each file has designs as JSON: the RTLIL of their modules by configuration and name.
+    """
+    end = time.monotonic() + limit_s
     sides: list[dict[str, dict[str, str]]] = [json.loads(path.read_text()) for path in (original, mutated)]
     proved: set[tuple[str, ...]] = set()
     for config, before in sides[0].items():
@@ -117,11 +121,9 @@ def difference(original: Path, mutated: Path) -> str:
             pair = within(module, before), within(module, after)
             if (key := (*pair[0].values(), *pair[1].values())) in proved:
                 continue
+            if time.monotonic() >= end:
+                return "not compared in time"
             if not (answer := same(module, *pair)):
                 return f"{module} {'differs' if answer is False else 'is not proved to be the same'} in {config}"
             proved.add(key)
     return ""
-
-
-if __name__ == "__main__":
-    sys.stdout.write(difference(Path(sys.argv[1]), Path(sys.argv[2])))
