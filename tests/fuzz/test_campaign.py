@@ -15,9 +15,9 @@ import typer
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
-from eskin.app.report import page
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
+from eskin.base.pages import embedded
 from tests.fuzz import corpus
 from tests.fuzz import run as limits
 from tests.fuzz.attacks import ATTACKS, clean
@@ -51,16 +51,16 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module", autouse=True)
 def drawn_once() -> Iterator[None]:
     """Draw every picture of a report once: in most of the cases only that of Fig. 9 is another one."""
-    draw, drawn = page.embedded, dict[str, Any]()
+    drawn: dict[str, Any] = {}
 
-    def embedded(plot: Any, *words: str) -> Any:
+    def once(plot: Any, *words: str) -> Any:
         name = f"{plot} {words}"
         if name not in drawn:
-            drawn[name] = draw(plot, *words)
+            drawn[name] = embedded(plot, *words)
         return drawn[name]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(page, "embedded", embedded)
+        patch.setattr("eskin.app.report.page.embedded", once)
         yield
 
 

@@ -1,14 +1,20 @@
-"""Compare both models: events, clocks, order, polarity, and final registers.
+"""Compare both models: events, clocks, order, polarity, final registers, frames and classes.
+
+The second model imports nothing of the project.
 
 Configurations and stimuli are drawn anew in every run (conftest.py prints the seed).
 """
 
+import ast
 import dataclasses
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from eskin.cocotb_tests import independent
 from eskin.cocotb_tests.bench.draw import Draw
 from eskin.model.classifier.config import LEAKS, ClassifierConfig, highest, lowest
 from eskin.model.classifier.network import IntegerNetwork, State
@@ -22,6 +28,7 @@ from eskin.model.tiles.config import TilesConfig
 from eskin.model.tiles.run import simulate_skin
 from tests.independent.agreement import differs, network_of, play, play_frames, play_skin
 
+FILES = sorted(Path(str(independent.__file__)).parent.glob("*.py"))
 RUNS = 20
 """Runs of one test; each has a seed of its own."""
 
@@ -30,6 +37,15 @@ def draws(holdout: int, part: int, **fields: Any) -> list[Draw]:
     return [
         Draw(1000 * holdout + RUNS * part + n, **({"most_taxels": 16, "clocks": 300} | fields)) for n in range(RUNS)
     ]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_the_second_imports_nothing_of_the_rest_of_the_project(path: Path) -> None:
+    for node in ast.walk(ast.parse(path.read_text())):
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        names += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
+        foreign = [name for name in names if not name.startswith("eskin.cocotb_tests.independent.")]
+        assert {name.split(".")[0] for name in foreign} <= sys.stdlib_module_names
 
 
 @pytest.mark.parametrize("part", range(6))

@@ -20,7 +20,8 @@ from eskin.rtl.readout import Readout
 from eskin.rtl.registers.host import Host
 from eskin.rtl.taxel import Row
 from eskin.rtl.verilog import top_block
-from eskin.verify.proofs.clock_stop import Clocked, clocked, rtlil_of, stands_still
+from eskin.verify.proofs.bench import rtlil_of
+from eskin.verify.proofs.clock_stop import Clocked, clocked, stands_still
 from eskin.verify.proofs.mutants import make
 
 FEW = ReadoutConfig(rows=2, columns=2, sample_bits=6, resolution=2, window_period=3, leak_period=3)

@@ -3,7 +3,7 @@
 import hashlib
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -108,14 +108,14 @@ def with_points(verilog: str, points: Iterable[tuple[str, str, str]]) -> str:
     A point is (module, label, expression). The expression, over names of the module in Verilog, holds at a rising edge
     of the clock where the point is reached.
     """
-    put: dict[str, list[str]] = {}
+    put: dict[str, str] = {}
     for module, label, expression in points:
-        put.setdefault(module, []).append(f"  point_{label}: cover property (@(posedge clk) {expression});\n")
+        put[module] = put.get(module, "") + f"  point_{label}: cover property (@(posedge clk) {expression});\n"
+    return extended(verilog, put)
 
-    def added(match: re.Match[str]) -> str:
-        return match[0].removesuffix("endmodule") + "".join(put.pop(match[1], [])) + "endmodule"
 
-    text = MODULE.sub(added, verilog)
-    if put:
-        raise ValueError(f"the Verilog has no module {', '.join(put)}")
-    return text
+def extended(verilog: str, put: Mapping[str, str]) -> str:
+    """Return a Verilog text with more lines at the end of its modules, by module."""
+    if missing := put.keys() - {match[1] for match in MODULE.finditer(verilog)}:
+        raise ValueError(f"the Verilog has no module {', '.join(missing)}")
+    return MODULE.sub(lambda m: m[0].removesuffix("endmodule") + put.get(m[1], "") + "endmodule", verilog)

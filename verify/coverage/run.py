@@ -17,7 +17,7 @@ from eskin.rtl.verilog import Config
 from eskin.verify import coverage
 from eskin.verify.coverage.constructs import POINT, Construct, modules, read, with_points
 from eskin.verify.coverage.plan import Run
-from eskin.verify.coverage.points.all_points import points
+from eskin.verify.coverage.points.designs import points
 from eskin.verify.coverage.points.point import Point
 from eskin.verify.coverage.waivers import Waiver, claim, unproved
 

@@ -14,9 +14,6 @@ from eskin.cocotb_tests.blocks.classifier import cosimulate as play_scans
 from eskin.cocotb_tests.blocks.frame import play as play_frames
 from eskin.cocotb_tests.blocks.host import pins_of
 from eskin.cocotb_tests.blocks.host import play as play_host
-from eskin.cocotb_tests.blocks.merge import relay_steps
-from eskin.cocotb_tests.blocks.merge import steps as merge_steps
-from eskin.cocotb_tests.blocks.skin import steps as skin_steps
 from eskin.cocotb_tests.runner.block import Steps, play_steps
 from eskin.cocotb_tests.touch import noise
 from eskin.model.classifier.chip_config import ChipConfig
@@ -25,7 +22,6 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.model.registers.description import Register, registers
 from eskin.model.registers.spi import Pins, transfer
-from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.verify.soak.play import play
 
 VERILATOR: Any = "verilator"
@@ -128,12 +124,12 @@ def host(config: ReadoutConfig, folder: Path) -> None:
         play_host(config, VERILATOR, folder, seed, directed_host(config, random.Random(seed)), anything)
 
 
-def alone(top: str, steps: Steps) -> Callable[[Any, Path], None]:
+def alone(top: str, steps: Steps, *seeds: int) -> Callable[[Any, Path], None]:
     """Return a function that compares one block with its model, with several seeds."""
 
     def play_block(config: Any, folder: Path) -> None:
-        for seed in (11, 12, 13):
-            play_steps(config, VERILATOR, top, steps, folder, seed)
+        for seed in seeds:
+            play_steps(getattr(config, "skin", config), VERILATOR, top, steps, folder, seed)
 
     return play_block
 
@@ -151,21 +147,6 @@ def classifier(config: ClassifierConfig, folder: Path) -> None:
     for seed in range(10):
         play_scans(config, VERILATOR, folder, seed)
         play_scans(config, VERILATOR, folder, seed, "scans_begin_at_any_time")
-
-
-def skin(config: TilesConfig, folder: Path) -> None:
-    """Simulate a whole skin."""
-    play_steps(config, VERILATOR, "eskin_tiles", skin_steps, folder, 0)
-
-
-def relay(config: TilesConfig, folder: Path) -> None:
-    """Simulate a relay station with busy and quiet tiles and all kinds of sinks."""
-    play_steps(config, VERILATOR, "eskin_relay", relay_steps, folder, 5)
-
-
-def merge(config: MergeConfig, folder: Path) -> None:
-    """Simulate a merge with busy and quiet tiles and all kinds of sinks."""
-    play_steps(config.skin, VERILATOR, "eskin_merge", merge_steps, folder, 3)
 
 
 def chip(config: ChipConfig, folder: Path) -> None:

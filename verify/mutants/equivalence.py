@@ -6,8 +6,7 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from eskin.rtl import yosys
-from eskin.verify.proofs.engine import CONVERGED, MAPPED_GATE, ONE_GATE, RUN_ABC
+from eskin.verify.proofs.engine import CONVERGED, ask
 
 PORT = re.compile(r"^  wire (?:width (\d+) )?(?:signed )?(input|output) \d+ +(?:signed )?\\(\S+)$", re.MULTILINE)
 
@@ -82,12 +81,9 @@ def same(module: str, original: Mapping[str, str], mutated: Mapping[str, str]) -
         return False
     if not any(way == "output" for _, way, _ in ports):
         raise ValueError(f"{module} has no output to compare")
-    commands = ["set abcout said.txt", "read_aiger miter.aig", "strash", "bmc3 -a -F 12 -T 10"]
+    commands = ["read_aiger miter.aig", "strash", "bmc3 -a -F 12 -T 10"]
     commands += ["read_aiger miter.aig", "strash", "scorr -C 10000", "dc2", f"pdr -a -T {PROVE_S}"]
-    commands += ["read_blif gate.blif", "strash"]
-    files = {"one_gate.v": ONE_GATE, "gate.blif": MAPPED_GATE, "solve.abc": "\n".join(commands).encode() + b"\n"}
-    files["miter.v"] = miter(module, ports).encode()
-    said = yosys.run(TO_GATES + RUN_ABC, "\n".join(texts), "said.txt", files)
+    said = ask(TO_GATES, "\n".join(texts), commands, {"miter.v": miter(module, ports).encode()})
     if DIFFERS.search(said):
         return False
     return True if CONVERGED.search(said) else None

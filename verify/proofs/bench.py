@@ -17,7 +17,7 @@ from amaranth.hdl import (
 from amaranth.lib import wiring
 
 from eskin.rtl import yosys
-from eskin.rtl.block import RtlilModules
+from eskin.rtl.block import Block, RtlilModules
 from eskin.verify.proofs.checker import Checker, inputs
 
 TOP = "bench"
@@ -73,20 +73,20 @@ class Bench(Elaboratable):
         return [*self.free, *self.bad.values(), *self.seen.values()]
 
 
-def netlist(checker: Checker[Any]) -> str:
-    """Return the RTLIL of a checker's block and its submodules."""
+def rtlil_of(block: Block[Any]) -> str:
+    """Return the RTLIL of a block and of the blocks within it."""
     made = RtlilModules(async_reset=False)
-    made.add(checker.block(checker.config))
+    made.add(block)
     return made.text
 
 
-def design(checker: Checker[Any], rtlil_of_block: str = "") -> tuple[str, Bench]:
+def design(checker: Checker[Any], mutant: str = "") -> tuple[str, Bench]:
     """Return the RTLIL of block, checker and bench (top module ``bench``), and the bench.
 
-    The first clock of a run stands for the one that ends a reset. Later resets are free, at any time. A mutant's RTLIL
-    can take the place of the block's own.
+    The first clock of a run stands for the one that ends a reset. Later resets are free, at any time. ``mutant`` is
+    RTLIL that takes the place of the block's own.
     """
-    text = rtlil_of_block or netlist(checker)
+    text = mutant or rtlil_of(checker.block(checker.config))
     name = checker.block.module_name
     bench = Bench(checker, yosys.is_clocked(text[text.rindex(f"module \\{name}\n") :]))
     fragment = Fragment.get(bench, "formal")

@@ -10,9 +10,8 @@ from amaranth.lib import wiring
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl import yosys
-from eskin.rtl.block import RtlilModules
 from eskin.rtl.verilog import YOSYS_SCRIPT, header
-from eskin.verify.proofs.bench import CONSTANTS
+from eskin.verify.proofs.bench import CONSTANTS, rtlil_of
 from eskin.verify.proofs.blocks.arbiter import ArbiterChecker
 from eskin.verify.proofs.blocks.frame import FrameChecker
 from eskin.verify.proofs.blocks.link import LinkChecker
@@ -80,9 +79,7 @@ def properties(config: ReadoutOrFrame) -> str:
         "// Properties of the blocks, proved of the RTL (make formal); read it beside the Verilog.\n",
     ]
     for checker, module, places in checkers(config):
-        made = RtlilModules(async_reset=False)
-        made.add(checker)
-        text = yosys.run(YOSYS_SCRIPT.format(top=checker.module_name), made.text, "readout.v")
+        text = yosys.run(YOSYS_SCRIPT.format(top=checker.module_name), rtlil_of(checker), "readout.v")
         parts += [yosys.tidy(text), _assertions(checker, module, places)]
     return "\n".join(parts)
 

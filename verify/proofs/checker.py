@@ -108,10 +108,10 @@ class Checker(Block[Config]):
         return self.keep(m, number, clears, counts, number + 1, start)
 
     @staticmethod
-    def unchanged(m: Module, valid: Any, ready: Any, payload: Value, names: tuple[str, str]) -> tuple[Value, Signal]:
+    def unchanged(m: Module, valid: Any, ready: Any, payload: Value) -> tuple[Value, Signal]:
         """Return whether a waiting offer is unchanged, and whether an offer waits."""
-        waits = before(m, valid & ~ready, names[0])
-        same = payload == before(m, payload, names[1]) if len(payload) else Const(1)
+        waits = before(m, valid & ~ready, "waits")
+        same = payload == before(m, payload, "payload") if len(payload) else Const(1)
         return implies(waits, valid & same), waits
 
     def fair(self, m: Module, given: Any, asks: Any, other: Any) -> tuple[Any, Any]:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from eskin.rtl import yosys
-from eskin.rtl.block import Block, RtlilModules
+from eskin.rtl.block import Block
+from eskin.verify.proofs.bench import rtlil_of
 
 LISTENS = ("link", "host", "timer")
 """Names of parts without a clock gate, because they sample ACK or SPI, or count bins."""
@@ -147,13 +148,6 @@ def clocked(
     if found[1] is None and not high:
         raise AssertionError(f"the solver does not report the clocked registers of {block.module_name}")
     return Clocked(tuple(name for name in high if name not in expected), "SAT solving finished - model found" in said)
-
-
-def rtlil_of(block: Block[Any]) -> str:
-    """Return the RTLIL of a block and of the blocks within it."""
-    made = RtlilModules(async_reset=False)
-    made.add(block)
-    return made.text
 
 
 def _flat(block: Block[Any], script: str, mutant: str) -> Any:

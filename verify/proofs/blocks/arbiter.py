@@ -79,8 +79,7 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         left = before(m, self.event_valid & self.event_ready, "left")
         yield "no_bubble", implies(asked_before, self.event_valid), asked_before & left
         payload = Cat(getattr(self, n) for n in ("event_row", "event_col", "event_polarity") if self.has(n))
-        names = ("waits", "payload")
-        yield "payload_stable", *self.unchanged(m, self.event_valid, self.event_ready, payload, names)
+        yield "payload_stable", *self.unchanged(m, self.event_valid, self.event_ready, payload)
 
     def _order(self, m: Module) -> Promises:
         asked, granted = self.row_request.any(), self.granted.any()

@@ -84,4 +84,4 @@ class FrameChecker(Checker[FrameConfig]):
         m.d.sync += behind.eq((behind + (behind != 5)) & ((into != out) & self.word_ready & ~ends).replicate(3))
         yield "frame_completes", behind < 4, (into != out) & ends
         word = Cat(self.word_data, self.word_sync)
-        yield "word_stable", *self.unchanged(m, self.word_valid, self.word_ready, word, ("waits", "word"))
+        yield "word_stable", *self.unchanged(m, self.word_valid, self.word_ready, word)

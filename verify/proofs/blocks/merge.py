@@ -39,8 +39,7 @@ class MergeChecker(Checker[TilesConfig]):
         offers = [self._payload("tile", index) for index in range(tiles)]
         stays = Const(1)
         for index, payload in enumerate(offers):
-            valid, ready, names = self.tile_valid[index], self.tile_ready[index], (f"waits_{index}", f"payload_{index}")
-            stays &= self.unchanged(m, valid, ready, payload, names)[0]
+            stays &= self.unchanged(m, self.tile_valid[index], self.tile_ready[index], payload)[0]
         kept = Signal(init=1)
         m.d.sync += kept.eq(kept & stays)
         self.suppose(m, "tiles_hold_events", stays)
@@ -55,8 +54,7 @@ class MergeChecker(Checker[TilesConfig]):
         asked, left = before(m, self.tile_valid.any(), "asked"), before(m, self.tile_valid.any() & leaves, "left")
         yield "no_bubble", implies(asked, self.event_valid), left & self.event_valid
         offered = self._payload("event", 0, with_tile=True)
-        stable = self.unchanged(m, self.event_valid, self.event_ready, offered, ("stalls", "offered"))
-        yield "payload_stable", *stable
+        yield "payload_stable", *self.unchanged(m, self.event_valid, self.event_ready, offered)
         last, jumps = cyclic(m, self.tile_valid, taken)
         yield "tile_order", ~jumps, taken.any() & (taken <= last)
         yield from self._watched(m, taken, leaves, kept & stays, offers)
@@ -134,7 +132,7 @@ class RelayChecker(Checker[TilesConfig]):
         yield "none_lost", counts, held == DEPTH
         same = offered == oldest[: len(offered)] if len(offered) else Const(1)
         yield "in_order", implies(leaves, (held != 0) & same), leaves & (held == DEPTH)
-        stands, stalls = self.unchanged(m, self.event_valid, self.event_ready, offered, ("stalls", "offered"))
+        stands, stalls = self.unchanged(m, self.event_valid, self.event_ready, offered)
         yield "payload_stable", stands, stalls & (held == DEPTH)
         came = before(m, comes, "came")
         yield "no_bubble", implies(came, self.event_valid), came & before(m, leaves, "left")
