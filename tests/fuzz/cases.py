@@ -72,7 +72,7 @@ def hostile_commands(draw: Callable[[Any], Any]) -> Command:
         if option == "--dataset":
             value = value or "nothing"  # an empty one is the default, whose measurement takes minutes and is right
         arguments += [option] if option in flags else [option, value]
-    return Command(tuple(arguments))
+    return tuple(arguments)
 
 
 # -- files -------------------------------------------------------------------------------------------

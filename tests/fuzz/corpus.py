@@ -13,7 +13,7 @@ from eskin.skin.textures.dataset import embedded_dataset
 from eskin.skin.textures.presets import preset
 from eskin.snn.data.record import record
 from eskin.snn.exchange.nir_events import save_nir_data
-from tests.fuzz.run import Command, run_command
+from tests.fuzz.run import run_command
 
 CONFIG = ReadoutConfig(rows=1, columns=4)
 TRAIN = ("--config", "good/config.json", "--bin", "0.02", "--set", "hidden=16", "--set", "batch=4", "--folds", "2")
@@ -47,14 +47,12 @@ def make(root: Path) -> None:
     gates = {"readout": "lcs", "rows": 8, "columns": 8, "clock_hz": 1e6, "area_um2": 1e5, "leakage_w": 1e-6}
     write_json(good / "synthesis.json", gates | {"clock_power_w_per_hz": 1e-11, "energy_per_event_j": 1e-12})
     (good / "cells.lib").write_text(LIBERTY)
-    trained = run_command(Command(("train", "--dataset", "embedded", *TRAIN, "--epochs", "1", "-o", "good/train")))
-    assert trained.code == 0, trained.err
-    swept = run_command(
-        Command(("sweep", "--dataset", "embedded", "--points", "lcs:3", *TRAIN, "--epochs", "1", "--seeds", "1",
-                        "--workers", "1", "-o", "good/sweep"))
-    )  # fmt: skip
-    assert swept.code == 0, swept.err
-    exported = run_command(Command(("export", "good/train/weights.npz", "-o", "good/network.nir")))
-    assert exported.code == 0, exported.err
-    figure = run_command(Command(("fig9", "--sweep", "good/sweep/sweep.json", "-o", "good")))
-    assert figure.code == 0, figure.err
+    for line in (
+        ("train", "--dataset", "embedded", *TRAIN, "--epochs", "1", "-o", "good/train"),
+        ("sweep", "--dataset", "embedded", "--points", "lcs:3", *TRAIN, "--epochs", "1", "--seeds", "1",
+         "--workers", "1", "-o", "good/sweep"),
+        ("export", "good/train/weights.npz", "-o", "good/network.nir"),
+        ("fig9", "--sweep", "good/sweep/sweep.json", "-o", "good"),
+    ):  # fmt: skip
+        seen = run_command(line)
+        assert seen.code == 0, seen.err

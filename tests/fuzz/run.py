@@ -32,13 +32,8 @@ MOST_BYTES = 6 * 2**30
 """Address space that a case may add: torch and Numba map much and use little."""
 
 
-class Command(NamedTuple):
-    """Command line after ``eskin``."""
-
-    arguments: tuple[str, ...]
-
-    def __str__(self) -> str:
-        return " ".join(["eskin", *(repr(a) if not a.isprintable() else a for a in self.arguments)])
+Command = tuple[str, ...]
+"""Words after ``eskin``."""
 
 
 class Seen(NamedTuple):
@@ -56,10 +51,10 @@ def run_command(command: Command) -> Seen:
     with (
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
-        _limits(command.arguments[0] not in ("verilog", "gates")),
+        _limits(command[0] not in ("verilog", "gates")),
     ):
         try:
-            run(app, "eskin", command.arguments)
+            run(app, "eskin", command)
         except SystemExit as left:
             code = left.code if isinstance(left.code, int) else None
         except BaseException:
@@ -107,7 +102,7 @@ def complaint(command: Command, seen: Seen, before: dict[str, int], after: dict[
         return f"traceback: {seen.crash}"
     if seen.code not in (0, 1, 2):
         return f"exit code {seen.code}"
-    if seen.code == 1 and command.arguments[0] not in ("compare", "predict"):
+    if seen.code == 1 and command[0] not in ("compare", "predict"):
         return f"exit code 1: {seen.out[-300:]}"
     if any(unicodedata.category(sign) == "Cc" and sign not in "\n\t" for sign in seen.out + seen.err):
         return f"output that a terminal obeys: {(seen.out + seen.err)[-500:]!r}"
@@ -127,10 +122,11 @@ def complaint(command: Command, seen: Seen, before: dict[str, int], after: dict[
 def checked(command: Command, root: Path) -> int | None:
     """Run a command and return its exit code; fail if its results, or what it left in a folder, have a defect."""
     before = tree(root)
+    line = " ".join(["eskin", *(word if word.isprintable() else repr(word) for word in command)])
     if COUNTS:
         with (COUNTS / "log.txt").open("a") as log:
-            log.write(f"{time.strftime('%H:%M:%S')} {command}"[:2000] + "\n")
+            log.write(f"{time.strftime('%H:%M:%S')} {line}"[:2000] + "\n")
     seen = run_command(command)
     if wrong := complaint(command, seen, before, tree(root)):
-        raise AssertionError("\n    ".join([str(command)[:400], *wrong.strip().splitlines()[-3:]]))
+        raise AssertionError("\n    ".join([line[:400], *wrong.strip().splitlines()[-3:]]))
     return seen.code

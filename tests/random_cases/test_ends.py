@@ -18,24 +18,8 @@ from eskin.model.readout import Stimulus, simulate
 from eskin.verify.crosscheck.cxxrtl import build, play
 from tests.random_cases.player import Design
 
-BASE: dict[str, Any] = {
-    "rows": 1,
-    "columns": 2,
-    "sample_bits": 6,
-    "resolution": 3,
-    "reference_reset": 0,
-    "link": "stream",
-    "frontend": "digital",
-    "reset": "sync",
-    "registers": "none",
-    "fields": "own",
-    "decide_every": "clock",
-    "closing_shift": 1,
-    "window_period": 2,
-    "leak_shift": 2,
-    "leak_period": 3,
-    "fraction_bits": 3,
-}
+SMALL = ReadoutConfig(rows=1, columns=2, sample_bits=6, resolution=3, leak_shift=2, leak_period=3, fraction_bits=3)
+BASE = SMALL.replace(closing_shift=1, window_period=2).to_dict()
 
 
 @dataclass(frozen=True)

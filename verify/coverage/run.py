@@ -166,15 +166,15 @@ def judge(reached: Reached, listed: list[Waiver], whole: bool = True) -> Verdict
 
 def _of_kinds(reached: Reached, verdict: Verdict) -> dict[str, dict[str, int]]:
     """Return the number of all, reached and waived constructs of each kind."""
-    found = {}
-    for kind in KINDS:
-        own = reached.of(kind)
-        found[kind] = {
+    return {
+        kind: {
             "total": len(own),
             "reached": sum(reached.counts[construct] > 0 for construct in own),
             "explained": sum(construct in verdict.explained for construct in own),
         }
-    return found
+        for kind in KINDS
+        for own in [reached.of(kind)]
+    }
 
 
 def closing_line(reached: Reached, verdict: Verdict) -> str:
@@ -192,18 +192,15 @@ def summary(reached: Reached, verdict: Verdict) -> dict[str, Any]:
         waiver.reason: {"constructs": count, "proved": waiver.proof}
         for waiver, count in Counter(verdict.explained.values()).items()
     }
-    groups: dict[str, dict[str, int]] = {}
-    for (group, _), count in reached.points.items():
-        own_group = groups.setdefault(group, {"points": 0, "reached": 0})
-        own_group["points"] += 1
-        own_group["reached"] += count > 0
+    points = Counter(group for group, _ in reached.points)
+    hit = Counter(group for (group, _), count in reached.points.items() if count)
     modules = Counter(construct.module for construct in reached.counts)
     return {
         "result": closing_line(reached, verdict),
         "constructs": _of_kinds(reached, verdict),
         "modules": dict(sorted(modules.items())),
         "reasons": reasons,
-        "points": groups,
+        "points": {group: {"points": count, "reached": hit[group]} for group, count in points.items()},
         "runs": reached.runs,
         "problems": verdict.problems,
     }

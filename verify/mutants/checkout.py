@@ -140,8 +140,7 @@ def first_failed(place: Path, tests: Sequence[str], checkout: Path, quick: bool,
 
 def passes(checkout: Path, test: str) -> bool:
     """Return True if a test passes without a mutant."""
-    known = checkout.with_name(f"{checkout.name}-tests")
-    answers = dict(line.rsplit(" ", 1) for line in known.read_text().splitlines()) if known.exists() else {}
+    known, answers = _known(checkout)
     if test not in answers:
         words = [*PYTEST, *([] if "::" in test else ["--collect-only"]), test]  # a file that cannot be read
         answers[test] = "passes" if run(checkout, words).code in PASSED else "fails"
@@ -150,11 +149,15 @@ def passes(checkout: Path, test: str) -> bool:
     return answers[test] == "passes"
 
 
+def _known(checkout: Path) -> tuple[Path, dict[str, str]]:
+    """Return the file with what tests do in the unchanged code, and its content."""
+    known = checkout.with_name(f"{checkout.name}-tests")
+    return known, dict(line.rsplit(" ", 1) for line in known.read_text().splitlines()) if known.exists() else {}
+
+
 def failing(checkout: Path) -> list[str]:
     """Return the tests that are known to fail in the unchanged code."""
-    known = checkout.with_name(f"{checkout.name}-tests")
-    lines = known.read_text().splitlines() if known.exists() else []
-    return [line.removesuffix(" fails") for line in lines if line.endswith(" fails")]
+    return [test for test, answer in _known(checkout)[1].items() if answer == "fails"]
 
 
 def failed_property(place: Path, block: str, limit_s: float = MOST_S) -> str:

@@ -103,9 +103,10 @@ class Checker(Block[Config]):
             m.d.sync += value.eq(new)
         return value
 
-    def count_up(self, m: Module, number: Signal, clears: Any, counts: Any, start: Any = 0) -> Signal:
-        """Count the clocks with ``counts`` from ``start``; ``clears`` has priority."""
-        return self.keep(m, number, clears, counts, number + 1, start)
+    def count_to(self, m: Module, most: int, clears: Any, counts: Any, start: Any = 0, name: str = "count") -> Signal:
+        """Return a number of clocks with ``counts``, up to ``most``; ``clears`` has priority and sets ``start``."""
+        number = Signal(range(most + 1), name=name)
+        return self.keep(m, number, clears, counts & (number != most), number + 1, start)
 
     @staticmethod
     def unchanged(m: Module, valid: Any, ready: Any, payload: Value) -> tuple[Value, Signal]:

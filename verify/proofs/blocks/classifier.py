@@ -57,9 +57,9 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         }
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
-        events = Signal(range(self.config.events_per_bin + 1), name="events_of_bin")
-        m.d.comb += self.event_valid.eq(free("event_valid", 1) & ~(events == self.config.events_per_bin))
-        self.count_up(m, events, self.bin_end | self.scan_start, self.event_valid & self.event_ready)
+        most, taken = self.config.events_per_bin, self.event_valid & self.event_ready
+        events = self.count_to(m, most, self.bin_end | self.scan_start, taken, name="events_of_bin")
+        m.d.comb += self.event_valid.eq(free("event_valid", 1) & (events != most))
         return {"event_valid"}
 
     def _look(self, m: Module) -> None:
@@ -67,8 +67,7 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         config = self.config
         clears = config.hidden + config.classes + 2
         self.taken = self.event_valid & self.event_ready
-        events = Signal(range(config.events_per_bin + 2))
-        self.count_up(m, events, self.bin_end | self.scan_start, self.taken & (events <= config.events_per_bin))
+        events = self.count_to(m, config.events_per_bin + 1, self.bin_end | self.scan_start, self.taken)
         self.suppose(m, "events_fit", events <= config.events_per_bin)
         self.left = Signal(range(clears + 1), init=clears)
         m.d.sync += self.left.eq(Mux(self.scan_start, clears, self.left - (self.left != 0)))
@@ -103,8 +102,7 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
 
     def _count(self, m: Module, more: Value, ends: Value, most: int, name: str) -> Signal:
         """Return the number of additions in a bin, counted up to one above the limit."""
-        added = Signal(range(most + 2), name=name)
-        return self.count_up(m, added, ends | self.scan_start, more & (added <= most))
+        return self.count_to(m, most + 1, ends | self.scan_start, more, name=name)
 
 
 class ScheduleChecker(_ClassifierChecker):
@@ -196,11 +194,9 @@ class ScheduleChecker(_ClassifierChecker):
         """Count the clocks in which no event is taken."""
         config = self.config
         most = config.groups + 2 * self._longest + config.hidden + config.classes + 2
-        waits = Signal(range(most + 2))
-        self.count_up(m, waits, self.event_ready | self.bin_end | self.scan_start, waits <= most)
+        waits = self.count_to(m, most + 1, self.event_ready | self.bin_end | self.scan_start, 1)
         yield "ready_in_time", waits <= most, self.event_ready & (waits > config.hidden)
-        stalls = Signal(STALL_BITS)
-        self.count_up(m, stalls, self.scan_start, self.event_valid & ~self.event_ready & ~stalls.all())
+        stalls = self.count_to(m, (1 << STALL_BITS) - 1, self.scan_start, self.event_valid & ~self.event_ready)
         yield "stalls_counted", self.stall_count == stalls, stalls != 0
 
 

@@ -40,13 +40,9 @@ class FrameChecker(Checker[FrameConfig]):
         )
         yield "taxels_in_order", selected, self.adc_start & row[-1] & column[-1]
         yield "one_conversion_each", implies(self.adc_start, scan & ~converting), self.adc_start
-        waited = Signal(range(settle + 6))
-        self.count_up(m, waited, ~scan | converting, waited != settle + 5)
+        waited = self.count_to(m, settle + 5, ~scan | converting, 1)
         yield "settled", implies(self.adc_start, waited >= settle), self.adc_start & (waited == settle)
-        stuck = Signal(range(settle + 6))
-        m.d.sync += stuck.eq(
-            (stuck + 1) & (scan & ~converting & ~self.adc_start & self.word_ready).replicate(len(stuck))
-        )
+        stuck = self.count_to(m, settle + 5, ~scan | converting | self.adc_start | ~self.word_ready, 1)
         yield "scan_goes_on", stuck < settle + 3, self.adc_start
         missed = before(m, self.frame_start & scan, "missed")
         yield "overrun_exact", self.frame_overrun == missed, missed & ~scan
@@ -80,8 +76,7 @@ class FrameChecker(Checker[FrameConfig]):
         shown = Array([*(self.word_data[place % width] for place in places), *padding])[self.watch]
         yield "words_carry_codes", implies(due, shown == (kept[out] & real)), due & shown
         yield "sync_on_first", implies(self.word_valid, self.word_sync == (number == 0)), ends
-        behind = Signal(range(6))
-        m.d.sync += behind.eq((behind + (behind != 5)) & ((into != out) & self.word_ready & ~ends).replicate(3))
+        behind = self.count_to(m, 5, (into == out) | ~self.word_ready | ends, 1)
         yield "frame_completes", behind < 4, (into != out) & ends
         word = Cat(self.word_data, self.word_sync)
         yield "word_stable", *self.unchanged(m, self.word_valid, self.word_ready, word)

@@ -81,12 +81,11 @@ class MergeChecker(Checker[TilesConfig]):
         # Events that left since the watched tile's was offered, the one that leaves now not counted.
         bound = tiles + DEPTH
         waits = pick(self.tile_valid & ~self.tile_ready, self.watch)
-        waited, kept_count = Signal(range(bound + 1)), Signal(range(bound + 1))
-        after = Signal(range(bound + 1))
+        waited, after = Signal(range(bound + 1)), Signal(range(bound + 1))
         m.d.comb += after.eq(waited + (leaves & (waited != bound)))
         m.d.sync += waited.eq(Mux(waits, after, 0))
         # The newest event of the tile within the merge is the latest to leave.
-        self.count_up(m, kept_count, given, leaves & (kept_count != bound), start=after)
+        kept_count = self.count_to(m, bound, given, leaves, start=after)
         late = ((inside != 0) & (kept_count >= bound)) | (waited >= bound)
         yield "no_starvation", implies(kept, ~late), mine & (inside == 1) & (kept_count == bound - 1)
 

@@ -70,10 +70,8 @@ class PatternChecker(Checker[ReadoutConfig]):
         right = implies(runs & begun, place == due) & implies(asks & begun, taxel == due)
         yield "in_turn", right, asks & begun & (due == 0) & (self.mode == ALL)
         if config.has_polarity:
-            with m.If(self.restart):
-                m.d.sync += due_sign.eq(self.on)
-            with m.Elif(taken & self.turns & ((self.mode != ALL) | last)):
-                m.d.sync += due_sign.eq(~due_sign)
+            turns = taken & self.turns & ((self.mode != ALL) | last)
+            self.keep(m, due_sign, self.restart, turns, ~due_sign, start=self.on)
             yield "polarity_turns", implies(asks, sign == due_sign), asks & (due_sign != self.on)
         yield from self._pace(m, asks, taken, quiet)
 

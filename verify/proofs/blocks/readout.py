@@ -122,18 +122,14 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         yield "none_outstanding", implies(steady, now <= depth), steady & (now == depth)
         if self.config.link == "stream":
             bound = (self.config.rows + 1) * self.config.columns + 2
-            clocks = Signal(range(bound + 2))
-            waiting = (now != 0) & self.event_ready & ~event
-            self.count_up(m, clocks, event | (now == 0), waiting & (clocks <= bound))
+            clocks = self.count_to(m, bound, event | (now == 0), self.event_ready)
             yield "leaves_in_time", implies(steady, clocks < bound), event & steady & (clocks >= self.config.columns)
 
     def _masked(self, m: Module, enable: Signal, event: Signal) -> Promises:
         most = 1 if self.config.link == "stream" else 2
-        left = Signal(range(most + 2))
-        self.count_up(m, left, enable, event & (left <= most))
+        left = self.count_to(m, most + 1, enable, event)
         yield "masked_is_silent", left <= most, ~enable & (left == most)
         if self.config.link == "stream":
             bound = self.config.columns + 1
-            clocks = Signal(range(bound + 1))
-            self.count_up(m, clocks, enable, self.event_ready & (clocks != bound))
+            clocks = self.count_to(m, bound, enable, self.event_ready)
             yield "masked_for_good", implies(~enable & (clocks == bound), ~event), ~enable & event

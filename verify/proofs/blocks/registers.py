@@ -20,6 +20,12 @@ from eskin.verify.proofs.blocks.spi import Transfers
 from eskin.verify.proofs.checker import Checker, Promises, before, implies
 
 
+def _allowed(register: Register, data: Value) -> Value:
+    """Return whether data may be written to a register."""
+    values = [(data[field.low :][: field.width], field) for field in register.fields]
+    return Cat((value >= field.least) & (value <= field.most) for value, field in values).all()
+
+
 class RegistersChecker(Checker[ReadoutConfig]):
     """Checker of the register file; bus and counted signals are free.
 
@@ -48,7 +54,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
                 (Const(r.address, WORD_BITS) for r in found),
                 (Const(r.reset, WORD_BITS) for r in found),
                 (Const(sum((1 << f.width) - 1 << f.low for f in r.fields), WORD_BITS) for r in found),
-                (self._allowed(r) for r in found),
+                (_allowed(r, self.write_data) for r in found),
             )
         )
         known, word, here = Signal(), Signal(WORD_BITS), Signal()
@@ -65,11 +71,6 @@ class RegistersChecker(Checker[ReadoutConfig]):
                     ranges.append((value >= field.least) & (value <= field.most))
                     moved.append(value != field.reset)
         yield "always_in_range", Cat(ranges).all(), Cat(moved).any()
-
-    def _allowed(self, register: Register) -> Value:
-        """Return whether the write data are allowed in a register."""
-        data = [(self.write_data[f.low :][: f.width], f) for f in register.fields]
-        return Cat([(value >= f.least) & (value <= f.most) for value, f in data]).all()
 
     def _fixed(self, m: Module, found: tuple[Register, ...]) -> Promises:
         right, written, free = [], Signal(), Signal()
@@ -108,7 +109,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
         right, seen = [], []
         for register in found:
             for field in register.fields:
-                written = self.write & (self.address == register.address) & self._allowed(register)
+                written = self.write & (self.address == register.address) & _allowed(register, self.write_data)
                 if field.kind == "pulse":
                     value = getattr(self, register.signal(field))
                     written &= self.write_data[field.low]
@@ -127,9 +128,8 @@ class RegistersChecker(Checker[ReadoutConfig]):
             for field in register.fields:
                 if field.kind == "counter":
                     bits = min(field.width, self.block.counter_bits)
-                    number = Signal(bits, name=f"{register.name}_count")
                     counts = getattr(self, register.signal(field) + COUNTS)
-                    self.count_up(m, number, self.clear, counts & (number != (1 << bits) - 1))
+                    number = self.count_to(m, (1 << bits) - 1, self.clear, counts, name=f"{register.name}_count")
                     here = self.address == register.address
                     right.append(implies(here, self.read_data == number))
                     seen.append(here & (number == 3))
@@ -205,10 +205,7 @@ class HostChecker(Checker[ReadoutConfig]):
         for register in registers(self.config):
             constant = sum(f.reset << f.low for f in register.fields if f.kind in ("setting", "constant"))
             word = Signal(WORD_BITS, init=constant, name=f"{register.name}_{register.index or 0}_word")
-            within = Cat(
-                (data[f.low :][: f.width] >= f.least) & (data[f.low :][: f.width] <= f.most) for f in register.fields
-            )
-            write = sent.complete & (sent.address == register.address) & within.all()
+            write = sent.complete & (sent.address == register.address) & _allowed(register, data)
             if any(field.kind == "setting" for field in register.fields):
                 described = sum((1 << f.bits) - 1 << f.low for f in register.fields)
                 with m.If(write):

@@ -49,12 +49,8 @@ class Transfers:
 
     def shown(self, m: Module, word: Value) -> Value:
         """Return the bit of a word that MISO must show; the slave copies the word before its first bit."""
-        kept = Signal(self.word_bits, name="kept")
-        with m.If(self.fall & self.reads & self.first):
-            m.d.sync += kept.eq(word)
-        with m.Elif(self.fall & self.reads):
-            m.d.sync += kept.eq(Cat(Const(0, 1), kept[:-1]))
-        return kept[-1]
+        kept, moves = Signal(self.word_bits, name="kept"), self.fall & self.reads
+        return Checker.keep(m, kept, moves & self.first, moves, Cat(Const(0, 1), kept[:-1]), start=word)[-1]
 
 
 def _past(m: Module, pin: Value, name: str, clocks: int) -> list[Signal]:

@@ -39,8 +39,7 @@ class WindowChecker(Checker[ReadoutConfig]):
 
     def _built(self, m: Module, levels: int, period: int) -> tuple[Any, Any]:
         """Return the number of closing steps that must have happened, and whether the window is closed."""
-        quiet = Signal(range(period * levels + 1))
-        self.count_up(m, quiet, self.open, self.tick & (quiet != period * (levels - 1)))
+        quiet = self.count_to(m, period * (levels - 1), self.open, self.tick)
         due: Any = levels - 1
         for step in reversed(range(levels - 1)):
             due = Mux(quiet < period * (step + 1), step, due)
