@@ -71,7 +71,6 @@ STIMULI = (
     {"signal": "noise", "gap": 1, "sink": "random", "masks": 100},
     {"signal": "near", "gap": 12, "sink": "slow", "masks": 3},
 )
-CLOCKS = 120
 SIDES = [("digital", "stream"), ("analog", "four_phase")]
 """Front ends and links."""
 NO_HARDWARE = {"sample_rate_hz", "clocks_per_sample"}
@@ -94,7 +93,7 @@ def test_rtl_equals_the_model_at_an_end(end: End) -> None:
         config = ReadoutConfig.from_dict(end.fields | {"frontend": frontend, "link": link})
         design = Design(config)
         for run, own in enumerate(STIMULI):
-            stimulus = Draw(3, CLOCKS, run, {"fields": "own"} | config.to_dict() | {"registers": "none"} | own).stimulus
+            stimulus = Draw(3, 120, run, {"fields": "own"} | config.to_dict() | {"registers": "none"} | own).stimulus
             expected = simulate(config, stimulus)
             assert first_difference(expected, design.play(stimulus)) is None, (frontend, own)
             events += len(expected)

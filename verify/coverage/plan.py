@@ -31,10 +31,9 @@ class Run:
     only: tuple[str, ...] = ()
 
 
-FEW = {"rows": 3, "columns": 3, "sample_bits": 6, "resolution": 3, "closing_shift": 1, "window_period": 3}
-SMALL = ReadoutConfig.from_dict(FEW | {"leak_shift": 3, "leak_period": 4, "fraction_bits": 2})
+SMALL = ReadoutConfig(rows=3, columns=3, sample_bits=6, resolution=3, leak_shift=3, leak_period=4, fraction_bits=2)
+SMALL = SMALL.replace(closing_shift=1, window_period=3)
 """Readout with few bits and three rows and columns, so that runs reach every limit."""
-
 
 GATE = ("lcs digital stream", "cw-lcs digital stream")
 """Readouts that ``make check`` simulates; the other readouts are variants of these."""

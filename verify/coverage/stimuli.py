@@ -25,7 +25,6 @@ from eskin.model.registers.spi import Pins, transfer
 from eskin.verify.soak.play import play
 
 VERILATOR: Any = "verilator"
-SHORT_CLOCKS, LONG_CLOCKS = 300, 4000
 MASKS = (0, 100, 0, 3, 500)
 
 LONG: list[dict[str, Any]] = [
@@ -40,9 +39,6 @@ LONG: list[dict[str, Any]] = [
 ]
 """Stimuli that need many clocks: both ends of the scale, closing windows, and masks with one taxel or none."""
 
-AT_REST: dict[str, Any] = {"signal": "hold", "sink": "always", "gap": 300, "masks": 0}
-"""Constant signal, for runs so short that nothing happens before the next reset."""
-
 
 def readout(config: ReadoutConfig, folder: Path) -> None:
     """Simulate a readout with every kind of signal and sink, at all sample rates and masks."""
@@ -52,12 +48,10 @@ def readout(config: ReadoutConfig, folder: Path) -> None:
         for number in range(len(SIGNALS) * len(SINKS))
     ]
     # A link that is slower by seven clocks an event takes longer to reach both ends.
-    clocks = LONG_CLOCKS * (3 if config.handshake else 1)
-    parts = [
-        *((one, SHORT_CLOCKS) for one in short),
-        *((one, clocks) for one in LONG),
-        *((AT_REST, clocks) for clocks in (2, 3, 4)),
-    ]
+    clocks = 12_000 if config.handshake else 4000
+    # Runs so short that nothing happens before the next reset, with a constant signal.
+    rest = {"signal": "hold", "sink": "always", "gap": 300, "masks": 0}
+    parts = [*((one, 300) for one in short), *((one, clocks) for one in LONG), *((rest, few) for few in (2, 3, 4))]
     fields = {"fields": "own"} | config.to_dict() | {"registers": "none"}
     play([Draw(1, clocks, run, fields | own) for run, (own, clocks) in enumerate(parts)], VERILATOR)
     if config.frontend == "analog":  # comparators with offset, noise and hysteresis, of which both may fire

@@ -10,7 +10,6 @@ from typing import Any
 from eskin.rtl import yosys
 from eskin.verify.coverage.constructs import Construct, extended, modules
 
-FILE = Path(__file__).with_name("waivers.toml")
 READ = (
     "read_verilog -sv design.v; hierarchy -top {module}; proc; memory; "
     "setattr -mod -unset keep_hierarchy; flatten; async2sync; opt_clean; "
@@ -54,7 +53,7 @@ def _fits(wanted: Names, names: Iterable[str]) -> bool:
 
 def waivers() -> list[Waiver]:
     """Return the waivers of the project."""
-    listed: list[dict[str, Any]] = tomllib.loads(FILE.read_text())["waiver"]
+    listed: list[dict[str, Any]] = tomllib.loads(Path(__file__).with_name("waivers.toml").read_text())["waiver"]
     for entry in listed:
         entry |= {name: tuple(value) for name, value in entry.items() if isinstance(value, list)}
     return [Waiver(**entry) for entry in listed]

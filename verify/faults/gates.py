@@ -47,11 +47,6 @@ class Gates:
     next: NDArray[np.int32]  # nets that the flops take at a rising edge, shape (flops,)
     gates: NDArray[np.int32]  # kind and inputs, shape (gates, 4); their outputs are the last nets, in this order
 
-    @property
-    def nets(self) -> int:
-        """Number of nets."""
-        return self.first_flop + len(self.flops) + len(self.gates)
-
 
 def gates_of(rtlil: str, top: str) -> Gates:
     """Return the gate-level design for RTLIL."""

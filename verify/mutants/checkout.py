@@ -27,10 +27,8 @@ long."""
 FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+?::\w+\[.*?\](?= - |$)|\S+)", re.MULTILINE)
 """Pattern for the names of failed tests; parameters in a name may contain spaces."""
 PROPERTY = re.compile(r"^(\w+: \w+): ", re.MULTILINE)
-QUICK = ("-m", "quick")
-NO_TESTS = 5
-PASSED = (0, NO_TESTS)
-REST = ("-m", "not quick")
+PASSED = (0, 5)
+"""Exit codes of pytest for tests that pass, or for no test."""
 MOST_S, WAITS = 600, 6
 """Limit of processor time of a process in seconds, and the limit of elapsed time as a multiple of this limit."""
 JUDGED = (1, 2, 4)
@@ -122,7 +120,7 @@ def first_failed(place: Path, tests: Sequence[str], checkout: Path, quick: bool,
         return ""
     while True:
         skipped = [word for test in failing(checkout) for word in ("--deselect", test)]
-        said = run(place, [*PYTEST, *(QUICK if quick else REST), "-x", *skipped, *tests], limit_s)
+        said = run(place, [*PYTEST, "-m", "quick" if quick else "not quick", "-x", *skipped, *tests], limit_s)
         if said.code in PASSED:
             return ""
         if found := FAILED.search(said.text):

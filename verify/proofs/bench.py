@@ -21,8 +21,6 @@ from eskin.rtl.block import Block, RtlilModules
 from eskin.verify.proofs.checker import Checker, inputs
 
 TOP = "bench"
-CONSTANTS = ("watch", "rival")
-"""Inputs of a checker with any value that stays constant."""
 
 
 class Bench(Elaboratable):
@@ -52,9 +50,10 @@ class Bench(Elaboratable):
             wires[f"{'i' if inward else 'o'}_{name}"] = wire
         wires |= {f"o_{name}": getattr(checker, name) for name in checker.inner(checker.config)}
         m.submodules.dut = Instance(block.module_name, **wires)
-        for name in filter(checker.has, CONSTANTS):
+        constants = checker.constants(checker.config)
+        for name in constants:
             m.d.comb += getattr(checker, name).eq(AnyConst(len(getattr(checker, name))))
-        told = {*block.signature.members, *checker.inner(checker.config), *driven, *CONSTANTS}
+        told = {*block.signature.members, *checker.inner(checker.config), *driven, *constants}
         if left := set(inputs(checker)) - told:
             raise AssertionError(f"nothing drives {', '.join(sorted(left))} of {type(checker).__name__}")
         for name in self.bad:

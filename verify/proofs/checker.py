@@ -58,9 +58,14 @@ class Checker(Block[Config]):
         super().__init__(config, {**self.observed(config), **{name: Out(1) for name in outputs}})
 
     def observed(self, config: Config) -> dict[str, Any]:
-        """Return the checker's inputs: ports of the block, and registers by name (``inner``)."""
+        """Return the checker's inputs: ports of the block, registers by name (``inner``), and ``constants``."""
         ports = {name: In(member.shape) for name, member in self.block(config).signature.members.items()}
-        return ports | self.inner(config)
+        constants = {name: In(max(1, (count - 1).bit_length())) for name, count in self.constants(config).items()}
+        return ports | self.inner(config) | constants
+
+    def constants(self, config: Config) -> dict[str, int]:
+        """Return the inputs with any value that stays constant, each with the number of its values."""
+        return {}
 
     def inner(self, config: Config) -> dict[str, Any]:
         """Return the registers of the block that the checker observes."""

@@ -33,7 +33,6 @@ EACH, TOGETHER = "scorr -C 10000; dc2; pdr -a -T {}", "orpos; scorr; pdr -T {}"
 """Scripts that prove the properties of a block one by one, or as one property.
 
 No retiming: ABC's gave registers wrong initial values."""
-ALL_PROVED = "Property proved"
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,7 @@ def solve(checker: Checker[Any], depth: int, limit_s: int = 120, rtlil: str = ""
     if "Error:" in said:
         raise AssertionError(f"the solvers did not search {checker.block.module_name}: {said}")
     found = {names[int(n)]: int(clock) for n, clock in ASSERTED.findall(said)}
-    if checker.together and ALL_PROVED in said:
+    if checker.together and "Property proved" in said:
         return Verdict.of(found, depth, started, bench.bad)
     certain = [names[int(n)] for n in CONVERGED.findall(said)]
     return Verdict.of(found, depth, started, (name for kind, name in certain if kind == "bad"))

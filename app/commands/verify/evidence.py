@@ -89,7 +89,7 @@ def coverage(
     A stopped run continues with the missing simulations.
     """
     from eskin.verify.coverage.plan import runs
-    from eskin.verify.coverage.run import closing_line, judge, play, write
+    from eskin.verify.coverage.run import closing_line, judge, play, summary
     from eskin.verify.coverage.waivers import waivers
 
     chosen = [run for run in runs() if (run.small or not small) and run.name.startswith(only)]
@@ -102,7 +102,7 @@ def coverage(
     reached = play(chosen, out, tell)
     verdict = judge(reached, waivers(), whole=not (small or only))
     command = common.make_line("coverage", SMALL=small, ONLY=only and repr(only))
-    write(out / "coverage.json", command, reached, verdict)
+    write_json(out / "coverage.json", origin(command) | summary(reached, verdict))
     common.conclude(verdict.problems, closing_line(reached, verdict), mark="")
 
 

@@ -29,9 +29,11 @@ class ArbiterChecker(Checker[ReadoutConfig]):
     }
 
     def observed(self, config: ReadoutConfig) -> dict[str, Any]:
-        taxel = In(max(1, (config.taxels - 1).bit_length()))
-        own = {"request": In(config.taxels), "watch": taxel, "rival": taxel}
-        return super().observed(config) | own | ({"polarity": In(config.taxels)} if config.has_polarity else {})
+        kinds = ("request", "polarity") if config.has_polarity else ("request",)
+        return super().observed(config) | dict.fromkeys(kinds, In(config.taxels))
+
+    def constants(self, config: ReadoutConfig) -> dict[str, int]:
+        return dict.fromkeys(("watch", "rival"), config.taxels)
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
         """Drive the row and column lines as ``eskin.rtl.taxel.Row`` does, from arbitrary requests."""

@@ -35,10 +35,8 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         "events_fit": "at most clocks_per_bin / groups events are taken in a bin"
     }
 
-    def observed(self, config: ClassifierConfig) -> dict[str, Any]:
-        rows, classes = config.hidden + config.inputs, max(config.classes, config.groups)
-        bits = {"watch": rows, "rival": classes}
-        return super().observed(config) | {name: In(max((n - 1).bit_length(), 1)) for name, n in bits.items()}
+    def constants(self, config: ClassifierConfig) -> dict[str, int]:
+        return {"watch": config.hidden + config.inputs, "rival": max(config.classes, config.groups)}
 
     def inner(self, config: ClassifierConfig) -> dict[str, Any]:
         return {
@@ -126,12 +124,7 @@ class ScheduleChecker(_ClassifierChecker):
         adds = self.lane_0_add_valid & (self.read == Cat(group, self.watch)) & real
         arrives = self.taken & (self.port("event_channel") + config.hidden == self.watch) & real
         owed = Signal(3)
-        with m.If(self.scan_start):
-            m.d.sync += owed.eq(0)
-        with m.Elif(self.compared):
-            m.d.sync += owed.eq(self.hidden_spike & real)
-        with m.Else():
-            m.d.sync += owed.eq(owed + arrives - adds)
+        self.keep(m, owed, self.scan_start, 1, Mux(self.compared, self.hidden_spike & real, owed + arrives - adds))
         judged = self.hidden_valid & ((self.watch >= config.hidden) | (self.hidden_index == self.watch)) & real
         had = Signal()
         with m.If(adds | judged):
@@ -150,12 +143,8 @@ class ScheduleChecker(_ClassifierChecker):
         adds = self.spike & (self.word == address) & (self.watch < config.hidden)
         shown = self.output_valid & (self.output_index == self.rival)
         owed = Signal(name="output_owed")
-        with m.If(self.scan_start):
-            m.d.sync += owed.eq(0)
-        with m.Elif(self.compared):
-            m.d.sync += owed.eq(self.hidden_spike & (self.rival < config.classes))
-        with m.Elif(adds):
-            m.d.sync += owed.eq(0)
+        due = self.compared & self.hidden_spike & (self.rival < config.classes)
+        self.keep(m, owed, self.scan_start, self.compared | adds, due)
         yield "spike_counted", implies(adds, owed) & implies(shown, ~owed), adds
         ordered = implies(self.output, self.output_index == self.turn) & implies(self.spike, self.number == self.turn)
         aligned = implies(self.class_valid, self.turn == 0)

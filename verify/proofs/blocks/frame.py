@@ -3,7 +3,6 @@
 from typing import Any
 
 from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal
-from amaranth.lib.wiring import In
 
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl.frame import FrameReadout
@@ -18,15 +17,15 @@ class FrameChecker(Checker[FrameConfig]):
 
     block = FrameReadout
 
-    def observed(self, config: FrameConfig) -> dict[str, Any]:
-        return super().observed(config) | {"watch": In((config.words_per_frame * config.word_bits - 1).bit_length())}
+    def constants(self, config: FrameConfig) -> dict[str, int]:
+        return {"watch": config.words_per_frame * config.word_bits}
 
     def check(self, m: Module) -> Promises:
         rows, columns, settle = self.config.rows, self.config.columns, self.config.settle_clocks
         row, column = Signal(rows, init=1, name="row_now"), Signal(columns, init=1, name="column_now")
         scan, converting = Signal(), Signal()
-        taken, last = Signal(), Signal()
-        m.d.comb += [taken.eq(converting & self.adc_done), last.eq(taken & row[-1] & column[-1])]
+        taken = converting & self.adc_done
+        last = taken & row[-1] & column[-1]
         m.d.sync += [
             scan.eq((scan | self.frame_start) & ~last),
             converting.eq((converting | self.adc_start) & ~taken),
@@ -48,7 +47,7 @@ class FrameChecker(Checker[FrameConfig]):
         yield "overrun_exact", self.frame_overrun == missed, missed & ~scan
         yield from self._words(m, taken, last, row, column)
 
-    def _words(self, m: Module, taken: Signal, last: Signal, row: Signal, column: Signal) -> Promises:
+    def _words(self, m: Module, taken: Any, last: Any, row: Signal, column: Signal) -> Promises:
         """Track one bit of a frame from its code to its word."""
         config = self.config
         bits, width, count = config.resolution, config.word_bits, config.words_per_frame

@@ -32,8 +32,7 @@ class LinkChecker(Checker[ReadoutConfig]):
         known, kept = Signal(), Signal(init=1)
         follows = ~known | ~((ack & ~ack_before & ~req) | (~ack & ack_before & req))
         m.d.sync += [known.eq(1), kept.eq(kept & follows)]
-        receiver = Signal()
-        m.d.comb += receiver.eq(kept & follows)
+        receiver = kept & follows
         self.suppose(m, "ack_follows_req", follows)
 
         setup = before(m, taken, "taken")

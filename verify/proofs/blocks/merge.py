@@ -3,7 +3,6 @@
 from typing import Any, ClassVar
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal
-from amaranth.lib.wiring import In
 
 from eskin.model.tiles.config import TilesConfig
 from eskin.rtl.tiles.merge import Merge
@@ -26,9 +25,8 @@ class MergeChecker(Checker[TilesConfig]):
         "tiles_hold_events": "an event that a tile offers stays, the same in every bit, until taken"
     }
 
-    def observed(self, config: TilesConfig) -> dict[str, Any]:
-        tile = In(max(1, config.tile_bits))
-        return super().observed(config) | {"watch": tile, "rival": tile}
+    def constants(self, config: TilesConfig) -> dict[str, int]:
+        return dict.fromkeys(("watch", "rival"), config.tiles)
 
     def check(self, m: Module) -> Promises:
         tiles = self.config.tiles

@@ -34,9 +34,8 @@ class RegistersChecker(Checker[ReadoutConfig]):
 
     block: ClassVar[type[RegisterFile]] = RegisterFile
 
-    def observed(self, config: ReadoutConfig) -> dict[str, Any]:
-        count = max(len(registers(config)), config.taxels)
-        return super().observed(config) | {"watch": In((count - 1).bit_length())}
+    def constants(self, config: ReadoutConfig) -> dict[str, int]:
+        return {"watch": max(len(registers(config)), config.taxels)}
 
     def check(self, m: Module) -> Promises:
         found = registers(self.config)
@@ -57,8 +56,8 @@ class RegistersChecker(Checker[ReadoutConfig]):
                 (_allowed(r, self.write_data) for r in found),
             )
         )
-        known, word, here = Signal(), Signal(WORD_BITS), Signal()
-        m.d.comb += here.eq((self.address == address) & (self.watch < len(found)))
+        known, word = Signal(), Signal(WORD_BITS)
+        here = (self.address == address) & (self.watch < len(found))
         with m.If(self.write & here & allowed):
             m.d.sync += [known.eq(1), word.eq(self.write_data & described)]
         expected = Mux(known, word, reset)
@@ -73,7 +72,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
         yield "always_in_range", Cat(ranges).all(), Cat(moved).any()
 
     def _fixed(self, m: Module, found: tuple[Register, ...]) -> Promises:
-        right, written, free = [], Signal(), Signal()
+        right, written = [], Signal()
         for register in found:
             if all(field.kind == "constant" for field in register.fields):
                 here = self.address == register.address
@@ -83,7 +82,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
         yield "constants_hold", Cat(right).all(), written
         silent = [r.address for r in found if all(field.kind == "pulse" for field in r.fields)]
         silent_here = Cat(self.address == address for address in silent).any()
-        m.d.comb += free.eq(~Cat(self.address == r.address for r in found).any() | silent_here)
+        free = ~Cat(self.address == r.address for r in found).any() | silent_here
         after = before(m, free & self.write & self.write_data.all(), "written_there")
         yield "holes_read_zero", implies(free, self.read_data == 0), free & after
 

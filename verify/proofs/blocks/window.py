@@ -49,8 +49,7 @@ class WindowChecker(Checker[ReadoutConfig]):
         """Return the number of closing steps that must have happened, for a period that a host sets."""
         quiet, due = Signal(range(self.config.window_period)), Signal(range(levels))
         closes = (quiet + 1 >= self.period) & (due != levels - 1)
-        with m.If(self.open):
-            m.d.sync += [quiet.eq(0), due.eq(0)]
-        with m.Elif(self.tick & (due != levels - 1)):
-            m.d.sync += [quiet.eq(Mux(closes, 0, quiet + 1)), due.eq(due + closes)]
+        counts = self.tick & (due != levels - 1)
+        self.keep(m, quiet, self.open, counts, Mux(closes, 0, quiet + 1))
+        self.keep(m, due, self.open, counts, due + closes)
         return due, due == levels - 1
