@@ -61,7 +61,7 @@ class MergeChecker(Checker[TilesConfig]):
         """Track the events of one tile: those in the merge, and the offered event."""
         tiles = self.config.tiles
         given = pick(taken, self.watch)
-        mine = leaves & (self._tile() == self.watch)
+        mine = leaves & (self.port("event_tile") == self.watch)
         inside = Signal(range(DEPTH + 2))
         m.d.sync += inside.eq(inside + given - mine)
         payload = pick(offers, self.watch) if len(offers[0]) else None
@@ -73,7 +73,7 @@ class MergeChecker(Checker[TilesConfig]):
             with m.If(mine | (inside == 0)):
                 m.d.sync += oldest.eq(Mux(inside == DEPTH, newest, payload))
             right &= self._payload("event", 0) == oldest
-        exists = self._tile() < tiles
+        exists = self.port("event_tile") < tiles
         yield "in_order", implies(mine, right) & implies(self.event_valid, exists), mine & (inside == DEPTH)
 
         # Events that left since the watched tile's was offered, the one that leaves now not counted.
@@ -97,10 +97,7 @@ class MergeChecker(Checker[TilesConfig]):
         parts = self.config.tiles if stream == "tile" else 1
         bits = [len(word) // parts for word in words]
         fields = [word[index * width : (index + 1) * width] for word, width in zip(words, bits, strict=True)]
-        return Cat(*fields, *([self._tile()] if with_tile else []))
-
-    def _tile(self) -> Any:
-        return self.event_tile if self.has("event_tile") else Const(0, 1)
+        return Cat(*fields, *([self.port("event_tile")] if with_tile else []))
 
 
 class RelayChecker(Checker[TilesConfig]):
