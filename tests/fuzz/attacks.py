@@ -41,7 +41,7 @@ from eskin.skin.samples import ARRAY_SUFFIXES
 from eskin.verify.soak.campaign import PIECE, summary
 from tests.fuzz.cases import FILES, _cut, _flipped, _other_value, damaged, hostile_commands
 from tests.fuzz.corpus import LIBERTY
-from tests.fuzz.run import Command, checked
+from tests.fuzz.run import checked
 
 Draw = Callable[[Any], Any]
 Attack = Callable[[Draw, Path], int | None]
@@ -57,7 +57,7 @@ def files(draw: Draw, root: Path) -> int | None:
     clean(root)
     place.parent.mkdir()
     place.write_bytes(draw(damaged((root / "good" / name).read_bytes(), name)))
-    return checked(Command(tuple(f"bad/{place.name}" if a == "{}" else a for a in arguments)), root)
+    return checked(tuple(f"bad/{place.name}" if word == "{}" else word for word in arguments), root)
 
 
 def options(draw: Draw, root: Path) -> int | None:

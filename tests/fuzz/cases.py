@@ -38,13 +38,13 @@ FILES = {file: [tuple(line.split()) for line in lines] for file, lines in LISTED
 GOOD = {name: tuple(line.split()) for name, line in LISTED["good"].items()}
 
 
+@functools.cache
 def commands() -> dict[str, click.Command]:
     """Return every fuzzed command by name."""
     assert set(MODULES) >= LONG
     return dict(Commands(name for name in MODULES if name not in LONG))
 
 
-@functools.cache
 def options_of(name: str) -> list[str]:
     """Return the long options of a command."""
     return [
@@ -72,7 +72,7 @@ def hostile_commands(draw: Callable[[Any], Any]) -> Command:
         if option == "--dataset":
             value = value or "nothing"  # an empty one is the default, whose measurement takes minutes and is right
         arguments += [option] if option in flags else [option, value]
-    return Command(tuple(arguments))
+    return tuple(arguments)
 
 
 # -- files -------------------------------------------------------------------------------------------

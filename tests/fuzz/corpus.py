@@ -7,13 +7,13 @@ from PIL import Image
 
 from eskin.base.files import write_json
 from eskin.model.config import ReadoutConfig
-from eskin.power.rates import measure_table, tables_text
+from eskin.power.rates import stored_table, tables_text
 from eskin.rtl.delivery import description
 from eskin.skin.textures.dataset import embedded_dataset
 from eskin.skin.textures.presets import preset
 from eskin.snn.data.record import record
 from eskin.snn.exchange.nir_events import save_nir_data
-from tests.fuzz.run import Command, run_command
+from tests.fuzz.run import run_command
 
 CONFIG = ReadoutConfig(rows=1, columns=4)
 TRAIN = ("--config", "good/config.json", "--bin", "0.02", "--set", "hidden=16", "--set", "batch=4", "--folds", "2")
@@ -43,22 +43,16 @@ def make(root: Path) -> None:
             picture = np.random.default_rng(number).integers(0, 256, (96, 96), np.uint8)
             Image.fromarray(picture).save(good / "images" / label / f"{number}.png")
     Image.fromarray(picture).save(good / "image.png")
-    (good / "rates.json").write_text(
-        tables_text(
-            [measure_table(embedded_dataset().limit(1), preset("paper"), ReadoutConfig(), range(1, 11), (0.2,))], "-"
-        )
-    )
+    (good / "rates.json").write_text(tables_text([stored_table()], "-"))
     gates = {"readout": "lcs", "rows": 8, "columns": 8, "clock_hz": 1e6, "area_um2": 1e5, "leakage_w": 1e-6}
     write_json(good / "synthesis.json", gates | {"clock_power_w_per_hz": 1e-11, "energy_per_event_j": 1e-12})
     (good / "cells.lib").write_text(LIBERTY)
-    trained = run_command(Command(("train", "--dataset", "embedded", *TRAIN, "--epochs", "1", "-o", "good/train")))
-    assert trained.code == 0, trained.err
-    swept = run_command(
-        Command(("sweep", "--dataset", "embedded", "--points", "lcs:3", *TRAIN, "--epochs", "1", "--seeds", "1",
-                        "--workers", "1", "-o", "good/sweep"))
-    )  # fmt: skip
-    assert swept.code == 0, swept.err
-    exported = run_command(Command(("export", "good/train/weights.npz", "-o", "good/network.nir")))
-    assert exported.code == 0, exported.err
-    figure = run_command(Command(("fig9", "--sweep", "good/sweep/sweep.json", "-o", "good")))
-    assert figure.code == 0, figure.err
+    for line in (
+        ("train", "--dataset", "embedded", *TRAIN, "--epochs", "1", "-o", "good/train"),
+        ("sweep", "--dataset", "embedded", "--points", "lcs:3", *TRAIN, "--epochs", "1", "--seeds", "1",
+         "--workers", "1", "-o", "good/sweep"),
+        ("export", "good/train/weights.npz", "-o", "good/network.nir"),
+        ("fig9", "--sweep", "good/sweep/sweep.json", "-o", "good"),
+    ):  # fmt: skip
+        seen = run_command(line)
+        assert seen.code == 0, seen.err

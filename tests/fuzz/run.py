@@ -26,17 +26,14 @@ LONGEST_CPU_S = 30
 """Of this process: no case here takes three; one that takes so long has found a loop without end."""
 LONGEST_S = 600
 """By the clock, for what waits instead of computing; a busy machine makes a case ten times as long."""
+AGAIN_S = 1.0
+"""From one signal to the next: a broad except may have caught the first."""
 MOST_BYTES = 6 * 2**30
 """Address space that a case may add: torch and Numba map much and use little."""
 
 
-class Command(NamedTuple):
-    """Command line after ``eskin``."""
-
-    arguments: tuple[str, ...]
-
-    def __str__(self) -> str:
-        return " ".join(["eskin", *(repr(a) if not a.isprintable() else a for a in self.arguments)])
+Command = tuple[str, ...]
+"""Words after ``eskin``."""
 
 
 class Seen(NamedTuple):
@@ -54,10 +51,10 @@ def run_command(command: Command) -> Seen:
     with (
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
-        _limits(command.arguments[0] not in ("verilog", "gates")),
+        _limits(command[0] not in ("verilog", "gates")),
     ):
         try:
-            run(app, "eskin", command.arguments)
+            run(app, "eskin", command)
         except SystemExit as left:
             code = left.code if isinstance(left.code, int) else None
         except BaseException:
@@ -78,7 +75,7 @@ def _limits(memory: bool) -> Iterator[None]:
     timers = ((signal.ITIMER_PROF, signal.SIGPROF, LONGEST_CPU_S), (signal.ITIMER_REAL, signal.SIGALRM, LONGEST_S))
     handlers = {number: signal.signal(number, too_long) for _, number, _ in timers}
     for timer, _, limit in timers:
-        signal.setitimer(timer, limit, 1)  # again every second: a broad except may have caught the first
+        signal.setitimer(timer, limit, AGAIN_S)
     faulthandler.dump_traceback_later(
         LONGEST_S + 60, exit=True, file=sys.__stderr__
     )  # native code sees no signal of Python's
@@ -105,7 +102,7 @@ def complaint(command: Command, seen: Seen, before: dict[str, int], after: dict[
         return f"traceback: {seen.crash}"
     if seen.code not in (0, 1, 2):
         return f"exit code {seen.code}"
-    if seen.code == 1 and command.arguments[0] not in ("compare", "predict"):
+    if seen.code == 1 and command[0] not in ("compare", "predict"):
         return f"exit code 1: {seen.out[-300:]}"
     if any(unicodedata.category(sign) == "Cc" and sign not in "\n\t" for sign in seen.out + seen.err):
         return f"output that a terminal obeys: {(seen.out + seen.err)[-500:]!r}"
@@ -125,10 +122,11 @@ def complaint(command: Command, seen: Seen, before: dict[str, int], after: dict[
 def checked(command: Command, root: Path) -> int | None:
     """Run a command and return its exit code; fail if its results, or what it left in a folder, have a defect."""
     before = tree(root)
+    line = " ".join(["eskin", *(word if word.isprintable() else repr(word) for word in command)])
     if COUNTS:
         with (COUNTS / "log.txt").open("a") as log:
-            log.write(f"{time.strftime('%H:%M:%S')} {command}"[:2000] + "\n")
+            log.write(f"{time.strftime('%H:%M:%S')} {line}"[:2000] + "\n")
     seen = run_command(command)
     if wrong := complaint(command, seen, before, tree(root)):
-        raise AssertionError("\n    ".join([str(command)[:400], *wrong.strip().splitlines()[-3:]]))
+        raise AssertionError("\n    ".join([line[:400], *wrong.strip().splitlines()[-3:]]))
     return seen.code

@@ -23,8 +23,11 @@ from eskin.model.readout import Stimulus, simulate, state_at
 from eskin.model.tiles.config import TilesConfig
 
 
-def steps(config: ReadoutConfig, stimulus: Stimulus, readout: Readout) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Yield each clock with its inputs, and then apply its edge to the second model."""
+def steps(config: ReadoutConfig, stimulus: Stimulus, readout: Any) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Yield each clock with the inputs of a readout, a ``Readout`` or what has its outputs and thresholds.
+
+    The clock's edge is applied before the next.
+    """
     receiver = Receiver(stimulus.ack_delay.tolist())
     samples = dict(zip(stimulus.sample_clock.tolist(), stimulus.samples.tolist(), strict=True))
     masks = dict(zip(stimulus.enable_clock.tolist(), stimulus.enable.tolist(), strict=True))
@@ -47,9 +50,8 @@ def steps(config: ReadoutConfig, stimulus: Stimulus, readout: Readout) -> Iterat
             "decisions": decisions,
         }
         yield clock, inputs
-        readout.clock(**inputs)
         receiver.see(readout.outputs().get("aer_req", 0), clock)
-        if sample is not None:
+        if sample is not None and config.frontend == "analog":
             signal = signals(readout.settings, sample)
 
 
@@ -57,8 +59,8 @@ def play(config: ReadoutConfig, stimulus: Stimulus, readout: Readout | None = No
     """Return the events of the second model, and its final state."""
     readout = readout or Readout(Settings.of(config.to_dict()))
     begun = len(readout.events)
-    for _ in steps(config, stimulus, readout):
-        pass
+    for _, inputs in steps(config, stimulus, readout):
+        readout.clock(**inputs)
     events = [(t, x, y, bool(p)) for t, x, y, p in readout.events[begun:]]
     if config.handshake and events and events[-1][0] == stimulus.clocks - 1:
         events.pop()  # nobody sees a REQ that rises at the last edge of a run
@@ -97,16 +99,10 @@ def play_skin(config: TilesConfig, stimuli: list[Stimulus]) -> Events:
     """Return the events of a skin computed by the second model."""
     tiles = [Readout(Settings.of(config.tile.to_dict())) for _ in stimuli]
     merge = Merge(config.tiles)
-    first = stimuli[0]
-    masks = [None] * config.tiles
-    tick = change = 0
     events = []
-    for clock in range(first.clocks):
-        if change < len(first.enable_clock) and first.enable_clock[change] == clock:
-            masks = [stimulus.enable[change].tolist() for stimulus in stimuli]
-            change += 1
-        valid = tick < len(first.sample_clock) and bool(first.sample_clock[tick] == clock)
-        ready = bool(first.ready[clock % len(first.ready)])
+    of_tiles = (steps(config.tile, stimulus, tile) for stimulus, tile in zip(stimuli, tiles, strict=True))
+    for now in zip(*of_tiles, strict=True):
+        clock, ready = now[0][0], now[0][1]["ready"]
         offered = [tile.arbiter.output() for tile in tiles]
         if merge.output() and ready:
             number, (row, column, polarity) = merge.output()
@@ -115,10 +111,8 @@ def play_skin(config: TilesConfig, stimuli: list[Stimulus]) -> Events:
             events.append((clock, x, y, bool(polarity)))
         taken = merge.taken(offered)
         merge.clock(offered, ready)
-        for number, tile in enumerate(tiles):
-            sample = stimuli[number].samples[tick].tolist() if valid else None
-            tile.clock(sample_valid=valid, sample=sample, enable=masks[number], ready=number == taken)
-        tick += valid
+        for number, (_, inputs) in enumerate(now):
+            tiles[number].clock(**inputs | {"ready": number == taken})
     return np.array(events, EVENT_DTYPE)
 
 

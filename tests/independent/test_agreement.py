@@ -1,18 +1,23 @@
-"""Compare both models: events, clocks, order, polarity, and final registers.
+"""Compare both models: events, clocks, order, polarity, final registers, frames and classes.
+
+The second model imports nothing of the project.
 
 Configurations and stimuli are drawn anew in every run (conftest.py prints the seed).
 """
 
+import ast
 import dataclasses
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from eskin.cocotb_tests import independent
 from eskin.cocotb_tests.bench.draw import Draw
 from eskin.model.classifier.config import LEAKS, ClassifierConfig, highest, lowest
 from eskin.model.classifier.network import IntegerNetwork, State
-from eskin.model.config import ReadoutConfig
 from eskin.model.events.compare import first_difference
 from eskin.model.frame import FrameStimulus
 from eskin.model.frame import simulate as simulate_frames
@@ -20,8 +25,10 @@ from eskin.model.frame_config import FrameConfig
 from eskin.model.readout import simulate
 from eskin.model.tiles.config import TilesConfig
 from eskin.model.tiles.run import simulate_skin
+from eskin.verify.mutants.configs import configs
 from tests.independent.agreement import differs, network_of, play, play_frames, play_skin
 
+FILES = sorted(Path(str(independent.__file__)).parent.glob("*.py"))
 RUNS = 20
 """Runs of one test; each has a seed of its own."""
 
@@ -30,6 +37,15 @@ def draws(holdout: int, part: int, **fields: Any) -> list[Draw]:
     return [
         Draw(1000 * holdout + RUNS * part + n, **({"most_taxels": 16, "clocks": 300} | fields)) for n in range(RUNS)
     ]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_the_second_imports_nothing_of_the_rest_of_the_project(path: Path) -> None:
+    for node in ast.walk(ast.parse(path.read_text())):
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        names += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
+        foreign = [name for name in names if not name.startswith("eskin.cocotb_tests.independent.")]
+        assert {name.split(".")[0] for name in foreign} <= sys.stdlib_module_names
 
 
 @pytest.mark.parametrize("part", range(6))
@@ -81,23 +97,11 @@ def test_skins_of_tiles_give_the_same_events(holdout: int) -> None:
     assert events > 0
 
 
-def frame_draw(rng: np.random.Generator) -> tuple[FrameConfig, FrameStimulus]:
-    bits = int(rng.integers(3, 13))
-    readout = ReadoutConfig(
-        rows=int(rng.integers(1, 5)),
-        columns=int(rng.integers(1, 5)),
-        sample_bits=bits,
-        resolution=int(rng.integers(1, bits - 1)),
-    )
-    config = FrameConfig(
-        readout=readout,
-        word_bits=int(rng.integers(readout.resolution, 33)),
-        settle_clocks=int(rng.integers(1, 4)),
-    )
-    clocks = 400
+def frame_stimulus(config: FrameConfig, rng: np.random.Generator) -> FrameStimulus:
+    clocks, scale = 400, config.readout.full_scale
     at = np.unique(np.concatenate([[0], rng.integers(0, clocks, 30)]))
-    return config, FrameStimulus(
-        samples=rng.integers(-readout.full_scale, readout.full_scale, (len(at), readout.taxels)),
+    return FrameStimulus(
+        samples=rng.integers(-scale, scale, (len(at), config.taxels)),
         sample_clock=at,
         frame_clock=np.unique([rng.integers(0, 50), *rng.integers(0, clocks, int(rng.integers(0, 40)))]),
         clocks=clocks,
@@ -107,13 +111,13 @@ def frame_draw(rng: np.random.Generator) -> tuple[FrameConfig, FrameStimulus]:
 
 
 def test_frames_have_the_same_words_starts_and_overruns(holdout: int) -> None:
-    for seed in range(holdout, holdout + RUNS):
-        config, stimulus = frame_draw(np.random.default_rng(seed))
+    for number, config in enumerate((*configs("rtl/frame.py", holdout), *configs("rtl/frame.py", holdout + 1))):
+        stimulus = frame_stimulus(config, np.random.default_rng([holdout, number]))
         words, starts, missed = play_frames(config, stimulus)
         run = simulate_frames(config, stimulus)
-        assert words == run.words.tolist(), seed
-        assert starts == [tuple(start) for start in run.starts.tolist()], seed
-        assert missed == run.overruns.tolist(), seed
+        assert words == run.words.tolist(), config
+        assert starts == [tuple(start) for start in run.starts.tolist()], config
+        assert missed == run.overruns.tolist(), config
         assert words
 
 

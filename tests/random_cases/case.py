@@ -22,8 +22,6 @@ from eskin.model.readout import ANALOG_RANGE, Stimulus, simulate
 from tests.random_cases.player import Breach, Design
 
 MOST_SIDE, MOST_BITS, MOST_CHANGES, MOST_HELD = 3, 7, 12, 12
-MOST_DESIGNS = 30
-"""That are kept."""
 DELAYS = [delay for delay in range(1, 60) if delay % 8]
 """Of ACK, in 1/8 clock; never at a clock edge."""
 
@@ -198,7 +196,7 @@ class Search:
         key = json.dumps(case.config, sort_keys=True)
         design = self.designs.pop(key, None) or Design(ReadoutConfig.from_dict(case.config))
         self.designs[key] = design
-        if len(self.designs) > MOST_DESIGNS:
+        if len(self.designs) > 30:
             del self.designs[next(iter(self.designs))]
         return case.difference(design) is not None
 

@@ -1,18 +1,18 @@
 """Simulation of the RTL in Amaranth's simulator, without a build."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from amaranth.sim import Simulator
 
-from eskin.cocotb_tests.bench.analog import ideal
-from eskin.cocotb_tests.independent.link import Receiver
+from eskin.cocotb_tests.independent.settings import Settings
 from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.config import ReadoutConfig
-from eskin.model.encoders.fields import seen
 from eskin.model.readout import Stimulus
 from eskin.rtl import readout
 from eskin.rtl.link import requests
+from tests.independent.agreement import steps
 
 
 class Breach(AssertionError):
@@ -26,7 +26,7 @@ class Design:
     """
 
     def __init__(self, config: ReadoutConfig) -> None:
-        self.config = config
+        self.config, self.settings = config, Settings.of(config.to_dict())
         self.dut = readout.Readout(config)  # looked up anew: a bug may have been planted
         self.ports = set(self.dut.signature.members)
         self.simulator = Simulator(self.dut)
@@ -40,8 +40,6 @@ class Design:
         self.stimulus = stimulus
         self.driven: dict[str, int] = {}
         self.events: list[tuple[int, int, int, bool]] = []
-        self.receiver = Receiver(stimulus.ack_delay.tolist())
-        self.signal = [0] * self.config.taxels
         self.waiting: tuple[int, ...] | None = None
         self.before = (0, 0, 0)
         if self.played:
@@ -50,69 +48,61 @@ class Design:
         self.simulator.run()
         return np.array(self.events, EVENT_DTYPE)
 
-    def _drive(self, ctx: Any, **values: int) -> None:
-        for name, value in values.items():
-            if name in self.ports and self.driven.get(name) != value:
-                self.driven[name] = value
-                ctx.set(getattr(self.dut, name), value)
+    def _drive(self, name: str, values: Sequence[int], bits: int = 1) -> None:
+        """Drive a port, if there is one, with values of the given width, the first in the lowest bits."""
+        word = sum((int(value) & (1 << bits) - 1) << place * bits for place, value in enumerate(values))
+        if name in self.ports and self.driven.get(name) != word:
+            self.driven[name] = word
+            self.ctx.set(getattr(self.dut, name), word)
 
-    def _read(self, ctx: Any, name: str, absent: int = 0) -> int:
-        return int(ctx.get(getattr(self.dut, name))) if name in self.ports else absent
+    def _read(self, name: str, absent: int = 0) -> int:
+        return int(self.ctx.get(getattr(self.dut, name))) if name in self.ports else absent
 
     async def _run(self, ctx: Any) -> None:
-        stimulus, config = self.stimulus, self.config
-        masks = dict(zip(stimulus.enable_clock.tolist(), stimulus.enable.tolist(), strict=True))
-        samples = dict(zip(stimulus.sample_clock.tolist(), stimulus.samples.tolist(), strict=True))
-        mask = (1 << config.sample_bits) - 1
-        for clock in range(stimulus.clocks):
-            if clock in masks:
-                self._drive(ctx, taxel_enable=_word(masks[clock], 1))
-            codes = samples.get(clock)
-            self._drive(ctx, sample_valid=int(codes is not None))
-            if codes is not None:
-                self._drive(ctx, sample=_word([code & mask for code in codes], config.sample_bits))
-            if config.frontend == "analog":
-                self._look(ctx, clock)
-            if config.link == "stream":
-                self._stream(ctx, clock)
+        self.ctx = ctx
+        for clock, given in steps(self.config, self.stimulus, self):
+            self._drive("taxel_enable", given["enable"])
+            self._drive("sample_valid", [given["sample_valid"]])
+            if given["sample"]:
+                self._drive("sample", given["sample"], self.config.sample_bits)
+            for place, name in enumerate(("above", "below") if given["decisions"] else ()):
+                self._drive(name, [decision[place] for decision in given["decisions"]])
+            if self.config.handshake:
+                self._four_phase(clock, given["ack"])
             else:
-                self._four_phase(ctx, clock)
+                self._stream(clock, given["ready"])
             await ctx.tick()
-            if config.handshake:
-                self.receiver.see(any(self._read(ctx, name) for name in requests(config)), clock)
-            self.signal = self.signal if codes is None else seen(config, np.array([codes]))[0].tolist()
 
-    def _look(self, ctx: Any, clock: int) -> None:
-        """Set the comparator outputs from given decisions, or from thresholds and sample."""
-        config, given = self.config, self.stimulus.decisions
-        if given is not None:
-            found = [(bool(d & 1), bool(d & 2)) for d in given[clock].tolist()]
-        else:
-            codes, widths = self._read(ctx, "reference_code"), self._read(ctx, "half_width")
-            bits, size = config.sample_bits, config.half_width_bits
-            found = []
-            for taxel, x in enumerate(self.signal):
-                code = codes >> taxel * bits & (1 << bits) - 1
-                width = widths >> taxel * size & (1 << size) - 1 if config.closes else config.step
-                found.append(ideal(config, x, code - (code >> bits - 1 << bits), width))
-        self._drive(ctx, above=_word([a for a, _ in found], 1), below=_word([b for _, b in found], 1))
+    def outputs(self) -> dict[str, int]:
+        """Return REQ, if the link has one."""
+        names = requests(self.config) if self.config.handshake else ()
+        return {"aer_req": sum(map(self._read, names))}
 
-    def _stream(self, ctx: Any, clock: int) -> None:
-        ready = int(self.stimulus.ready[clock % len(self.stimulus.ready)])
-        self._drive(ctx, event_ready=ready)
-        valid = self._read(ctx, "event_valid")
-        event = tuple(self._read(ctx, f"event_{name}", int(name == "polarity")) for name in ("col", "row", "polarity"))
+    def thresholds(self) -> list[tuple[int, int]]:
+        """Return (reference_code, half_width) of every taxel."""
+        bits, size = self.config.sample_bits, self.config.half_width_bits
+        codes, widths = self._read("reference_code"), self._read("half_width")
+        found = []
+        for taxel in range(self.config.taxels):
+            code = codes >> taxel * bits & (1 << bits) - 1
+            width = widths >> taxel * size & (1 << size) - 1 if self.config.closes else self.config.step
+            found.append((code - (code >> bits - 1 << bits), width))
+        return found
+
+    def _stream(self, clock: int, ready: bool) -> None:
+        self._drive("event_ready", [ready])
+        valid = self._read("event_valid")
+        event = tuple(self._read(f"event_{name}", int(name == "polarity")) for name in ("col", "row", "polarity"))
         if self.waiting is not None and (not valid or event != self.waiting):
             raise Breach(f"clock {clock}: the event {self.waiting} was taken back before it was taken")
         self.waiting = event if valid and not ready else None
         if valid and ready:
             self.events.append((clock, event[0], event[1], bool(event[2])))
 
-    def _four_phase(self, ctx: Any, clock: int) -> None:
+    def _four_phase(self, clock: int, ack: int) -> None:
         config = self.config
-        ack = int(self.receiver.ack_at(clock))
-        self._drive(ctx, aer_ack=ack)
-        high, address = [self._read(ctx, name) for name in requests(config)], self._read(ctx, "aer_addr")
+        self._drive("aer_ack", [ack])
+        high, address = [self._read(name) for name in requests(config)], self._read("aer_addr")
         req = sum(high)
         if req > 1:
             raise Breach(f"clock {clock}: both requests are high")
@@ -129,8 +119,3 @@ class Design:
                 polarity = high[0]
             self.events.append((clock - 1, column, row, bool(polarity)))
         self.before = req, ack, address
-
-
-def _word(values: list[Any], bits: int) -> int:
-    """Return values packed into a word, the first in the lowest bits."""
-    return sum(int(value) << place * bits for place, value in enumerate(values))

@@ -31,14 +31,14 @@ SHRUNK: dict[str, tuple[tuple[str, str, str], int, dict[str, Any], dict[str, Any
     ),
     "a mask": (
         ("taxel", "self.request.eq(own.pending & self.enable)", "self.request.eq(own.pending)"),
-        3,
+        11,
         ONE | {"frontend": "digital", "encoding": "lcs", "sample_bits": 3, "link": "stream"},
         {"resolution": 1},
         4,
     ),
     "a link": (
         ("link", "ack_sync.eq(ack_meta)", "ack_sync.eq(self.aer_ack)"),
-        1,
+        2,
         ONE | {"link": "four_phase"},
         {"sample_bits": 3},
         12,

@@ -18,24 +18,8 @@ from eskin.model.readout import Stimulus, simulate
 from eskin.verify.crosscheck.cxxrtl import build, play
 from tests.random_cases.player import Design
 
-BASE: dict[str, Any] = {
-    "rows": 1,
-    "columns": 2,
-    "sample_bits": 6,
-    "resolution": 3,
-    "reference_reset": 0,
-    "link": "stream",
-    "frontend": "digital",
-    "reset": "sync",
-    "registers": "none",
-    "fields": "own",
-    "decide_every": "clock",
-    "closing_shift": 1,
-    "window_period": 2,
-    "leak_shift": 2,
-    "leak_period": 3,
-    "fraction_bits": 3,
-}
+SMALL = ReadoutConfig(rows=1, columns=2, sample_bits=6, resolution=3, leak_shift=2, leak_period=3, fraction_bits=3)
+BASE = SMALL.replace(closing_shift=1, window_period=2).to_dict()
 
 
 @dataclass(frozen=True)
@@ -87,7 +71,6 @@ STIMULI = (
     {"signal": "noise", "gap": 1, "sink": "random", "masks": 100},
     {"signal": "near", "gap": 12, "sink": "slow", "masks": 3},
 )
-CLOCKS = 120
 SIDES = [("digital", "stream"), ("analog", "four_phase")]
 """Front ends and links."""
 NO_HARDWARE = {"sample_rate_hz", "clocks_per_sample"}
@@ -110,7 +93,7 @@ def test_rtl_equals_the_model_at_an_end(end: End) -> None:
         config = ReadoutConfig.from_dict(end.fields | {"frontend": frontend, "link": link})
         design = Design(config)
         for run, own in enumerate(STIMULI):
-            stimulus = Draw(3, CLOCKS, run, {"fields": "own"} | config.to_dict() | {"registers": "none"} | own).stimulus
+            stimulus = Draw(3, 120, run, {"fields": "own"} | config.to_dict() | {"registers": "none"} | own).stimulus
             expected = simulate(config, stimulus)
             assert first_difference(expected, design.play(stimulus)) is None, (frontend, own)
             events += len(expected)

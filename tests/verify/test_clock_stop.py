@@ -20,7 +20,8 @@ from eskin.rtl.readout import Readout
 from eskin.rtl.registers.host import Host
 from eskin.rtl.taxel import Row
 from eskin.rtl.verilog import top_block
-from eskin.verify.proofs.clock_stop import Clocked, clocked, rtlil_of, stands_still
+from eskin.verify.proofs.bench import rtlil_of
+from eskin.verify.proofs.clock_stop import Clocked, clocked, stands_still
 from eskin.verify.proofs.mutants import make
 
 FEW = ReadoutConfig(rows=2, columns=2, sample_bits=6, resolution=2, window_period=3, leak_period=3)
@@ -83,9 +84,6 @@ def test_a_term_that_the_readout_leaves_out_is_found(term: str) -> None:
     assert not stands_still(top, mutant=others + name + mutant)
 
 
-ARRIVES = ("event_valid", "bin_end", "scan_start", "load_valid")
-
-
 @pytest.mark.parametrize("term", ["load_valid", "class_valid"])
 def test_a_term_that_the_classifier_leaves_out_is_found(term: str) -> None:
     block = Classifier(NETWORKS[0])
@@ -146,7 +144,8 @@ AT_REST: dict[str, tuple[Any, tuple[str, ...], dict[str, Any]]] = {
     ),
     "no frame": (FrameReadout(FRAMES), (), {"rest": {"frame_start": 0, "adc_done": 0}}),
 }
-NO_EVENT = {"rest": dict.fromkeys(ARRIVES, 0), "held": {"clearing": 0}}
+ARRIVES = dict.fromkeys(("event_valid", "bin_end", "scan_start", "load_valid"), 0)
+NO_EVENT = {"rest": ARRIVES, "held": {"clearing": 0}}
 AT_REST |= {f"no event, {n.readout}, {n.lanes} lanes": (Classifier(n), (), NO_EVENT) for n in NETWORKS[1:4]}
 """What gets a clock where nothing changes: nothing but what takes a sample, and what listens."""
 

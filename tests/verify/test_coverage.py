@@ -10,7 +10,7 @@ from eskin.cocotb_tests.runner import build_cache as store
 from eskin.verify.coverage import plan, stimuli
 from eskin.verify.coverage.constructs import Construct, modules, read, with_points
 from eskin.verify.coverage.plan import Run, runs
-from eskin.verify.coverage.points.all_points import points
+from eskin.verify.coverage.points.designs import points
 from eskin.verify.coverage.points.point import Point
 from eskin.verify.coverage.run import Reached, closing_line, judge, play
 from eskin.verify.coverage.waivers import Waiver, chosen, claim, guards, unproved, waivers

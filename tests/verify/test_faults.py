@@ -17,7 +17,6 @@ from eskin.verify.faults.plan import FEW, FIELDS, Trial, classifiers, hosts, sur
 from eskin.verify.faults.run import campaign, problems_of, run, upsets_of, write
 from tests.planted import planted
 
-ROOT = Path(__file__).parents[2]
 HANDSHAKE = FEW.replace(link="four_phase")
 LOADED = Trial(FEW, calm=False, stride=17)
 NEVER = "never recovers"

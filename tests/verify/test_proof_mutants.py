@@ -8,7 +8,7 @@ import pytest
 
 from eskin.base.files import Pieces
 from eskin.verify.proofs import run
-from eskin.verify.proofs.bench import netlist
+from eskin.verify.proofs.bench import rtlil_of
 from eskin.verify.proofs.engine import solve
 from eskin.verify.proofs.mutants import mutants
 from eskin.verify.proofs.plan import proofs
@@ -35,7 +35,7 @@ def test_every_property_applies_where_mutants_are_searched() -> None:
 def test_a_mutant_of_the_link_is_noticed_by_the_properties_on_what_it_breaks(only: str, fails: set[str]) -> None:
     checker = LINK.checker(LINK.config)
     (mutant,) = mutants(checker, 1, 0, f"-module eskin_link {only}")
-    assert mutant.rtlil != netlist(checker)
+    assert mutant.rtlil != rtlil_of(checker.block(LINK.config))
     assert set(solve(checker, LINK.depth, 0, mutant.rtlil).failed) >= fails
     assert solve(checker, LINK.depth, 0).failed == {}
 

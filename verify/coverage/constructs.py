@@ -3,7 +3,7 @@
 import hashlib
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,11 +58,10 @@ class Construct:
 
 @dataclass(frozen=True)
 class Module:
-    """A Verilog module: name, line range, digest and lines."""
+    """A Verilog module: name, first line, digest and lines."""
 
     name: str
     first: int
-    last: int
     digest: str
     lines: tuple[str, ...]
 
@@ -72,10 +71,8 @@ def modules(verilog: str) -> list[Module]:
     found = []
     for match in MODULE.finditer(verilog):
         first = verilog.count("\n", 0, match.start()) + 1
-        text = match[0]
-        own = hashlib.sha256(POINT.sub("", text).encode()).hexdigest()[:12]
-        lines = tuple(text.split("\n"))
-        found.append(Module(match[1], first, first + len(lines) - 1, own, lines))
+        own = hashlib.sha256(POINT.sub("", match[0]).encode()).hexdigest()[:12]
+        found.append(Module(match[1], first, own, tuple(match[0].split("\n"))))
     return found
 
 
@@ -85,7 +82,7 @@ def read(counts: str, verilog: str, file: str) -> Counter[Construct]:
     ``counts`` is Verilator's ``coverage.dat``: lines ``C 'key' count``, whose key has names and values set off by the
     characters 1 and 2. What belongs to another file than ``file`` is left out.
     """
-    starts = {n: module for module in modules(verilog) for n in range(module.first, module.last + 1)}
+    lines = {module.first + n: (module, line) for module in modules(verilog) for n, line in enumerate(module.lines)}
     found: Counter[Construct] = Counter()
     for key, count in COUNT.findall(counts):
         fields = dict(FIELD.findall(key))
@@ -93,12 +90,9 @@ def read(counts: str, verilog: str, file: str) -> Counter[Construct]:
             continue
         kind = KINDS[fields["page"].partition("/")[0]]
         number = int(fields["l"])
-        module = starts[number]
-        source = module.lines[number - module.first].strip()
-        own = Construct(
-            kind, module.name, module.digest, number - module.first + 1, int(fields["n"]), fields["o"], source
-        )
-        found[own] += int(count)
+        module, source = lines[number]
+        place = number - module.first + 1, int(fields["n"])
+        found[Construct(kind, module.name, module.digest, *place, fields["o"], source.strip())] += int(count)
     return found
 
 
@@ -108,14 +102,14 @@ def with_points(verilog: str, points: Iterable[tuple[str, str, str]]) -> str:
     A point is (module, label, expression). The expression, over names of the module in Verilog, holds at a rising edge
     of the clock where the point is reached.
     """
-    put: dict[str, list[str]] = {}
+    put: dict[str, str] = {}
     for module, label, expression in points:
-        put.setdefault(module, []).append(f"  point_{label}: cover property (@(posedge clk) {expression});\n")
+        put[module] = put.get(module, "") + f"  point_{label}: cover property (@(posedge clk) {expression});\n"
+    return extended(verilog, put)
 
-    def added(match: re.Match[str]) -> str:
-        return match[0].removesuffix("endmodule") + "".join(put.pop(match[1], [])) + "endmodule"
 
-    text = MODULE.sub(added, verilog)
-    if put:
-        raise ValueError(f"the Verilog has no module {', '.join(put)}")
-    return text
+def extended(verilog: str, put: Mapping[str, str]) -> str:
+    """Return a Verilog text with more lines at the end of its modules, by module."""
+    if missing := put.keys() - {match[1] for match in MODULE.finditer(verilog)}:
+        raise ValueError(f"the Verilog has no module {', '.join(missing)}")
+    return MODULE.sub(lambda m: m[0].removesuffix("endmodule") + put.get(m[1], "") + "endmodule", verilog)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from eskin.board.config import BoardConfig
-from eskin.cocotb_tests.blocks import pattern, registers, spi
+from eskin.cocotb_tests.blocks import merge, pattern, registers, skin, spi
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
@@ -31,10 +31,9 @@ class Run:
     only: tuple[str, ...] = ()
 
 
-FEW = {"rows": 3, "columns": 3, "sample_bits": 6, "resolution": 3, "closing_shift": 1, "window_period": 3}
-SMALL = ReadoutConfig.from_dict(FEW | {"leak_shift": 3, "leak_period": 4, "fraction_bits": 2})
+SMALL = ReadoutConfig(rows=3, columns=3, sample_bits=6, resolution=3, leak_shift=3, leak_period=4, fraction_bits=2)
+SMALL = SMALL.replace(closing_shift=1, window_period=3)
 """Readout with few bits and three rows and columns, so that runs reach every limit."""
-
 
 GATE = ("lcs digital stream", "cw-lcs digital stream")
 """Readouts that ``make check`` simulates; the other readouts are variants of these."""
@@ -80,19 +79,21 @@ def _hosts() -> Iterator[Run]:
     for name, steps in (("registers", registers.steps), ("pattern", pattern.steps), ("spi", spi.steps)):
         for encoding in registry.NAMES if name != "spi" else registry.NAMES[:1]:
             config = ReadoutConfig.from_dict(base | {"encoding": encoding})
-            yield Run(f"{name} alone {encoding}", config, stimuli.alone(f"eskin_{name}", steps))
+            yield Run(f"{name} alone {encoding}", config, stimuli.alone(f"eskin_{name}", steps, 11, 12, 13))
 
 
 def _skins() -> Iterator[Run]:
     """Yield runs of skins with and without relay stations, and of merge and relay station alone."""
+    merges, relays = (stimuli.alone("eskin_merge", merge.steps, 3), stimuli.alone("eskin_relay", merge.relay_steps, 5))
+    skins = stimuli.alone("eskin_tiles", skin.steps, 0)
     for down, across, encoding, reset in ((2, 2, "lcs", "sync"), (1, 3, "nlcs", "async")):
         tile = SMALL.replace(rows=2, columns=2, encoding=encoding)
         config = TilesConfig.of(tile, down, across)
-        yield Run(f"merge {config.tiles} tiles {encoding}", MergeConfig(config), stimuli.merge)
-        yield Run(f"skin {config.tiles} tiles {encoding}", config, stimuli.skin, only=("eskin_merge",))
+        yield Run(f"merge {config.tiles} tiles {encoding}", MergeConfig(config), merges)
+        yield Run(f"skin {config.tiles} tiles {encoding}", config, skins, only=("eskin_merge",))
         lines = TilesConfig.of(tile.replace(reset=reset), down, across, relays=2)
-        yield Run(f"relay {encoding}", lines, stimuli.relay)
-        yield Run(f"skin {config.tiles} tiles {encoding}, relays", lines, stimuli.skin, only=("eskin_relay",))
+        yield Run(f"relay {encoding}", lines, relays)
+        yield Run(f"skin {config.tiles} tiles {encoding}, relays", lines, skins, only=("eskin_relay",))
 
 
 def _classifiers() -> Iterator[Run]:

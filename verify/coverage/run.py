@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from eskin import cocotb_tests, model, rtl
-from eskin.base.files import Pieces, origin, write_json
+from eskin.base.files import Pieces
 from eskin.board.config import BoardConfig
 from eskin.cocotb_tests.runner.build_cache import digest, scratch_folder, sources, verilog_text
 from eskin.cocotb_tests.runner.cocotb_runners import VERILATOR_FLAGS
@@ -17,7 +17,7 @@ from eskin.rtl.verilog import Config
 from eskin.verify import coverage
 from eskin.verify.coverage.constructs import POINT, Construct, modules, read, with_points
 from eskin.verify.coverage.plan import Run
-from eskin.verify.coverage.points.all_points import points
+from eskin.verify.coverage.points.designs import points
 from eskin.verify.coverage.points.point import Point
 from eskin.verify.coverage.waivers import Waiver, claim, unproved
 
@@ -29,13 +29,7 @@ SOURCES = sources(
     )
 )
 FLAGS = ["--coverage-expr", "--coverage-line", "--coverage-toggle", "--coverage-user", "--coverage-max-width", "128"]
-NO_POINTS = "--no-assert"
-"""Option of Verilator that leaves cover statements out."""
 TEXT, COUNTS = "eskin_readout.v", "coverage.dat"
-UNCOUNTED = "/* verilator coverage_off */\n"
-"""Directive before the harness, which coverage does not count because it is not delivered."""
-
-KINDS = ("line", "branch", "toggle", "condition")
 
 
 @dataclass
@@ -68,10 +62,6 @@ class Reached:
     def of(self, kind: str) -> list[Construct]:
         """Return all constructs of a kind."""
         return [construct for construct in self.counts if construct.kind == kind]
-
-    def unreached(self) -> list[Construct]:
-        """Return the constructs that no run covered, in order."""
-        return sorted(construct for construct, count in self.counts.items() if not count)
 
 
 @dataclass
@@ -123,8 +113,9 @@ def counted(points: Callable[[Config], list[Point]], play: Callable[[], object])
         plain = POINT.sub("", verilog)
         texts.update({(module.name, module.digest): plain for module in modules(plain)})
 
-    flags = (*(flag for flag in VERILATOR_FLAGS if flag != NO_POINTS), *FLAGS)
-    with instrumented(Instruments(flags, text, UNCOUNTED, tested)):
+    flags = (*(flag for flag in VERILATOR_FLAGS if flag != "--no-assert"), *FLAGS)  # it leaves cover statements out
+    uncounted = "/* verilator coverage_off */\n"  # the harness is not delivered
+    with instrumented(Instruments(flags, text, uncounted, tested)):
         play()
     different = list(dict.fromkeys(texts.values()))
     return {
@@ -138,7 +129,7 @@ def judge(reached: Reached, listed: list[Waiver], whole: bool = True) -> Verdict
     """Return the coverage result after applying the waivers."""
     found: dict[Construct, Waiver] = {}
     rest = []
-    for construct in reached.unreached():
+    for construct in sorted(construct for construct, count in reached.counts.items() if not count):
         if waiver := next((one for one in listed if one.explains(construct)), None):
             found[construct] = waiver
         else:
@@ -166,15 +157,15 @@ def judge(reached: Reached, listed: list[Waiver], whole: bool = True) -> Verdict
 
 def _of_kinds(reached: Reached, verdict: Verdict) -> dict[str, dict[str, int]]:
     """Return the number of all, reached and waived constructs of each kind."""
-    found = {}
-    for kind in KINDS:
-        own = reached.of(kind)
-        found[kind] = {
+    return {
+        kind: {
             "total": len(own),
             "reached": sum(reached.counts[construct] > 0 for construct in own),
             "explained": sum(construct in verdict.explained for construct in own),
         }
-    return found
+        for kind in ("line", "branch", "toggle", "condition")
+        for own in [reached.of(kind)]
+    }
 
 
 def closing_line(reached: Reached, verdict: Verdict) -> str:
@@ -192,23 +183,15 @@ def summary(reached: Reached, verdict: Verdict) -> dict[str, Any]:
         waiver.reason: {"constructs": count, "proved": waiver.proof}
         for waiver, count in Counter(verdict.explained.values()).items()
     }
-    groups: dict[str, dict[str, int]] = {}
-    for (group, _), count in reached.points.items():
-        own_group = groups.setdefault(group, {"points": 0, "reached": 0})
-        own_group["points"] += 1
-        own_group["reached"] += count > 0
+    points = Counter(group for group, _ in reached.points)
+    hit = Counter(group for (group, _), count in reached.points.items() if count)
     modules = Counter(construct.module for construct in reached.counts)
     return {
         "result": closing_line(reached, verdict),
         "constructs": _of_kinds(reached, verdict),
         "modules": dict(sorted(modules.items())),
         "reasons": reasons,
-        "points": groups,
+        "points": {group: {"points": count, "reached": hit[group]} for group, count in points.items()},
         "runs": reached.runs,
         "problems": verdict.problems,
     }
-
-
-def write(path: Path, command: str, reached: Reached, verdict: Verdict) -> None:
-    """Write the result with command, commit and date."""
-    write_json(path, {**origin(command), **summary(reached, verdict)})

@@ -14,9 +14,6 @@ from eskin.cocotb_tests.blocks.classifier import cosimulate as play_scans
 from eskin.cocotb_tests.blocks.frame import play as play_frames
 from eskin.cocotb_tests.blocks.host import pins_of
 from eskin.cocotb_tests.blocks.host import play as play_host
-from eskin.cocotb_tests.blocks.merge import relay_steps
-from eskin.cocotb_tests.blocks.merge import steps as merge_steps
-from eskin.cocotb_tests.blocks.skin import steps as skin_steps
 from eskin.cocotb_tests.runner.block import Steps, play_steps
 from eskin.cocotb_tests.touch import noise
 from eskin.model.classifier.chip_config import ChipConfig
@@ -25,11 +22,9 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.model.registers.description import Register, registers
 from eskin.model.registers.spi import Pins, transfer
-from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.verify.soak.play import play
 
 VERILATOR: Any = "verilator"
-SHORT_CLOCKS, LONG_CLOCKS = 300, 4000
 MASKS = (0, 100, 0, 3, 500)
 
 LONG: list[dict[str, Any]] = [
@@ -44,9 +39,6 @@ LONG: list[dict[str, Any]] = [
 ]
 """Stimuli that need many clocks: both ends of the scale, closing windows, and masks with one taxel or none."""
 
-AT_REST: dict[str, Any] = {"signal": "hold", "sink": "always", "gap": 300, "masks": 0}
-"""Constant signal, for runs so short that nothing happens before the next reset."""
-
 
 def readout(config: ReadoutConfig, folder: Path) -> None:
     """Simulate a readout with every kind of signal and sink, at all sample rates and masks."""
@@ -56,12 +48,10 @@ def readout(config: ReadoutConfig, folder: Path) -> None:
         for number in range(len(SIGNALS) * len(SINKS))
     ]
     # A link that is slower by seven clocks an event takes longer to reach both ends.
-    clocks = LONG_CLOCKS * (3 if config.handshake else 1)
-    parts = [
-        *((one, SHORT_CLOCKS) for one in short),
-        *((one, clocks) for one in LONG),
-        *((AT_REST, clocks) for clocks in (2, 3, 4)),
-    ]
+    clocks = 12_000 if config.handshake else 4000
+    # Runs so short that nothing happens before the next reset, with a constant signal.
+    rest = {"signal": "hold", "sink": "always", "gap": 300, "masks": 0}
+    parts = [*((one, 300) for one in short), *((one, clocks) for one in LONG), *((rest, few) for few in (2, 3, 4))]
     fields = {"fields": "own"} | config.to_dict() | {"registers": "none"}
     play([Draw(1, clocks, run, fields | own) for run, (own, clocks) in enumerate(parts)], VERILATOR)
     if config.frontend == "analog":  # comparators with offset, noise and hysteresis, of which both may fire
@@ -128,12 +118,12 @@ def host(config: ReadoutConfig, folder: Path) -> None:
         play_host(config, VERILATOR, folder, seed, directed_host(config, random.Random(seed)), anything)
 
 
-def alone(top: str, steps: Steps) -> Callable[[Any, Path], None]:
+def alone(top: str, steps: Steps, *seeds: int) -> Callable[[Any, Path], None]:
     """Return a function that compares one block with its model, with several seeds."""
 
     def play_block(config: Any, folder: Path) -> None:
-        for seed in (11, 12, 13):
-            play_steps(config, VERILATOR, top, steps, folder, seed)
+        for seed in seeds:
+            play_steps(getattr(config, "skin", config), VERILATOR, top, steps, folder, seed)
 
     return play_block
 
@@ -151,21 +141,6 @@ def classifier(config: ClassifierConfig, folder: Path) -> None:
     for seed in range(10):
         play_scans(config, VERILATOR, folder, seed)
         play_scans(config, VERILATOR, folder, seed, "scans_begin_at_any_time")
-
-
-def skin(config: TilesConfig, folder: Path) -> None:
-    """Simulate a whole skin."""
-    play_steps(config, VERILATOR, "eskin_tiles", skin_steps, folder, 0)
-
-
-def relay(config: TilesConfig, folder: Path) -> None:
-    """Simulate a relay station with busy and quiet tiles and all kinds of sinks."""
-    play_steps(config, VERILATOR, "eskin_relay", relay_steps, folder, 5)
-
-
-def merge(config: MergeConfig, folder: Path) -> None:
-    """Simulate a merge with busy and quiet tiles and all kinds of sinks."""
-    play_steps(config.skin, VERILATOR, "eskin_merge", merge_steps, folder, 3)
 
 
 def chip(config: ChipConfig, folder: Path) -> None:

@@ -8,15 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from eskin.rtl import yosys
-from eskin.verify.coverage.constructs import MODULE, Construct, modules
+from eskin.verify.coverage.constructs import Construct, extended, modules
 
-FILE = Path(__file__).with_name("waivers.toml")
 READ = (
     "read_verilog -sv design.v; hierarchy -top {module}; proc; memory; "
     "setattr -mod -unset keep_hierarchy; flatten; async2sync; opt_clean; "
 )
-PROVE = "sat -tempinduct -timeout 20 -maxsteps {steps} -seq 1 -set-at 1 rst 1 {claims} {module}"
-STEPS = 3
+PROVE = "sat -tempinduct -timeout 20 -maxsteps 3 -seq 1 -set-at 1 rst 1 {claims} {module}"
 SUCCESS = "Induction step proven: SUCCESS!"
 
 
@@ -55,7 +53,7 @@ def _fits(wanted: Names, names: Iterable[str]) -> bool:
 
 def waivers() -> list[Waiver]:
     """Return the waivers of the project."""
-    listed: list[dict[str, Any]] = tomllib.loads(FILE.read_text())["waiver"]
+    listed: list[dict[str, Any]] = tomllib.loads(Path(__file__).with_name("waivers.toml").read_text())["waiver"]
     for entry in listed:
         entry |= {name: tuple(value) for name, value in entry.items() if isinstance(value, list)}
     return [Waiver(**entry) for entry in listed]
@@ -117,26 +115,19 @@ def unproved(verilog: str, module: str, claims: Mapping[Construct, str]) -> list
     """Return the constructs of a module that are not proved unreachable."""
     if not claims:
         return []
-    numbered = list(claims.items())
-    wires = [f"  (* keep *) wire never_{number} = |({text});\n" for number, (_, text) in enumerate(numbered)]
-
-    def with_claims(match: re.Match[str]) -> str:
-        if match[1] != module:
-            return match[0]
-        return match[0].removesuffix("endmodule") + "".join(wires) + "endmodule"
-
-    text = {"design.v": MODULE.sub(with_claims, verilog).encode()}
-    every = [f"-prove never_{number} 0" for number in range(len(numbered))]
-    together = PROVE.format(steps=STEPS, module=module, claims=" ".join(every))
-    if len(_proved(module, [together], text)) == 1:
+    wires = [f"  (* keep *) wire never_{number} = |({text});\n" for number, text in enumerate(claims.values())]
+    text = extended(verilog, {module: "".join(wires)})
+    every = [f"-prove never_{number} 0" for number in range(len(claims))]
+    if _proved(module, [" ".join(every)], text):
         return []
-    alone = _proved(module, [PROVE.format(steps=STEPS, module=module, claims=one) for one in every], text)
-    return [construct for number, (construct, _) in enumerate(numbered) if number not in alone]
+    alone = _proved(module, every, text)
+    return [construct for number, construct in enumerate(claims) if number not in alone]
 
 
-def _proved(module: str, commands: list[str], text: dict[str, bytes]) -> set[int]:
-    """Return the indices of the proofs that succeed."""
-    marked = "; ".join(f"log proof {number}; {command}" for number, command in enumerate(commands))
-    log = yosys.run(READ.format(module=module) + marked, "", "yosys.log", text)
+def _proved(module: str, claims: list[str], verilog: str) -> set[int]:
+    """Return the indices of the claims that are proved."""
+    proofs = [PROVE.format(module=module, claims=claim) for claim in claims]
+    marked = "; ".join(f"log proof {number}; {proof}" for number, proof in enumerate(proofs))
+    log = yosys.run(READ.format(module=module) + marked, "", "yosys.log", {"design.v": verilog.encode()})
     parts = re.split(r"^proof (\d+)$", log, flags=re.MULTILINE)[1:]
     return {int(number) for number, said in zip(parts[::2], parts[1::2], strict=True) if SUCCESS in said}

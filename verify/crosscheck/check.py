@@ -3,7 +3,6 @@
 import re
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from eskin.base.errors import InputError
@@ -38,31 +37,17 @@ class Mismatch(AssertionError):
     """Raised if CXXRTL and model differ, with the first difference."""
 
 
-@dataclass(frozen=True)
-class CxxrtlResult:
-    """Results of runs in CXXRTL that are equal to the golden model."""
-
-    # runs and their clocks
-    runs: int
-    clocks: int
-    # events of all of them, and of the scan of a texture
-    events: int
-    of_texture: int
-
-
-def play(config: ReadoutConfig, texture: int = 0, ticks: int | None = None, text: str = "") -> CxxrtlResult:
+def play(config: ReadoutConfig, texture: int = 0, ticks: int | None = None, text: str = "") -> dict[str, int]:
     """Simulate scenarios and a texture scan in CXXRTL, and compare every event with the golden model.
 
-    The configuration has the digital front end and the stream link; ``text`` is Verilog to play instead of its own.
-    Mismatch is raised at the first event that differs, and where the texture gives none.
+    Return the numbers of runs, clocks and events, and the events of the texture. The configuration has the digital
+    front end and the stream link; ``text`` is Verilog to play instead of its own. Mismatch is raised at the first event
+    that differs, and where the texture gives none.
     """
     if texture >= (most := len(embedded_dataset())):
         raise InputError(f"--texture must be in 0..{most - 1}, not {texture}")
-    runs = {
-        f"scan of texture {texture}": settled(
-            config, scan(config.rows, config.columns, config.sample_bits, texture)[:ticks]
-        )
-    }
+    samples = scan(config.rows, config.columns, config.sample_bits, texture)[:ticks]
+    runs = {f"scan of texture {texture}": settled(config, samples)}
     runs |= {scenario.name: scenario.stimulus for scenario in scenarios(config, seed=0)}
     counts = []
     with tempfile.TemporaryDirectory() as folder:
@@ -74,7 +59,8 @@ def play(config: ReadoutConfig, texture: int = 0, ticks: int | None = None, text
             counts.append(len(found))
     if not counts[0]:
         raise Mismatch("the scan gives no event at all, so nothing was compared")
-    return CxxrtlResult(len(runs), sum(stimulus.clocks for stimulus in runs.values()), sum(counts), counts[0])
+    clocks = sum(stimulus.clocks for stimulus in runs.values())
+    return {"runs": len(runs), "clocks": clocks, "events": sum(counts), "of_texture": counts[0]}
 
 
 def texts(config: ReadoutConfig | FrameConfig) -> dict[str, list[str]]:

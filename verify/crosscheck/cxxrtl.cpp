@@ -1,4 +1,4 @@
-// Plays a stimulus on a readout; cxxrtl.py writes @RESET@ (clocks), @ROW@, @COLUMN@ and @POLARITY@ (of the event).
+// Plays a stimulus on a readout; cxxrtl.py writes @ROW@, @COLUMN@ and @POLARITY@ (of the event).
 #include "design.cpp"
 #include <cstdio>
 #include <fstream>
@@ -14,7 +14,7 @@ int main() {
   std::vector<char> ready((std::istreambuf_iterator<char>(pattern)), std::istreambuf_iterator<char>());
   auto clock = [&](bool high) { top.p_clk.set<bool>(high); top.step(); };
   top.p_rst.set<bool>(true);
-  for (int i = 0; i < @RESET@; i++) { clock(false); clock(true); }
+  for (int i = 0; i < 4; i++) { clock(false); clock(true); }
   top.p_rst.set<bool>(false);
   uint32_t head[2];  // clocks for which the record holds, and whether samples are valid in the first of them
   for (uint64_t t = 0; file.read(reinterpret_cast<char*>(head), sizeof head);) {

@@ -27,7 +27,6 @@ SCRIPT = (
     "read_verilog readout.v; hierarchy -check -top eskin_readout; proc; flatten; opt_clean -purge; "
     "write_cxxrtl design.cpp"
 )
-RESET_CLOCKS = 4
 OPTIMISE = "-O1"
 """Optimisation options of the compiler for the C++ text of a readout."""
 
@@ -38,7 +37,7 @@ def build(config: ReadoutConfig, verilog: str, folder: Path) -> Path:
         raise InputError("CXXRTL needs a digital front end, the stream link, and no registers; leave other options out")
     require_programs("verilator")  # the same compiler
     ports = {name for name, member in Readout(config).signature.members.items() if member.flow is wiring.Out}
-    text = Path(__file__).with_suffix(".cpp").read_text().replace("@RESET@", str(RESET_CLOCKS))
+    text = Path(__file__).with_suffix(".cpp").read_text()
     for word, port, absent in (("ROW", "row", 0), ("COLUMN", "col", 0), ("POLARITY", "polarity", 1)):
         value = f"top.p_event__{port}.get<uint32_t>()" if f"event_{port}" in ports else f"{absent}u"
         text = text.replace(f"@{word}@", value)

@@ -46,13 +46,7 @@ def search(checker: Checker[Any], depth: int, rtlil: str = "") -> Verdict:
     found = {(kind, name): int(clock or 0) if there else None for there, kind, name, clock in FOUND.findall(said)}
     if len(found) != 2 * len(bench.bad):
         raise SolverFailed(f"{len(found)} answers to {2 * len(bench.bad)} questions about {bench.checker.module_name}")
-    return Verdict(
-        proved=frozenset(),
-        failed={name: clock for (kind, name), clock in found.items() if kind == "bad" and clock is not None},
-        reached={name: clock for (kind, name), clock in found.items() if kind == "seen" and clock is not None},
-        depth=depth,
-        seconds=time.monotonic() - started,
-    )
+    return Verdict.of({key: clock for key, clock in found.items() if clock is not None}, depth, started)
 
 
 def _ask(text: str, job: str) -> str:

@@ -45,52 +45,55 @@ class Bench(Elaboratable):
         self.block, self.slow = block, slow
         self.inputs: list[Signal] = []
         self.outputs: list[Signal] = []
+        self.inner: dict[str, Signal] = {}  # ports of the block
+        self.driven: set[str] = set()  # ports that a model of the environment drives
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
         wires: dict[str, Any] = {"i_clk": ClockSignal(), "i_rst": ResetSignal()}
-        inner: dict[str, Value] = {}
         for name, member in self.block.signature.members.items():
             inward = member.flow is wiring.In
             port = Signal(len(Value.cast(getattr(self.block, name))), name=f"{name}_inside" if inward else name)
-            wires[f"{'i' if inward else 'o'}_{name}"] = inner[name] = port
+            wires[f"{'i' if inward else 'o'}_{name}"] = self.inner[name] = port
             if not inward:
                 self.outputs.append(port)
         setattr(m.submodules, DUT, Instance(self.block.module_name, **wires))
-        driven = self._receiver(m, inner) | self._comparators(m, inner) | self._converter(m, inner)
-        driven |= self._tiles(m, inner) | self._events(m, inner)
+        for add in (self._receiver, self._comparators, self._converter, self._tiles, self._events):
+            add(m)
         for name, member in self.block.signature.members.items():
-            if member.flow is wiring.In and name not in driven:
-                m.d.comb += inner[name].eq(self._input(name, len(inner[name])))
+            if member.flow is wiring.In and name not in self.driven:
+                self._drive(m, name, self._input(name, len(self.inner[name])))
         return m
+
+    def _drive(self, m: Module, name: str, value: Value) -> None:
+        """Drive a port, if the block has it."""
+        if name in self.inner:
+            m.d.comb += self.inner[name].eq(value)
+            self.driven.add(name)
 
     def _input(self, name: str, width: int) -> Signal:
         self.inputs.append(Signal(width, name=name))
         return self.inputs[-1]
 
-    def _receiver(self, m: Module, inner: dict[str, Value]) -> set[str]:
+    def _receiver(self, m: Module) -> None:
         """Add a four-phase receiver: ACK follows REQ, and a started handshake always completes."""
-        if "aer_ack" not in inner:
-            return set()
-        ack = Signal()
+        if "aer_ack" not in self.inner:
+            return
+        ack = self.inner["aer_req"]
         if self.slow:
-            wait = Signal(range(self.slow))
-            raised = Signal()
+            wait, raised = Signal(range(self.slow)), Signal()
             due = wait == self.slow - 1
-            busy = (inner["aer_req"] != raised) | wait.any()
-            with m.If(busy):
+            with m.If((ack != raised) | wait.any()):
                 m.d.sync += [wait.eq(Mux(due, 0, wait + 1)), raised.eq(raised ^ due)]
-            m.d.comb += ack.eq(raised)
-        else:
-            m.d.comb += ack.eq(inner["aer_req"])
+            ack = raised
         high, turned = self._input("ack_high", 1), self._input("ack_turned", 1)
-        m.d.comb += inner["aer_ack"].eq((ack | high) ^ turned)
-        return {"aer_ack"}
+        self._drive(m, "aer_ack", (ack | high) ^ turned)
 
-    def _converter(self, m: Module, inner: dict[str, Value]) -> set[str]:
+    def _converter(self, m: Module) -> None:
         """Add an ADC whose codes depend on the taxel and on the input ``salt``."""
+        inner = self.inner
         if "adc_start" not in inner:
-            return set()
+            return
         left, code = Signal(range(ADC_CLOCKS + 1)), Signal(len(inner["adc_code"]))
         salt = self._input("salt", len(code))
         lines = Cat(inner["row_select"], inner["column_select"])
@@ -101,42 +104,36 @@ class Bench(Elaboratable):
             ]
         with m.Elif(left != 0):
             m.d.sync += left.eq(left - 1)
-        m.d.comb += [inner["adc_done"].eq(left == 1), inner["adc_code"].eq(code)]
-        return {"adc_done", "adc_code"}
+        self._drive(m, "adc_done", left == 1)
+        self._drive(m, "adc_code", code)
 
-    def _tiles(self, m: Module, inner: dict[str, Value]) -> set[str]:
+    def _tiles(self, m: Module) -> None:
         """Add event sources for all tiles; a high bit of ``offer`` queues a numbered event of its tile."""
-        if "tile_valid" not in inner:
-            return set()
-        tiles = len(inner["tile_valid"])
+        if "tile_valid" not in self.inner:
+            return
+        tiles, ready = len(self.inner["tile_valid"]), self.inner["tile_ready"]
         offer = self._input("offer", tiles)
-        fields = [f"tile_{name}" for name in FIELDS if f"tile_{name}" in inner]
-        numbers, valid = [], []
-        for tile in range(tiles):
-            bits = sum(len(inner[name]) for name in fields) // tiles
-            number, any_left = self._numbered(m, offer[tile], inner["tile_ready"][tile], bits)
-            numbers.append(number)
-            valid.append(any_left)
+        bits_of = {f"tile_{name}": len(self.inner.get(f"tile_{name}", ())) // tiles for name in FIELDS}
+        sources = [self._numbered(m, offer[tile], ready[tile], sum(bits_of.values())) for tile in range(tiles)]
         start = 0
-        for name in fields:
-            bits = len(inner[name]) // tiles
-            m.d.comb += inner[name].eq(Cat(number[start : start + bits] for number in numbers))
+        for name, bits in bits_of.items():
+            self._drive(m, name, Cat(number[start : start + bits] for number, _ in sources))
             start += bits
-        m.d.comb += inner["tile_valid"].eq(Cat(valid))
-        return {"tile_valid", *fields}
+        self._drive(m, "tile_valid", Cat(valid for _, valid in sources))
 
-    def _events(self, m: Module, inner: dict[str, Value]) -> set[str]:
+    def _events(self, m: Module) -> None:
         """Add the bin timer, and an event source that queues an event in every clock with ``offer`` high."""
         config = self.block.config
         if not isinstance(config, ClassifierConfig):
-            return set()
-        number, valid = self._numbered(m, self._input("offer", 1), inner["event_ready"], NUMBER_BITS)
-        m.d.comb += [inner["event_valid"].eq(valid), inner["event_channel"].eq(channel_of(number, config.inputs))]
-        restart = self._input("scan_start", 1)
-        m.d.comb += inner["scan_start"].eq(restart)
-        ports = {"i_clk": ClockSignal(), "i_rst": ResetSignal(), "i_scan_start": restart, "o_bin_end": inner["bin_end"]}
+            return
+        number, valid = self._numbered(m, self._input("offer", 1), self.inner["event_ready"], NUMBER_BITS)
+        restart, ends = self._input("scan_start", 1), self.inner["bin_end"]
+        ports = {"i_clk": ClockSignal(), "i_rst": ResetSignal(), "i_scan_start": restart, "o_bin_end": ends}
         setattr(m.submodules, TIMER, Instance(BinTimer.module_name, **ports))
-        return {"event_valid", "event_channel", "scan_start", "bin_end"}
+        self.driven.add("bin_end")
+        self._drive(m, "event_valid", valid)
+        self._drive(m, "event_channel", channel_of(number, config.inputs))
+        self._drive(m, "scan_start", restart)
 
     @staticmethod
     def _numbered(m: Module, offer: Value, ready: Value, bits: int) -> tuple[Signal, Value]:
@@ -146,11 +143,11 @@ class Bench(Elaboratable):
         m.d.sync += [left.eq(left + offer - taken), number.eq(number + taken)]
         return number, left != 0
 
-    def _comparators(self, m: Module, inner: dict[str, Value]) -> set[str]:
+    def _comparators(self, m: Module) -> None:
         """Add ideal comparators for the analog front end."""
-        config = self.block.config
+        config, inner = self.block.config, self.inner
         if not isinstance(config, ReadoutConfig) or "above" not in inner:
-            return set()
+            return
         bits, count = config.sample_bits, config.taxels
         given, valid = self._input("sample", bits * count), self._input("sample_valid", 1)
         held = Signal(bits * count)
@@ -168,15 +165,9 @@ class Bench(Elaboratable):
             m.d.comb += difference.eq(x - u)
             above.append(difference >= h + config.encoder.strict)
             below.append(difference < -h)
-        m.d.comb += inner["above"].eq(Cat(above))
-        done = {"above"}
-        if "below" in inner:
-            m.d.comb += inner["below"].eq(Cat(below))
-            done.add("below")
-        if "sample_valid" in inner:
-            m.d.comb += inner["sample_valid"].eq(valid)
-            done.add("sample_valid")
-        return done
+        self._drive(m, "above", Cat(above))
+        self._drive(m, "below", Cat(below))
+        self._drive(m, "sample_valid", valid)
 
 
 def channel_of(number: Any, inputs: int) -> Any:

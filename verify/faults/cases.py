@@ -16,7 +16,6 @@ from eskin.verify.faults.bench import bench_gates
 from eskin.verify.faults.gates import LANES, simulate
 from eskin.verify.faults.scenario import RESET, codes_of, course, events_of, inputs_of
 
-NO_UPSETS = np.zeros((0, 3), np.int64)
 STUCK = 300
 """Clocks for which a signal is stuck."""
 PHASES = 200
@@ -39,7 +38,8 @@ def _play(
 ) -> tuple[dict[str, NDArray[np.int64]], NDArray[np.int16]]:
     """Simulate runs with different inputs; return the outputs and the events of each run."""
     gates = bench_gates(Readout(config))
-    outputs = simulate(gates, {name: bits for name, bits in inputs.items() if name in gates.inputs}, NO_UPSETS)
+    driven = {name: bits for name, bits in inputs.items() if name in gates.inputs}
+    outputs = simulate(gates, driven, np.zeros((0, 3), np.int64))
     ready = inputs["event_ready"]
     return outputs, codes_of(config, outputs, ready if ready.ndim == 2 else ready[:, 0])
 

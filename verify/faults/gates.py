@@ -28,9 +28,8 @@ PINS = "ABS"
 ZERO, ONE = 0, 1
 """Numbers of the nets with the constants 0 and 1, which are the first two nets."""
 
-WORDS = 16
-"""Words of a net that are computed together: 1,024 runs, and the nets of a small array stay in the cache."""
-LANES = 64 * WORDS
+LANES = 64 * 16
+"""Runs that are computed together, 64 in a word: then the nets of a small array stay in the cache."""
 
 Flips = list[tuple[int, str]]
 """Clock and flop of the bit flip of each run."""
@@ -47,11 +46,6 @@ class Gates:
     first_flop: int  # net of the first flop; they follow each other
     next: NDArray[np.int32]  # nets that the flops take at a rising edge, shape (flops,)
     gates: NDArray[np.int32]  # kind and inputs, shape (gates, 4); their outputs are the last nets, in this order
-
-    @property
-    def nets(self) -> int:
-        """Number of nets."""
-        return self.first_flop + len(self.flops) + len(self.gates)
 
 
 def gates_of(rtlil: str, top: str) -> Gates:
@@ -120,41 +114,33 @@ def _natural(name: str) -> tuple[Any, ...]:
 
 
 def simulate(
-    gates: Gates, inputs: dict[str, NDArray[np.uint8]], upsets: NDArray[np.int64]
+    gates: Gates, inputs: dict[str, NDArray[np.uint8]], upsets: NDArray[np.int64], runs: int = LANES
 ) -> dict[str, NDArray[np.int64]]:
-    """Simulate ``LANES`` runs in parallel; return every output port as a number, shape (clocks, runs).
+    """Simulate up to ``LANES`` runs in parallel; return every output port as a number, shape (clocks, runs).
 
     ``inputs`` has the bits of every input port but the clock, lowest first: shape (clocks, bits) for all runs alike, or
     (clocks, bits, LANES). ``upsets``, shape (upsets, 3), has clock, flop and run in rising order of clocks: the flop's
     value is turned just before that clock.
     """
-    clocks = len(next(iter(inputs.values())))
+    words = -(-runs // 64)
     rows, nets = [], []
     for name, bits in gates.inputs.items():
-        if name == "clk":
-            continue
-        given = inputs[name]
-        assert given.shape[1] == len(bits), f"{name} has {len(bits)} bits, not {given.shape[1]}"
-        nets += bits
-        rows.append(_packed(given))
+        if name != "clk":
+            assert inputs[name].shape[1] == len(bits), f"{name} has {len(bits)} bits, not {inputs[name].shape[1]}"
+            nets += bits
+            rows.append(_packed(inputs[name], words))
     driven = np.concatenate(rows, axis=1)
     seen = [bit for bits in gates.outputs.values() for bit in bits]
-    recorded = np.zeros((clocks, len(seen), WORDS), np.uint64)
-    _run(
-        gates.gates,
-        gates.next,
-        gates.first_flop,
-        (np.array(nets, np.int64), driven),
-        upsets,
-        (np.array(seen, np.int64), recorded),
-    )
+    recorded = np.zeros((len(driven), len(seen), words), np.uint64)
+    given = (np.array(nets, np.int64), driven)
+    _run(gates.gates, gates.next, gates.first_flop, given, upsets, (np.array(seen, np.int64), recorded))
     found, start = {}, 0
     for name, bits in gates.outputs.items():
-        values = np.zeros((clocks, LANES), np.int64)
+        found[name] = np.zeros((len(driven), runs), np.int64)
         for place in range(len(bits)):
-            words = np.ascontiguousarray(recorded[:, start + place]).view(np.uint8)
-            values |= np.unpackbits(words, axis=1, bitorder="little").astype(np.int64) << place
-        found[name], start = values, start + len(bits)
+            packed = np.ascontiguousarray(recorded[:, start + place]).view(np.uint8)
+            found[name] |= np.unpackbits(packed, axis=1, count=runs, bitorder="little").astype(np.int64) << place
+        start += len(bits)
     return found
 
 
@@ -171,9 +157,8 @@ def upset_runs(
     for start in range(0, len(todo), LANES - 1):
         part = todo[start : start + LANES - 1]
         turned = np.array([(clock, flop, lane) for lane, (clock, flop) in enumerate(part, 1)], np.int64)
-        outputs = simulate(gates, driven, turned)
         named = [(clock, gates.flops[flop].removeprefix(f"{DUT}.")) for clock, flop in part]
-        yield named, {name: values[:, : len(part) + 1] for name, values in outputs.items()}
+        yield named, simulate(gates, driven, turned, len(part) + 1)
 
 
 def last_clock(happens: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -181,10 +166,10 @@ def last_clock(happens: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.where(happens.any(axis=0), len(happens) - 1 - happens[::-1].argmax(axis=0), -1)
 
 
-def _packed(bits: NDArray[np.uint8]) -> NDArray[np.uint64]:
-    """Pack the bits of the runs into words of 64 runs each; return shape (clocks, bits, WORDS)."""
+def _packed(bits: NDArray[np.uint8], words: int) -> NDArray[np.uint64]:
+    """Pack the bits of the runs into words of 64 runs each; return shape (clocks, bits, words)."""
     if bits.ndim == 2:
-        return np.where(bits[:, :, None] != 0, ~np.uint64(0), np.uint64(0)).repeat(WORDS, axis=2)
+        return np.where(bits[:, :, None] != 0, ~np.uint64(0), np.uint64(0)).repeat(words, axis=2)
     return np.packbits(bits, axis=2, bitorder="little").view("<u8")
 
 

@@ -13,10 +13,8 @@ from eskin.model.readout import simulate as simulate_model
 from eskin.rtl.readout import Readout
 from eskin.verify.faults.bench import bench_gates, inside
 from eskin.verify.faults.gates import Flips, last_clock, upset_runs
-from eskin.verify.faults.scenario import Course, codes_of, course, events_of
+from eskin.verify.faults.scenario import RESET, Course, codes_of, course, events_of
 
-NOBODY = -9
-"""Taxel number of flops that belong to no taxel."""
 TAXEL = re.compile(r"row_(\d+)\.taxel_(\d+)\.")
 PLACES = (
     (r"(sequencer|packer)\.", "frame_readout"),
@@ -92,7 +90,7 @@ def upsets(config: ReadoutConfig, calm: bool, slow: int, stride: int, flops: str
     """
     gates, played = bench_gates(Readout(config), slow), course(config, calm, slow)
     expected = simulate_model(config, played.stimulus)
-    clocks = range(played.first, played.last, stride)
+    clocks = range(RESET, played.last, stride)
     for part, outputs in upset_runs(gates, played.inputs, clocks, inside(gates, flops)):
         codes = codes_of(config, outputs, played.inputs["event_ready"])
         found = events_of(config, codes[:, 0])
@@ -106,7 +104,7 @@ def _judged(
 ) -> Iterator[Upset]:
     """Return the outcomes of runs by comparison with run 0, which has no bit flip."""
     places = [TAXEL.match(flop) for _, flop in part]
-    own = np.array([int(at[1]) * config.columns + int(at[2]) if at else NOBODY for at in places])
+    own = np.array([int(at[1]) * config.columns + int(at[2]) if at else -9 for at in places])  # -9: of no taxel
     good, runs = codes[:, :1], codes[:, 1:]
     differs = runs != good
     of_own = (_taxel(runs) == own) | (_taxel(good) == own)

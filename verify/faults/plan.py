@@ -15,7 +15,6 @@ FIELDS = FEW.replace(fields="both")
 
 Config = ReadoutConfig | FrameConfig | ClassifierConfig
 """A ``TilesConfig``, which is a ``ReadoutConfig`` too, means the merge, or a relay station if it has one."""
-COURSES = ("host", "pattern of one", "pattern of all")
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ class Trial:
         words += [f"fields {c.fields}"] * (c.fields != "own")
         words += ["by the tick"] * (c.decide_every == "sample") + [f"ACK after {self.slow}"] * bool(self.slow)
         if c.registers != "none":
-            return ", ".join([*words, "registers", COURSES[self.mode]])
+            return ", ".join([*words, "registers", ("host", "pattern of one", "pattern of all")[self.mode]])
         return ", ".join([*words, "calm" if self.calm else "loaded"])
 
 

@@ -26,9 +26,7 @@ class Course:
 
     stimulus: Stimulus  # for the model
     inputs: dict[str, NDArray[np.uint8]]  # for the gates, shape (clocks, bits); ``RESET`` clocks more
-    # the clocks in which upsets happen, counted with those of reset, ``last`` not among them
-    first: int
-    last: int
+    last: int  # end of the clocks in which upsets happen, counted from the first clock of reset
     answer: int  # clock from which on every difference is lasting
     ticks: NDArray[np.int64]  # the beginning of the run, and the sample ticks before ``last``, shape (ticks + 1,)
 
@@ -73,7 +71,7 @@ def course(config: ReadoutConfig, calm: bool, slow: int = 0) -> Course:
         ack_delay=np.array([ACK_QUANTA * slow + 1], np.int64),
     )
     ticks_at = np.array([0, *(RESET + clock for clock in clocks if clock < end)])
-    return Course(stimulus, inputs_of(config, stimulus), RESET, RESET + end, RESET + end + 3 * pause, ticks_at)
+    return Course(stimulus, inputs_of(config, stimulus), RESET + end, RESET + end + 3 * pause, ticks_at)
 
 
 def pause_of(config: ReadoutConfig, per_event: int = 1) -> int:

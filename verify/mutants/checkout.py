@@ -27,10 +27,8 @@ long."""
 FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+?::\w+\[.*?\](?= - |$)|\S+)", re.MULTILINE)
 """Pattern for the names of failed tests; parameters in a name may contain spaces."""
 PROPERTY = re.compile(r"^(\w+: \w+): ", re.MULTILINE)
-QUICK = ("-m", "quick")
-NO_TESTS = 5
-PASSED = (0, NO_TESTS)
-REST = ("-m", "not quick")
+PASSED = (0, 5)
+"""Exit codes of pytest for tests that pass, or for no test."""
 MOST_S, WAITS = 600, 6
 """Limit of processor time of a process in seconds, and the limit of elapsed time as a multiple of this limit."""
 JUDGED = (1, 2, 4)
@@ -63,10 +61,9 @@ def original(folder: Path) -> Path:
         for name in names:
             (draft / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, draft / name, follow_symlinks=False)
-        for sources in {(ROOT / name).parent.relative_to(ROOT) for name in names}:  # copy the compiled files, too
-            for kernel in (ROOT / sources).glob("__pycache__/*.nb?"):
-                (draft / sources / "__pycache__").mkdir(exist_ok=True)
-                shutil.copy2(kernel, draft / sources / "__pycache__")
+        for compiled in {Path(name).parent / "__pycache__" for name in names}:
+            if (ROOT / compiled).is_dir():
+                shutil.copytree(ROOT / compiled, draft / compiled)
         (folder / "build").mkdir(exist_ok=True)
         (draft / "build").symlink_to(folder.resolve() / "build")
         draft.rename(place)
@@ -123,7 +120,7 @@ def first_failed(place: Path, tests: Sequence[str], checkout: Path, quick: bool,
         return ""
     while True:
         skipped = [word for test in failing(checkout) for word in ("--deselect", test)]
-        said = run(place, [*PYTEST, *(QUICK if quick else REST), "-x", *skipped, *tests], limit_s)
+        said = run(place, [*PYTEST, "-m", "quick" if quick else "not quick", "-x", *skipped, *tests], limit_s)
         if said.code in PASSED:
             return ""
         if found := FAILED.search(said.text):
@@ -141,8 +138,7 @@ def first_failed(place: Path, tests: Sequence[str], checkout: Path, quick: bool,
 
 def passes(checkout: Path, test: str) -> bool:
     """Return True if a test passes without a mutant."""
-    known = checkout.with_name(f"{checkout.name}-tests")
-    answers = dict(line.rsplit(" ", 1) for line in known.read_text().splitlines()) if known.exists() else {}
+    known, answers = _known(checkout)
     if test not in answers:
         words = [*PYTEST, *([] if "::" in test else ["--collect-only"]), test]  # a file that cannot be read
         answers[test] = "passes" if run(checkout, words).code in PASSED else "fails"
@@ -151,11 +147,15 @@ def passes(checkout: Path, test: str) -> bool:
     return answers[test] == "passes"
 
 
+def _known(checkout: Path) -> tuple[Path, dict[str, str]]:
+    """Return the file with what tests do in the unchanged code, and its content."""
+    known = checkout.with_name(f"{checkout.name}-tests")
+    return known, dict(line.rsplit(" ", 1) for line in known.read_text().splitlines()) if known.exists() else {}
+
+
 def failing(checkout: Path) -> list[str]:
     """Return the tests that are known to fail in the unchanged code."""
-    known = checkout.with_name(f"{checkout.name}-tests")
-    lines = known.read_text().splitlines() if known.exists() else []
-    return [line.removesuffix(" fails") for line in lines if line.endswith(" fails")]
+    return [test for test, answer in _known(checkout)[1].items() if answer == "fails"]
 
 
 def failed_property(place: Path, block: str, limit_s: float = MOST_S) -> str:

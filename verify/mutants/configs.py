@@ -25,7 +25,6 @@ from eskin.rtl.verilog import Config, top_block
 COUNT = 16
 """Number of configurations per file."""
 
-MOST_TAXELS = 9
 SET: dict[str, dict[str, Any]] = {
     "link": {"link": "four_phase"},
     "window": {"encoding": "cw-lcs"},
@@ -78,7 +77,7 @@ def _one(file: str, rng: np.random.Generator) -> Config:
         fixed = {"encoding": encoding}
     if file.startswith("tiles") or file == "classifier.chip":
         fixed = {"link": "stream", "registers": "none", "fields": "own"}
-    readout = Draw(int(rng.integers(1 << 30)), set=fixed, most_taxels=MOST_TAXELS).config
+    readout = Draw(int(rng.integers(1 << 30)), set=fixed, most_taxels=9).config
     if file == "frame":
         bits = int(rng.integers(readout.resolution, 33))
         return FrameConfig(

@@ -67,7 +67,6 @@ class Place:
     function: str
     number: int
     occurrence: int
-    start: tuple[int, int]
 
 
 def places(file: str, text: str) -> dict[tuple[int, int], list[Place]]:
@@ -82,7 +81,7 @@ def places(file: str, text: str) -> dict[tuple[int, int], list[Place]]:
             for start, _ in operator.mutation_positions(node):
                 around = [function for function in functions if function[0] <= start[0] <= function[1]]
                 function = max(around)[2] if around else ""
-                found.setdefault(start, []).append(Place(name, function, numbers[function], occurrence, start))
+                found.setdefault(start, []).append(Place(name, function, numbers[function], occurrence))
                 numbers[function] += 1
                 occurrence += 1
     return dict(sorted(found.items()))

@@ -2,12 +2,11 @@
 
 import json
 import re
-import sys
+import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from eskin.rtl import yosys
-from eskin.verify.proofs.engine import CONVERGED, MAPPED_GATE, ONE_GATE, RUN_ABC
+from eskin.verify.proofs.engine import CONVERGED, ask
 
 PORT = re.compile(r"^  wire (?:width (\d+) )?(?:signed )?(input|output) \d+ +(?:signed )?\\(\S+)$", re.MULTILINE)
 
@@ -82,12 +81,9 @@ def same(module: str, original: Mapping[str, str], mutated: Mapping[str, str]) -
         return False
     if not any(way == "output" for _, way, _ in ports):
         raise ValueError(f"{module} has no output to compare")
-    commands = ["set abcout said.txt", "read_aiger miter.aig", "strash", "bmc3 -a -F 12 -T 10"]
+    commands = ["read_aiger miter.aig", "strash", "bmc3 -a -F 12 -T 10"]
     commands += ["read_aiger miter.aig", "strash", "scorr -C 10000", "dc2", f"pdr -a -T {PROVE_S}"]
-    commands += ["read_blif gate.blif", "strash"]
-    files = {"one_gate.v": ONE_GATE, "gate.blif": MAPPED_GATE, "solve.abc": "\n".join(commands).encode() + b"\n"}
-    files["miter.v"] = miter(module, ports).encode()
-    said = yosys.run(TO_GATES + RUN_ABC, "\n".join(texts), "said.txt", files)
+    said = ask(TO_GATES, "\n".join(texts), commands, {"miter.v": miter(module, ports).encode()})
     if DIFFERS.search(said):
         return False
     return True if CONVERGED.search(said) else None
@@ -105,8 +101,12 @@ def within(module: str, modules: Mapping[str, str]) -> dict[str, str]:
     return found
 
 
-def difference(original: Path, mutated: Path) -> str:
-    """Return a sentence about the first module that is not proved equal; empty if all are."""
+def difference(original: Path, mutated: Path, limit_s: float) -> str:
+    """Return a sentence about the first module that is not proved equal within a time; empty if all are.
+
+    Each file has designs as JSON: the RTLIL of their modules by configuration and name.
+    """
+    end = time.monotonic() + limit_s
     sides: list[dict[str, dict[str, str]]] = [json.loads(path.read_text()) for path in (original, mutated)]
     proved: set[tuple[str, ...]] = set()
     for config, before in sides[0].items():
@@ -117,11 +117,9 @@ def difference(original: Path, mutated: Path) -> str:
             pair = within(module, before), within(module, after)
             if (key := (*pair[0].values(), *pair[1].values())) in proved:
                 continue
+            if time.monotonic() >= end:
+                return "not compared in time"
             if not (answer := same(module, *pair)):
                 return f"{module} {'differs' if answer is False else 'is not proved to be the same'} in {config}"
             proved.add(key)
     return ""
-
-
-if __name__ == "__main__":
-    sys.stdout.write(difference(Path(sys.argv[1]), Path(sys.argv[2])))

@@ -17,12 +17,10 @@ from amaranth.hdl import (
 from amaranth.lib import wiring
 
 from eskin.rtl import yosys
-from eskin.rtl.block import RtlilModules
+from eskin.rtl.block import Block, RtlilModules
 from eskin.verify.proofs.checker import Checker, inputs
 
 TOP = "bench"
-CONSTANTS = ("watch", "rival")
-"""Inputs of a checker with any value that stays constant."""
 
 
 class Bench(Elaboratable):
@@ -52,9 +50,10 @@ class Bench(Elaboratable):
             wires[f"{'i' if inward else 'o'}_{name}"] = wire
         wires |= {f"o_{name}": getattr(checker, name) for name in checker.inner(checker.config)}
         m.submodules.dut = Instance(block.module_name, **wires)
-        for name in filter(checker.has, CONSTANTS):
+        constants = checker.constants(checker.config)
+        for name in constants:
             m.d.comb += getattr(checker, name).eq(AnyConst(len(getattr(checker, name))))
-        told = {*block.signature.members, *checker.inner(checker.config), *driven, *CONSTANTS}
+        told = {*block.signature.members, *checker.inner(checker.config), *driven, *constants}
         if left := set(inputs(checker)) - told:
             raise AssertionError(f"nothing drives {', '.join(sorted(left))} of {type(checker).__name__}")
         for name in self.bad:
@@ -73,20 +72,20 @@ class Bench(Elaboratable):
         return [*self.free, *self.bad.values(), *self.seen.values()]
 
 
-def netlist(checker: Checker[Any]) -> str:
-    """Return the RTLIL of a checker's block and its submodules."""
+def rtlil_of(block: Block[Any]) -> str:
+    """Return the RTLIL of a block and of the blocks within it."""
     made = RtlilModules(async_reset=False)
-    made.add(checker.block(checker.config))
+    made.add(block)
     return made.text
 
 
-def design(checker: Checker[Any], rtlil_of_block: str = "") -> tuple[str, Bench]:
+def design(checker: Checker[Any], mutant: str = "") -> tuple[str, Bench]:
     """Return the RTLIL of block, checker and bench (top module ``bench``), and the bench.
 
-    The first clock of a run stands for the one that ends a reset. Later resets are free, at any time. A mutant's RTLIL
-    can take the place of the block's own.
+    The first clock of a run stands for the one that ends a reset. Later resets are free, at any time. ``mutant`` is
+    RTLIL that takes the place of the block's own.
     """
-    text = rtlil_of_block or netlist(checker)
+    text = mutant or rtlil_of(checker.block(checker.config))
     name = checker.block.module_name
     bench = Bench(checker, yosys.is_clocked(text[text.rindex(f"module \\{name}\n") :]))
     fragment = Fragment.get(bench, "formal")

@@ -5,14 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-from amaranth.lib import wiring
 
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl import yosys
-from eskin.rtl.block import RtlilModules
 from eskin.rtl.verilog import YOSYS_SCRIPT, header
-from eskin.verify.proofs.bench import CONSTANTS
+from eskin.verify.proofs.bench import rtlil_of
 from eskin.verify.proofs.blocks.arbiter import ArbiterChecker
 from eskin.verify.proofs.blocks.frame import FrameChecker
 from eskin.verify.proofs.blocks.link import LinkChecker
@@ -20,7 +18,7 @@ from eskin.verify.proofs.blocks.readout import ReadoutChecker
 from eskin.verify.proofs.blocks.registers import HostChecker
 from eskin.verify.proofs.blocks.taxel import TaxelChecker
 from eskin.verify.proofs.blocks.window import WindowChecker
-from eskin.verify.proofs.checker import Checker
+from eskin.verify.proofs.checker import Checker, inputs
 
 ReadoutOrFrame = ReadoutConfig | FrameConfig
 
@@ -65,14 +63,6 @@ def _line(config: ReadoutConfig, name: str, row: int, column: int) -> str:
     return f"({own} | ({tested} & {pattern}))" if name == "request" else f"({tested} ? {pattern} : {own})"
 
 
-def watched(checker: Checker[Any]) -> int:
-    """Return the number of instances of a checker, one for each value of its free constants."""
-    if not checker.has("watch"):
-        return 1
-    config = checker.config
-    return config.words_per_frame * config.word_bits if isinstance(config, FrameConfig) else int(config.taxels)
-
-
 def properties(config: ReadoutOrFrame) -> str:
     """Return the SystemVerilog text with checkers, assertions and bindings."""
     parts = [
@@ -80,23 +70,21 @@ def properties(config: ReadoutOrFrame) -> str:
         "// Properties of the blocks, proved of the RTL (make formal); read it beside the Verilog.\n",
     ]
     for checker, module, places in checkers(config):
-        made = RtlilModules(async_reset=False)
-        made.add(checker)
-        text = yosys.run(YOSYS_SCRIPT.format(top=checker.module_name), made.text, "readout.v")
+        text = yosys.run(YOSYS_SCRIPT.format(top=checker.module_name), rtlil_of(checker), "readout.v")
         parts += [yosys.tidy(text), _assertions(checker, module, places)]
     return "\n".join(parts)
 
 
 def _assertions(checker: Checker[Any], module: str, places: dict[str, str]) -> str:
     """Return a checker's assertions, and the line that binds them to a module."""
-    inputs = {name: len(getattr(checker, name)) for name, m in checker.signature.members.items() if m.flow is wiring.In}
-    ports = {"clk": 1, "rst": 1} | {name: width for name, width in inputs.items() if name not in CONSTANTS}
+    constants = checker.constants(checker.config)
+    widths = {name: len(getattr(checker, name)) for name in inputs(checker)}
+    ports = {"clk": 1, "rst": 1} | {name: width for name, width in widths.items() if name not in constants}
     outputs = [f"{kind}_{item}" for item in checker.proved for kind in ("ok", "seen")]
     outputs += [f"holds_{assumption}" for assumption in checker.assumptions]
-    count = watched(checker)
+    count = constants.get("watch", 1)  # an instance for each value
     wires = [f".{port}({port})" for port in (*ports, *outputs)]
-    for offset, constant in enumerate(filter(checker.has, CONSTANTS)):
-        wires.append(f".{constant}({inputs[constant]}'((index + {offset}) % {count}))")
+    wires += [f".{name}({widths[name]}'((index + {offset}) % {count}))" for offset, name in enumerate(constants)]
     return TEMPLATE.render(
         name=checker.module_name.removesuffix("_properties"),
         checker=checker,

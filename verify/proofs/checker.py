@@ -58,9 +58,14 @@ class Checker(Block[Config]):
         super().__init__(config, {**self.observed(config), **{name: Out(1) for name in outputs}})
 
     def observed(self, config: Config) -> dict[str, Any]:
-        """Return the checker's inputs: ports of the block, and registers by name (``inner``)."""
+        """Return the checker's inputs: ports of the block, registers by name (``inner``), and ``constants``."""
         ports = {name: In(member.shape) for name, member in self.block(config).signature.members.items()}
-        return ports | self.inner(config)
+        constants = {name: In(max(1, (count - 1).bit_length())) for name, count in self.constants(config).items()}
+        return ports | self.inner(config) | constants
+
+    def constants(self, config: Config) -> dict[str, int]:
+        """Return the inputs with any value that stays constant, each with the number of its values."""
+        return {}
 
     def inner(self, config: Config) -> dict[str, Any]:
         """Return the registers of the block that the checker observes."""
@@ -103,15 +108,16 @@ class Checker(Block[Config]):
             m.d.sync += value.eq(new)
         return value
 
-    def count_up(self, m: Module, number: Signal, clears: Any, counts: Any, start: Any = 0) -> Signal:
-        """Count the clocks with ``counts`` from ``start``; ``clears`` has priority."""
-        return self.keep(m, number, clears, counts, number + 1, start)
+    def count_to(self, m: Module, most: int, clears: Any, counts: Any, start: Any = 0, name: str = "count") -> Signal:
+        """Return a number of clocks with ``counts``, up to ``most``; ``clears`` has priority and sets ``start``."""
+        number = Signal(range(most + 1), name=name)
+        return self.keep(m, number, clears, counts & (number != most), number + 1, start)
 
     @staticmethod
-    def unchanged(m: Module, valid: Any, ready: Any, payload: Value, names: tuple[str, str]) -> tuple[Value, Signal]:
+    def unchanged(m: Module, valid: Any, ready: Any, payload: Value) -> tuple[Value, Signal]:
         """Return whether a waiting offer is unchanged, and whether an offer waits."""
-        waits = before(m, valid & ~ready, names[0])
-        same = payload == before(m, payload, names[1]) if len(payload) else Const(1)
+        waits = before(m, valid & ~ready, "waits")
+        same = payload == before(m, payload, "payload") if len(payload) else Const(1)
         return implies(waits, valid & same), waits
 
     def fair(self, m: Module, given: Any, asks: Any, other: Any) -> tuple[Any, Any]:

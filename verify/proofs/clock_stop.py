@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from eskin.rtl import yosys
-from eskin.rtl.block import Block, RtlilModules
+from eskin.rtl.block import Block
+from eskin.verify.proofs.bench import rtlil_of
 
 LISTENS = ("link", "host", "timer")
 """Names of parts without a clock gate, because they sample ACK or SPI, or count bins."""
@@ -62,10 +63,9 @@ def stands_still(block: Block[Any], awake: int = 0, mutant: str = "") -> bool:
     _add_ports(module, {"state": ("input", state)} | {name: ("output", bits) for name, bits in outputs.items()})
     files = {"still.json": json.dumps({"modules": {top: module}}).encode()}
     script = TO_ANSWER.format(top=top, awake=awake and (1 << len(all_awake)) - 1)
-    found = UNSOLVED.search(yosys.run(script, "", "said.txt", files))
-    if not found or not state or not all_awake:
-        raise AssertionError(f"the solver reports no result for {top} with {len(state)} registers")
-    return bool(found[1])
+    if not state or not all_awake:
+        raise AssertionError(f"nothing of {top} is compared, with {len(state)} registers")
+    return _solved(top, script, files)[0]
 
 
 @dataclass(frozen=True)
@@ -138,22 +138,20 @@ def clocked(
         "still.json": json.dumps({"modules": {block.module_name: module}}).encode(),
         "both.v": both.replace("CLOCKED", str(len(when) - 1)).encode(),
     }
-    said = yosys.run(TO_CLOCKS, "", "said.txt", files)
-    found = UNSOLVED.search(said)
-    if not found:
-        raise AssertionError(f"the solver reports no result for {block.module_name}")
+    alone, said = _solved(block.module_name, TO_CLOCKS, files)
     others = SHOWN.search(said)
     high = [name for name, bit in zip(when, reversed(others[1]), strict=True) if bit == "1"] if others else []
-    if found[1] is None and not high:
+    if not alone and not high:
         raise AssertionError(f"the solver does not report the clocked registers of {block.module_name}")
     return Clocked(tuple(name for name in high if name not in expected), "SAT solving finished - model found" in said)
 
 
-def rtlil_of(block: Block[Any]) -> str:
-    """Return the RTLIL of a block and of the blocks within it."""
-    made = RtlilModules(async_reset=False)
-    made.add(block)
-    return made.text
+def _solved(top: str, script: str, files: Mapping[str, bytes]) -> tuple[bool, str]:
+    """Return whether the solver proves what a script asks first, and all that it says."""
+    said = yosys.run(script, "", "said.txt", files)
+    if not (found := UNSOLVED.search(said)):
+        raise AssertionError(f"the solver reports no result for {top}")
+    return found[1] is not None, said
 
 
 def _flat(block: Block[Any], script: str, mutant: str) -> Any:

@@ -5,8 +5,9 @@ ABC, a part of the pinned Yosys, does both; it looks at the design as gates, an 
 
 import re
 import time
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 from eskin.rtl import yosys
 from eskin.verify.proofs.bench import TOP, cutting, design, exposing
@@ -21,10 +22,8 @@ TO_GATES = (
     "delete -port o:seen_*; opt_clean; write_aiger -I -zinit -no-startoffset proof.aig; design -reset; "
 )
 RUN_ABC = "read_verilog one_gate.v; prep; simplemap; abc -script solve.abc"
-"""Commands that start ABC: Yosys runs ABC to map gates, so this design has one gate, and the script of ABC reads the
-design to prove."""
-
 ONE_GATE = b"module one_gate(input a, b, output y); assign y = a & b; endmodule\n"
+MAPPED_GATE = b".model netlist\n.inputs a b\n.outputs y\n.names a b y\n11 1\n.end\n"
 ECHO = re.compile(r"\+ write_blif .*\n")
 """Line of another output stream, which can appear anywhere in the output of the solvers."""
 ASSERTED = re.compile(r"Output\s+(\d+) was asserted in frame\s+(\d+) \(solved")
@@ -34,8 +33,6 @@ EACH, TOGETHER = "scorr -C 10000; dc2; pdr -a -T {}", "orpos; scorr; pdr -T {}"
 """Scripts that prove the properties of a block one by one, or as one property.
 
 No retiming: ABC's gave registers wrong initial values."""
-ALL_PROVED = "Property proved"
-MAPPED_GATE = b".model netlist\n.inputs a b\n.outputs y\n.names a b y\n11 1\n.end\n"
 
 
 @dataclass(frozen=True)
@@ -47,6 +44,24 @@ class Verdict:
     reached: dict[str, int]  # properties whose case can happen, and the first clock in which it does
     depth: int  # clocks of the bounded search
     seconds: float
+
+    @classmethod
+    def of(cls, found: Mapping[tuple[str, str], int], depth: int, started: float, proved: Iterable[str] = ()) -> Self:
+        """Return the results for the first clocks by kind, ``bad`` or ``seen``, and property."""
+        failed, reached = (
+            {name: clock for (kind, name), clock in found.items() if kind == wanted} for wanted in ("bad", "seen")
+        )
+        return cls(frozenset(proved), failed, reached, depth, time.monotonic() - started)
+
+
+def ask(to_gates: str, rtlil: str, commands: Sequence[str], files: Mapping[str, bytes] | None = None) -> str:
+    """Return the output of ABC for commands that read what a script of Yosys has written.
+
+    Yosys runs ABC to map gates, so its design has one gate.
+    """
+    script = "\n".join(["set abcout said.txt", *commands, "read_blif gate.blif", "strash\n"])
+    own = {"one_gate.v": ONE_GATE, "gate.blif": MAPPED_GATE, "solve.abc": script.encode()}
+    return ECHO.sub("", yosys.run(to_gates + RUN_ABC, rtlil, "said.txt", own | dict(files or {})))
 
 
 def solve(checker: Checker[Any], depth: int, limit_s: int = 120, rtlil: str = "", cases: bool = True) -> Verdict:
@@ -60,23 +75,14 @@ def solve(checker: Checker[Any], depth: int, limit_s: int = 120, rtlil: str = ""
     names = [("bad", name) for name in bench.bad] + [("seen", name) for name in bench.seen]
     shrink, ways = (["scorr"], TOGETHER) if checker.together else ([], EACH)
     searched = "search.aig" if cases or not bench.clocked else "proof.aig"  # the search needs a register
-    commands = ["set abcout said.txt", f"read_aiger {searched}", "strash", *shrink, f"bmc3 -a -F {depth}"]
+    commands = [f"read_aiger {searched}", "strash", *shrink, f"bmc3 -a -F {depth}"]
     if limit_s:
         commands += ["read_aiger proof.aig", "strash", ways.format(limit_s)]
-    commands += ["read_blif gate.blif", "strash"]
-    files = {"one_gate.v": ONE_GATE, "gate.blif": MAPPED_GATE, "solve.abc": "\n".join(commands).encode() + b"\n"}
-    script = TO_GATES.format(top=TOP, cut=cutting(checker), expose=exposing(checker)) + RUN_ABC
-    said = ECHO.sub("", yosys.run(script, text, "said.txt", files))
+    said = ask(TO_GATES.format(top=TOP, cut=cutting(checker), expose=exposing(checker)), text, commands)
     if "Error:" in said:
         raise AssertionError(f"the solvers did not search {checker.block.module_name}: {said}")
     found = {names[int(n)]: int(clock) for n, clock in ASSERTED.findall(said)}
-    certain = {names[int(n)] for n in CONVERGED.findall(said)}
-    if checker.together and ALL_PROVED in said:
-        certain = {("bad", name) for name in bench.bad}
-    return Verdict(
-        proved=frozenset(name for kind, name in certain if kind == "bad"),
-        failed={name: clock for (kind, name), clock in found.items() if kind == "bad"},
-        reached={name: clock for (kind, name), clock in found.items() if kind == "seen"},
-        depth=depth,
-        seconds=time.monotonic() - started,
-    )
+    if checker.together and "Property proved" in said:
+        return Verdict.of(found, depth, started, bench.bad)
+    certain = [names[int(n)] for n in CONVERGED.findall(said)]
+    return Verdict.of(found, depth, started, (name for kind, name in certain if kind == "bad"))

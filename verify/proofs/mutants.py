@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from eskin.rtl import yosys
-from eskin.verify.proofs.bench import cutting, netlist
+from eskin.verify.proofs.bench import cutting, rtlil_of
 from eskin.verify.proofs.checker import Checker
 
 PREPARE = "read_rtlil readout.il; hierarchy -check -top {top}; proc; opt_clean; "
@@ -37,7 +37,8 @@ def mutants(checker: Checker[Any], count: int, seed: int, only: str = "") -> lis
     Seed 0 gives mutants of cells that compute or store, other seeds also those of mere wires. Mutants of clock pins are
     left out. ``only`` are arguments of ``mutate -list``, as in "-mode const0 -wire aer_req".
     """
-    return make(netlist(checker), checker.block.module_name, count, seed, only, cutting(checker))
+    block = checker.block(checker.config)
+    return make(rtlil_of(block), block.module_name, count, seed, only, cutting(checker))
 
 
 def make(rtlil: str, top: str, count: int, seed: int, only: str = "", cut: str = "") -> list[Mutant]:

@@ -79,6 +79,7 @@ class Proof:
         return f"{c.encoding} {c.frontend} {c.sample_bits} bits{tick}{' registers' * (c.registers != 'none')}"
 
 
+ENDS: tuple[Any, ...] = ("digital", "analog")
 SMALL = ReadoutConfig(sample_bits=6, resolution=2, window_period=2, leak_shift=2, fraction_bits=2)
 """Few bits, so that proofs reach the ends of the scale and the maximum of every counter."""
 
@@ -110,14 +111,13 @@ def links() -> list[Proof]:
 
 def taxels() -> list[Proof]:
     """Return the proofs of taxel and window: both front ends and decision rates, several bit widths."""
-    ends: tuple[Any, ...] = ("digital", "analog")
     codes: tuple[Any, ...] = registry.NAMES
-    windows = [SMALL.replace(encoding="cw-lcs", sample_bits=8, frontend=end) for end in ends]
+    windows = [SMALL.replace(encoding="cw-lcs", sample_bits=8, frontend=end) for end in ENDS]
     hosted = [window.replace(registers="spi", window_period=3) for window in windows]
-    few = [SMALL.replace(encoding=code, frontend=end) for code in codes for end in ends]
+    few = [SMALL.replace(encoding=code, frontend=end) for code in codes for end in ENDS]
     by_tick = [c.replace(decide_every="sample") for c in few]
     by_host = [c.replace(registers="spi", rows=1, resolution=3 if c.encoding == "lcs" else 2) for c in few]
-    wide = [NEAR_THE_END.replace(encoding=code, frontend=end) for code in codes for end in ends]
+    wide = [NEAR_THE_END.replace(encoding=code, frontend=end) for code in codes for end in ENDS]
     return [
         *(Proof(WindowChecker, c, 12, False, c == windows[0]) for c in windows),
         *(Proof(WindowChecker, c, 12, c == hosted[0]) for c in hosted),
@@ -134,9 +134,8 @@ def readouts() -> list[Proof]:
     few = ReadoutConfig(frontend="analog", sample_bits=4, resolution=2)
     spiking = [few.replace(rows=side, columns=side, link=link) for side in (1, 2) for link in links]
     tight = SMALL.replace(rows=2, columns=2, sample_bits=4, fraction_bits=1)
-    ends: tuple[Any, ...] = ("digital", "analog")
     coded = [tight.replace(encoding=code, sample_bits=6 if code == "cw-lcs" else 4) for code in registry.NAMES]
-    spiking += [c.replace(frontend=end) for c in coded for end in ends if (c.encoding, end) != ("lcs", "analog")]
+    spiking += [c.replace(frontend=end) for c in coded for end in ENDS if (c.encoding, end) != ("lcs", "analog")]
     spiking += [
         tight.replace(link="four_phase_dual"),
         tight.replace(link="four_phase", decide_every="sample"),
@@ -165,7 +164,7 @@ def hosts() -> list[Proof]:
     few = base.replace(rows=2, columns=2, encoding="nlcs", sample_bits=8, resolution=3, leak_period=5)
     more = base.replace(rows=5, columns=8, encoding="cw-lcs", window_period=5)
     window = base.replace(rows=1, columns=2, encoding="cw-lcs", sample_bits=8, resolution=3, window_period=3)
-    chosen = [window.replace(rows=2, fields="settable", frontend=end) for end in ("digital", "analog")]
+    chosen = [window.replace(rows=2, fields="settable", frontend=end) for end in ENDS]
     patterns = [base.replace(rows=2, columns=2), base.replace(rows=1, columns=4), base.replace(rows=4, columns=1)]
     return [
         Proof(NarrowSpiChecker, few, 27, True, True),

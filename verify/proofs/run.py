@@ -96,8 +96,8 @@ def outcomes(verdicts: Iterable[tuple[Proof, Verdict]], whole: bool = True) -> l
 def closing_line(problems: Collection[list[str]]) -> str:
     """Return the final message of ``make formal``."""
     failed = sum(map(bool, problems))
-    unbounded = len(problems) - failed
-    return f"proved: {len(problems) - failed} properties, {unbounded} of them unbounded, {failed} failed"
+    proved = len(problems) - failed
+    return f"proved: {proved} properties, {proved} of them unbounded, {failed} failed"
 
 
 @dataclass(frozen=True)

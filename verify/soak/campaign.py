@@ -41,15 +41,10 @@ class SoakFailed(Exception):  # the expected outcome for a faulty RTL, not a def
 
 
 PIECE = {
-    "seed": int,
     "configuration": {"rows": int, "columns": int},
-    "sources": str,
-    "simulator": str,
-    "runs": int,
-    "clocks": int,
-    "events": int,
     "seconds": float,
-    "commit": str,
+    **dict.fromkeys(("seed", *SUMMED), int),
+    **dict.fromkeys(("sources", "simulator", "commit"), str),
 }
 """Fields of the file of a configuration."""
 

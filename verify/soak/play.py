@@ -27,15 +27,12 @@ def command(draw: Draw, simulator: Simulator) -> str:
 
 def play(draws: Sequence[Draw], simulator: Simulator) -> Tally:
     """Simulate random runs of one configuration, and return the comparison totals."""
-    config = draws[0].config
-    program = build(config, simulator)
+    runs = (
+        ReadoutRun(draw.config, f"seed {draw.seed}, run {draw.run}", draw.stimulus, command(draw, simulator))
+        for draw in draws
+    )
     with scratch_folder(BUILD / "run", "soak") as folder:
-        return play_runs(program, (_run(draw, simulator) for draw in draws), folder)
-
-
-def _run(draw: Draw, simulator: Simulator) -> ReadoutRun:
-    """Return the run of a draw."""
-    return ReadoutRun(draw.config, f"seed {draw.seed}, run {draw.run}", draw.stimulus, command(draw, simulator))
+        return play_runs(build(draws[0].config, simulator), runs, folder)
 
 
 @dataclass(frozen=True)

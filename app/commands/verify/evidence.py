@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,45 +31,35 @@ def formal(
     The last line gives the number of proved properties. With --mutants and --out, a stopped search for mutants
     continues. With --block, the file keeps its results for other blocks.
     """
+    from eskin.verify.proofs import run
     from eskin.verify.proofs.engine import solve
-    from eskin.verify.proofs.run import (
-        YOSYS,
-        Hunt,
-        closing_line,
-        earlier,
-        hunts,
-        judge,
-        mutants_line,
-        outcomes,
-        write,
-    )
 
     chosen, verdicts = _chosen(block, small), []
     if block:
-        earlier(out)  # damaged results are refused before the proofs
+        run.earlier(out)  # damaged results are refused before the proofs
     for proof in chosen:
         verdicts.append((proof, solve(proof.checker(proof.config), proof.depth, limit)))
         said = verdicts[-1][1]
         print(f"{proof.block:<15}{proof.size:<28}{len(said.proved):>3} proved{said.seconds:>7.1f} s", flush=True)
-    results = outcomes(verdicts, whole=not small)
-    pieces, found = Pieces(out, YOSYS), list[Hunt]()
+    results = run.outcomes(verdicts, whole=not small)
+    pieces, found = Pieces(out, run.YOSYS), list[run.Hunt]()
     for name in sorted({proof.block for proof in chosen}) if mutants else []:
         of_block = []
-        for one in hunts(name, _chosen(name, small=False), pieces):
+        for one in run.hunts(name, _chosen(name, small=False), pieces):
             print(f"{name:<15}{one.size:<28}{one.killed:>3} of {len(one.mutants)} mutants killed", flush=True)
             of_block.append(one)
-        judge([outcome for outcome in results if outcome.block == name], of_block)
+        run.judge([outcome for outcome in results if outcome.block == name], of_block)
         found += of_block
     if out:
-        write(results, found, out, common.make_line("formal", BLOCK=block, SMALL=small, MUTANTS=mutants), block)
+        run.write(results, found, out, common.make_line("formal", BLOCK=block, SMALL=small, MUTANTS=mutants), block)
         pieces_of(out).unlink(missing_ok=True)
     for outcome in results:
         for problem in outcome.problems:
             print(f"{outcome.block}: {outcome.name}: {problem}")
     if mutants:
-        print(mutants_line(results, found))
+        print(run.mutants_line(results, found))
     problems = [outcome.problems for outcome in results]
-    common.conclude((), closing_line(problems), failed=any(problems))
+    common.conclude((), run.closing_line(problems), failed=any(problems))
 
 
 def faults(
@@ -100,7 +89,7 @@ def coverage(
     A stopped run continues with the missing simulations.
     """
     from eskin.verify.coverage.plan import runs
-    from eskin.verify.coverage.run import closing_line, judge, play, write
+    from eskin.verify.coverage.run import closing_line, judge, play, summary
     from eskin.verify.coverage.waivers import waivers
 
     chosen = [run for run in runs() if (run.small or not small) and run.name.startswith(only)]
@@ -113,7 +102,7 @@ def coverage(
     reached = play(chosen, out, tell)
     verdict = judge(reached, waivers(), whole=not (small or only))
     command = common.make_line("coverage", SMALL=small, ONLY=only and repr(only))
-    write(out / "coverage.json", command, reached, verdict)
+    write_json(out / "coverage.json", origin(command) | summary(reached, verdict))
     common.conclude(verdict.problems, closing_line(reached, verdict), mark="")
 
 
@@ -144,11 +133,12 @@ def crosscheck(
     said = [problem for problems in texts(config).values() for problem in problems]
     if out:
         command = common.make_line("crosscheck", ROWS=config.rows, COLUMNS=config.columns, ENCODING=config.encoding)
-        write_json(out, {**origin(command), "config": config.to_dict(), **asdict(played), "slang": said})
+        write_json(out, {**origin(command), "config": config.to_dict(), **played, "slang": said})
     common.conclude(
         said,
-        f"crosscheck: {played.runs} runs, {played.clocks} clocks, {played.events} events in CXXRTL as in the model, "
-        f"{played.of_texture} of a texture; slang: {len(said)} problems",
+        "crosscheck: {runs} runs, {clocks} clocks, {events} events in CXXRTL as in the model, "
+        "{of_texture} of a texture; ".format(**played)
+        + f"slang: {len(said)} problems",
         mark="",
     )
 

@@ -26,7 +26,7 @@ from eskin.rtl import yosys
 from eskin.rtl.verilog import YOSYS_SCRIPT
 from eskin.verify.coverage.boards.host import JOB, RUN_CLOCKS
 from eskin.verify.coverage.constructs import with_points
-from eskin.verify.coverage.points.blocks import board as points
+from eskin.verify.coverage.points.designs import board as points
 
 
 def text(config: BoardConfig) -> str:

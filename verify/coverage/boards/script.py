@@ -25,19 +25,13 @@ LONGEST_RUN = (1 << 32) - 1
 MOST_SAMPLES = MOST_PAYLOAD // 2 * 2
 
 
-def load() -> tuple[BoardConfig, dict[str, Any]]:
-    """Return the design under test, and the test data."""
-    job = json.loads(Path(os.environ[JOB]).read_text())
-    chip = ChipConfig.from_dict(job["chip"]) if job["chip"] else None
-    return BoardConfig(chip=chip, serial=SerialConfig(**job["serial"])), job
-
-
 @cocotb.test()
 async def host_does_everything(dut: Any) -> None:
     """Run all host actions and disturbances, and check every response."""
-    config, job = load()
-    rng = random.Random(job["seed"])
-    host = Host(dut, config, rng)
+    job = json.loads(Path(os.environ[JOB]).read_text())
+    chip = ChipConfig.from_dict(job["chip"]) if job["chip"] else None
+    config = BoardConfig(chip=chip, serial=SerialConfig(**job["serial"]))
+    host = Host(dut, config, random.Random(job["seed"]))
     if config.chip is None:
         dut.aer_req.value = 0
         dut.aer_req_off.value = 0
@@ -159,7 +153,7 @@ async def full(host: Host) -> None:
 
 async def sessions(host: Host) -> None:
     """Start sessions and resets while the board sends, receives and runs."""
-    longest = LONGEST_RUN.to_bytes(4, "little")
+    busy = (Kind.RUN, LONGEST_RUN.to_bytes(4, "little")) if host.config.chip else (Kind.STATUS,)
     for pause in (1, 3, 11, 25, 60, 130, 260):
         await host.hello(wait=False)
         await host.bits(pause)
@@ -167,10 +161,10 @@ async def sessions(host: Host) -> None:
         await host.send(Kind.STATUS)
         await host.bits(pause)
         await host.hello(number=pause % 256)
-        await host.send(Kind.RUN if host.config.chip else Kind.STATUS, longest if host.config.chip else b"")
+        await host.send(*busy)
         await host.hello(wait=False)
         await host.bits(QUIET_BITS)
-        await host.send(Kind.RUN if host.config.chip else Kind.STATUS, longest if host.config.chip else b"")
+        await host.send(*busy)
         await host.put(Frame(Kind.STATUS, host.sequence, b"").encode()[: 3 + pause % 5])
         await host.reset(2 + pause)
         await host.hello()
@@ -301,9 +295,7 @@ async def foreign(host: Host) -> None:
         await Timer(pause * CLOCK_NS, "ns")
         if pause % 2:
             await host.reset(3)
-            await host.hello()
-        else:
-            await host.hello()
+        await host.hello()
         host.dut.aer_req.value = 0
         await host.quiet()
         addresses = [one.address for one in host.data if isinstance(one, Event)]
@@ -333,8 +325,7 @@ async def _sent(host: Host, events: list[tuple[int, int]], lossless: bool) -> No
     if not 0 < len(found) <= len(events) or (lossless and len(found) != len(events)):
         raise Mismatch(f"of {len(events)} events {len(found)} came")
     wanted = iter(zip(times, (address for _, address in events), strict=True))
-    late = []
-    for one in found:  # in their order; those between them were lost
-        late.append(next((one.time - time for time, address in wanted if address == one.address), None))
+    # In their order; those between them were lost.
+    late = [next((one.time - time for time, address in wanted if address == one.address), None) for one in found]
     if None in late or (lossless and max(late) - min(late) > 2):  # type: ignore[type-var, operator]
         raise Mismatch(f"events came as {found}")

@@ -29,9 +29,11 @@ class ArbiterChecker(Checker[ReadoutConfig]):
     }
 
     def observed(self, config: ReadoutConfig) -> dict[str, Any]:
-        taxel = In(max(1, (config.taxels - 1).bit_length()))
-        own = {"request": In(config.taxels), "watch": taxel, "rival": taxel}
-        return super().observed(config) | own | ({"polarity": In(config.taxels)} if config.has_polarity else {})
+        kinds = ("request", "polarity") if config.has_polarity else ("request",)
+        return super().observed(config) | dict.fromkeys(kinds, In(config.taxels))
+
+    def constants(self, config: ReadoutConfig) -> dict[str, int]:
+        return dict.fromkeys(("watch", "rival"), config.taxels)
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
         """Drive the row and column lines as ``eskin.rtl.taxel.Row`` does, from arbitrary requests."""
@@ -79,8 +81,7 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         left = before(m, self.event_valid & self.event_ready, "left")
         yield "no_bubble", implies(asked_before, self.event_valid), asked_before & left
         payload = Cat(getattr(self, n) for n in ("event_row", "event_col", "event_polarity") if self.has(n))
-        names = ("waits", "payload")
-        yield "payload_stable", *self.unchanged(m, self.event_valid, self.event_ready, payload, names)
+        yield "payload_stable", *self.unchanged(m, self.event_valid, self.event_ready, payload)
 
     def _order(self, m: Module) -> Promises:
         asked, granted = self.row_request.any(), self.granted.any()
@@ -111,26 +112,20 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         alone = latched & ~self.row_request.any()
         yield "latched_is_offered", implies(latched, self.event_valid), alone
         # Clocks of a ready sink since the request was raised; one that is raised again is counted anew.
-        clocks = Signal(range(bound + 1))
-        with m.If(self.event_ready & (clocks != bound)):
-            m.d.sync += clocks.eq(clocks + 1)
-        with m.If(~latched & ~requests | mine):
-            m.d.sync += clocks.eq(0)
+        clocks = self.count_to(m, bound, ~latched & ~requests | mine, self.event_ready)
         yield "leaves_in_time", clocks != bound, mine & (clocks >= columns)
         exists = ~self.event_valid | ((row < self.config.rows) & (column < self.config.columns))
         yield "address_correct", implies(named, latched) & exists, named
         yield "exactly_one_event", implies(takes & latched, mine), takes & latched
 
-        ahead = Signal(range(columns + 1))
-        self.count_up(m, ahead, takes, leaves & (ahead != columns))
+        ahead = self.count_to(m, columns, takes, leaves)
         yield "in_turn", implies(latched, ahead < columns), mine & (ahead == columns - 1)
 
         # Events that left since the request was raised, the one that leaves now not counted; kept when it is latched.
-        waited, kept = Signal(range(bound + 2)), Signal(range(bound + 2))
-        after = Signal(range(bound + 2))
+        waited, after = Signal(range(bound + 2)), Signal(range(bound + 2))
         m.d.comb += after.eq(waited + (leaves & (waited != bound)))
         m.d.sync += waited.eq(after & (requests & ~takes).replicate(len(after)))
-        self.count_up(m, kept, takes, leaves & (kept != bound), start=after)
+        kept = self.count_to(m, bound, takes, leaves, start=after)
         late = (latched & (kept >= bound)) | (waited >= bound)
         yield "no_starvation", ~late, mine & (kept == bound - 1)
 

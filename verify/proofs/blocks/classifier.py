@@ -35,10 +35,8 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         "events_fit": "at most clocks_per_bin / groups events are taken in a bin"
     }
 
-    def observed(self, config: ClassifierConfig) -> dict[str, Any]:
-        rows, classes = config.hidden + config.inputs, max(config.classes, config.groups)
-        bits = {"watch": rows, "rival": classes}
-        return super().observed(config) | {name: In(max((n - 1).bit_length(), 1)) for name, n in bits.items()}
+    def constants(self, config: ClassifierConfig) -> dict[str, int]:
+        return {"watch": config.hidden + config.inputs, "rival": max(config.classes, config.groups)}
 
     def inner(self, config: ClassifierConfig) -> dict[str, Any]:
         return {
@@ -57,9 +55,9 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         }
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
-        events = Signal(range(self.config.events_per_bin + 1), name="events_of_bin")
-        m.d.comb += self.event_valid.eq(free("event_valid", 1) & ~(events == self.config.events_per_bin))
-        self.count_up(m, events, self.bin_end | self.scan_start, self.event_valid & self.event_ready)
+        most, taken = self.config.events_per_bin, self.event_valid & self.event_ready
+        events = self.count_to(m, most, self.bin_end | self.scan_start, taken, name="events_of_bin")
+        m.d.comb += self.event_valid.eq(free("event_valid", 1) & (events != most))
         return {"event_valid"}
 
     def _look(self, m: Module) -> None:
@@ -67,8 +65,7 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         config = self.config
         clears = config.hidden + config.classes + 2
         self.taken = self.event_valid & self.event_ready
-        events = Signal(range(config.events_per_bin + 2))
-        self.count_up(m, events, self.bin_end | self.scan_start, self.taken & (events <= config.events_per_bin))
+        events = self.count_to(m, config.events_per_bin + 1, self.bin_end | self.scan_start, self.taken)
         self.suppose(m, "events_fit", events <= config.events_per_bin)
         self.left = Signal(range(clears + 1), init=clears)
         m.d.sync += self.left.eq(Mux(self.scan_start, clears, self.left - (self.left != 0)))
@@ -103,8 +100,7 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
 
     def _count(self, m: Module, more: Value, ends: Value, most: int, name: str) -> Signal:
         """Return the number of additions in a bin, counted up to one above the limit."""
-        added = Signal(range(most + 2), name=name)
-        return self.count_up(m, added, ends | self.scan_start, more & (added <= most))
+        return self.count_to(m, most + 1, ends | self.scan_start, more, name=name)
 
 
 class ScheduleChecker(_ClassifierChecker):
@@ -128,12 +124,7 @@ class ScheduleChecker(_ClassifierChecker):
         adds = self.lane_0_add_valid & (self.read == Cat(group, self.watch)) & real
         arrives = self.taken & (self.port("event_channel") + config.hidden == self.watch) & real
         owed = Signal(3)
-        with m.If(self.scan_start):
-            m.d.sync += owed.eq(0)
-        with m.Elif(self.compared):
-            m.d.sync += owed.eq(self.hidden_spike & real)
-        with m.Else():
-            m.d.sync += owed.eq(owed + arrives - adds)
+        self.keep(m, owed, self.scan_start, 1, Mux(self.compared, self.hidden_spike & real, owed + arrives - adds))
         judged = self.hidden_valid & ((self.watch >= config.hidden) | (self.hidden_index == self.watch)) & real
         had = Signal()
         with m.If(adds | judged):
@@ -152,12 +143,8 @@ class ScheduleChecker(_ClassifierChecker):
         adds = self.spike & (self.word == address) & (self.watch < config.hidden)
         shown = self.output_valid & (self.output_index == self.rival)
         owed = Signal(name="output_owed")
-        with m.If(self.scan_start):
-            m.d.sync += owed.eq(0)
-        with m.Elif(self.compared):
-            m.d.sync += owed.eq(self.hidden_spike & (self.rival < config.classes))
-        with m.Elif(adds):
-            m.d.sync += owed.eq(0)
+        due = self.compared & self.hidden_spike & (self.rival < config.classes)
+        self.keep(m, owed, self.scan_start, self.compared | adds, due)
         yield "spike_counted", implies(adds, owed) & implies(shown, ~owed), adds
         ordered = implies(self.output, self.output_index == self.turn) & implies(self.spike, self.number == self.turn)
         aligned = implies(self.class_valid, self.turn == 0)
@@ -196,11 +183,9 @@ class ScheduleChecker(_ClassifierChecker):
         """Count the clocks in which no event is taken."""
         config = self.config
         most = config.groups + 2 * self._longest + config.hidden + config.classes + 2
-        waits = Signal(range(most + 2))
-        self.count_up(m, waits, self.event_ready | self.bin_end | self.scan_start, waits <= most)
+        waits = self.count_to(m, most + 1, self.event_ready | self.bin_end | self.scan_start, 1)
         yield "ready_in_time", waits <= most, self.event_ready & (waits > config.hidden)
-        stalls = Signal(STALL_BITS)
-        self.count_up(m, stalls, self.scan_start, self.event_valid & ~self.event_ready & ~stalls.all())
+        stalls = self.count_to(m, (1 << STALL_BITS) - 1, self.scan_start, self.event_valid & ~self.event_ready)
         yield "stalls_counted", self.stall_count == stalls, stalls != 0
 
 

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import Any, ClassVar
 
 from amaranth.hdl import Const, Module, Mux, Signal
-from amaranth.lib.wiring import In
 
 from eskin.model.config import ReadoutConfig
 from eskin.model.decay import decay_phases
@@ -21,22 +20,18 @@ class DecayChecker(Checker[ReadoutConfig]):
 
     block: ClassVar[type[Any]] = DecayTicks
 
-    def observed(self, config: ReadoutConfig) -> dict[str, Any]:
-        return super().observed(config) | {"watch": In(max(1, (config.rows - 1).bit_length()))}
+    def constants(self, config: ReadoutConfig) -> dict[str, int]:
+        return {"watch": config.rows}
 
     def check(self, m: Module) -> Promises:
         self._surroundings(m)
         period, restart = self._period()
         rows, most = self.config.rows, self.config.leak_period
         ticks, since = Signal(range(most)), Signal(range(most + 1))
-        leaks = Signal()
-        m.d.comb += leaks.eq(self._of_row())
+        leaks = self._of_row()
         counts = self.tick & ~restart
-        with m.If(restart):
-            m.d.sync += [ticks.eq(0), since.eq(0)]
-        with m.Elif(self.tick):
-            m.d.sync += ticks.eq(Mux(ticks + 1 >= period, 0, ticks + 1))
-            m.d.sync += since.eq(Mux(leaks, 1, since + (since != 0)))
+        self.keep(m, ticks, restart, self.tick, Mux(ticks + 1 >= period, 0, ticks + 1))
+        self.keep(m, since, restart, self.tick, Mux(leaks, 1, since + (since != 0)))
         phases = [(row * period) // rows for row in range(rows)]
         phase = pick(phases, self.watch)
         real = self.watch < rows

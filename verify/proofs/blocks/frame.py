@@ -3,7 +3,6 @@
 from typing import Any
 
 from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal
-from amaranth.lib.wiring import In
 
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl.frame import FrameReadout
@@ -18,15 +17,15 @@ class FrameChecker(Checker[FrameConfig]):
 
     block = FrameReadout
 
-    def observed(self, config: FrameConfig) -> dict[str, Any]:
-        return super().observed(config) | {"watch": In((config.words_per_frame * config.word_bits - 1).bit_length())}
+    def constants(self, config: FrameConfig) -> dict[str, int]:
+        return {"watch": config.words_per_frame * config.word_bits}
 
     def check(self, m: Module) -> Promises:
         rows, columns, settle = self.config.rows, self.config.columns, self.config.settle_clocks
         row, column = Signal(rows, init=1, name="row_now"), Signal(columns, init=1, name="column_now")
         scan, converting = Signal(), Signal()
-        taken, last = Signal(), Signal()
-        m.d.comb += [taken.eq(converting & self.adc_done), last.eq(taken & row[-1] & column[-1])]
+        taken = converting & self.adc_done
+        last = taken & row[-1] & column[-1]
         m.d.sync += [
             scan.eq((scan | self.frame_start) & ~last),
             converting.eq((converting | self.adc_start) & ~taken),
@@ -40,19 +39,15 @@ class FrameChecker(Checker[FrameConfig]):
         )
         yield "taxels_in_order", selected, self.adc_start & row[-1] & column[-1]
         yield "one_conversion_each", implies(self.adc_start, scan & ~converting), self.adc_start
-        waited = Signal(range(settle + 6))
-        self.count_up(m, waited, ~scan | converting, waited != settle + 5)
+        waited = self.count_to(m, settle + 5, ~scan | converting, 1)
         yield "settled", implies(self.adc_start, waited >= settle), self.adc_start & (waited == settle)
-        stuck = Signal(range(settle + 6))
-        m.d.sync += stuck.eq(
-            (stuck + 1) & (scan & ~converting & ~self.adc_start & self.word_ready).replicate(len(stuck))
-        )
+        stuck = self.count_to(m, settle + 5, ~scan | converting | self.adc_start | ~self.word_ready, 1)
         yield "scan_goes_on", stuck < settle + 3, self.adc_start
         missed = before(m, self.frame_start & scan, "missed")
         yield "overrun_exact", self.frame_overrun == missed, missed & ~scan
         yield from self._words(m, taken, last, row, column)
 
-    def _words(self, m: Module, taken: Signal, last: Signal, row: Signal, column: Signal) -> Promises:
+    def _words(self, m: Module, taken: Any, last: Any, row: Signal, column: Signal) -> Promises:
         """Track one bit of a frame from its code to its word."""
         config = self.config
         bits, width, count = config.resolution, config.word_bits, config.words_per_frame
@@ -80,8 +75,7 @@ class FrameChecker(Checker[FrameConfig]):
         shown = Array([*(self.word_data[place % width] for place in places), *padding])[self.watch]
         yield "words_carry_codes", implies(due, shown == (kept[out] & real)), due & shown
         yield "sync_on_first", implies(self.word_valid, self.word_sync == (number == 0)), ends
-        behind = Signal(range(6))
-        m.d.sync += behind.eq((behind + (behind != 5)) & ((into != out) & self.word_ready & ~ends).replicate(3))
+        behind = self.count_to(m, 5, (into == out) | ~self.word_ready | ends, 1)
         yield "frame_completes", behind < 4, (into != out) & ends
         word = Cat(self.word_data, self.word_sync)
-        yield "word_stable", *self.unchanged(m, self.word_valid, self.word_ready, word, ("waits", "word"))
+        yield "word_stable", *self.unchanged(m, self.word_valid, self.word_ready, word)

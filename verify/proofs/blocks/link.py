@@ -32,8 +32,7 @@ class LinkChecker(Checker[ReadoutConfig]):
         known, kept = Signal(), Signal(init=1)
         follows = ~known | ~((ack & ~ack_before & ~req) | (~ack & ack_before & req))
         m.d.sync += [known.eq(1), kept.eq(kept & follows)]
-        receiver = Signal()
-        m.d.comb += receiver.eq(kept & follows)
+        receiver = kept & follows
         self.suppose(m, "ack_follows_req", follows)
 
         setup = before(m, taken, "taken")
@@ -66,8 +65,7 @@ class LinkChecker(Checker[ReadoutConfig]):
             ("req_answers_ack", req & ack, ~req),
             ("ready_answers_ack", ~in_hand & ~ack & ~req & ~setup, self.event_ready),
         ):
-            clocks = Signal(range(5), name=f"{name}_clocks")
-            m.d.sync += clocks.eq(waiting.replicate(3) & (clocks + (clocks != 4)))
+            clocks = self.count_to(m, 4, ~waiting, 1, name=f"{name}_clocks")
             full = 3 if name == "req_answers_ack" else 2
             yield name, implies((clocks >= full) & waiting, done), clocks == full
 

@@ -3,7 +3,6 @@
 from typing import Any, ClassVar
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal
-from amaranth.lib.wiring import In
 
 from eskin.model.tiles.config import TilesConfig
 from eskin.rtl.tiles.merge import Merge
@@ -26,9 +25,8 @@ class MergeChecker(Checker[TilesConfig]):
         "tiles_hold_events": "an event that a tile offers stays, the same in every bit, until taken"
     }
 
-    def observed(self, config: TilesConfig) -> dict[str, Any]:
-        tile = In(max(1, config.tile_bits))
-        return super().observed(config) | {"watch": tile, "rival": tile}
+    def constants(self, config: TilesConfig) -> dict[str, int]:
+        return dict.fromkeys(("watch", "rival"), config.tiles)
 
     def check(self, m: Module) -> Promises:
         tiles = self.config.tiles
@@ -39,8 +37,7 @@ class MergeChecker(Checker[TilesConfig]):
         offers = [self._payload("tile", index) for index in range(tiles)]
         stays = Const(1)
         for index, payload in enumerate(offers):
-            valid, ready, names = self.tile_valid[index], self.tile_ready[index], (f"waits_{index}", f"payload_{index}")
-            stays &= self.unchanged(m, valid, ready, payload, names)[0]
+            stays &= self.unchanged(m, self.tile_valid[index], self.tile_ready[index], payload)[0]
         kept = Signal(init=1)
         m.d.sync += kept.eq(kept & stays)
         self.suppose(m, "tiles_hold_events", stays)
@@ -55,8 +52,7 @@ class MergeChecker(Checker[TilesConfig]):
         asked, left = before(m, self.tile_valid.any(), "asked"), before(m, self.tile_valid.any() & leaves, "left")
         yield "no_bubble", implies(asked, self.event_valid), left & self.event_valid
         offered = self._payload("event", 0, with_tile=True)
-        stable = self.unchanged(m, self.event_valid, self.event_ready, offered, ("stalls", "offered"))
-        yield "payload_stable", *stable
+        yield "payload_stable", *self.unchanged(m, self.event_valid, self.event_ready, offered)
         last, jumps = cyclic(m, self.tile_valid, taken)
         yield "tile_order", ~jumps, taken.any() & (taken <= last)
         yield from self._watched(m, taken, leaves, kept & stays, offers)
@@ -65,7 +61,7 @@ class MergeChecker(Checker[TilesConfig]):
         """Track the events of one tile: those in the merge, and the offered event."""
         tiles = self.config.tiles
         given = pick(taken, self.watch)
-        mine = leaves & (self._tile() == self.watch)
+        mine = leaves & (self.port("event_tile") == self.watch)
         inside = Signal(range(DEPTH + 2))
         m.d.sync += inside.eq(inside + given - mine)
         payload = pick(offers, self.watch) if len(offers[0]) else None
@@ -77,18 +73,17 @@ class MergeChecker(Checker[TilesConfig]):
             with m.If(mine | (inside == 0)):
                 m.d.sync += oldest.eq(Mux(inside == DEPTH, newest, payload))
             right &= self._payload("event", 0) == oldest
-        exists = self._tile() < tiles
+        exists = self.port("event_tile") < tiles
         yield "in_order", implies(mine, right) & implies(self.event_valid, exists), mine & (inside == DEPTH)
 
         # Events that left since the watched tile's was offered, the one that leaves now not counted.
         bound = tiles + DEPTH
         waits = pick(self.tile_valid & ~self.tile_ready, self.watch)
-        waited, kept_count = Signal(range(bound + 1)), Signal(range(bound + 1))
-        after = Signal(range(bound + 1))
+        waited, after = Signal(range(bound + 1)), Signal(range(bound + 1))
         m.d.comb += after.eq(waited + (leaves & (waited != bound)))
         m.d.sync += waited.eq(Mux(waits, after, 0))
         # The newest event of the tile within the merge is the latest to leave.
-        self.count_up(m, kept_count, given, leaves & (kept_count != bound), start=after)
+        kept_count = self.count_to(m, bound, given, leaves, start=after)
         late = ((inside != 0) & (kept_count >= bound)) | (waited >= bound)
         yield "no_starvation", implies(kept, ~late), mine & (inside == 1) & (kept_count == bound - 1)
 
@@ -102,10 +97,7 @@ class MergeChecker(Checker[TilesConfig]):
         parts = self.config.tiles if stream == "tile" else 1
         bits = [len(word) // parts for word in words]
         fields = [word[index * width : (index + 1) * width] for word, width in zip(words, bits, strict=True)]
-        return Cat(*fields, *([self._tile()] if with_tile else []))
-
-    def _tile(self) -> Any:
-        return self.event_tile if self.has("event_tile") else Const(0, 1)
+        return Cat(*fields, *([self.port("event_tile")] if with_tile else []))
 
 
 class RelayChecker(Checker[TilesConfig]):
@@ -134,7 +126,7 @@ class RelayChecker(Checker[TilesConfig]):
         yield "none_lost", counts, held == DEPTH
         same = offered == oldest[: len(offered)] if len(offered) else Const(1)
         yield "in_order", implies(leaves, (held != 0) & same), leaves & (held == DEPTH)
-        stands, stalls = self.unchanged(m, self.event_valid, self.event_ready, offered, ("stalls", "offered"))
+        stands, stalls = self.unchanged(m, self.event_valid, self.event_ready, offered)
         yield "payload_stable", stands, stalls & (held == DEPTH)
         came = before(m, comes, "came")
         yield "no_bubble", implies(came, self.event_valid), came & before(m, leaves, "left")

@@ -39,8 +39,7 @@ class PatternChecker(Checker[ReadoutConfig]):
 
     def check(self, m: Module) -> Promises:
         config = self.config
-        asks, taken = Signal(), Signal()
-        m.d.comb += [asks.eq(self.row_request.any()), taken.eq((self.row_request & self.granted).any())]
+        asks, taken = self.row_request.any(), (self.row_request & self.granted).any()
         taxel = Cat(encode(self.column_request), encode(self.row_request))
         place = Cat(getattr(self, name) for name in ("at_column", "at_row") if self.has(name))
         runs = (self.mode != 0) & ~self.restart
@@ -70,24 +69,17 @@ class PatternChecker(Checker[ReadoutConfig]):
         right = implies(runs & begun, place == due) & implies(asks & begun, taxel == due)
         yield "in_turn", right, asks & begun & (due == 0) & (self.mode == ALL)
         if config.has_polarity:
-            with m.If(self.restart):
-                m.d.sync += due_sign.eq(self.on)
-            with m.Elif(taken & self.turns & ((self.mode != ALL) | last)):
-                m.d.sync += due_sign.eq(~due_sign)
+            turns = taken & self.turns & ((self.mode != ALL) | last)
+            self.keep(m, due_sign, self.restart, turns, ~due_sign, start=self.on)
             yield "polarity_turns", implies(asks, sign == due_sign), asks & (due_sign != self.on)
         yield from self._pace(m, asks, taken, quiet)
 
-    def _pace(self, m: Module, asks: Signal, taken: Signal, quiet: Any) -> Promises:
+    def _pace(self, m: Module, asks: Any, taken: Any, quiet: Any) -> Promises:
         """Count the clocks since a request rose."""
-        since, old, took = Signal(17), before(m, asks, "asks"), before(m, taken, "taken")
+        old, took = before(m, asks, "asks"), before(m, taken, "taken")
         fresh = asks & (~old | took)
-        idle = Signal(init=1)
-        with m.If(quiet):
-            m.d.sync += [since.eq(0), idle.eq(1)]
-        with m.Elif(fresh):
-            m.d.sync += [since.eq(1), idle.eq(0)]
-        with m.Elif(since != (1 << 17) - 1):
-            m.d.sync += since.eq(since + 1)
+        idle = self.keep(m, Signal(init=1, name="idle"), quiet, fresh, 0, start=1)
+        since = self.count_to(m, (1 << 17) - 1, quiet | fresh, 1, start=~quiet)
         early = ~idle & (since < (Const(1, 1) << self.interval))
         late = ~quiet & ~asks & ~idle & (since >= (Const(1, 1) << self.interval)) & ~early
         started = before(m, ~quiet & (self.mode != 0), "started")

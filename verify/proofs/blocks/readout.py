@@ -32,13 +32,12 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         "others_do_not_move": shows_steps,
     }
 
-    def observed(self, config: ReadoutConfig) -> dict[str, Any]:
-        return super().observed(config) | {"watch": In(max(1, (config.taxels - 1).bit_length()))}
+    def constants(self, config: ReadoutConfig) -> dict[str, int]:
+        return {"watch": config.taxels}
 
     def check(self, m: Module) -> Promises:
         config = self.config
-        enable = Signal()
-        m.d.comb += enable.eq(pick([*self.taxel_enable], self.watch))
+        enable = pick([*self.taxel_enable], self.watch)
         event, polarity = self._event(m)
         if shows_steps(config):
             step, up = yield from self._steps_at_ports(m, enable)
@@ -64,7 +63,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
             found[wire] = pick(own, self.watch) if own else Const(1)
         return before(m, found["asks"] & found["moves"], "decided"), found["polarity"]
 
-    def _steps_at_ports(self, m: Module, enable: Signal) -> Generator[tuple[str, Any, Any], None, tuple[Any, Any]]:
+    def _steps_at_ports(self, m: Module, enable: Any) -> Generator[tuple[str, Any, Any], None, tuple[Any, Any]]:
         """Return whether the watched reference moved one clock before, and whether it moved up."""
         config = self.config
         reference = Signal(signed(config.sample_bits), name="u")
@@ -72,10 +71,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         m.d.comb += reference.eq(pick(words, self.watch).as_signed())
         old, on = before(m, reference, "u"), before(m, enable, "enable")
         known = before(m, Const(1, 1), "known")
-        step = Signal()
-        m.d.comb += step.eq(on & (reference != old))
-        size = Signal(signed(config.sample_bits + 2))
-        m.d.comb += size.eq(reference - old)
+        step, size = on & (reference != old), reference - old
         exact = (size == 0) | (size == config.step) | (size == -config.step)
         yield "others_do_not_move", implies(on, exact), step
         off = known & ~on
@@ -83,10 +79,9 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         yield "masked_is_reset", implies(off, reference == start), off & (old != start)
         return step, reference > old
 
-    def _event(self, m: Module) -> tuple[Signal, Any]:
+    def _event(self, m: Module) -> tuple[Any, Any]:
         """Return whether an event of the watched taxel leaves in this clock, and its polarity."""
         config = self.config
-        event = Signal(name="event_leaves")
         if config.link == "stream":
             row, column = self.port("event_row"), self.port("event_col")
             leaves = self.event_valid & self.event_ready
@@ -97,20 +92,16 @@ class ReadoutChecker(Checker[ReadoutConfig]):
             column = self.aer_addr[: config.column_bits]
             row = self.aer_addr[config.column_bits :][: config.row_bits]
             polarity = self.aer_req_on if config.link == "four_phase_dual" else self.aer_addr[-1]  # without: not read
-        m.d.comb += event.eq(leaves & (row * config.columns + column == self.watch))
-        return event, polarity
+        return leaves & (row * config.columns + column == self.watch), polarity
 
-    def _queue(self, m: Module, enable: Signal, step: Signal, up: Any, event: Signal, polarity: Any) -> Promises:
+    def _queue(self, m: Module, enable: Any, step: Any, up: Any, event: Any, polarity: Any) -> Promises:
         """Queue the signs of steps whose events have not left yet."""
         depth = 2 if self.config.link == "stream" else 3
         steady, count, signs = Signal(init=1), Signal(range(depth + 2)), Signal(depth + 1)
         m.d.sync += steady.eq(steady & enable)
         # A step that is seen in this clock was made at the end of the one before: its event may not leave yet.
-        now, held = Signal(range(depth + 2)), Signal(depth + 1)
-        m.d.comb += [
-            now.eq(count + (step & (count <= depth))),
-            held.eq(signs | (up << count) & step.replicate(depth + 1)),
-        ]
+        now = count + (step & (count <= depth))
+        held = (signs | (up << count) & step.replicate(depth + 1))[: depth + 1]
         m.d.sync += [
             count.eq(now - (event & (now != 0))),
             signs.eq(Cat(Array([held, Cat(held[1:], Const(0, 1))])[event])),
@@ -122,18 +113,14 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         yield "none_outstanding", implies(steady, now <= depth), steady & (now == depth)
         if self.config.link == "stream":
             bound = (self.config.rows + 1) * self.config.columns + 2
-            clocks = Signal(range(bound + 2))
-            waiting = (now != 0) & self.event_ready & ~event
-            self.count_up(m, clocks, event | (now == 0), waiting & (clocks <= bound))
+            clocks = self.count_to(m, bound, event | (now == 0), self.event_ready)
             yield "leaves_in_time", implies(steady, clocks < bound), event & steady & (clocks >= self.config.columns)
 
-    def _masked(self, m: Module, enable: Signal, event: Signal) -> Promises:
+    def _masked(self, m: Module, enable: Any, event: Any) -> Promises:
         most = 1 if self.config.link == "stream" else 2
-        left = Signal(range(most + 2))
-        self.count_up(m, left, enable, event & (left <= most))
+        left = self.count_to(m, most + 1, enable, event)
         yield "masked_is_silent", left <= most, ~enable & (left == most)
         if self.config.link == "stream":
             bound = self.config.columns + 1
-            clocks = Signal(range(bound + 1))
-            self.count_up(m, clocks, enable, self.event_ready & (clocks != bound))
+            clocks = self.count_to(m, bound, enable, self.event_ready)
             yield "masked_for_good", implies(~enable & (clocks == bound), ~event), ~enable & event

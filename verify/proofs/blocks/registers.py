@@ -20,6 +20,12 @@ from eskin.verify.proofs.blocks.spi import Transfers
 from eskin.verify.proofs.checker import Checker, Promises, before, implies
 
 
+def _allowed(register: Register, data: Value) -> Value:
+    """Return whether data may be written to a register."""
+    values = [(data[field.low :][: field.width], field) for field in register.fields]
+    return Cat((value >= field.least) & (value <= field.most) for value, field in values).all()
+
+
 class RegistersChecker(Checker[ReadoutConfig]):
     """Checker of the register file; bus and counted signals are free.
 
@@ -28,9 +34,8 @@ class RegistersChecker(Checker[ReadoutConfig]):
 
     block: ClassVar[type[RegisterFile]] = RegisterFile
 
-    def observed(self, config: ReadoutConfig) -> dict[str, Any]:
-        count = max(len(registers(config)), config.taxels)
-        return super().observed(config) | {"watch": In((count - 1).bit_length())}
+    def constants(self, config: ReadoutConfig) -> dict[str, int]:
+        return {"watch": max(len(registers(config)), config.taxels)}
 
     def check(self, m: Module) -> Promises:
         found = registers(self.config)
@@ -48,11 +53,11 @@ class RegistersChecker(Checker[ReadoutConfig]):
                 (Const(r.address, WORD_BITS) for r in found),
                 (Const(r.reset, WORD_BITS) for r in found),
                 (Const(sum((1 << f.width) - 1 << f.low for f in r.fields), WORD_BITS) for r in found),
-                (self._allowed(r) for r in found),
+                (_allowed(r, self.write_data) for r in found),
             )
         )
-        known, word, here = Signal(), Signal(WORD_BITS), Signal()
-        m.d.comb += here.eq((self.address == address) & (self.watch < len(found)))
+        known, word = Signal(), Signal(WORD_BITS)
+        here = (self.address == address) & (self.watch < len(found))
         with m.If(self.write & here & allowed):
             m.d.sync += [known.eq(1), word.eq(self.write_data & described)]
         expected = Mux(known, word, reset)
@@ -66,13 +71,8 @@ class RegistersChecker(Checker[ReadoutConfig]):
                     moved.append(value != field.reset)
         yield "always_in_range", Cat(ranges).all(), Cat(moved).any()
 
-    def _allowed(self, register: Register) -> Value:
-        """Return whether the write data are allowed in a register."""
-        data = [(self.write_data[f.low :][: f.width], f) for f in register.fields]
-        return Cat([(value >= f.least) & (value <= f.most) for value, f in data]).all()
-
     def _fixed(self, m: Module, found: tuple[Register, ...]) -> Promises:
-        right, written, free = [], Signal(), Signal()
+        right, written = [], Signal()
         for register in found:
             if all(field.kind == "constant" for field in register.fields):
                 here = self.address == register.address
@@ -82,7 +82,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
         yield "constants_hold", Cat(right).all(), written
         silent = [r.address for r in found if all(field.kind == "pulse" for field in r.fields)]
         silent_here = Cat(self.address == address for address in silent).any()
-        m.d.comb += free.eq(~Cat(self.address == r.address for r in found).any() | silent_here)
+        free = ~Cat(self.address == r.address for r in found).any() | silent_here
         after = before(m, free & self.write & self.write_data.all(), "written_there")
         yield "holes_read_zero", implies(free, self.read_data == 0), free & after
 
@@ -108,7 +108,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
         right, seen = [], []
         for register in found:
             for field in register.fields:
-                written = self.write & (self.address == register.address) & self._allowed(register)
+                written = self.write & (self.address == register.address) & _allowed(register, self.write_data)
                 if field.kind == "pulse":
                     value = getattr(self, register.signal(field))
                     written &= self.write_data[field.low]
@@ -127,9 +127,8 @@ class RegistersChecker(Checker[ReadoutConfig]):
             for field in register.fields:
                 if field.kind == "counter":
                     bits = min(field.width, self.block.counter_bits)
-                    number = Signal(bits, name=f"{register.name}_count")
                     counts = getattr(self, register.signal(field) + COUNTS)
-                    self.count_up(m, number, self.clear, counts & (number != (1 << bits) - 1))
+                    number = self.count_to(m, (1 << bits) - 1, self.clear, counts, name=f"{register.name}_count")
                     here = self.address == register.address
                     right.append(implies(here, self.read_data == number))
                     seen.append(here & (number == 3))
@@ -205,10 +204,7 @@ class HostChecker(Checker[ReadoutConfig]):
         for register in registers(self.config):
             constant = sum(f.reset << f.low for f in register.fields if f.kind in ("setting", "constant"))
             word = Signal(WORD_BITS, init=constant, name=f"{register.name}_{register.index or 0}_word")
-            within = Cat(
-                (data[f.low :][: f.width] >= f.least) & (data[f.low :][: f.width] <= f.most) for f in register.fields
-            )
-            write = sent.complete & (sent.address == register.address) & within.all()
+            write = sent.complete & (sent.address == register.address) & _allowed(register, data)
             if any(field.kind == "setting" for field in register.fields):
                 described = sum((1 << f.bits) - 1 << f.low for f in register.fields)
                 with m.If(write):

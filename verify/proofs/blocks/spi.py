@@ -27,13 +27,11 @@ class Transfers:
         opens = ~cs_n[1] & cs_n[2] & cs_n[3]
         m.d.sync += self.under_way.eq(opens | (self.under_way & ~cs_n[1]))
         unbroken = self.under_way & ~cs_n[1]
-        self.rise, self.fall = Signal(name="rise"), Signal(name="fall")
-        m.d.comb += [self.rise.eq(unbroken & sck[1] & ~sck[2]), self.fall.eq(unbroken & ~sck[1] & sck[2])]
+        self.rise, self.fall = unbroken & sck[1] & ~sck[2], unbroken & ~sck[1] & sck[2]
 
         # Bits of the command and the word so far, and all that was sent, taken with every rise.
         bits, sent, writes = Signal(range(whole_bits)), Signal(max(self.word_bits, command_bits)), Signal()
-        whole, now = Signal(), Cat(mosi[1], sent[:-1])
-        m.d.comb += whole.eq(bits == whole_bits - 1)
+        whole, now = bits == whole_bits - 1, Cat(mosi[1], sent[:-1])
         with m.If(opens):
             m.d.sync += bits.eq(0)
         with m.Elif(self.rise):
@@ -49,12 +47,8 @@ class Transfers:
 
     def shown(self, m: Module, word: Value) -> Value:
         """Return the bit of a word that MISO must show; the slave copies the word before its first bit."""
-        kept = Signal(self.word_bits, name="kept")
-        with m.If(self.fall & self.reads & self.first):
-            m.d.sync += kept.eq(word)
-        with m.Elif(self.fall & self.reads):
-            m.d.sync += kept.eq(Cat(Const(0, 1), kept[:-1]))
-        return kept[-1]
+        kept, moves = Signal(self.word_bits, name="kept"), self.fall & self.reads
+        return Checker.keep(m, kept, moves & self.first, moves, Cat(Const(0, 1), kept[:-1]), start=word)[-1]
 
 
 def _past(m: Module, pin: Value, name: str, clocks: int) -> list[Signal]:

@@ -13,10 +13,6 @@ from eskin.rtl.taxel import Taxel
 from eskin.verify.proofs.checker import Checker, Promises, at_most_one, before, implies
 
 
-def _digital(config: ReadoutConfig) -> bool:
-    return config.frontend == "digital"
-
-
 def _analog(config: ReadoutConfig) -> bool:
     return config.frontend == "analog"
 
@@ -44,7 +40,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
     block = Taxel
     only: ClassVar = {
         "ends_do_nothing": _analog,
-        "approaches": lambda config: _digital(config) and not _leaks(config),
+        "approaches": lambda config: not _analog(config) and not _leaks(config),
         "polarity_of_step": lambda config: config.has_polarity,
         "window_opens": lambda config: config.closes,
         "leak_is_monotone": _leaks,
@@ -176,10 +172,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
             m.d.sync += known.eq(self.enable & (known | self.sample_valid))
             m.d.comb += sample.eq(Mux(known, kept, 0))
         else:
-            with m.If(~self.enable):
-                m.d.sync += sample.eq(0)
-            with m.Elif(self.sample_valid):
-                m.d.sync += sample.eq(newest)
+            self.keep(m, sample, ~self.enable, self.sample_valid, newest)
         self._sample = sample
         gap = Signal(signed(config.sample_bits + 4), name="gap")
         m.d.comb += gap.eq(sample - (reference >> self._fraction))
@@ -219,7 +212,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
         near = acted & (now.reference + step >= config.full_scale << self._fraction)
         on = before(m, self.enable, "on")
         yield "never_wraps", implies(on, (jump <= up) & (jump >= -down)), on & near
-        if _digital(config) and not _leaks(config):
+        if not _analog(config) and not _leaks(config):
             sample = before(m, self._sample, "x")
             after, ahead = (_magnitude(m, sample - u, name) for u, name in ((now.reference, "after"), (old, "ahead")))
             yield "approaches", implies(acted, after < ahead), acted

@@ -39,8 +39,7 @@ class WindowChecker(Checker[ReadoutConfig]):
 
     def _built(self, m: Module, levels: int, period: int) -> tuple[Any, Any]:
         """Return the number of closing steps that must have happened, and whether the window is closed."""
-        quiet = Signal(range(period * levels + 1))
-        self.count_up(m, quiet, self.open, self.tick & (quiet != period * (levels - 1)))
+        quiet = self.count_to(m, period * (levels - 1), self.open, self.tick)
         due: Any = levels - 1
         for step in reversed(range(levels - 1)):
             due = Mux(quiet < period * (step + 1), step, due)
@@ -50,8 +49,7 @@ class WindowChecker(Checker[ReadoutConfig]):
         """Return the number of closing steps that must have happened, for a period that a host sets."""
         quiet, due = Signal(range(self.config.window_period)), Signal(range(levels))
         closes = (quiet + 1 >= self.period) & (due != levels - 1)
-        with m.If(self.open):
-            m.d.sync += [quiet.eq(0), due.eq(0)]
-        with m.Elif(self.tick & (due != levels - 1)):
-            m.d.sync += [quiet.eq(Mux(closes, 0, quiet + 1)), due.eq(due + closes)]
+        counts = self.tick & (due != levels - 1)
+        self.keep(m, quiet, self.open, counts, Mux(closes, 0, quiet + 1))
+        self.keep(m, due, self.open, counts, due + closes)
         return due, due == levels - 1

@@ -1,4 +1,4 @@
-"""Coverage points of frame readout, merge of tiles, relay stations, boards, classifier and chip."""
+"""Coverage points of every design."""
 
 import itertools
 from collections.abc import Iterator
@@ -8,10 +8,14 @@ from eskin.board.records import Reason
 from eskin.board.serial_frames import MOST_PAYLOAD
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig, highest, lowest
+from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.model.frame_words import bit_positions
-from eskin.model.tiles.config import TilesConfig
+from eskin.model.tiles.config import MergeConfig, TilesConfig
+from eskin.rtl.verilog import Config
 from eskin.verify.coverage.points.point import Named, Point, points_of, table
+from eskin.verify.coverage.points.readout import readout
+from eskin.verify.coverage.points.registers import registers
 
 STATES = (
     "at rest",
@@ -22,6 +26,24 @@ STATES = (
     "adding to outputs",
     "ending",
 )
+
+
+def points(config: Config | BoardConfig) -> list[Point]:
+    """Return the coverage points of a configuration."""
+    if isinstance(config, BoardConfig):
+        return list(board(config))
+    if isinstance(config, TilesConfig):  # a readout too, of tiles
+        return [*merge(config), *(lines(config) if config.relays else ())]
+    if isinstance(config, ReadoutConfig):
+        return list(registers(config) if config.registers == "spi" else readout(config))
+    if isinstance(config, FrameConfig):
+        return list(frames(config))
+    if isinstance(config, ClassifierConfig):
+        return list(classifier(config))
+    if isinstance(config, ChipConfig):
+        return list(chip(config))
+    assert isinstance(config, MergeConfig)
+    return list(merge(config.skin))
 
 
 def frames(config: FrameConfig) -> Iterator[Point]:
