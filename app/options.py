@@ -248,9 +248,9 @@ def check_frame(config: ReadoutConfig, given: frozenset[str]) -> None:
         raise InputError(f"{option_name(idle[0])} has no effect on a frame readout; leave it out")
 
 
-def option_name(field: str) -> str:
-    """Return the command-line option for a field of ReadoutConfig."""
-    return option_of(ReadoutConfig.__dataclass_fields__[field])
+def option_name(field: str, cls: Any = ReadoutConfig) -> str:
+    """Return the command-line option for a field of a dataclass."""
+    return option_of(cls.__dataclass_fields__[field])
 
 
 def check_encoder(config: ReadoutConfig, typed: Iterable[str]) -> None:

@@ -11,7 +11,6 @@ from eskin.app.commands import common
 from eskin.app.options import opt, with_fields
 from eskin.app.tables import new_table, print_report, print_table, show
 from eskin.base.errors import InputError
-from eskin.base.figures.files import DEFAULT_OUT
 from eskin.base.progress import bar
 from eskin.base.units import with_unit
 from eskin.power import study
@@ -138,7 +137,7 @@ def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
 
 
 def fig6(
-    out: common.Out = DEFAULT_OUT,
+    out: common.Out = common.DEFAULT_OUT,
     data_out: common.DataOut = None,
     settings: common.Settings = None,
     synthesis: common.Synthesis = None,
@@ -153,7 +152,7 @@ def fig6(
 
 
 def fig7(
-    out: common.Out = DEFAULT_OUT,
+    out: common.Out = common.DEFAULT_OUT,
     data_out: common.DataOut = None,
     settings: common.Settings = None,
     synthesis: common.Synthesis = None,
@@ -168,7 +167,7 @@ def fig7(
 
 
 def sensitivity(
-    out: common.Out = DEFAULT_OUT,
+    out: common.Out = common.DEFAULT_OUT,
     data_out: common.DataOut = None,
     settings: common.Settings = None,
     synthesis: common.Synthesis = None,
@@ -223,7 +222,7 @@ def explore(
     rates: common.Rates = None,
     synthesis: common.Synthesis = None,
     settings: common.Settings = None,
-    out: common.Out = DEFAULT_OUT,
+    out: common.Out = common.DEFAULT_OUT,
     as_json: common.Json = False,
 ) -> None:
     """Find the readout and resolution with the least power for your sensor."""

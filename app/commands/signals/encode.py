@@ -15,14 +15,13 @@ from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import (
     DEFAULTS,
     PREPARATION,
-    option_named,
     print_notes,
     print_set,
     quality_text,
     scale_text,
     warn,
 )
-from eskin.app.options import RECORDINGS, arg, opt, out_file, with_config, with_fields
+from eskin.app.options import RECORDINGS, arg, opt, option_name, out_file, with_config, with_fields
 from eskin.app.tables import new_table, show
 from eskin.base.errors import InputError
 from eskin.base.figures.style import check_picture_path
@@ -74,20 +73,16 @@ def encode(
         with common.open_pool(workers, scheduler, threads=True) as pool:
             _encode_folder(source, out, preparation_of(source, config, prepared), config, given, pool)
         return
-    if workers is not None or scheduler is not None:
-        option = "--workers" if scheduler is None else "--scheduler"
+    of_folder = {"--scheduler": scheduler, "--workers": workers, "--strict": prepared.get("strict")}
+    if unused := [option for option, value in of_folder.items() if value is not None]:
         raise InputError(
-            f"{option} is for the recordings of a folder, but {source} is a single input; leave {option} out"
-        )
-    if "strict" in prepared:
-        raise InputError(
-            f"--strict is for the recordings of a folder, but {source} is a single input; leave --strict out"
+            f"{unused[0]} is for the recordings of a folder, but {source} is a single input; leave {unused[0]} out"
         )
     check_event_path(out)
     kind = source.suffix.lower()
     if kind in IMAGE_SUFFIXES:
         if prepared:
-            option = option_named(next(iter(prepared)))
+            option = option_name(next(iter(prepared)), Preparation)
             raise InputError(f"{option} is only for samples; the preset sets the scale of an image")
         made = encode_image(source, config, preset or "physical", start_row or 0.0, model)
     elif kind in ARRAY_SUFFIXES:
@@ -183,8 +178,10 @@ def compare(
         check_picture_path(plot)
     first, second = Recording.load(a), Recording.load(b)
     labels = (a.name, b.name) if a.name != b.name else (str(a), str(b))
-    for line in _settings_that_differ(first, second, labels):
-        print(line)
+    settings, others = (one.config.to_dict() | {"duration_clocks": one.duration_clocks} for one in (first, second))
+    for name, value in settings.items():
+        if value != others[name]:
+            print(f"{name} differs: {labels[0]} {value}; {labels[1]} {others[name]}")
     difference = first_difference(first.events, second.events)
     if plot is not None:
         duration = max(first.duration_clocks, second.duration_clocks)
@@ -196,17 +193,6 @@ def compare(
     print(difference.describe(labels))
     _print_counts(first, second, labels)
     raise typer.Exit(1)
-
-
-def _settings_that_differ(first: Recording, second: Recording, labels: tuple[str, str]) -> list[str]:
-    fields = [
-        recording.config.to_dict() | {"duration_clocks": recording.duration_clocks} for recording in (first, second)
-    ]
-    return [
-        f"{name} differs: {labels[0]} {value}; {labels[1]} {fields[1][name]}"
-        for name, value in fields[0].items()
-        if value != fields[1][name]
-    ]
 
 
 def _print_counts(first: Recording, second: Recording, labels: tuple[str, str]) -> None:
