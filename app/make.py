@@ -159,7 +159,6 @@ def command_lines(target: str, parameters: dict[str, Any], variables: dict[str, 
 
 
 def _arguments(parameters: dict[str, Any], variables: dict[str, str]) -> list[str]:
-    """Return the command arguments for make variables."""
     options: list[str] = []
     positional: list[str] = []
     for name in (name for name in parameters if name in variables):
@@ -257,7 +256,6 @@ def print_help() -> None:
 
 
 def _clean(dry: bool) -> None:
-    """Remove build results and cached scans."""
     clear = [python(), "-m", "eskin", "cache", "--clear"]
     if dry:
         print(shlex.join(clear), shlex.join(["rm", "-r", *BUILT]), sep="\n")

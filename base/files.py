@@ -170,7 +170,6 @@ class Pieces:
 
 
 def _seal(piece: dict[str, Any]) -> str:
-    """Return a digest of a partial result."""
     return hashlib.sha256(json.dumps(piece).encode()).hexdigest()[:12]
 
 

@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from eskin.app.catalogue import MODULES
-from tests.order import LONG, long_first
-from tests.quick import BLOCKS, COMMANDS, OTHERS, chosen, fits
+from tests.quick import BLOCKS, COMMANDS, LONG, OTHERS, chosen, fits, long_first
 
 ROOT = Path(__file__).parents[1]
 

@@ -18,7 +18,6 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder with the unpacked wheel."""
     folder = tmp_path_factory.mktemp("wheel")
     sources = folder / "sources"
     for name in ("eskin", "cocotbext-aer", *ROOMS):

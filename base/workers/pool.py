@@ -149,7 +149,6 @@ class Local(WorkerPool):
             piece.future.set_result(done.result())
 
     def _renew(self, broken: ProcessPoolExecutor | ThreadPoolExecutor) -> None:
-        """Replace a broken pool by a new one."""
         with self._renewing:
             if self._pool is broken:
                 self._pool = self._new_pool()

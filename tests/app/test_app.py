@@ -42,7 +42,6 @@ def show(config: ReadoutConfig, given: frozenset[str], word: Annotated[str, type
 
 @app.command()
 def fail(how: str) -> None:
-    """Fail in a chosen way."""
     failures: dict[str, BaseException] = {
         "input": InputError("the\n  sentence."),
         "file": FileNotFoundError(2, "No such file or directory", "none/here"),
@@ -131,7 +130,6 @@ def test_every_field_has_a_help_text_and_an_option() -> None:
 
 @pytest.mark.parametrize("cls", [ReadoutConfig, FrameConfig])
 def test_one_table_of_fields_says_all(cls: type) -> None:
-    """Check that option, unit and meaning come from the field."""
     own = [field for field in dataclasses.fields(cls) if field.name != "readout"]
     assert len({option_of(field) for field in own}) == len(own)
     assert all(field.metadata[key] for field in own for key in ("source", "meaning"))
@@ -252,7 +250,6 @@ def test_a_check_of_the_project_stands_behind_dev(call: Any) -> None:
 
 
 def test_own_options_stand_before_shared_ones(call: Any) -> None:
-    """Check that a command's own options come first in its help, then rows, columns and encoder."""
     headings = [line for line in call("encode --help")[1].splitlines() if line.endswith(":") and line[0] != " "]
     assert headings == ["Arguments:", "Options:", *(f"{heading}:" for heading in SHARED)]
     out = call("sim --help")[1]

@@ -114,7 +114,6 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "guide" / "files.md"
 
 
 def block(language: str) -> str:
-    """Return the fenced code block of a language."""
     (text,) = re.findall(rf"```{language}\n(.*?)```", DOCUMENT.read_text(), re.DOTALL)
     return str(text)
 

@@ -32,7 +32,6 @@ def line_of(name: str, given: dict[str, str]) -> str:
 
 @cache
 def command(name: str) -> Command:
-    """Return a command of ``eskin``."""
     return cast(Command, Commands(MODULES)[name])
 
 

@@ -48,14 +48,12 @@ def some_events(count: int = 300, seed: int = 0) -> Events:
 
 
 def write_run(folder: Path, rtl: Events, model: Events, model_config: ReadoutConfig = CONFIG) -> None:
-    """Write the event files of a run of ``make sim``."""
     folder.mkdir(parents=True)
     Recording(rtl, CONFIG, CLOCKS, metadata={"name": EVIL + r"$\frac"}).save(folder / "rtl.npz")
     Recording(model, model_config, CLOCKS).save(folder / "model.npz")
 
 
 def data_of(text: str) -> Any:
-    """Return the data in a page."""
     found = re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.DOTALL)
     assert found
     return json.loads(found[1])
@@ -87,7 +85,6 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def full(place: Path) -> str:
-    """Return a page with one example of everything."""
     return report(place, f"--sim sim --replay replay {FILES}")
 
 

@@ -82,7 +82,6 @@ def printed() -> Iterator[Printed]:
 
 
 def typed(block: str) -> list[str]:
-    """Return the command lines of a code block."""
     lines = block.replace("\\\n", " ").splitlines()
     return [line for line in lines if line.startswith("$ ")] or lines
 

@@ -82,7 +82,6 @@ def _mode_text(model: PowerModel) -> str:
 
 
 def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> None:
-    """Print power breakdowns as a table, one column per readout."""
     table = new_table(("power", *(READOUT_NAMES[readout] for readout in READOUTS)), f"{title}, {_mode_text(model)}")
 
     def add(name: str, values: Iterable[float | None], style: str = "") -> None:
@@ -101,7 +100,6 @@ def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> Non
 
 
 def _print_crossovers(data: dict[str, Any], sides: dict[str, Any], model: PowerModel) -> None:
-    """Print crossovers as a table, one row per resolution."""
     lines = [(f"N-LCS {float(tau):g} s", data["nlcs"][tau], sides["nlcs"][tau]) for tau in data["nlcs"]]
     lines.append(("LCS", data["lcs"], sides["lcs"]))
     title = f"AFE noise (mV rms) where spikes and frames need equal power, {_mode_text(model)}"
@@ -121,7 +119,6 @@ def _side_text(noise_v_rms: float | None, side: str) -> str:
 
 
 def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
-    """Print every parameter with unit, meaning and source, and the corrections."""
     shown = ("unit", "source", "meaning")
     fields = dataclasses.fields(parameters)
     if as_json:
@@ -183,7 +180,6 @@ def sensitivity(
 
 
 def _print_sensitivity(data: dict[str, Any]) -> None:
-    """Print the sensitivity study as a table."""
     title = (
         f"spiking / frame power, N = {data['resolution']}, tau {data['tau_s']:g} s, at AFE noise in mV rms; "
         f"below 1 spikes need less power"

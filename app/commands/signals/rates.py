@@ -57,7 +57,6 @@ def _textures(place: str | None, limit: int | None) -> Dataset:
 
 
 def _print_rates(report: dict[str, Any]) -> None:
-    """Print event rates as a table."""
     rate, published, tau_s = (report[k] for k in ("population_rate_hz", "published_rate_hz", "tau_s"))
     rows = {
         "readout": f"{report['encoding']} {report['resolution']} b"
@@ -105,7 +104,6 @@ def frames(
 
 
 def _print_traffic(report: dict[str, Any]) -> None:
-    """Print data rates as a table, one row per readout."""
     cells = "{title} | {events_per_s:,.0f} | {bits_per_event} | {bits_per_s:,.0f} | {ratio_to_frame:.3g}"
     cells += " | {events_per_taxel_per_s:,.0f} | {equal_frame_rate_hz:,.1f}"
     frame = "frame | {words_per_s:,.0f} | {bits_per_word} | {bits_per_s:,.0f} | 1"
@@ -182,7 +180,6 @@ def study(
 
 
 def _print_study(found: dict[str, Any]) -> None:
-    """Print the study of slow signals as a table."""
     print_table(
         "encoder | N | events/s | kbit/s | SNR dB | uniform dB | its bits | its rate/s | clock kHz",
         [point | {"title": registry.named(point["encoding"]).title} for point in found["points"]],
