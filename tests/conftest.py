@@ -8,14 +8,17 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
+from typing import cast
 
 import pytest
 import typer
 from hypothesis import settings
 
 from eskin.app import make
-from eskin.app.cli import app, run
+from eskin.app.catalogue import MODULES
+from eskin.app.cli import Command, Commands, app, run
 
 Call = Callable[..., tuple[int, str, str]]
 
@@ -51,6 +54,17 @@ def run_eskin(*arguments: object, program: typer.Typer = app) -> subprocess.Comp
         run(program, "eskin" if program is app else "test", words)
     assert isinstance(left.value.code, int)
     return subprocess.CompletedProcess(words, left.value.code, out.getvalue(), err.getvalue())
+
+
+def without_numbers(text: str) -> str:
+    """Return a text with every number replaced, because the last digits depend on libraries."""
+    return re.sub(r"\d+(\.\d+)?(e\+\d+)?", "#", re.sub(" +", " ", text))
+
+
+@cache
+def command(name: str) -> Command:
+    """Return a command of ``eskin``."""
+    return cast(Command, Commands(MODULES)[name])
 
 
 @pytest.fixture

@@ -182,7 +182,6 @@ def test_a_target_runs_whatever_file_has_its_name(make: Make, checkout: Path) ->
     for name in ("sim", "power", "lint.o"):
         (checkout / name).unlink(missing_ok=True)
         (checkout / name).write_text("")
-    assert make("-n", "sim").stdout.splitlines()[-1] == ".venv/bin/python -m eskin sim"
     assert make("-n", "lint.o").stderr.startswith("error: there is no target lint.o; did you mean lint?\n")
     done = make("-n", "sim", "lint")
     assert ".venv/bin/python -m eskin sim\n" in done.stdout

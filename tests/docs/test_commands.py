@@ -8,9 +8,8 @@ import re
 import shlex
 import shutil
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -21,8 +20,8 @@ from typer._click.exceptions import MissingParameter
 
 from eskin.app import make
 from eskin.app.catalogue import DEV, MODULES, words_of
-from eskin.app.cli import Command, Commands
 from eskin.base.errors import InputError
+from tests.conftest import command
 from tests.skins import write_skin
 
 ROOT = Path(__file__).parents[2]
@@ -41,7 +40,6 @@ RUN = (
     "eskin power --parameters",
     "make explore ROWS=12 COLUMNS=16",
     "eskin explore --rows 12 --columns 16 --bandwidth 500 --noise 2e-4 --event-rate 30000",
-    "eskin frames --resolution 6",
     "eskin rates --preset physical --dataset embedded --limit 12",
     "eskin encode brick.png -o brick.npz --encoding lcs --resolution 4",
     "eskin compare brick.npz brick.npz",
@@ -84,11 +82,6 @@ def printed() -> Iterator[Printed]:
 def typed(block: str) -> list[str]:
     lines = block.replace("\\\n", " ").splitlines()
     return [line for line in lines if line.startswith("$ ")] or lines
-
-
-@cache
-def command(name: str) -> Command:
-    return cast(Command, Commands(MODULES)[name])
 
 
 def words_behind(text: str) -> list[str]:

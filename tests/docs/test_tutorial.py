@@ -1,20 +1,15 @@
 """Test that the tutorial runs, and that its page shows the output."""
 
 import os
-import re
 import shutil
 from pathlib import Path
 
 import pytest
 
 from docs import tutorial_page
+from tests.conftest import without_numbers
 
 ROOT = Path(__file__).parents[2]
-
-
-def without_numbers(text: str) -> str:
-    """Return a text with every number replaced, because the last digits depend on libraries."""
-    return re.sub(r"\d+(\.\d+)?", "#", re.sub(" +", " ", text))
 
 
 def test_the_page_shows_what_the_tutorial_prints(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
