@@ -96,7 +96,6 @@ make sim GATES=1 runs gatesim, make asic SCALE=1 asic-scale.
 Example: make sim ROWS=12 COLUMNS=16 ENCODING=nlcs RESOLUTION=6 SIM=icarus WAVES=1"""
 
 TARGETS = [*OWN, *STEPS, *MODULES]
-ONE_LINE = 999  # one line for each target in the list, which can then be searched
 BUILT = ("build", ".pytest_cache", ".mypy_cache", ".ruff_cache", ".hypothesis")
 INSIDE = "--inside"  # argument of the launcher in the environment's interpreter
 
@@ -252,7 +251,7 @@ def print_help() -> None:
     """Print the targets, and how to set options of a command."""
     project = OWN | {name: text for name, (text, _) in STEPS.items()}
     listed = {"Project": project} | {heading: {n: SUMMARIES[n] for n in names} for heading, names in GROUPS.items()}
-    print("\n".join(["make TARGET [VARIABLE=value ...]", *sections(listed, ONE_LINE), "", ENDING]))
+    print("\n".join(["make TARGET [VARIABLE=value ...]", *sections(listed, width=999), "", ENDING]))
 
 
 def _clean(dry: bool) -> None:

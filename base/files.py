@@ -23,8 +23,6 @@ from eskin.base.outputs import check_file, in_out, is_stream, new_part
 if TYPE_CHECKING:  # the launcher of make runs where NumPy is not installed yet
     from numpy.typing import NDArray
 
-PROBE_BYTES = 2**17  # a disk that is not full has room for these
-
 
 @contextlib.contextmanager
 def atomic_write(path: Path) -> Iterator[IO[bytes]]:
@@ -105,7 +103,7 @@ def refusing_a_full_disk(folder: Path) -> Iterator[None]:
     except Exception:
         try:
             with tempfile.TemporaryFile(dir=folder) as probe:
-                probe.write(bytes(PROBE_BYTES))
+                probe.write(bytes(2**17))  # a disk that is not full has room for these
         except OSError as error:
             raise InputError(f"cannot write to {folder}: {error.strerror}") from None
         raise

@@ -225,15 +225,11 @@ def finger_tuned() -> Rows:
     words = {f"seed {seed}": of_seed[REPETITION] for seed, of_seed in enumerate(tuned["network"])}
     for name, word in (words | {"mean logits of the three seeds": tuned["vote"]}).items():
         found = score(_classes(labels), _classes(word))
-        right, cottons = found["accuracy"], sum(_of_cottons(a, b) for a, b in zip(labels, word, strict=True))
+        right = found["accuracy"]
+        cottons = sum({a, b} == {"0", "1"} for a, b in zip(labels, word, strict=True))  # one taken for the other
         cells = f"{name} | {round(right * len(labels))} of {len(labels)} | {100 * right:.1f} % | "
         cells += f"{100 * found['balanced_accuracy']:.1f} % | {cottons} | {'met' if right >= 0.99 else 'missed'}"
         yield cells
-
-
-def _of_cottons(label: str, predicted: str) -> bool:
-    """Return whether a prediction takes one of the two cottons for the other."""
-    return {label, predicted} == {"0", "1"}
 
 
 def finger_tuning_values() -> dict[str, Any]:

@@ -26,10 +26,6 @@ from eskin.power.study import RESOLUTIONS, TAUS_S
 SENSOR = ("rows", "columns", "signal_bandwidth_hz", "supply_v", "pads_voltage_v", "pads_toggle")
 """Parameters of the power model with an option; ``--set`` changes the other parameters."""
 
-STORED_RATES = (
-    "event rates: those of textures in the {} scan, which come with the project; --event-rate gives your sensor's own"
-)
-
 
 def power(
     mode: str | None = opt(None, "paper|consistent", "published model, or with all corrections [paper]"),
@@ -242,7 +238,8 @@ def explore(
     model = build_model(frozenset(CORRECTIONS), own, synthesis, source, parameters)
     data = explore_data(model, noise, tau, min_resolution)
     if event_rate is dataset is rates is None:
-        print(STORED_RATES.format(preset_name), file=sys.stderr if as_json else sys.stdout)
+        stored = f"event rates: those of textures in the {preset_name} scan, which come with the project"
+        print(f"{stored}; --event-rate gives your sensor's own", file=sys.stderr if as_json else sys.stdout)
     common.store(out, "explore", data, plot_explore, quiet=as_json)
     print_report(data, as_json, _print_explored)
 
