@@ -148,13 +148,11 @@ def command_lines(target: str, parameters: dict[str, Any], variables: dict[str, 
     if target in MODULES:
         given = DEFAULTS.get(target, {}) | variables
         return [[python(), "-m", "eskin", *words_of(target), *_arguments(parameters, given)]]
-    lines = []
-    for step in STEPS[target][1]:
-        words: list[str] = [python()]
-        for word in shlex.split(step):
-            words += shlex.split(variables.get(word[1:], "")) if word.startswith("$") else [word]
-        lines.append(words)
-    return lines
+
+    def filled(word: str) -> list[str]:
+        return shlex.split(variables.get(word[1:], "")) if word.startswith("$") else [word]
+
+    return [[python(), *(part for word in shlex.split(step) for part in filled(word))] for step in STEPS[target][1]]
 
 
 def _arguments(parameters: dict[str, Any], variables: dict[str, str]) -> list[str]:

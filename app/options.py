@@ -242,8 +242,7 @@ def check_leaks(config: ReadoutConfig) -> None:
 
 def check_frame(config: ReadoutConfig, given: frozenset[str]) -> None:
     """Check that no settings of a spiking readout are given for a frame readout."""
-    default = ReadoutConfig()
-    idle = [n for n in sorted(given - {*SHARED_FIELDS}) if getattr(config, n) != getattr(default, n)]
+    idle = [n for n in sorted(given - {*SHARED_FIELDS}) if getattr(config, n) != getattr(ReadoutConfig(), n)]
     if idle:
         raise InputError(f"{option_name(idle[0])} has no effect on a frame readout; leave it out")
 

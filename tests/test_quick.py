@@ -12,8 +12,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def test_every_block_has_a_quick_test() -> None:
-    files = {path.stem for path in (ROOT / "rtl").glob("*.py") if not path.stem.startswith("__")}
-    assert set(BLOCKS) == files
+    assert set(BLOCKS) == {path.stem for path in (ROOT / "rtl").glob("*.py") if not path.stem.startswith("__")}
 
 
 def test_every_command_has_a_quick_test() -> None:

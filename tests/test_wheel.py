@@ -83,8 +83,7 @@ def test_commands_work_elsewhere_and_write_nothing_beside_the_sources(installed:
     ):
         run(installed, tmp_path, "-m", "eskin", *line.split())
     assert json.loads(run(installed, tmp_path, "-m", "eskin", "power", "--mode", "consistent", "--json"))
-    made = files(tmp_path)
-    assert {"chip/eskin_readout.v", "out/report.html", "skin.nir", "out/fig9.png"} <= made
+    assert {"chip/eskin_readout.v", "out/report.html", "skin.nir", "out/fig9.png"} <= files(tmp_path)
     assert files(installed) == before
 
 

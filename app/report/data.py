@@ -160,13 +160,10 @@ def _accuracy_point(point: Any, where: str) -> Data:
 
 def load_benchmarks(folder: Path) -> tuple[list[Data], list[str]]:
     """Return the ratios of all benchmark results in a folder, and sentences about unusable files."""
-    found: list[Data] = []
-    missing: list[str] = []
-    for file in sorted(folder.glob("*.json")):
-        ratios = list(_ratios(file.stem, read_json(file, "the benchmark result")))
-        found += ratios
-        if not ratios:
-            missing.append(f"{file.name} has no ratios, so it is not shown.")
+    files = sorted(folder.glob("*.json"))
+    ratios = {file.name: list(_ratios(file.stem, read_json(file, "the benchmark result"))) for file in files}
+    found = [ratio for of_file in ratios.values() for ratio in of_file]
+    missing = [f"{name} has no ratios, so it is not shown." for name, of_file in ratios.items() if not of_file]
     if not found:
         missing.append("There are no benchmark results with ratios here; make bench writes them.")
     return found, missing

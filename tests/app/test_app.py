@@ -306,8 +306,7 @@ def test_the_options_of_every_command_are_known_without_any_group() -> None:
 def test_groups_are_those_of_the_project() -> None:
     """Check that pyproject.toml has the packages of each extra named in messages."""
     for group, packages in GROUPS.items():
-        named = {re.split(r"[<>=]", text)[0] for text in setup.requirements(group)}
-        assert named <= set(packages)
+        assert {re.split(r"[<>=]", text)[0] for text in setup.requirements(group)} <= set(packages)
 
 
 def test_the_configuration_of_a_frame_readout_is_taken_where_frames_are(call: Any, folder: Path) -> None:

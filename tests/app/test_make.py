@@ -189,8 +189,7 @@ def test_a_target_runs_whatever_file_has_its_name(make: Make, checkout: Path) ->
 
 
 def test_the_help_lists_every_target_with_what_it_does(make: Make) -> None:
-    lines = make().stdout.splitlines()
-    listed = [line.split(maxsplit=1) for line in lines if line.startswith("  ")]
+    listed = [line.split(maxsplit=1) for line in make().stdout.splitlines() if line.startswith("  ")]
     assert [name for name, _ in listed] == TARGETS
     assert all(len(text) > 10 for _, text in listed)
 

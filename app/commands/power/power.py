@@ -140,8 +140,7 @@ def fig6(
 ) -> None:
     """Plot figure 6 in both modes: power at three noise targets."""
     source = partial(rate_table, dataset, preset_name, rates, [study.FIG_RESOLUTION], [study.FIG_TAU_S], watch=bar)
-    data = study.fig6_data(both_modes(settings, synthesis, source))
-    common.store(out, "fig6", data, plot_fig6, data_out)
+    common.store(out, "fig6", study.fig6_data(both_modes(settings, synthesis, source)), plot_fig6, data_out)
 
 
 def fig7(
@@ -155,8 +154,7 @@ def fig7(
 ) -> None:
     """Plot figure 7 in both modes: crossover noise by resolution."""
     source = partial(rate_table, dataset, preset_name, rates, list(RESOLUTIONS), list(TAUS_S), watch=bar)
-    data = study.fig7_data(both_modes(settings, synthesis, source))
-    common.store(out, "fig7", data, plot_fig7, data_out)
+    common.store(out, "fig7", study.fig7_data(both_modes(settings, synthesis, source)), plot_fig7, data_out)
 
 
 def sensitivity(
@@ -180,13 +178,9 @@ def _print_sensitivity(data: dict[str, Any]) -> None:
         f"spiking / frame power, N = {data['resolution']}, tau {data['tau_s']:g} s, at AFE noise in mV rms; "
         f"below 1 spikes need less power"
     )
-    headings = ["corrections"]
-    for readout in SPIKING:
-        for noise in data["noise_v_rms"]:
-            name = READOUT_NAMES[readout] if noise == data["noise_v_rms"][0] else ""
-            headings.append(f"{name} {noise * 1e3:.3g}".strip())
-        headings.append("spikes win")
-    table = new_table(headings, title, no_wrap=True)
+    first, *others = (f"{noise * 1e3:.3g}" for noise in data["noise_v_rms"])
+    headings = [text for r in SPIKING for text in (f"{READOUT_NAMES[r]} {first}", *others, "spikes win")]
+    table = new_table(["corrections", *headings], title, no_wrap=True)
     group = data["rows"][0]["group"]
     for row in data["rows"]:
         if row["group"] != group:
@@ -256,10 +250,7 @@ def _print_explored(data: dict[str, Any]) -> None:
     names = [READOUT_NAMES[readout] for readout in READOUTS]
     table = new_table(("N", *names, "cheapest", ""), title, left=(len(names) + 1, len(names) + 2))
     for row in data["table"]:
-        cells = []
-        for readout in READOUTS:
-            best = readout == row["cheapest"]
-            cells.append(Text(with_unit(row[readout]["total"], "W"), style="bold" if best else ""))
+        cells = [Text(with_unit(row[r]["total"], "W"), "bold" if r == row["cheapest"] else "") for r in READOUTS]
         remark = "below the noise" if row["resolution"] > data["noise_resolution"] else ""
         table.add_row(str(row["resolution"]), *cells, READOUT_NAMES[row["cheapest"]], remark)
     show(table)
