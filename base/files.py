@@ -40,7 +40,13 @@ def atomic_write(path: Path) -> Iterator[IO[bytes]]:
     """
     check_file(path)
     if is_stream(path):
-        yield from _into_stream(path)
+        with io.BytesIO() as memory:
+            yield memory
+            content = memory.getvalue()
+        try:
+            path.write_bytes(content)
+        except OSError as error:
+            raise InputError(f"cannot write {path}: {error.strerror}") from None
         return
     try:
         if in_out(path.parent):
@@ -63,17 +69,6 @@ def atomic_write(path: Path) -> Iterator[IO[bytes]]:
         raise
     finally:
         os.close(lock)
-
-
-def _into_stream(path: Path) -> Iterator[IO[bytes]]:
-    """Yield an in-memory file; at the end, copy its content to a device or FIFO."""
-    with io.BytesIO() as file:
-        yield file
-        try:
-            with path.open("wb") as stream:
-                stream.write(file.getvalue())
-        except OSError as error:
-            raise InputError(f"cannot write {path}: {error.strerror}") from None
 
 
 def make_folder(root: Path, inside: str | Path, empty: bool = False) -> Path:
