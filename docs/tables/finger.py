@@ -59,9 +59,8 @@ def _grouped(report: dict[str, Any], found: dict[str, float]) -> dict[str, float
 
 def name_of(point: dict[str, Any]) -> str:
     """Return readout and resolution of a point as text."""
-    if point["readout"] == "frame":
-        return filled("frames {rate_hz:.1f} Hz {bits} b", point)
-    return filled("{readout:E} {bits} b", point)
+    frames = point["readout"] == "frame"
+    return filled("frames {rate_hz:.1f} Hz {bits} b" if frames else "{readout:E} {bits} b", point)
 
 
 def finger_reached() -> dict[str, dict[str, float]]:

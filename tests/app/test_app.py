@@ -277,7 +277,8 @@ def test_a_missing_group_is_one_sentence(tmp_path: Path) -> None:
         ("replay", "cocotb", "sim"),
     ]
     code = (
-        f"import os, sys; from eskin.app.cli import app, run\nfor line, package, _ in {cases}:\n"
+        "import os, sys; import eskin.skin.recordings.folder; from eskin.app.cli import app, run\n"
+        f"for line, package, _ in {cases}:\n"
         "    if not os.fork():\n"
         "        sys.modules[package] = None; sys.argv[1:] = line.split(); run(app, 'eskin')\n"
         "    print(line, os.waitstatus_to_exitcode(os.wait()[1]))"
