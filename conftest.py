@@ -8,8 +8,7 @@ import secrets
 
 import pytest
 
-from tests.order import long_first
-from tests.quick import chosen
+from tests.quick import chosen, long_first
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

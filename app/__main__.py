@@ -9,15 +9,10 @@ from eskin.app.leave import leave_quietly
 def main() -> None:
     """Run the command line; the list of commands is printed without importing other packages."""
     if sys.argv[1:] in ([], ["-h"], ["--help"]):
-        leave_quietly(_print_overview)
+        leave_quietly(lambda: print(overview()))
     from eskin.app.cli import app, run
 
     run(app, "eskin")
-
-
-def _print_overview() -> int:
-    print(overview())
-    return 0
 
 
 if __name__ == "__main__":

@@ -177,7 +177,6 @@ def run(app: typer.Typer, prog_name: str, args: Sequence[str] | None = None) -> 
 
 
 def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
-    """Run a command and return its exit code."""
     command = typer.main.get_command(app)
     args = [*args, "--help"] if args in ([], [DEV]) else args
     try:

@@ -96,7 +96,6 @@ make sim GATES=1 runs gatesim, make asic SCALE=1 asic-scale.
 Example: make sim ROWS=12 COLUMNS=16 ENCODING=nlcs RESOLUTION=6 SIM=icarus WAVES=1"""
 
 TARGETS = [*OWN, *STEPS, *MODULES]
-ONE_LINE = 999  # one line for each target in the list, which can then be searched
 BUILT = ("build", ".pytest_cache", ".mypy_cache", ".ruff_cache", ".hypothesis")
 INSIDE = "--inside"  # argument of the launcher in the environment's interpreter
 
@@ -149,17 +148,14 @@ def command_lines(target: str, parameters: dict[str, Any], variables: dict[str, 
     if target in MODULES:
         given = DEFAULTS.get(target, {}) | variables
         return [[python(), "-m", "eskin", *words_of(target), *_arguments(parameters, given)]]
-    lines = []
-    for step in STEPS[target][1]:
-        words: list[str] = [python()]
-        for word in shlex.split(step):
-            words += shlex.split(variables.get(word[1:], "")) if word.startswith("$") else [word]
-        lines.append(words)
-    return lines
+
+    def filled(word: str) -> list[str]:
+        return shlex.split(variables.get(word[1:], "")) if word.startswith("$") else [word]
+
+    return [[python(), *(part for word in shlex.split(step) for part in filled(word))] for step in STEPS[target][1]]
 
 
 def _arguments(parameters: dict[str, Any], variables: dict[str, str]) -> list[str]:
-    """Return the command arguments for make variables."""
     options: list[str] = []
     positional: list[str] = []
     for name in (name for name in parameters if name in variables):
@@ -253,11 +249,10 @@ def print_help() -> None:
     """Print the targets, and how to set options of a command."""
     project = OWN | {name: text for name, (text, _) in STEPS.items()}
     listed = {"Project": project} | {heading: {n: SUMMARIES[n] for n in names} for heading, names in GROUPS.items()}
-    print("\n".join(["make TARGET [VARIABLE=value ...]", *sections(listed, ONE_LINE), "", ENDING]))
+    print("\n".join(["make TARGET [VARIABLE=value ...]", *sections(listed, width=999), "", ENDING]))
 
 
 def _clean(dry: bool) -> None:
-    """Remove build results and cached scans."""
     clear = [python(), "-m", "eskin", "cache", "--clear"]
     if dry:
         print(shlex.join(clear), shlex.join(["rm", "-r", *BUILT]), sep="\n")

@@ -242,15 +242,14 @@ def check_leaks(config: ReadoutConfig) -> None:
 
 def check_frame(config: ReadoutConfig, given: frozenset[str]) -> None:
     """Check that no settings of a spiking readout are given for a frame readout."""
-    default = ReadoutConfig()
-    idle = [n for n in sorted(given - {*SHARED_FIELDS}) if getattr(config, n) != getattr(default, n)]
+    idle = [n for n in sorted(given - {*SHARED_FIELDS}) if getattr(config, n) != getattr(ReadoutConfig(), n)]
     if idle:
         raise InputError(f"{option_name(idle[0])} has no effect on a frame readout; leave it out")
 
 
-def option_name(field: str) -> str:
-    """Return the command-line option for a field of ReadoutConfig."""
-    return option_of(ReadoutConfig.__dataclass_fields__[field])
+def option_name(field: str, cls: Any = ReadoutConfig) -> str:
+    """Return the command-line option for a field of a dataclass."""
+    return option_of(cls.__dataclass_fields__[field])
 
 
 def check_encoder(config: ReadoutConfig, typed: Iterable[str]) -> None:

@@ -107,7 +107,6 @@ def _stamp(group: str) -> Path:
 
 
 def _digest(group: str) -> str:
-    """Return a digest of the requirements of an extra."""
     text = json.dumps([requirements(group), Path("constraints.txt").read_text()])
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -129,7 +128,6 @@ def _make_environment(folder: Path) -> None:
 
 
 def _pip(what: list[str], apart: Path | None = None) -> None:
-    """Install packages with pip."""
     interpreter = str(apart / "bin" / "python") if apart else python()
     options = ["--disable-pip-version-check", "--no-input", "--no-compile"]
     options += [] if apart else ["-c", "constraints.txt"]

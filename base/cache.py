@@ -12,14 +12,13 @@ from eskin.base.errors import InputError
 
 CACHE_VARIABLE = "ESKIN_CACHE"  # environment variable that names another folder
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
-_NAME = "spiking-eskin-readout"
 
 
 def folder() -> Path:
     """Return the path of the cache: ``$ESKIN_CACHE``, else a folder in ``$XDG_CACHE_HOME`` or ``~/.cache``."""
     if named := os.environ.get(CACHE_VARIABLE):
         return Path(named)
-    return Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / _NAME
+    return Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / "spiking-eskin-readout"
 
 
 def usable(*parts: str) -> Path | None:

@@ -23,8 +23,6 @@ from eskin.base.outputs import check_file, in_out, is_stream, new_part
 if TYPE_CHECKING:  # the launcher of make runs where NumPy is not installed yet
     from numpy.typing import NDArray
 
-PROBE_BYTES = 2**17  # a disk that is not full has room for these
-
 
 @contextlib.contextmanager
 def atomic_write(path: Path) -> Iterator[IO[bytes]]:
@@ -42,7 +40,13 @@ def atomic_write(path: Path) -> Iterator[IO[bytes]]:
     """
     check_file(path)
     if is_stream(path):
-        yield from _into_stream(path)
+        with io.BytesIO() as memory:
+            yield memory
+            content = memory.getvalue()
+        try:
+            path.write_bytes(content)
+        except OSError as error:
+            raise InputError(f"cannot write {path}: {error.strerror}") from None
         return
     try:
         if in_out(path.parent):
@@ -65,17 +69,6 @@ def atomic_write(path: Path) -> Iterator[IO[bytes]]:
         raise
     finally:
         os.close(lock)
-
-
-def _into_stream(path: Path) -> Iterator[IO[bytes]]:
-    """Yield an in-memory file; at the end, copy its content to a device or FIFO."""
-    with io.BytesIO() as file:
-        yield file
-        try:
-            with path.open("wb") as stream:
-                stream.write(file.getvalue())
-        except OSError as error:
-            raise InputError(f"cannot write {path}: {error.strerror}") from None
 
 
 def make_folder(root: Path, inside: str | Path, empty: bool = False) -> Path:
@@ -105,7 +98,7 @@ def refusing_a_full_disk(folder: Path) -> Iterator[None]:
     except Exception:
         try:
             with tempfile.TemporaryFile(dir=folder) as probe:
-                probe.write(bytes(PROBE_BYTES))
+                probe.write(bytes(2**17))  # a disk that is not full has room for these
         except OSError as error:
             raise InputError(f"cannot write to {folder}: {error.strerror}") from None
         raise
@@ -170,7 +163,6 @@ class Pieces:
 
 
 def _seal(piece: dict[str, Any]) -> str:
-    """Return a digest of a partial result."""
     return hashlib.sha256(json.dumps(piece).encode()).hexdigest()[:12]
 
 

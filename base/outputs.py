@@ -17,10 +17,7 @@ OUT = Path("out")
 
 PART = ".part"  # ending of a file that is being written
 MOST_NAME = 255  # largest number of bytes in the name of a file or folder
-_MOST_LINKS = 40
 _PREFIX = 60  # characters of a name in the name of its temporary file, which fits into ``MOST_NAME`` bytes
-_OPEN_FILES = re.compile(r"/dev/fd|/proc/[^/]+/fd")
-_PARTS = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
 
 
 def file_of(path: Path) -> Path:
@@ -87,7 +84,7 @@ def in_out(folder: Path) -> bool:
 
 def is_stream(path: Path) -> bool:
     """Return True if a path must be written directly: a device, a FIFO, or an open file."""
-    if _OPEN_FILES.fullmatch(str(path.parent)):
+    if re.fullmatch(r"/dev/fd|/proc/[^/]+/fd", str(path.parent)):
         return True
     try:
         mode = path.lstat().st_mode
@@ -102,7 +99,7 @@ def has_earlier(path: Path | None) -> bool:
 
 
 def _behind_links(path: Path) -> Path:
-    for _ in range(_MOST_LINKS):
+    for _ in range(40):
         if is_stream(path) or not path.is_symlink():
             return path
         path = path.parent / os.readlink(path)
@@ -131,7 +128,7 @@ def new_part(path: Path) -> tuple[int, str]:
 def _parts_in(folder: str) -> list[str]:
     """Return the names of the temporary files that a folder contained when this process first wrote there."""
     try:
-        return [name for name in os.listdir(folder) if _PARTS.fullmatch(name)]
+        return [name for name in os.listdir(folder) if re.fullmatch(r"\..+\.[a-z0-9_]{8}\.part", name)]
     except OSError:
         return []
 

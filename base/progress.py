@@ -46,23 +46,21 @@ def progress_of(*words: str, spinner: bool = False, time_left: bool = False, tra
 @contextmanager
 def bar(text: str, total: int | None = None) -> Iterator[Callable[[], None]]:
     """Yield a function that advances a progress bar by 1; without a terminal, show nothing."""
-    if not watched():
-        yield lambda: None
-        return
-    with progress_of("{task.description}") as shown:
-        task = shown.add_task(text, total=total)
-        yield lambda: shown.advance(task)
+    with bars(spinner=False, transient=True) as show:
+        yield show(text, total)[0]
 
 
 @contextmanager
-def bars() -> Iterator[Callable[[str, int], tuple[Callable[[], None], Callable[[str], None]]]]:
+def bars(
+    spinner: bool = True, transient: bool = False
+) -> Iterator[Callable[[str, int | None], tuple[Callable[[], None], Callable[[str], None]]]]:
     """Yield a function that adds a progress bar and returns functions to advance and rename the bar."""
     if not watched():
         yield lambda text, total: (lambda: None, lambda words: None)
         return
-    with progress_of("{task.description}", spinner=True, transient=False) as shown:
+    with progress_of("{task.description}", spinner=spinner, transient=transient) as shown:
 
-        def add(text: str, total: int) -> tuple[Callable[[], None], Callable[[str], None]]:
+        def add(text: str, total: int | None) -> tuple[Callable[[], None], Callable[[str], None]]:
             task = shown.add_task(text, total=total)
             return lambda: shown.advance(task), lambda words: shown.update(task, description=words)
 

@@ -35,7 +35,7 @@ def misfit(value: Any, shape: Shape, place: str = "it") -> str:
         if not isinstance(value, list):
             return f"{place} is no list"
         return next((w for number, one in enumerate(value) if (w := misfit(one, shape[0], f"{place}[{number}]"))), "")
-    return "" if _fits(value, shape) else f"{place} is {_shown(value)}"
+    return "" if _fits(value, shape) else f"{place} is {'null' if value is None else repr(value)[:40]}"
 
 
 def _fits(value: Any, kind: Any) -> bool:
@@ -48,10 +48,6 @@ def _fits(value: Any, kind: Any) -> bool:
     if kind is int:
         return type(value) is int and value >= 0
     return isinstance(value, kind)
-
-
-def _shown(value: Any) -> str:
-    return "null" if value is None else repr(value)[:40]
 
 
 def read_shaped(path: Path, what: str, shape: Shape, remedy: str = "remove it") -> Any:

@@ -17,6 +17,7 @@ same share. ``by_address`` is the mean wait of the address that waits least, and
 """
 
 import json
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from measure import JsonFile, write
 from numba import njit
 from numpy.typing import NDArray
 
+from eskin.base.files import forget_stale_kernels
 from eskin.cocotb_tests.bench.textures import scan
 from eskin.model import arbiter
 from eskin.model.arbiter import ROW_DTYPE, new_state
@@ -35,8 +37,10 @@ SIDE = 16
 ARBITERS = ("rows round robin (ours)", "fixed priority", "flat round robin", "binary AER tree", "greedy rows")
 OURS, FIXED, FLAT, TREE, GREEDY = range(5)
 
+forget_stale_kernels(Path(__file__), [Path(__file__), Path(arbiter.__file__)])
 
-@njit
+
+@njit(cache=True)
 def choose(kind: int, pending: Any, last: int, toggles: Any, columns: int) -> int:
     """Return the taxel chosen by an arbiter that sends one event per clock, or -1.
 
@@ -73,7 +77,7 @@ def choose(kind: int, pending: Any, last: int, toggles: Any, columns: int) -> in
     return node - n
 
 
-@njit
+@njit(cache=True)
 def serve(kind: int, due: Any, first: Any, clocks: int, state: Any, rows: Any) -> Any:
     """Return the clocks of request and transfer of every event.
 

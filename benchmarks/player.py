@@ -120,9 +120,7 @@ def measured(program: Build, chip: ChipConfig, name: str, folder: Path) -> dict[
     }
 
 
-def main(
-    out: JsonFile = RESULTS / "player.json",
-) -> None:
+def main(out: JsonFile = RESULTS / "player.json") -> None:
     """Measure all cases, print ticks per second, and write JSON."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -37,16 +37,8 @@ from eskin.model.tiles.run import scan_skin, simulate_skin
 from eskin.skin.textures.dataset import embedded_dataset
 from eskin.skin.textures.physical import PhysicalScan
 
-SIDES = "8,16,32,64"
-FLAT, SLOW = 16, 32
-"""Largest side of arrays that are also built flat, and largest side of arrays that Icarus simulates."""
-TICKS, SLOW_TICKS = 100, 6
 RELAYS = 2
 """Relay stations on the line of each tile."""
-LARGEST_SKIN = 4096
-"""Taxels of the largest skin in one module; the number of input bits of a module is limited."""
-TRAVEL_PX = 15
-"""Distance in pixels that the skin slides over the image."""
 
 
 # -- inside the simulator ----------------------------------------------------------------------------
@@ -100,18 +92,18 @@ def array(side: int) -> dict[str, Any]:
         result["verilog_bytes"] = text.stat().st_size
         with build_environment(), measured(result, "lint_s"):
             subprocess.run(["verilator", "--lint-only", "-Wall", str(text)], check=True, stdout=subprocess.DEVNULL)
-    runs: list[tuple[Simulator, int, bool]] = [("verilator", TICKS, True)]
-    if side <= FLAT:
-        runs.append(("verilator", TICKS, False))
-    if side <= SLOW:
-        runs.append(("icarus", SLOW_TICKS, False))
+    runs: list[tuple[Simulator, int, bool]] = [("verilator", 100, True)]
+    if side <= 16:  # the largest array that is also built flat
+        runs.append(("verilator", 100, False))
+    if side <= 32:  # the largest array that Icarus simulates
+        runs.append(("icarus", 6, False))
     result["simulations"] = [_speed(config, simulator, ticks, rows) for simulator, ticks, rows in runs]
     return result
 
 
 def _scanned(config: TilesConfig) -> list[Stimulus]:
     """Return the stimulus of every tile for the start of a scan over an embedded photograph."""
-    width = math.ceil(PhysicalScan().taxel_pitch_px * (config.columns - 1)) + TRAVEL_PX
+    width = math.ceil(PhysicalScan().taxel_pitch_px * (config.columns - 1)) + 15
     image = large_enough(embedded_dataset()[0].load(), config)[:, :width]
     return scan_skin(config, PhysicalScan(), image)
 
@@ -154,7 +146,7 @@ def tiles_of(side: int, rows: int, columns: int) -> dict[str, Any]:
         command = [sys.executable, "-m", "eskin", "verilog", "--rows", str(side), "--columns", str(side)]
         command += ["-o", folder]
         skin = ["--tiles", f"{rows}x{columns}"]
-        whole = config.taxels <= LARGEST_SKIN  # else a tile, and the merge for tiles that are chips
+        whole = config.taxels <= 4096  # else a tile, and the merge for tiles that are chips: input bits are limited
         with measured(result, "generate_s"):
             for more in ([*skin, "--relays", str(RELAYS)],) if whole else ([], [*skin, "--merge"]):
                 subprocess.run([*command, *more], check=True, stdout=subprocess.DEVNULL)
@@ -210,15 +202,9 @@ def functional(tiles: int, side: int) -> dict[str, Any]:
     }
 
 
-SKINS = ((6, 64), (6, 5000), (2, 5000))
-TILES = ((8, 1, 1), (8, 2, 2), (8, 4, 4), (8, 8, 8), (32, 1, 1), (32, 2, 2), (32, 4, 4), (32, 8, 8))
-ENCODED = ((1, 8), (4, 8), (1, 32), (4, 32), (16, 32), (64, 32))
-"""Arguments of ``skin``, ``tiles_of`` and ``functional`` for every measurement."""
-
-
 def main(
     part: Annotated[Literal["arrays", "skins", "tiles", "encoders"], typer.Argument(help="part to measure")],
-    sides: Annotated[str, typer.Option(help="sides of the arrays, separated by commas")] = SIDES,
+    sides: Annotated[str, typer.Option(help="sides of the arrays, separated by commas")] = "8,16,32,64",
     out: JsonFile = None,
 ) -> None:
     """Measure square arrays, a skin of 65,536 taxels, skins of tiles, or the functional model.
@@ -227,9 +213,9 @@ def main(
     """
     measure, sizes = {
         "arrays": (array, [(int(side),) for side in sides.split(",")]),
-        "skins": (skin, SKINS),
-        "tiles": (tiles_of, TILES),
-        "encoders": (functional, ENCODED),
+        "skins": (skin, ((6, 64), (6, 5000), (2, 5000))),
+        "tiles": (tiles_of, [(side, n, n) for side in (8, 32) for n in (1, 2, 4, 8)]),
+        "encoders": (functional, ((1, 8), (4, 8), (1, 32), (4, 32), (16, 32), (64, 32))),
     }[part]
     command = f"arrays --sides {sides}" if part == "arrays" else part
     found: list[dict[str, Any]] = []

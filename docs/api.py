@@ -32,12 +32,8 @@ FIRST = (
 """Modules that users of a part call, in the order of the list."""
 
 PACKAGES = ("model", "rtl", "skin", "power", "cocotb_tests", "snn", "board", "flow", "verify", "base")
-COMMANDS = ("commands",)
 AT_THE_TOP = ("CONTRIBUTING.md", "CHANGELOG.md")
 API = "reference/api"
-AFTER_GUIDES = "---\nsearch:\n  boost: 0.2\n---\n"
-"""Head of a module's page: search lists guides first."""
-PAGES_A_LINE = 100
 
 
 def rooms() -> dict[str, list[Path]]:
@@ -46,7 +42,7 @@ def rooms() -> dict[str, list[Path]]:
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
             room = path.parent.relative_to(ROOT).parts
-            if not path.name.startswith(("_", "test_", "conftest")) and not set(room) & set(COMMANDS):
+            if not path.name.startswith(("_", "test_", "conftest")) and "commands" not in room:
                 found.setdefault(".".join(room), []).append(path)
     return found
 
@@ -91,7 +87,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for path in [ROOT / FIRST[0], *(path for paths in rooms().values() for path in paths)]:
         name = imported_as(path)
         module = "eskin.api" if name == "eskin" else name
-        text = f"{AFTER_GUIDES}# {name}\n\n`{path.relative_to(ROOT)}`\n\n::: {module}\n"
+        head = "---\nsearch:\n  boost: 0.2\n---\n"  # search lists guides first
+        text = f"{head}# {name}\n\n`{path.relative_to(ROOT)}`\n\n::: {module}\n"
         files.append(File.generated(config, f"{API}/{name}.md", content=text))
     for name in AT_THE_TOP:
         text = (ROOT / name).read_text().replace("](docs/", "](")
@@ -120,6 +117,6 @@ def on_page_content(html: str, page: Page, files: Files, **_: object) -> str:
     """Report the progress of page generation on standard error."""
     READ.append(page.url)
     total = len(files.documentation_pages())
-    if len(READ) % PAGES_A_LINE == 0 or len(READ) == total:
+    if len(READ) % 100 == 0 or len(READ) == total:
         print(f"{len(READ)} of {total} pages", file=sys.stderr, flush=True)
     return html

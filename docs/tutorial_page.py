@@ -59,8 +59,13 @@ def run(pictures: Path) -> str:
     return page + mark()
 
 
-if __name__ == "__main__":
-    if PAGE.read_text().endswith(mark()) and "--again" not in sys.argv:
+def main(*options: str) -> None:
+    """Write the page anew if its text or cells have changed, or with ``--again``."""
+    if PAGE.read_text().endswith(mark()) and "--again" not in options:
         print("tutorial: unchanged", file=sys.stderr)
     else:
         PAGE.write_text(run(PICTURES))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -341,7 +341,6 @@ def _flat(config: ReadoutConfig, signal: ArrayLike) -> NDArray[Any]:
 
 
 def _png(figure: Figure) -> bytes:
-    """Return a figure as a PNG picture."""
     with io.BytesIO() as file:
         figure.savefig(file, format="png")
         return file.getvalue()

@@ -50,7 +50,6 @@ class Browser:
         self._call("POST", f"{self.session}/goog/cdp/execute", command)
 
     def open(self, url: str) -> None:
-        """Open a page."""
         self._call("POST", f"{self.session}/url", {"url": url})
 
     def run(self, script: str) -> Any:
@@ -75,7 +74,6 @@ class Browser:
         return [one["message"] for one in logged if one["level"] in ("SEVERE", "WARNING")]
 
     def close(self) -> None:
-        """Close the browser."""
         self._call("DELETE", self.session)
 
 

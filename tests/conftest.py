@@ -3,14 +3,22 @@
 import contextlib
 import io
 import os
+import re
+import shlex
 import subprocess
+import sys
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
+from typing import cast
 
 import pytest
+import typer
 from hypothesis import settings
 
-from eskin.app.cli import app, run
+from eskin.app import make
+from eskin.app.catalogue import MODULES
+from eskin.app.cli import Command, Commands, app, run
 
 Call = Callable[..., tuple[int, str, str]]
 
@@ -38,14 +46,25 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def run_eskin(*arguments: object) -> subprocess.CompletedProcess[str]:
-    """Run ``eskin`` in this process, and return exit code, output and error output."""
+def run_eskin(*arguments: object, program: typer.Typer = app) -> subprocess.CompletedProcess[str]:
+    """Run ``eskin`` or another program in this process, and return exit code, output and error output."""
     words = [str(argument) for argument in arguments]
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as left:
-        run(app, "eskin", words)
+        run(program, "eskin" if program is app else "test", words)
     assert isinstance(left.value.code, int)
     return subprocess.CompletedProcess(words, left.value.code, out.getvalue(), err.getvalue())
+
+
+def without_numbers(text: str) -> str:
+    """Return a text with every number replaced, because the last digits depend on libraries."""
+    return re.sub(r"\d+(\.\d+)?(e\+\d+)?", "#", re.sub(" +", " ", text))
+
+
+@cache
+def command(name: str) -> Command:
+    """Return a command of ``eskin``."""
+    return cast(Command, Commands(MODULES)[name])
 
 
 @pytest.fixture
@@ -60,6 +79,26 @@ def call(folder: Path) -> Call:
         return done.returncode, done.stdout, done.stderr
 
     return call
+
+
+@pytest.fixture
+def dry_make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[object, list[list[str]], str]]:
+    """Return a function that makes a target as a dry run, and returns exit code, its command lines and errors."""
+
+    def dry_make(target: str, *variables: str) -> tuple[object, list[list[str]], str]:
+        quoted = [re.sub(r"([\\ ])", r"\\\1", word).replace("$", "$$") for word in variables]
+        monkeypatch.setenv("MAKEFLAGS", f"n -- {' '.join(quoted)}")
+        monkeypatch.setattr(sys, "argv", ["make", target, make.INSIDE])
+        out, err, code = io.StringIO(), io.StringIO(), None
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            try:
+                make.main()
+            except SystemExit as left:
+                code = left.code
+        lines = [shlex.split(line) for line in out.getvalue().splitlines() if line.startswith(".venv/")]
+        return code or 0, lines, err.getvalue()
+
+    return dry_make
 
 
 @pytest.fixture

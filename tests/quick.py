@@ -1,8 +1,10 @@
-"""List of the tests of ``make check``: one per RTL block and per command.
+"""List of the tests of ``make check``, one per RTL block and per command, and order of all tests.
 
 Each entry is a test function, of which the first case is taken, or the beginning of one case's name. Choose what fails
 when the block is broken and takes a second or two; ``tests/test_quick.py`` says what is missing.
 """
+
+from collections.abc import Sequence
 
 TAXEL = "cocotb_tests/test_taxel.py::test_taxel_equals_its_reference_in_every_clock"
 CLASSIFIER = "cocotb_tests/test_classifier.py::test_rtl_equals_the_model_in_every_potential_class_and_clock"
@@ -131,3 +133,44 @@ def chosen(nodes: list[str]) -> set[str]:
         next((node for node in nodes if fits(node, entry)), "") for entry in [*BLOCKS.values(), *COMMANDS.values()]
     }
     return (firsts - {""}) | {node for node in nodes for entry in OTHERS.values() if fits(node, entry)}
+
+
+LONG = (
+    "tests/independent/test_agreement.py::test_skins_of_tiles",
+    "tests/docs/test_site.py::test_the_site",
+    "tests/model/test_readout.py::test_model_equals_the_independent_model",
+    "tests/test_wheel.py::test_commands_work_elsewhere",
+    "tests/docs/test_tutorial.py::test_the_page_shows",
+    "tests/board/test_gateware.py::test_a_recording",
+    "tests/board/test_gateware.py::test_the_classes",
+    "tests/verify/test_coverage.py::test_a_dead_line",
+    "tests/board/test_demo.py::test_the_page",
+    "tests/snn/test_train.py::test_a_killed_command",
+    "tests/snn/test_sweep.py::test_a_sweep_outlives",
+    "tests/app/test_simulate.py::test_replay",
+    "tests/verify/test_coverage.py::test_small_runs",
+    "tests/board/test_gateware.py::test_a_foreign_chip",
+    "cocotb_tests/test_readout.py::test_verilator_sees_the_same",
+)
+"""Those of five seconds and more; a function, or the beginning of a case's name.
+
+The first of two workers begins with the tests that compile the model for every encoder, the second one with tests that
+do not need it: else both would compile it.
+"""
+
+
+def long_first(nodes: Sequence[str], workers: int) -> list[int]:
+    """Return the indices of the tests with these names in order of execution.
+
+    ``--dist worksteal`` gives every worker a block of equal size to begin with; who is done first takes from the end
+    of another's.
+    """
+    long = list(dict.fromkeys(place for entry in LONG for place, node in enumerate(nodes) if fits(node, entry)))
+    short = sorted({*range(len(nodes))} - {*long})
+    order: list[int] = []
+    for worker in range(workers):
+        block = long[worker::workers]
+        room = max((len(nodes) - len(order)) // (workers - worker) - len(block), 0)
+        order += block + short[:room]
+        short = short[room:]
+    return order

@@ -18,7 +18,6 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder with the unpacked wheel."""
     folder = tmp_path_factory.mktemp("wheel")
     sources = folder / "sources"
     for name in ("eskin", "cocotbext-aer", *ROOMS):
@@ -73,17 +72,18 @@ def test_every_command_is_there_elsewhere(installed: Path, tmp_path: Path) -> No
 def test_commands_work_elsewhere_and_write_nothing_beside_the_sources(installed: Path, tmp_path: Path) -> None:
     before = files(installed)
     (tmp_path / "skin.csv").write_text("".join(f"0.{n % 9},0.1\n" for n in range(50)))
+    (tmp_path / "runs" / "skin").mkdir(parents=True)
+    (tmp_path / "runs" / "skin" / "model.npz").symlink_to("rtl.npz")
     for line in (
         "verilog --rows 1 --columns 2 -o chip",
-        "report",
-        "encode skin.csv --rows 1 --columns 2 --sample-rate 1000 -o out/skin.npz",
+        "encode skin.csv --rows 1 --columns 2 --sample-rate 1000 -o runs/skin/rtl.npz",
+        "report --sim runs",
         "fig9",
-        "convert out/skin.npz -o skin.nir",
+        "convert runs/skin/rtl.npz -o skin.nir",
     ):
         run(installed, tmp_path, "-m", "eskin", *line.split())
     assert json.loads(run(installed, tmp_path, "-m", "eskin", "power", "--mode", "consistent", "--json"))
-    made = files(tmp_path)
-    assert {"chip/eskin_readout.v", "out/report.html", "out/skin.npz", "skin.nir", "out/fig9.png"} <= made
+    assert {"chip/eskin_readout.v", "out/report.html", "skin.nir", "out/fig9.png"} <= files(tmp_path)
     assert files(installed) == before
 
 

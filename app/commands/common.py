@@ -14,7 +14,7 @@ from eskin.app.cli import asked_for, echo
 from eskin.app.leave import EXIT_INTERRUPTED
 from eskin.app.options import LEAKY, opt, out_folder
 from eskin.base.errors import InputError
-from eskin.base.figures.files import write_results
+from eskin.base.files import origin, write_json
 from eskin.base.workers.cluster import Cluster, Needs
 from eskin.base.workers.pool import Local, WorkerPool
 from eskin.skin.textures.rates import PAPER_TAU_S
@@ -22,6 +22,8 @@ from eskin.skin.textures.rates import PAPER_TAU_S
 if TYPE_CHECKING:
     from eskin.cocotb_tests.runner.process import Tally
 
+Plot = Callable[[dict[str, Any], Path], None]
+DEFAULT_OUT = Path("out")
 Out = Annotated[Path, out_folder(..., "DIR", "folder for data and picture")]
 DataOut = Annotated[
     Path | None, out_folder(..., "--data-out", "DIR", "folder for the data [folder of the picture]", show_default=False)
@@ -90,16 +92,29 @@ def resumable(out: Path) -> Iterator[None]:
         raise typer.Exit(EXIT_INTERRUPTED) from None
 
 
+def write_results(
+    out: Path, name: str, data: dict[str, Any], plot: Plot, data_out: Path | None = None, command: str = ""
+) -> str:
+    """Write the data to ``name``.json and their picture to ``name``.png; return a sentence on the written files.
+
+    Missing folders are made. The data begin with the command (by default as typed), commit and date.
+    """
+    data_out = data_out or out
+    for folder in (out, data_out):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make the folder {folder}: {error.strerror}; choose another --out") from None
+    write_json(data_out / f"{name}.json", origin(command or asked_for()) | data)
+    plot(data, out / f"{name}.png")
+    return f"wrote {data_out / name}.json and {out / name}.png"
+
+
 def store(
-    out: Path,
-    name: str,
-    data: dict[str, Any],
-    plot: Callable[[dict[str, Any], Path], None],
-    data_out: Path | None = None,
-    quiet: bool = False,
+    out: Path, name: str, data: dict[str, Any], plot: Plot, data_out: Path | None = None, quiet: bool = False
 ) -> None:
-    """Write results and their picture with the user's command, and print where they are, unless ``quiet``."""
-    written = write_results(out, name, data, plot, data_out, command=asked_for())
+    """Write results and their picture, and print where they are, unless ``quiet``."""
+    written = write_results(out, name, data, plot, data_out)
     if not quiet:
         echo(written)
 

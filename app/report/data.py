@@ -17,11 +17,6 @@ from eskin.model.events.recording import Recording
 
 Data = dict[str, Any]
 
-MODEL_TICKS = 1000  # sample ticks of the scan that replaces a missing simulation: 50 ms
-
-SHOWN_ALONE = ("lcs", "nlcs")
-"""Encoders of the paper; without simulations, the report shows their models."""
-
 
 @dataclass(frozen=True)
 class Run:
@@ -68,7 +63,7 @@ def load_runs(folder: Path) -> tuple[list[Run], list[str]]:
         "There are no event files of the RTL here, so the model is shown alone and nothing is compared; "
         "make sim writes them. If make sim was run with OUT, give make report the same OUT."
     )
-    return [_model_alone(encoding) for encoding in SHOWN_ALONE], missing
+    return [_model_alone(encoding) for encoding in ("lcs", "nlcs")], missing  # the encoders of the paper
 
 
 def _compared(name: str, rtl: Recording, model: Recording) -> Run:
@@ -100,14 +95,14 @@ def _model_alone(encoding: str) -> Run:
 
     scan, texture = PhysicalScan(), open_dataset(EMBEDDED)[0]
     config = scan.configure(ReadoutConfig.from_dict({"rows": 8, "columns": 8, "encoding": encoding, "resolution": 6}))
-    codes = scan.samples(config, texture.load())[0][:MODEL_TICKS]
+    codes = scan.samples(config, texture.load())[0][:1000]  # 50 ms
     events = simulate(config, Stimulus.from_samples(config, codes))
     recording = Recording(events, config, len(codes) * config.clocks_per_sample, metadata={"name": texture.name})
     verdict = f"model alone, {len(events):,} events; nothing is compared"
     return Run(f"8x8-{encoding}-6b", verdict, None, recording, samples=codes / config.full_scale)
 
 
-SUMMARY = {
+SUMMARY: Data = {
     "dataset": str,
     "preset": (str, None),
     "images": int,
@@ -124,9 +119,8 @@ def load_replays(folder: Path) -> list[Data]:
     found = []
     for file in sorted(folder.glob("*/summary.json")):
         summary = read_shaped(file, "the summary of make replay", SUMMARY, "delete it")
-        config = summary["configuration"]
-        counts = {key: summary[key] for key in ("dataset", "preset", "images", "clocks", "events", "mismatches")}
-        found.append(counts | {key: config[key] for key in ("rows", "columns", "encoding", "resolution")})
+        readout = {key: summary["configuration"][key] for key in SUMMARY["configuration"]}
+        found.append({key: summary[key] for key in SUMMARY if key != "configuration"} | readout)
     return found
 
 
@@ -166,13 +160,10 @@ def _accuracy_point(point: Any, where: str) -> Data:
 
 def load_benchmarks(folder: Path) -> tuple[list[Data], list[str]]:
     """Return the ratios of all benchmark results in a folder, and sentences about unusable files."""
-    found: list[Data] = []
-    missing: list[str] = []
-    for file in sorted(folder.glob("*.json")):
-        ratios = list(_ratios(file.stem, read_json(file, "the benchmark result")))
-        found += ratios
-        if not ratios:
-            missing.append(f"{file.name} has no ratios, so it is not shown.")
+    files = sorted(folder.glob("*.json"))
+    ratios = {file.name: list(_ratios(file.stem, read_json(file, "the benchmark result"))) for file in files}
+    found = [ratio for of_file in ratios.values() for ratio in of_file]
+    missing = [f"{name} has no ratios, so it is not shown." for name, of_file in ratios.items() if not of_file]
     if not found:
         missing.append("There are no benchmark results with ratios here; make bench writes them.")
     return found, missing

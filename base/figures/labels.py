@@ -72,21 +72,12 @@ def in_data(panel: Axes, x: float, y: float) -> tuple[float, float]:
     return float(across), float(up)
 
 
-def frame_of(panel: Axes) -> Box:
-    """Return the box of the plot area, without axis labels."""
-    scale = 72 / panel.figure.dpi
-    box = panel.get_window_extent()
-    return Box(*(float(end * scale) for end in (box.x0, box.y0, box.x1, box.y1)))
-
-
 def side_by_side(boxes: Sequence[Box], taken: Iterable[Box]) -> float:
     """Return the smallest shift to either side that separates boxes from all occupied areas, else 0."""
     taken = list(taken)
     moves = [0.0] + [sign * STEP_POINTS * k for k in range(1, 31) for sign in (-1, 1)]
-    for move in moves:
-        if not any(box.moved(move).meets(other) for box in boxes for other in taken):
-            return move
-    return 0.0
+    free = (move for move in moves if not any(box.moved(move).meets(other) for box in boxes for other in taken))
+    return next(free, 0.0)
 
 
 def place_label(panel: Axes, label: Annotation, own: Box, taken: Taken, sides: str) -> None:
@@ -98,19 +89,17 @@ def place_label(panel: Axes, label: Annotation, own: Box, taken: Taken, sides: s
     """
     scale = 72 / panel.figure.dpi
     size = label.get_window_extent()
-    frame = frame_of(panel)
-    crossed: Box | None = None
-    for box in _places(own, size.width * scale, size.height * scale, sides.split()):
-        if not box.within(frame) or any(box.meets(other) for other in taken.boxes):
-            continue
-        if not any(box.meets(other) for other in taken.lines):
-            _put(panel, label, box, taken)
-            return
-        crossed = crossed or box
-    if crossed is None:
+    frame = Box(*(float(end * scale) for end in panel.get_window_extent().extents))
+    places = _places(own, size.width * scale, size.height * scale, sides.split())
+    free = [box for box in places if box.within(frame) and not any(box.meets(other) for other in taken.boxes)]
+    if not free:
         label.set_visible(False)  # no room: the legend and the data still name the point
-    else:
-        _put(panel, label, crossed, taken)
+        return
+    box = next((box for box in free if not any(box.meets(other) for other in taken.lines)), free[0])
+    x, y = on_page(panel, *label.xy)
+    label.set(ha="center", va="center")
+    label.set_position(((box.left + box.right) / 2 - x, (box.bottom + box.top) / 2 - y))
+    taken.boxes.append(box)
 
 
 def _places(own: Box, width: float, height: float, sides: Sequence[str]) -> Iterator[Box]:
@@ -126,10 +115,3 @@ def _places(own: Box, width: float, height: float, sides: Sequence[str]) -> Iter
                     x = own.right + gap + width / 2 if side == "right" else own.left - gap - width / 2
                     y = middle_y + slide * height
                 yield Box(x - width / 2, y - height / 2, x + width / 2, y + height / 2)
-
-
-def _put(panel: Axes, label: Annotation, box: Box, taken: Taken) -> None:
-    x, y = on_page(panel, *label.xy)
-    label.set(ha="center", va="center")
-    label.set_position(((box.left + box.right) / 2 - x, (box.bottom + box.top) / 2 - y))
-    taken.boxes.append(box)

@@ -34,7 +34,6 @@ PART_COLOURS = {"afe": PALETTE["sky"], "converter": PALETTE["orange"], "io": PAL
 ON_COLOUR, OFF_COLOUR, UNMATCHED_COLOUR = PALETTE["blue"], PALETTE["orange"], PALETTE["black"]
 
 FORMATS = (".png", ".pdf", ".svg")
-DPI = 160
 
 
 def check_picture_path(path: str | Path) -> None:
@@ -98,4 +97,4 @@ def save_figure(figure: Figure, path: str | Path) -> None:
     check_picture_path(path)
     undated: dict[str, Any] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}[path.suffix.lower()]
     with matplotlib.rc_context({"svg.hashsalt": "figure"}), atomic_write(path) as file:
-        figure.savefig(file, format=path.suffix[1:].lower(), dpi=DPI, metadata=undated)
+        figure.savefig(file, format=path.suffix[1:].lower(), dpi=160, metadata=undated)

@@ -149,7 +149,6 @@ class Local(WorkerPool):
             piece.future.set_result(done.result())
 
     def _renew(self, broken: ProcessPoolExecutor | ThreadPoolExecutor) -> None:
-        """Replace a broken pool by a new one."""
         with self._renewing:
             if self._pool is broken:
                 self._pool = self._new_pool()
@@ -170,17 +169,15 @@ def _start() -> None:
     collect_seldom()
     parent = multiprocessing.parent_process()
     assert parent is not None
-    threading.Thread(target=_end_with, args=[parent.join], daemon=True).start()
+
+    def end() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=end, daemon=True).start()
 
 
-def _end_with(wait: Callable[[], None]) -> None:
-    wait()
-    os._exit(1)
-
-
-@functools.lru_cache(maxsize=2)
-def _unpacked(packed: bytes) -> Any:
-    return unpack(packed)
+_unpacked = functools.lru_cache(maxsize=2)(unpack)
 
 
 def _call(work: Callable[..., Any], packed: bytes | None, arguments: tuple[Any, ...]) -> Any:

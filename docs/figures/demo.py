@@ -13,18 +13,9 @@ from eskin.base.figures.style import PALETTE
 from tests.browser import opened
 
 OUT = Path(__file__).with_suffix(".gif")
-SIZE = (1000, 812)
-SCALE = 0.7
-"""Scale of the recording, for a width of 700 pixels."""
-
 FRAMES = 30
-FRAME_S = 0.2
 LEVELS = {"#ffffff": 14, PALETTE["sky"]: 7, PALETTE["orange"]: 7, PALETTE["green"]: 4}
 """Number of shades for each colour of the page, from its background on."""
-
-PLAYED = "brick/brick-00"
-SPEED = 0.01
-"""Speed of the demo, slow enough that screenshots catch every part of the scan."""
 
 
 def shades() -> list[tuple[int, ...]]:
@@ -40,14 +31,15 @@ def shades() -> list[tuple[int, ...]]:
 
 def main() -> None:
     """Write the recording."""
-    words = ["demo", "--port", "0", "--no-browser", "--only", PLAYED, "--limit", "1", "--speed", str(SPEED)]
+    # Slow enough that screenshots catch every part of the scan.
+    words = ["demo", "--port", "0", "--no-browser", "--only", "brick/brick-00", "--limit", "1", "--speed", "0.01"]
     pipes = {"stdout": subprocess.PIPE, "text": True}
     with (
         tempfile.TemporaryDirectory() as folder,
         subprocess.Popen([sys.executable, "-m", "eskin", *words], **pipes) as demo,  # type: ignore[call-overload]
         opened(Path(folder) / "profile") as browser,
     ):
-        browser.size(*SIZE, SCALE)
+        browser.size(1000, 812, 0.7)  # 700 pixels wide
         browser.open(re.search(r"http\S+", demo.stdout.readline())[0])
         browser.wait_for("last && last.events > 50")
         pictures = []
@@ -59,7 +51,7 @@ def main() -> None:
     palette = Image.new("P", (1, 1))
     palette.putpalette([value for colour in shades() for value in colour])
     frames = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
-    times = [round(FRAME_S * 1000)] * (FRAMES - 1) + [2500]
+    times = [200] * (FRAMES - 1) + [2500]
     frames[0].save(OUT, save_all=True, append_images=frames[1:], duration=times, loop=0, optimize=True)
     print(f"{OUT}: {OUT.stat().st_size / 1000:.0f} kB")
 

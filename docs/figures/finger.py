@@ -10,10 +10,7 @@ from eskin.base.figures.style import GREY, dress, legend_below, new_figure, save
 from eskin.skin.figures.readouts import look
 
 HERE = Path(__file__)
-LEFT_OUT = dict(
-    zip(KINDS, ("other repetition", "one speed left out (mean)", "one pressure left out (mean)"), strict=True)
-)
-"""Title of each panel."""
+TITLES = ("other repetition", "one speed left out (mean)", "one pressure left out (mean)")
 
 
 def main() -> None:
@@ -22,8 +19,7 @@ def main() -> None:
     figure = new_figure(7.5, 4.0, "A real finger, seven fabrics: accuracy against data rate")
     panels = dict(zip(KINDS, figure.subplots(1, len(KINDS), sharey=True), strict=True))
     goals = dict(TARGETS.values())
-    for kind, panel in panels.items():
-        title = LEFT_OUT[kind]
+    for (kind, panel), title in zip(panels.items(), TITLES, strict=True):
         dress(panel, title, "data rate (kb/s)")
         panel.axhline(100 * goals[kind], color=GREY, lw=1, ls=":")
         panel.annotate("target", (0, 100 * goals[kind]), (3, 3), panel.get_yaxis_transform(), "offset points",

@@ -30,7 +30,10 @@ def chain(cells: str) -> dict[str, Any]:
         "logic": logic["idle_w"],
         "memories": sum(memories[name]["leakage_w"] for name in reads),
     }
-    parts = {name: _part(*energy, idle[name], events, second) for name, energy in energies.items()}
+    parts = {}
+    for name, (events_j, ends_j) in energies.items():
+        found = {"events_j": events_j, "ends_j": ends_j, "idle_j": idle[name] * second}
+        parts[name] = found | {"decision_j": sum(found.values()), "event_j": events_j / events}
     every_clock = sum((touch["clocks"] / scans - count) * memories[name]["read_j"] for name, count in reads.items())
     return {
         "parts": parts,
@@ -91,12 +94,6 @@ def _energies(
     if cells == "ihp":
         found["memories"] = (energy["inputs"], energy["recurrent"] + energy["neurons"])
     return found, reads
-
-
-def _part(events_j: float, ends_j: float, idle_w: float, events: float, second: float) -> dict[str, float]:
-    """Return the energies of a part in joules: events, ends of bins, idle time, their sum, and energy per event."""
-    found = {"events_j": events_j, "ends_j": ends_j, "idle_j": idle_w * second}
-    return found | {"decision_j": sum(found.values()), "event_j": events_j / events}
 
 
 def energy_parts() -> Rows:

@@ -59,9 +59,8 @@ def _grouped(report: dict[str, Any], found: dict[str, float]) -> dict[str, float
 
 def name_of(point: dict[str, Any]) -> str:
     """Return readout and resolution of a point as text."""
-    if point["readout"] == "frame":
-        return filled("frames {rate_hz:.1f} Hz {bits} b", point)
-    return filled("{readout:E} {bits} b", point)
+    frames = point["readout"] == "frame"
+    return filled("frames {rate_hz:.1f} Hz {bits} b" if frames else "{readout:E} {bits} b", point)
 
 
 def finger_reached() -> dict[str, dict[str, float]]:
@@ -225,15 +224,11 @@ def finger_tuned() -> Rows:
     words = {f"seed {seed}": of_seed[REPETITION] for seed, of_seed in enumerate(tuned["network"])}
     for name, word in (words | {"mean logits of the three seeds": tuned["vote"]}).items():
         found = score(_classes(labels), _classes(word))
-        right, cottons = found["accuracy"], sum(_of_cottons(a, b) for a, b in zip(labels, word, strict=True))
+        right = found["accuracy"]
+        cottons = sum({a, b} == {"0", "1"} for a, b in zip(labels, word, strict=True))  # one taken for the other
         cells = f"{name} | {round(right * len(labels))} of {len(labels)} | {100 * right:.1f} % | "
         cells += f"{100 * found['balanced_accuracy']:.1f} % | {cottons} | {'met' if right >= 0.99 else 'missed'}"
         yield cells
-
-
-def _of_cottons(label: str, predicted: str) -> bool:
-    """Return whether a prediction takes one of the two cottons for the other."""
-    return {label, predicted} == {"0", "1"}
 
 
 def finger_tuning_values() -> dict[str, Any]:

@@ -45,11 +45,14 @@ def _settings(point: Data) -> str:
     return f"{len(point['taxels'])} x {words}"
 
 
-def _by_budget(preset: str, network: str, kinds: list[str], cell: Any) -> None:
-    """Print a table with a row for each kind of readout and a column for each budget."""
+def _by_budget(preset: str, network: str, cell: Any, first: int = 0) -> None:
+    """Print a table with a row for each kind of readout, from the first on, and a column for each budget."""
     found = chosen(preset, network)
-    budgets = list(dict.fromkeys(budget for _, budget in found))
-    rows = [[filled("{kind:E}", {"kind": kind}), *(cell(found, kind, budget) for budget in budgets)] for kind in kinds]
+    kinds, budgets = (list(dict.fromkeys(part)) for part in zip(*found, strict=True))
+    rows = [
+        [filled("{kind:E}", {"kind": kind}), *(cell(found, kind, budget) for budget in budgets)]
+        for kind in kinds[first:]
+    ]
     table(["", *(f"at most {budget:,} events/s" for budget in budgets)], rows)
 
 
@@ -62,8 +65,7 @@ def frontier(preset: str, network: str) -> None:
         words = "**{accuracy:100*.1f} %**, {bits_per_s:1e-3*#3} kb/s{power}<br>{settings}"
         return filled(words, point | {"settings": _settings(point), "power": power})
 
-    kinds = list(dict.fromkeys(kind for kind, _ in chosen(preset, network)))
-    _by_budget(preset, network, kinds, cell)
+    _by_budget(preset, network, cell)
 
 
 def frontier_pairs(preset: str, network: str) -> None:
@@ -75,8 +77,7 @@ def frontier_pairs(preset: str, network: str) -> None:
         low, high = pair["interval"]
         return filled("**{row:+%}**" if low * high > 0 else "{row:+%}", pair)
 
-    kinds = list(dict.fromkeys(kind for kind, _ in chosen(preset, network)))
-    _by_budget(preset, network, kinds[1:], cell)
+    _by_budget(preset, network, cell, first=1)
 
 
 def frontier_seeds() -> Rows:

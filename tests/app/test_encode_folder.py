@@ -146,12 +146,6 @@ def test_an_image_of_floats_is_refused(refuses: Any, folder: Path) -> None:
 SMALL = "--folds 2 --epochs 10 --set hidden=8 --set batch=4"
 
 
-def rest_of(path: Path) -> np.ndarray[Any, Any]:
-    """Return a table without time stamps and without the first value of each taxel."""
-    values = np.loadtxt(path, delimiter=",", skiprows=1)[:, 1:]
-    return values - values[0]
-
-
 def test_every_command_applies_the_scale_of_each_taxel(folder: Path, call: Any) -> None:
     write_uneven(folder / "skin", each=6)
     write_uneven(folder / "new", each=1, amplitude=0.5, first=20)  # which scales of their own would hide
@@ -163,7 +157,8 @@ def test_every_command_applies_the_scale_of_each_taxel(folder: Path, call: Any) 
     assert f"\nreadout: {said['readout']['encoding']} {said['readout']['resolution']} b, scale per taxel, " in out
 
     def expected(path: Path) -> np.ndarray[Any, Any]:
-        return np.clip(np.rint(rest_of(path) * scale * 2048), -2048, 2047)
+        values = np.loadtxt(path, delimiter=",", skiprows=1)[:, 1:]  # without time stamps
+        return np.clip(np.rint((values - values[0]) * scale * 2048), -2048, 2047)
 
     learned, _ = signals_of(next(Path("out/recordings").glob("skin-*")))
     assert len(learned) == 12

@@ -6,13 +6,12 @@ import shutil
 from pathlib import Path
 
 from eskin.app.catalogue import MODULES
-from eskin.app.cli import Commands
 from eskin.app.commands.signals.recordings import FINGER
 from eskin.model.classifier.file import IntegerWeights
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.scans import load_recordings
 from eskin.snn.experiments.evaluate import integer_classes
-from tests.conftest import Call
+from tests.conftest import Call, command
 
 LAST = re.compile(r"touch to class: (\d+) recordings, (\d+) events, 0 mismatches, (\d+) right")
 
@@ -68,11 +67,9 @@ def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(call: Call, f
 
 
 def test_every_command_with_recordings_knows_the_name_of_the_finger(folder: Path) -> None:
-    commands = Commands(MODULES)
-    names = [name for name in MODULES if any("--data" in option.opts for option in commands[name].params)]
+    names = [name for name in MODULES if any("--data" in option.opts for option in command(name).params)]
     assert {"train", "crossval", "sweep", "study", "sim", "replay", "predict", "touch", "play", "fig8"} <= set(names)
     for name in names:
         words = [*(["weights.npz", "--port", "none"] if name == "play" else []), "--data", "finger"]
-        assert commands[name].make_context(name, words).params["data"] == FINGER, name
-    demo = commands["demo"].make_context("demo", ["finger"])
-    assert FINGER in demo.params.values()
+        assert command(name).make_context(name, words).params["data"] == FINGER, name
+    assert FINGER in command("demo").make_context("demo", ["finger"]).params.values()

@@ -3,18 +3,18 @@
 import re
 from functools import cache
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import Any, get_args
 
 import pytest
 import typer
 
 from eskin.app.catalogue import MODULES, words_of
-from eskin.app.cli import Command, Commands
 from eskin.app.options import option_name, outputs_of
 from eskin.app.refusals import IDLE, RANGES
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
+from tests.conftest import command
 
 
 def line_of(name: str, given: dict[str, str]) -> str:
@@ -28,12 +28,6 @@ def line_of(name: str, given: dict[str, str]) -> str:
         elif parameter.required:
             words += [option, "x"]
     return " ".join(words)
-
-
-@cache
-def command(name: str) -> Command:
-    """Return a command of ``eskin``."""
-    return cast(Command, Commands(MODULES)[name])
 
 
 @cache

@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eskin.app.cli import app, run
-from eskin.app.report.data import load_accuracy, load_benchmarks, load_runs, report_data
-from eskin.app.report.page import BENCHMARKS, page, run_section, runs_in
+from eskin.app.report.data import load_accuracy, load_benchmarks, load_runs
+from eskin.app.report.page import BENCHMARKS, run_section, runs_in
 from eskin.base.errors import InputError
 from eskin.base.units import with_unit
 from eskin.model.address_events import Events, make_events
@@ -23,18 +22,21 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.power.explore import explore_data
 from tests.app.test_power import FIGURES, MODELS, REPORT
+from tests.conftest import run_eskin
 
 CONFIG = ReadoutConfig(rows=2, columns=3, encoding="lcs", resolution=4)
+EVIL = "</script><script>alert(1)</script>"
+GOOD = {"data_rate_bps": 2e4, "accuracy": 0.9}
 POINTS = {
-    "source": "invented",
+    "source": EVIL,
     "points": [
-        {"readout": "lcs", "resolution": 2, "data_rate_bps": 2e4, "accuracy": 0.9, "interval": [0.8, 0.95]},
+        GOOD | {"readout": "lcs", "resolution": 2, "interval": [0.8, 0.95]},
         {"readout": "frame", "label": "frame, 10 b", "data_rate_bps": 1.28e7, "accuracy": 0.97},
+        *[GOOD | {"readout": EVIL, "label": EVIL, "title": r"$\frac", "detail": "$_$", "preset": "$^"}] * 2,
     ],
 }
-EVERYTHING = "--sim sim --replay replay --synthesis gates.json --accuracy points.json"
+FILES = "--synthesis gates.json --accuracy points.json --benchmarks bench"
 CLOCKS = 6400
-RATE = {"data_rate_bps": 2e4, "accuracy": 0.9}
 UNROUNDED = re.compile(r"\d\.\d{6,}|\d[eE][+-]?\d")
 
 
@@ -46,14 +48,12 @@ def some_events(count: int = 300, seed: int = 0) -> Events:
 
 
 def write_run(folder: Path, rtl: Events, model: Events, model_config: ReadoutConfig = CONFIG) -> None:
-    """Write the event files of a run of ``make sim``."""
     folder.mkdir(parents=True)
-    Recording(rtl, CONFIG, CLOCKS, metadata={"name": "brick/brick-00"}).save(folder / "rtl.npz")
+    Recording(rtl, CONFIG, CLOCKS, metadata={"name": EVIL + r"$\frac"}).save(folder / "rtl.npz")
     Recording(model, model_config, CLOCKS).save(folder / "model.npz")
 
 
 def data_of(text: str) -> Any:
-    """Return the data in a page."""
     found = re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.DOTALL)
     assert found
     return json.loads(found[1])
@@ -61,9 +61,8 @@ def data_of(text: str) -> Any:
 
 def report(folder: Path, options: str, out: str = "report.html") -> str:
     """Return the page that the command writes in a folder."""
-    with contextlib.chdir(folder), pytest.raises(SystemExit) as left:
-        run(app, "eskin", f"report -o {out} {options}".split())
-    assert left.value.code == 0
+    with contextlib.chdir(folder):
+        assert run_eskin("report", "-o", out, *options.split()).returncode == 0
     return (folder / "report.html").read_text()
 
 
@@ -71,20 +70,22 @@ def report(folder: Path, options: str, out: str = "report.html") -> str:
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with one example of everything that the report can show."""
     folder, events = tmp_path_factory.mktemp("full"), some_events()
-    write_run(folder / "sim" / "equal", events, events)
+    write_run(folder / "sim" / "a&b", events, events)
     write_run(folder / "sim" / "other-whose-name-is-much-longer-than-a-phone-is-wide", events, np.delete(events, 7))
     summary = {"dataset": "d", "preset": "physical", "images": 3, "clocks": 99, "events": 1234, "mismatches": 0}
     (folder / "replay" / "a").mkdir(parents=True)
     (folder / "replay" / "a" / "summary.json").write_text(json.dumps(summary | {"configuration": CONFIG.to_dict()}))
     (folder / "gates.json").write_text(json.dumps(REPORT))
     (folder / "points.json").write_text(json.dumps(POINTS))
+    (folder / "bench").mkdir()
+    ratio = {"name": EVIL, "times_the_copy": {"median": 2.0}}
+    (folder / "bench" / "a.json").write_text(json.dumps({"results": [ratio]}))
     return folder
 
 
 @pytest.fixture(scope="module")
 def full(place: Path) -> str:
-    """Return a page with one example of everything."""
-    return report(place, EVERYTHING)
+    return report(place, f"--sim sim --replay replay {FILES}")
 
 
 @pytest.fixture(scope="module")
@@ -218,7 +219,7 @@ def test_the_page_has_no_machine_paths_and_is_the_same_every_time_also_for_a_fol
     assert str(place) not in full
     assert str(Path(__file__).parents[2]) not in full
     (place / "report.html").unlink()
-    assert report(place, "--synthesis gates.json --accuracy points.json", ".") == full
+    assert report(place, FILES, ".") == full
 
 
 def test_numbers_are_rounded_for_people_and_kept_whole_in_the_data(full):
@@ -235,25 +236,11 @@ def test_units():
     assert tuple(with_unit(value, "V") for value in values) == texts
 
 
-def test_text_from_files_cannot_leave_its_place(folder):
-    (folder / "bench").mkdir()
-    evil = "</script><script>alert(1)</script>"
-    values = {"results": [{"name": evil, "times_the_copy": {"median": 2.0}}]}
-    (folder / "bench" / "a.json").write_text(json.dumps(values))
-    points = [
-        {"readout": evil, "label": evil, "title": r"$\frac", "detail": "$_$", "preset": "$^", **RATE} for _ in "ab"
-    ]
-    (folder / "points.json").write_text(json.dumps({"source": evil, "points": points}))
-    (folder / "sim" / "a&b").mkdir(parents=True)
-    for name in ("rtl", "model"):
-        metadata = {"name": evil + r"$\frac"}
-        Recording(some_events(), CONFIG, CLOCKS, metadata=metadata).save(folder / "sim" / "a&b" / f"{name}.npz")
-    data, runs = report_data(folder / "sim", folder / "replay", folder / "bench", folder / "points.json", [])
-    text = page(data, runs)
-    assert evil not in text
-    assert data_of(text)["benchmarks"][0]["name"] == f"a: {evil}"
-    assert data_of(text)["raster"][0]["texture"].startswith(evil)
-    assert "a&amp;b" in text
+def test_text_from_files_cannot_leave_its_place(full):
+    assert EVIL not in full
+    assert data_of(full)["benchmarks"][0]["name"] == f"a: {EVIL}"
+    assert data_of(full)["raster"][0]["texture"].startswith(EVIL)
+    assert "a&amp;b" in full
 
 
 # -- bad input ---------------------------------------------------------------------------------------
@@ -289,9 +276,6 @@ def test_bad_input_gets_one_sentence_and_leaves_nothing(refuses, folder, options
     (folder / "report.html").write_text("the old one")
     refuses(sentence, "report -o report.html", options)
     assert (folder / "report.html").read_text() == "the old one"
-
-
-GOOD = {"data_rate_bps": 1.0, "accuracy": 0.5}
 
 
 @pytest.mark.parametrize(

@@ -200,20 +200,20 @@ def test_replay_is_bit_exact_and_does_only_what_is_missing(call: Call, folder: P
         assert recording.metadata["class"] == texture.class_name
 
 
-def test_replay_goes_on_after_a_kill(tmp_path: Path) -> None:
-    command = [*COMMAND, *REPLAY.split(), "--limit", "12", "--workers", "1", "-o", str(tmp_path)]
-    killed = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=os.environ | OURS)
+def test_replay_goes_on_after_a_kill(call: Call, folder: Path) -> None:
+    words = f"{REPLAY} --limit 12 --workers 1 -o out".split()
+    killed = subprocess.Popen([*COMMAND, *words], stderr=subprocess.DEVNULL, env=os.environ | OURS)
     deadline = time.monotonic() + 120
-    while not list(tmp_path.glob("*/events/*/*.npz")):
+    while not list(folder.glob("out/*/events/*/*.npz")):
         assert killed.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.02)
     killed.kill()
     killed.wait()
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | OURS)
-    assert done.returncode == 0, done.stderr
-    assert counts(done.stdout)[0] == 12
-    assert "played now: 12 images" not in done.stdout
+    code, out, err = call(*words)
+    assert code == 0, err
+    assert counts(out)[0] == 12
+    assert "played now: 12 images" not in out
 
 
 def test_a_link_too_slow_for_the_signal_is_said_before_and_is_no_failure(

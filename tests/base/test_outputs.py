@@ -6,6 +6,7 @@ import stat
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -102,40 +103,28 @@ def test_what_a_killed_writer_left_goes_and_what_a_living_one_writes_stays(tmp_p
 
 
 @pytest.mark.parametrize(
-    ("name", "sentence"),
+    ("check", "name", "sentence"),
     [
-        ("folder", "cannot write .*folder: it is a folder; give the name of a file"),
-        ("nothing/x", "cannot write .*x: the folder .*nothing does not exist; create it first"),
-        ("file/x", "cannot write .*x: the folder .*file does not exist; create it first"),
-        ("x" * 256, "cannot write x{40}...: the name has more than 255 bytes; shorten it"),
-        ("/proc/x", "cannot write /proc/x: No such file or directory in /proc"),
+        (file_of, "folder", "cannot write .*folder: it is a folder; give the name of a file"),
+        (file_of, "nothing/x", "cannot write .*x: the folder .*nothing does not exist; create it first"),
+        (file_of, "file/x", "cannot write .*x: the folder .*file does not exist; create it first"),
+        (file_of, "x" * 256, "cannot write x{40}...: the name has more than 255 bytes; shorten it"),
+        (file_of, "/proc/x", "cannot write /proc/x: No such file or directory in /proc"),
+        (check_folder, "file", "cannot write to .*file: it is a file; give the name of a folder"),
+        (check_folder, "file/a/b", "cannot write to .*b: .*file is a file; give a folder in another place"),
+        (check_folder, "link/a", "cannot write to .*a: .*link is a link to nowhere, which does not exist"),
+        (check_folder, "a/" + "x" * 256, "cannot write x{40}...: the name has more than 255 bytes; shorten it"),
+        (check_folder, "/proc/x/y", "cannot write /proc/x/y: No such file or directory in /proc"),
     ],
 )
-def test_a_path_that_is_no_output_file(tmp_path: Path, name: str, sentence: str) -> None:
+def test_a_path_that_is_no_output(tmp_path: Path, check: Callable[[Path], object], name: str, sentence: str) -> None:
     (tmp_path / "folder").mkdir()
-    (tmp_path / "file").touch()
-    with pytest.raises(InputError, match=rf"^{sentence}$"):
-        file_of(tmp_path / name)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder"]
-
-
-@pytest.mark.parametrize(
-    ("name", "sentence"),
-    [
-        ("file", "cannot write to .*file: it is a file; give the name of a folder"),
-        ("file/a/b", "cannot write to .*b: .*file is a file; give a folder in another place"),
-        ("link/a", "cannot write to .*a: .*link is a link to nowhere, which does not exist"),
-        ("a/" + "x" * 256, "cannot write x{40}...: the name has more than 255 bytes; shorten it"),
-        ("/proc/x/y", "cannot write /proc/x/y: No such file or directory in /proc"),
-    ],
-)
-def test_a_path_that_is_no_output_folder(tmp_path: Path, name: str, sentence: str) -> None:
     (tmp_path / "file").touch()
     (tmp_path / "link").symlink_to("nowhere")
     with pytest.raises(InputError, match=rf"^{sentence}$"):
-        check_folder(tmp_path / name)
+        check(tmp_path / name)
     check_folder(tmp_path / "a" / "b")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "link"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder", "link"]
 
 
 def test_a_new_file_has_usual_permissions_and_any_name_that_a_file_system_takes(tmp_path: Path) -> None:

@@ -7,11 +7,9 @@ board; ``RUN`` are run as printed. Another test runs the smallest form of each c
 import re
 import shlex
 import shutil
-import sys
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -22,8 +20,8 @@ from typer._click.exceptions import MissingParameter
 
 from eskin.app import make
 from eskin.app.catalogue import DEV, MODULES, words_of
-from eskin.app.cli import Command, Commands
 from eskin.base.errors import InputError
+from tests.conftest import command
 from tests.skins import write_skin
 
 ROOT = Path(__file__).parents[2]
@@ -42,9 +40,6 @@ RUN = (
     "eskin power --parameters",
     "make explore ROWS=12 COLUMNS=16",
     "eskin explore --rows 12 --columns 16 --bandwidth 500 --noise 2e-4 --event-rate 30000",
-    "eskin fig6",
-    "eskin fig7",
-    "eskin frames --resolution 6",
     "eskin rates --preset physical --dataset embedded --limit 12",
     "eskin encode brick.png -o brick.npz --encoding lcs --resolution 4",
     "eskin compare brick.npz brick.npz",
@@ -85,14 +80,8 @@ def printed() -> Iterator[Printed]:
 
 
 def typed(block: str) -> list[str]:
-    """Return the command lines of a code block."""
     lines = block.replace("\\\n", " ").splitlines()
     return [line for line in lines if line.startswith("$ ")] or lines
-
-
-@cache
-def command(name: str) -> Command:
-    return cast(Command, Commands(MODULES)[name])
 
 
 def words_behind(text: str) -> list[str]:
@@ -123,21 +112,7 @@ def problem_of(words: list[str], whole: bool) -> str:
     return ""
 
 
-def lines_of_make(text: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> list[list[str]]:
-    """Return the command lines that a make target runs; raises SystemExit for a rejected one."""
-    target, *variables = words_behind(text)
-    quoted = [re.sub(r"([\\ ])", r"\\\1", variable) for variable in variables]
-    monkeypatch.setenv("MAKEFLAGS", f"n -- {' '.join(quoted)}")
-    monkeypatch.setattr(sys, "argv", ["make", target, make.INSIDE])
-    capsys.readouterr()
-    try:
-        make.main()
-    except SystemExit:
-        raise SystemExit(capsys.readouterr().err) from None
-    return [shlex.split(line) for line in capsys.readouterr().out.splitlines()]
-
-
-def test_every_printed_command_is_taken(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_printed_command_is_taken(monkeypatch: pytest.MonkeyPatch, dry_make: Any) -> None:
     monkeypatch.chdir(ROOT)
     found = sorted(set(printed()))
     assert len(found) > 150
@@ -146,11 +121,7 @@ def test_every_printed_command_is_taken(monkeypatch: pytest.MonkeyPatch, capsys:
         if text.startswith("eskin "):
             problem = problem_of(words_behind(text), whole)
         else:
-            problem = ""
-            try:
-                lines = lines_of_make(text, monkeypatch, capsys)
-            except SystemExit as refused:
-                lines, problem = [], str(refused)
+            _, lines, problem = dry_make(*words_behind(text))
             for line in lines:
                 if line[1:3] == ["-m", "eskin"] and text != "make clean":
                     problem += problem_of(line[3:], whole)

@@ -21,24 +21,19 @@ def loaded_from_elsewhere(site: Path) -> list[str]:
     return [text for text in found if 'rel="canonical"' not in text]
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def test_the_site_has_every_room_search_and_the_notebook_and_loads_nothing_from_other_hosts(tmp_path: Path) -> None:
     if not importlib.util.find_spec("mkdocs"):
         assert not os.environ.get("CI"), "the gate builds the site: pip install -c constraints.txt -e '.[docs]'"
         pytest.skip("the site's tools are not installed: pip install -c constraints.txt -e '.[docs]'")
-    out = tmp_path_factory.mktemp("site")
+    site = tmp_path / "site"
     done = subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(out)],
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(site)],
         cwd=ROOT,
         env=os.environ | {"NO_MKDOCS_2_WARNING": "1", "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    return out
-
-
-def test_the_site_has_every_room_search_and_the_notebook_and_loads_nothing_from_other_hosts(site: Path) -> None:
     assert len(list(site.rglob("*.html"))) > 30
     index = (site / "search" / "search_index.json").read_text()
     for name in (

@@ -29,7 +29,6 @@ Page = Annotated[int | None, opt(..., "PORT", "also serve a live page at this po
 Udp = Annotated[str | None, opt(..., "HOST:PORT", "also send every event to this address, in jAER's UDP format")]
 Patience = Annotated[float, opt(..., "SECONDS", "seconds of silence after which the board counts as lost", min=0.1)]
 Network = Annotated[Path, arg(..., "INTEGER.npz", "integer network, from eskin quantise")]
-RASTER_LINES = 16
 WINDOW_S = 3.0  # seconds in the raster of a foreign chip
 
 
@@ -194,7 +193,7 @@ def _shown(view: View, page: int | None, udp: str | None, received: Received, li
                 said = view.state()
                 facts = f"{said['seconds']:.3f} s, {said['events']} events, {view.bins} bins, {said['lost']} lost"
                 words = f"class {said['class']}; " if said["class"] is not None else ""
-                return Group(*map(Text, view.raster(RASTER_LINES)), Text(words + facts))
+                return Group(*map(Text, view.raster(16)), Text(words + facts))
 
             stack.enter_context(Live(get_renderable=picture, console=Console(stderr=True), refresh_per_second=10))
         yield

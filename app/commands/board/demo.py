@@ -19,8 +19,6 @@ from eskin.skin.recordings.options import Preparation
 if TYPE_CHECKING:
     from eskin.board.demo import DemoResult
 
-HOLD_S = 1.5  # pause between a result and the next recording
-
 
 @with_fields(ReadoutConfig, ("encoding", "resolution", "sample_rate_hz"), "readout")
 @with_fields(Preparation, PREPARATION, "prepared", DEFAULTS, RECORDINGS)
@@ -67,7 +65,7 @@ def demo(
         if browser and (sys.platform in ("darwin", "win32") or {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ)):
             webbrowser.open(address)
         try:
-            for one in player.play(show, view, speed, sender, HOLD_S):
+            for one in player.play(show, view, speed, sender, hold_s=1.5):
                 found.append(one)
                 echo(_line(one), flush=True)
                 if len(found) == limit:

@@ -11,7 +11,6 @@ from eskin.app.commands.signals.recordings import named_place
 from eskin.app.options import TRAINED, arg, opt, out_file, out_folder
 from eskin.app.tables import filled
 from eskin.base.errors import InputError
-from eskin.base.figures.files import DEFAULT_OUT
 from eskin.base.files import write_json
 from eskin.base.progress import bar
 from eskin.base.shapes import read_shaped
@@ -29,7 +28,7 @@ def fig9(
     confusion: str | None = opt(
         None, "NAME", "sweep points for confusion matrices [best spiking point of each preset]"
     ),
-    out: common.Out = DEFAULT_OUT,
+    out: common.Out = common.DEFAULT_OUT,
     data_out: common.DataOut = None,
 ) -> None:
     """Plot figure 9, accuracy against data rate with published points, and confusion matrices."""
@@ -56,7 +55,7 @@ def fig8(
         None, "DIR|finger", "your own recordings, if the network was trained on them", callback=named_place
     ),
     image: str | None = opt(None, "NAME", "texture or recording, such as brick/brick-00 [first correct test image]"),
-    out: common.Out = DEFAULT_OUT,
+    out: common.Out = common.DEFAULT_OUT,
     data_out: common.DataOut = None,
 ) -> None:
     """Plot figure 8: one scan from texture through events and hidden spikes to the evidence of each class."""

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from eskin.app.cli import command_line, echo
 from eskin.app.commands import common
+from eskin.app.commands.common import write_results
 from eskin.app.commands.learn.options import check_device
 from eskin.app.options import arg, opt, out_folder
 from eskin.app.tables import filled, print_table
 from eskin.base.errors import InputError
-from eskin.base.figures.files import write_results
 from eskin.base.progress import bar
 from eskin.base.shapes import read_shaped
 

@@ -11,7 +11,6 @@ from eskin.app.commands import common
 from eskin.app.options import opt, with_fields
 from eskin.app.tables import new_table, print_report, print_table, show
 from eskin.base.errors import InputError
-from eskin.base.figures.files import DEFAULT_OUT
 from eskin.base.progress import bar
 from eskin.base.units import with_unit
 from eskin.power import study
@@ -26,10 +25,6 @@ from eskin.power.study import RESOLUTIONS, TAUS_S
 
 SENSOR = ("rows", "columns", "signal_bandwidth_hz", "supply_v", "pads_voltage_v", "pads_toggle")
 """Parameters of the power model with an option; ``--set`` changes the other parameters."""
-
-STORED_RATES = (
-    "event rates: those of textures in the {} scan, which come with the project; --event-rate gives your sensor's own"
-)
 
 
 def power(
@@ -85,7 +80,6 @@ def _mode_text(model: PowerModel) -> str:
 
 
 def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> None:
-    """Print power breakdowns as a table, one column per readout."""
     table = new_table(("power", *(READOUT_NAMES[readout] for readout in READOUTS)), f"{title}, {_mode_text(model)}")
 
     def add(name: str, values: Iterable[float | None], style: str = "") -> None:
@@ -104,7 +98,6 @@ def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> Non
 
 
 def _print_crossovers(data: dict[str, Any], sides: dict[str, Any], model: PowerModel) -> None:
-    """Print crossovers as a table, one row per resolution."""
     lines = [(f"N-LCS {float(tau):g} s", data["nlcs"][tau], sides["nlcs"][tau]) for tau in data["nlcs"]]
     lines.append(("LCS", data["lcs"], sides["lcs"]))
     title = f"AFE noise (mV rms) where spikes and frames need equal power, {_mode_text(model)}"
@@ -124,7 +117,6 @@ def _side_text(noise_v_rms: float | None, side: str) -> str:
 
 
 def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
-    """Print every parameter with unit, meaning and source, and the corrections."""
     shown = ("unit", "source", "meaning")
     fields = dataclasses.fields(parameters)
     if as_json:
@@ -140,7 +132,7 @@ def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
 
 
 def fig6(
-    out: common.Out = DEFAULT_OUT,
+    out: common.Out = common.DEFAULT_OUT,
     data_out: common.DataOut = None,
     settings: common.Settings = None,
     synthesis: common.Synthesis = None,
@@ -150,12 +142,11 @@ def fig6(
 ) -> None:
     """Plot figure 6 in both modes: power at three noise targets."""
     source = partial(rate_table, dataset, preset_name, rates, [study.FIG_RESOLUTION], [study.FIG_TAU_S], watch=bar)
-    data = study.fig6_data(both_modes(settings, synthesis, source))
-    common.store(out, "fig6", data, plot_fig6, data_out)
+    common.store(out, "fig6", study.fig6_data(both_modes(settings, synthesis, source)), plot_fig6, data_out)
 
 
 def fig7(
-    out: common.Out = DEFAULT_OUT,
+    out: common.Out = common.DEFAULT_OUT,
     data_out: common.DataOut = None,
     settings: common.Settings = None,
     synthesis: common.Synthesis = None,
@@ -165,12 +156,11 @@ def fig7(
 ) -> None:
     """Plot figure 7 in both modes: crossover noise by resolution."""
     source = partial(rate_table, dataset, preset_name, rates, list(RESOLUTIONS), list(TAUS_S), watch=bar)
-    data = study.fig7_data(both_modes(settings, synthesis, source))
-    common.store(out, "fig7", data, plot_fig7, data_out)
+    common.store(out, "fig7", study.fig7_data(both_modes(settings, synthesis, source)), plot_fig7, data_out)
 
 
 def sensitivity(
-    out: common.Out = DEFAULT_OUT,
+    out: common.Out = common.DEFAULT_OUT,
     data_out: common.DataOut = None,
     settings: common.Settings = None,
     synthesis: common.Synthesis = None,
@@ -186,18 +176,13 @@ def sensitivity(
 
 
 def _print_sensitivity(data: dict[str, Any]) -> None:
-    """Print the sensitivity study as a table."""
     title = (
         f"spiking / frame power, N = {data['resolution']}, tau {data['tau_s']:g} s, at AFE noise in mV rms; "
         f"below 1 spikes need less power"
     )
-    headings = ["corrections"]
-    for readout in SPIKING:
-        for noise in data["noise_v_rms"]:
-            name = READOUT_NAMES[readout] if noise == data["noise_v_rms"][0] else ""
-            headings.append(f"{name} {noise * 1e3:.3g}".strip())
-        headings.append("spikes win")
-    table = new_table(headings, title, no_wrap=True)
+    first, *others = (f"{noise * 1e3:.3g}" for noise in data["noise_v_rms"])
+    headings = [text for r in SPIKING for text in (f"{READOUT_NAMES[r]} {first}", *others, "spikes win")]
+    table = new_table(["corrections", *headings], title, no_wrap=True)
     group = data["rows"][0]["group"]
     for row in data["rows"]:
         if row["group"] != group:
@@ -225,7 +210,7 @@ def explore(
     rates: common.Rates = None,
     synthesis: common.Synthesis = None,
     settings: common.Settings = None,
-    out: common.Out = DEFAULT_OUT,
+    out: common.Out = common.DEFAULT_OUT,
     as_json: common.Json = False,
 ) -> None:
     """Find the readout and resolution with the least power for your sensor."""
@@ -249,7 +234,8 @@ def explore(
     model = build_model(frozenset(CORRECTIONS), own, synthesis, source, parameters)
     data = explore_data(model, noise, tau, min_resolution)
     if event_rate is dataset is rates is None:
-        print(STORED_RATES.format(preset_name), file=sys.stderr if as_json else sys.stdout)
+        stored = f"event rates: those of textures in the {preset_name} scan, which come with the project"
+        print(f"{stored}; --event-rate gives your sensor's own", file=sys.stderr if as_json else sys.stdout)
     common.store(out, "explore", data, plot_explore, quiet=as_json)
     print_report(data, as_json, _print_explored)
 
@@ -266,10 +252,7 @@ def _print_explored(data: dict[str, Any]) -> None:
     names = [READOUT_NAMES[readout] for readout in READOUTS]
     table = new_table(("N", *names, "cheapest", ""), title, left=(len(names) + 1, len(names) + 2))
     for row in data["table"]:
-        cells = []
-        for readout in READOUTS:
-            best = readout == row["cheapest"]
-            cells.append(Text(with_unit(row[readout]["total"], "W"), style="bold" if best else ""))
+        cells = [Text(with_unit(row[r]["total"], "W"), "bold" if r == row["cheapest"] else "") for r in READOUTS]
         remark = "below the noise" if row["resolution"] > data["noise_resolution"] else ""
         table.add_row(str(row["resolution"]), *cells, READOUT_NAMES[row["cheapest"]], remark)
     show(table)

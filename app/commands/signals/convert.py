@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from eskin.app.cli import echo
 from eskin.app.options import arg, opt, option_name, out_file, with_config
@@ -52,7 +53,8 @@ def convert(
         raise InputError("--plot, --bin and --unit are for a single file; leave them out for a folder")
     if plot is not None:
         check_picture_path(plot)
-    foreign = {"--map": address_map, "--fields": fields, "--time-unit": time_unit, "--start": start, "--wrap": wrap}
+    begin = int(start) if start is not None and start.is_integer() else start  # clocks stay whole
+    foreign = {"--map": address_map, "--fields": fields, "--time-unit": time_unit, "--start": begin, "--wrap": wrap}
     foreign |= {"--sort": sort or None, "--drop-unmapped": drop_unmapped or None}
     foreign |= {option_name(name): True for name in sorted(given)}
     if source.is_dir():
@@ -92,7 +94,7 @@ def _check_output(out: Path, bin_s: float | None, unit: str | None) -> None:
 
 
 def _convert_folder(
-    source: Path, config: ReadoutConfig, given: frozenset[str], options: Mapping[str, object], out: Path
+    source: Path, config: ReadoutConfig, given: frozenset[str], options: Mapping[str, Any], out: Path
 ) -> None:
     from eskin.base.inputs import check_no_others, find_files
     from eskin.skin.foreign.files import SUFFIXES, is_foreign
@@ -119,7 +121,7 @@ def _taken(
     sources: Sequence[Path],
     config: ReadoutConfig,
     given: frozenset[str],
-    options: Mapping[str, object],
+    options: Mapping[str, Any],
     own_start: bool = False,
 ) -> list[Recording]:
     """Return recordings converted from foreign files; print assumptions and losses.
@@ -131,21 +133,20 @@ def _taken(
     from eskin.skin.foreign.files import read_foreign
 
     path, columns, wrap, start = (options[name] for name in ("--map", "--fields", "--wrap", "--start"))
-    mapping = AddressMap.read(path) if isinstance(path, Path) else None
+    mapping = AddressMap.read(path) if path else None
     if options["--drop-unmapped"] and mapping is None:
         raise InputError("--drop-unmapped leaves out addresses that a map lacks; add --map FILE")
-    unit = options["--time-unit"]
-    read = []
-    for source in sources:
-        events = read_foreign(source, str(columns).split(",") if columns else (), str(unit) if unit else None)
-        if isinstance(wrap, int):
-            events = unwrapped(events, wrap)
-        read.append(in_order(events) if options["--sort"] else events)
+    names = columns.split(",") if columns else ()
+    read = [read_foreign(source, names, options["--time-unit"] or None) for source in sources]
+    if wrap:
+        read = [unwrapped(events, wrap) for events in read]
+    if options["--sort"]:
+        read = [in_order(events) for events in read]
     found = [configuration(events, config, given, mapping) for events in read]
     chosen = found[0].replace(rows=max(one.rows for one in found), columns=max(one.columns for one in found))
     recordings, said = [], dict[str, int]()
     for source, events in zip(sources, read, strict=True):
-        begin = events.time[0].item() if own_start and start is None and len(events.time) else _number(start)
+        begin = events.time[0].item() if own_start and start is None and len(events.time) else start
         metadata = {"name": source.stem, "source": source.name}
         try:
             taken = take(events, chosen, mapping, bool(options["--drop-unmapped"]), begin, metadata)
@@ -163,13 +164,6 @@ def _taken(
         f"--rows, --columns, --sample-rate and --clocks-per-sample change array and clock"
     )
     return recordings
-
-
-def _number(start: object) -> float | None:
-    """Return a start time, as an integer if possible."""
-    if not isinstance(start, float):
-        return None
-    return int(start) if start.is_integer() else start
 
 
 def _write(out: Path, recording: Recording, bin_s: float | None, unit: str | None) -> str:

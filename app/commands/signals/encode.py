@@ -15,14 +15,13 @@ from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import (
     DEFAULTS,
     PREPARATION,
-    option_named,
     print_notes,
     print_set,
     quality_text,
     scale_text,
     warn,
 )
-from eskin.app.options import RECORDINGS, arg, opt, out_file, with_config, with_fields
+from eskin.app.options import RECORDINGS, arg, opt, option_name, out_file, with_config, with_fields
 from eskin.app.tables import new_table, show
 from eskin.base.errors import InputError
 from eskin.base.figures.style import check_picture_path
@@ -83,7 +82,7 @@ def encode(
     kind = source.suffix.lower()
     if kind in IMAGE_SUFFIXES:
         if prepared:
-            option = option_named(next(iter(prepared)))
+            option = option_name(next(iter(prepared)), Preparation)
             raise InputError(f"{option} is only for samples; the preset sets the scale of an image")
         made = encode_image(source, config, preset or "physical", start_row or 0.0, model)
     elif kind in ARRAY_SUFFIXES:

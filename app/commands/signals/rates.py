@@ -8,7 +8,6 @@ from eskin.app.commands.signals.recordings import named_place
 from eskin.app.options import check_leaks, opt, out_file, with_config, with_fields
 from eskin.app.tables import CELLS, filled, print_report, print_table, show_facts
 from eskin.base.errors import InputError
-from eskin.base.figures.files import DEFAULT_OUT
 from eskin.base.files import atomic_write
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig
@@ -156,7 +155,7 @@ def study(
     ),
     workers: common.Workers = None,
     scheduler: common.Scheduler = None,
-    out: common.Out = DEFAULT_OUT,
+    out: common.Out = common.DEFAULT_OUT,
     as_json: common.Json = False,
 ) -> None:
     """Compare SNR and data rate of every encoder with uniform sampling at no higher rate, on slow signals."""

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eskin.app.cli import echo
-from eskin.app.options import RECORDINGS, opt, with_fields
+from eskin.app.options import RECORDINGS, opt, option_name, with_fields
 from eskin.base.errors import InputError
 from eskin.base.progress import bar
 from eskin.base.units import counted
-from eskin.model.config import ReadoutConfig, option_of
+from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.options import FINGER, Preparation
 
 if TYPE_CHECKING:
@@ -53,14 +53,9 @@ def with_preparation(command: Callable[..., Any]) -> Callable[..., Any]:
 def check_alone(data: Path | None, prepared: Mapping[str, Any], others: Mapping[str, object]) -> None:
     """Check that options for textures and options for recordings are not mixed."""
     if data is None and prepared:
-        raise InputError(f"{option_named(next(iter(prepared)))} is for your own recordings; add --data DIR")
+        raise InputError(f"{option_name(next(iter(prepared)), Preparation)} is for your own recordings; add --data DIR")
     if data is not None and (idle := [option for option, value in others.items() if value is not None]):
         raise InputError(f"{idle[0]} is for textures, --data plays your own recordings; leave one of the two out")
-
-
-def option_named(field: str) -> str:
-    """Return the option for a field of Preparation."""
-    return option_of(next(f for f in dataclasses.fields(Preparation) if f.name == field))
 
 
 def preparation(prepared: Mapping[str, Any]) -> Preparation:

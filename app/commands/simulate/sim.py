@@ -12,12 +12,12 @@ from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, warn, with_preparation
 from eskin.app.options import opt, out_file, out_folder, with_config
 from eskin.base.files import origin, write_json
-from eskin.base.progress import bar, bars
+from eskin.base.progress import bars
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 
 if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.process import MismatchFound, Tally
+    from eskin.cocotb_tests.runner.process import Tally
     from eskin.cocotb_tests.runner.sim import Plan
 
 
@@ -62,7 +62,7 @@ def sim(
         )
         with bars() as show:
             for encoding in encodings:
-                _play_textures(plan, config.replace(encoding=encoding), show, bool(dut), total)
+                _play(plan, config.replace(encoding=encoding), show, total, bool(dut))
     else:
         session.check_own(simulator, textures, ticks)
         for encoding in encodings:
@@ -70,53 +70,37 @@ def sim(
             material = Own(own_recordings(data, prepared, wanted, given, again=total.runs > 0), data)
             names = material.one_class_after_the_other(textures) if only is None else [named(material, only)]
             plan = session.Plan(simulator, waves, material, names, ticks, out)  # type: ignore[arg-type]
-            _play_own(plan, material.recordings.config, total)
+            with bars() as show:
+                _play(plan, material.recordings.config, show, total)
     result = common.bit_exact(total)
     if keep is not None:
         write_json(keep, origin(asked_for()) | {"result": result})
     print(result)
 
 
-def _play_textures(plan: Plan, config: ReadoutConfig, show: Any, foreign: bool, total: Tally) -> None:
-    """Run scenarios and scans of a configuration on the RTL or on a user's readout."""
+def _play(plan: Plan, config: ReadoutConfig, show: Any, total: Tally, foreign: bool = False) -> None:
+    """Run scenarios, scans or recordings on the RTL or on a user's readout; exit with 1 at the first difference."""
     from eskin.cocotb_tests.runner import sim as session
     from eskin.cocotb_tests.runner.process import MismatchFound
 
     step, say = show(config.encoding, plan.runs(config))
     if warning := plan.warning(config):
-        warn([f"{config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels: {warning}"])
+        array = f"{config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels: "
+        warn([array * bool(plan.material.preset) + warning])
     wave = plan.waveform(config) if plan.waves else None
+    equal = True
     try:
         total += session.play(plan, config, lambda _: step(), lambda stage: say(f"{config.encoding}: {stage}"))
     except MismatchFound as mismatch:
-        hint = session.configuration_hint(config) if foreign and not (total.runs + mismatch.before.runs) else ""
-        _differ(mismatch, total, plan.running(config), wave, hint)
+        equal = False
+        total += mismatch.before
+        report = plan.running(config) / "mismatch.txt"
+        print(f"{mismatch}\nMISMATCH; equal runs before it: {total.runs}; report: {report}")
     if wave is not None:
         echo(f"waveform: {wave}; open it with: gtkwave {wave}")
+    if not equal:
+        if foreign and not total.runs:
+            print(session.configuration_hint(config))
+        raise typer.Exit(1)
     if picture := plan.picture(config):
         echo(f"picture: {picture}; event files: {picture.parent / 'events'}")
-
-
-def _play_own(plan: Plan, config: ReadoutConfig, total: Tally) -> None:
-    """Run a user's recordings through RTL and model."""
-    from eskin.cocotb_tests.runner import sim as session
-    from eskin.cocotb_tests.runner.process import MismatchFound
-
-    warn(filter(None, [plan.warning(config)]))
-    with bar(f"{config.encoding}: RTL against model", len(plan.names)) as progress:
-        try:
-            total += session.play(plan, config, lambda _: progress(), lambda stage: None)
-        except MismatchFound as mismatch:
-            _differ(mismatch, total, plan.running(config))
-    echo(f"picture: {plan.picture(config)}; event files: {plan.place(config) / 'events'}")
-
-
-def _differ(mismatch: MismatchFound, total: Tally, folder: Path, wave: Path | None = None, hint: str = "") -> None:
-    """Print the first difference, and where its report is; exit with 1."""
-    total += mismatch.before
-    print(f"{mismatch}\nMISMATCH; equal runs before it: {total.runs}; report: {folder / 'mismatch.txt'}")
-    if wave is not None:
-        echo(f"waveform: {wave}; open it with: gtkwave {wave}")
-    if hint:
-        print(hint)
-    raise typer.Exit(1) from None
