@@ -159,6 +159,13 @@ def test_a_doubtful_table_is_refused(text: str, options: str, sentence: str, fol
     assert not Path("e.npz").exists()
 
 
+def test_unsorted_events_are_sorted_by_time_and_keep_their_order_at_equal_times(folder: Path, call: Call) -> None:
+    Path("e.csv").write_text("t,x,y,p\n9,2,0,1\n5,1,1,0\n5,0,1,1\n7,0,0,0\n")
+    code, _, error = call("convert e.csv -o e.npz --sort --start 0 --sample-rate 1e6 --clocks-per-sample 1")
+    assert code == 0, error
+    assert Recording.load(Path("e.npz")).events.tolist() == [(5, 1, 1, 0), (5, 0, 1, 1), (7, 0, 0, 0), (9, 2, 0, 1)]
+
+
 def test_options_of_foreign_events_are_refused_for_ours(folder: Path, call: Call) -> None:
     recording().save(Path("e.npz"))
     for option in ("--map x.csv", "--sort", "--rows 3", "--wrap 32"):
