@@ -3,8 +3,6 @@
 import json
 import random
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -15,6 +13,7 @@ from eskin.cocotb_tests.test_verilog import delivered
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.file import IntegerWeights
 from eskin.rtl.delivery import ports
+from tests.conftest import run_eskin as call
 
 TOP = "eskin_classifier"
 PAPERS = ClassifierConfig(floor=-256, out_floor=-256)
@@ -47,16 +46,16 @@ def test_command_writes_the_classifier_of_a_file(tmp_path: Path) -> None:
     config = CONFIGS[0]
     weights = IntegerWeights(random_network(config, random.Random(1)), ("a", "b", "c"))
     weights.save(tmp_path / "integer.npz")
-    command = [sys.executable, "-m", "eskin", "verilog", "--classifier", str(tmp_path / "integer.npz"), "-o"]
-    subprocess.run([*command, str(tmp_path / "out"), "--reset", "async"], check=True, capture_output=True)
+    command = ["verilog", "--classifier", tmp_path / "integer.npz", "-o"]
+    assert call(*command, tmp_path / "out", "--reset", "async").returncode == 0
     described = json.loads((tmp_path / "out" / f"{TOP}.json").read_text())
     assert ClassifierConfig.from_dict(described["configuration"]) == config.replace(reset="async")
     assert "| `reset` | async |" in (tmp_path / "out" / f"{TOP}_datasheet.md").read_text()
-    array = ["--chip", "--rows", "1", "--columns", str(config.inputs)]
-    subprocess.run([*command, str(tmp_path / "chip"), *array], check=True, capture_output=True)
+    array = ["--chip", "--rows", 1, "--columns", config.inputs]
+    assert call(*command, tmp_path / "chip", *array).returncode == 0
     described = json.loads((tmp_path / "chip" / "eskin_chip.json").read_text())["configuration"]
     assert (described["rows"], described["columns"]) == (1, config.inputs)
-    done = subprocess.run([*command, str(tmp_path / "no"), "--rows", "3"], capture_output=True, text=True, check=False)
+    done = call(*command, tmp_path / "no", "--rows", 3)
     assert done.returncode == 2
     assert "--rows has no effect with --classifier alone: add --chip, or leave one of the two out" in done.stderr
     assert not (tmp_path / "no").exists()

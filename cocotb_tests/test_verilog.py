@@ -20,6 +20,7 @@ from eskin.model.registers.export import c_header, page
 from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.delivery import constraints, core, description, ports, write
 from eskin.rtl.verilog import Config, top_block, verilog
+from tests.conftest import run_eskin as call
 
 ENCODINGS = registry.NAMES
 ASYNCHRONOUS = ("aer_ack", "spi_sck", "spi_cs_n", "spi_mosi")
@@ -78,7 +79,7 @@ def lint(path: Path, *more: Path) -> str:
     said = ""
     with build_environment():
         for command in (
-            ["verilator", "--lint-only", "-Wall", "--top-module", top, *files],
+            ["verilator_bin", "--lint-only", "-Wall", "--top-module", top, *files],
             ["iverilog", "-g2005", "-Wall", "-t", "null", "-s", top, *files],
         ):
             done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -198,8 +199,7 @@ def test_no_register_of_the_host_is_clocked_for_nothing() -> None:
 
 def test_header_and_page_go_with_registers(tmp_path: Path) -> None:
     config = ReadoutConfig(rows=3, columns=5, registers="spi")
-    command = [sys.executable, "-m", "eskin", "verilog", "--rows", "3", "--columns", "5", "--registers", "spi"]
-    done = subprocess.run([*command, "-o", str(tmp_path)], capture_output=True, text=True, check=True)
+    done = call("verilog", "--rows", 3, "--columns", 5, "--registers", "spi", "-o", tmp_path)
     *lines, load = done.stdout.splitlines()
     assert load == "the link stream sends at most 1,280,000 events/s (1 clock per event, clock 1.28e+06 Hz)"
     names = [Path(line).name for line in lines]

@@ -18,7 +18,7 @@ from eskin.flow.power.liberty_power import LibertyPower
 from eskin.model.config import ReadoutConfig
 from tests.flow import example_library
 
-CONFIG = ReadoutConfig(rows=2, columns=2, link="four_phase")
+CONFIG = ReadoutConfig(rows=2, columns=1, link="four_phase")
 
 
 @functools.cache

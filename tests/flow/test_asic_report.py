@@ -40,7 +40,7 @@ def asic(*words: str) -> subprocess.CompletedProcess[str]:
 def test_a_run_leaves_a_report_and_says_what_matters(tmp_path: Path) -> None:
     typical, slow = example_library.written(tmp_path), example_library.written(tmp_path, example_library.SLOW)
     out = tmp_path / "out"
-    done = asic("--rows=2", "--columns=2", f"--lib={typical}", f"--slow={slow}", "--name=mine", f"--out={out}")
+    done = asic("--rows=2", "--columns=1", f"--lib={typical}", f"--slow={slow}", "--name=mine", f"--out={out}")
     assert done.returncode == 0, done.stdout + done.stderr
     report = json.loads((out / "mine" / "report.json").read_text())
     assert sorted(path.name for path in (out / "mine").iterdir()) == [
@@ -64,11 +64,11 @@ def test_a_run_leaves_a_report_and_says_what_matters(tmp_path: Path) -> None:
     assert SynthesisReport.from_dict(report).power_w(8, 0.0) == pytest.approx(8 * idle)
     assert fmax["slow"] < fmax["typical"]
     assert report["equivalence"]["proved"] == report["equivalence"]["of"] > report["flops"] >= report["gated_flops"] > 0
-    assert sum(block["area_um2"] for block in report["blocks"].values()) == pytest.approx(4 * area)
+    assert sum(block["area_um2"] for block in report["blocks"].values()) == pytest.approx(2 * area)
     assert sum(block["flops"] for block in report["blocks"].values()) == report["flops"]
     assert {"row", "arbiter"} <= set(report["blocks"])
     assert report["timing"]["slow"]["check_setup"] == []
-    assert report["command"] == "make asic LIB=quill_typ.lib SLOW=quill_slow.lib ROWS=2 COLUMNS=2"
+    assert report["command"] == "make asic LIB=quill_typ.lib SLOW=quill_slow.lib ROWS=2 COLUMNS=1"
     assert str(tmp_path) not in (out / "mine" / "report.json").read_text()
 
 
