@@ -74,14 +74,15 @@ class Taxel:
 
 
 class LcsTaxel(Taxel):
-    """Level crossing: up by D for x - u >= D, down by D for x - u < -D."""
+    """Level crossing: up by h for x - u >= h, down by h for x - u < -h, where the half-width h is D."""
 
     def decide(self, above: bool, below: bool, tick: bool, leak: bool) -> None:
-        if above and self.reference + self.settings.step <= self.settings.top:
-            self.reference += self.settings.step
+        width = self.half_width()
+        if above and self.reference + width <= self.settings.top:
+            self.reference += width
             self.request = 1
-        elif not above and below and self.reference - self.settings.step >= self.settings.bottom:
-            self.reference -= self.settings.step
+        elif not above and below and self.reference - width >= self.settings.bottom:
+            self.reference -= width
             self.request = 0
 
 
@@ -111,7 +112,7 @@ class Window:
             self.width = max(self.width - self.settings.closing_step, self.settings.closing_step)
 
 
-class CwLcsTaxel(Taxel):
+class CwLcsTaxel(LcsTaxel):
     """Level crossing with a window that closes while no event occurs."""
 
     def reset(self) -> None:
@@ -122,13 +123,7 @@ class CwLcsTaxel(Taxel):
         return self.window.width
 
     def decide(self, above: bool, below: bool, tick: bool, leak: bool) -> None:
-        width = self.window.width
-        if above and self.reference + width <= self.settings.top:
-            self.reference += width
-            self.request = 1
-        elif not above and below and self.reference - width >= self.settings.bottom:
-            self.reference -= width
-            self.request = 0
+        super().decide(above, below, tick, leak)
         if self.request is not None:
             self.window.open()
         elif tick:

@@ -12,6 +12,7 @@ import functools
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -215,8 +216,7 @@ def run(lines: list[str], folder: Path) -> list[Report]:
     return [{name: (float(own), float(load), float(leakage)) for name, own, load, leakage, _ in one} for one in rows]
 
 
-@dataclass(frozen=True)
-class Counted:
+class Counted(NamedTuple):
     """Internal energy counted by OpenSTA for a library with 1 pJ per toggle."""
 
     data_out: float

@@ -1,5 +1,6 @@
 """Model of a skin as cells: tiles, relay stations and merge."""
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,15 +62,11 @@ class _Assembly:
     """Skin under construction from its parts."""
 
     def __init__(self, config: TilesConfig, kinds: dict[str, Any], tile: Array) -> None:
-        self.config, self.kinds, self.tile = config, kinds, tile
-        self.nets = 0
+        taxels: list[dict[str, int]] = [{} for _ in range(config.taxels)]
+        self.made = Array(config, kinds, [], [], [], tile.taxel, tile.taxel_bits, taxels, [], 0)
+        self.config, self.tile = config, tile
         self.joined: list[tuple[int, int]] = []
-        self.names: list[str] = []
-        self.cells: list[str] = []
-        self.pins: list[dict[str, int]] = []
         self.spots: list[Spot] = []
-        self.taxels: list[dict[str, int]] = [{} for _ in range(config.taxels)]
-        self.ports: list[tuple[str, str, int, int]] = []
         self.common: dict[str, list[int]] = {}
 
     def join(self, nets: list[int], others: list[int]) -> None:
@@ -78,11 +75,10 @@ class _Assembly:
 
     def place(self, part: Array, name: str, spots: list[Spot]) -> dict[str, list[int]]:
         """Add a part and connect its common ports; return the nets of its ports."""
-        first = self.nets
-        self.nets += part.nets
-        self.names += [f"{name}.{cell}" for cell in part.names]
-        self.cells += part.cells
-        self.pins += [{pin: _moved(net, first) for pin, net in pins.items()} for pins in part.pins]
+        first = self.made.nets
+        self.made.nets += part.nets
+        for cell, kind, pins in zip(part.names, part.cells, part.pins, strict=True):
+            self.made.add(f"{name}.{cell}", kind, {pin: _moved(net, first) for pin, net in pins.items()})
         self.spots += spots
         ports: dict[str, list[int]] = {}
         for _, port, _, net in part.ports:
@@ -90,18 +86,17 @@ class _Assembly:
         for port in (*TREES, *common_ports(self.config)):
             if port in ports:
                 if port not in self.common:
-                    self.common[port] = [self.nets]
-                    self.nets += 1
+                    self.common[port] = [self.made.new_net()]
                     self.port("input", port, self.common[port])
                 self.join(self.common[port], ports[port])
         return ports
 
     def place_tile(self, index: int) -> dict[str, list[int]]:
         """Add a tile with its ports; return the nets of the ports."""
-        first = self.nets
+        first = self.made.nets
         ports = self.place(self.tile, f"tile_{index}", [Spot(index, cell) for cell in range(len(self.tile.cells))])
         for number, taxel in zip(self.config.taxels_of(index), self.tile.taxels, strict=True):
-            self.taxels[int(number)] = {bit: _moved(net, first) for bit, net in taxel.items()}
+            self.made.taxels[int(number)] = {bit: _moved(net, first) for bit, net in taxel.items()}
         ways = {name: way for way, name, _, _ in self.tile.ports}
         for name, nets in ports.items():
             if not name.startswith("event_") and name not in self.common:
@@ -110,26 +105,21 @@ class _Assembly:
 
     def port(self, way: str, name: str, nets: list[int], first: int = 0) -> None:
         """Add bits of a port of the skin."""
-        self.ports += [(way, name, first + bit, net) for bit, net in enumerate(nets)]
+        self.made.ports += [(way, name, first + bit, net) for bit, net in enumerate(nets)]
 
     def array(self) -> Array:
         """Return the complete skin as an array with new net numbers."""
-        size = self.nets + 1  # the last node stands for constants
+        made, size = self.made, self.made.nets + 1  # the last node stands for constants
         ends = np.array(self.joined).T % size
         _, groups = connected_components(coo_matrix((np.ones(len(ends[0])), ends), (size, size)), directed=False)
         constant = groups[-1]
         numbers = {group: n for n, group in enumerate(dict.fromkeys(groups[groups != constant]))} | {constant: NONE}
         of = [numbers[group] for group in groups]
-        return Array(
-            config=self.config,
-            kinds=self.kinds,
-            names=self.names,
-            cells=self.cells,
-            pins=[{pin: of[net] for pin, net in pins.items()} for pins in self.pins],
-            taxel=self.tile.taxel,
-            taxel_bits=self.tile.taxel_bits,
-            taxels=[{bit: of[net] for bit, net in taxel.items()} for taxel in self.taxels],
-            ports=[(way, name, bit, of[net]) for way, name, bit, net in self.ports],
+        return dataclasses.replace(
+            made,
+            pins=[{pin: of[net] for pin, net in pins.items()} for pins in made.pins],
+            taxels=[{bit: of[net] for bit, net in taxel.items()} for taxel in made.taxels],
+            ports=[(way, name, bit, of[net]) for way, name, bit, net in made.ports],
             nets=len(numbers) - 1,
         )
 
