@@ -72,11 +72,12 @@ def verilog(config: Config, gated: bool = False) -> str:
     The text depends on the configuration, ``gated``, and the pinned versions of Amaranth and Yosys only. With ``gated``
     it has the port ``test_enable`` and instances of ``eskin_clock_gate``, which is a text of its own (``BEHAVIOUR``).
     """
+    top = top_block(config)
     if gated:
-        top = top_block(config)
-        text = clock_gates.gated(rtlil(config), top.module_name, config.reset == "sync")
-        return header(config, "//") + _waive(_marked(text), config)
-    return header(config, "//") + _waive(block_verilog(top_block(config)), config)
+        text = _marked(clock_gates.gated(block_rtlil(top), top.module_name, config.reset == "sync"))
+    else:
+        text = block_verilog(top)
+    return header(config, "//") + _waive(text, config)
 
 
 def block_verilog(block: Block[Any]) -> str:

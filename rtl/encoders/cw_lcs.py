@@ -1,18 +1,13 @@
 """CW-LCS: level-crossing sampling with a closing window for every taxel."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from amaranth.hdl import Module
 
 from eskin.rtl.encoders import lcs
-from eskin.rtl.encoders.encoder import Own
+from eskin.rtl.encoders.encoder import Own, Taxel
 from eskin.rtl.logic import or_tree
 from eskin.rtl.window import ClosingWindow
-
-if TYPE_CHECKING:
-    from eskin.rtl.taxel import Taxel
 
 
 def build(m: Module, taxel: Taxel, own: Own, platform: Any) -> tuple[Any, Any]:

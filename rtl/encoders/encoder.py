@@ -1,15 +1,16 @@
 """Interface of an encoder in hardware: reference, and digital comparators or ports for analog ones."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from amaranth.hdl import Const, Module, Mux, Signal, signed
 
-if TYPE_CHECKING:  # a taxel has its encoder in it
-    from eskin.rtl.taxel import Taxel
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.block import Block
+
+Taxel = Block[ReadoutConfig]
+"""The block with the encoder in it, whose class imports the encoders."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Own:
     closing: Signal
 
 
-Build = Callable[[Module, "Taxel", Own, Any], tuple[Any, Any]]
+Build = Callable[[Module, Taxel, Own, Any], tuple[Any, Any]]
 """Function that adds reference, state and comparators to a taxel, and returns the step-up and step-down signals.
 
 The last argument is the platform. The reference moves where ``own.moves`` is high: up where ``own.on`` is, else down

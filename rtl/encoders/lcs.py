@@ -1,16 +1,11 @@
 """LCS: a reference on a grid of D, with two comparators."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from amaranth.hdl import Module, Mux, Signal, signed
 
-from eskin.rtl.encoders.encoder import Own, compare
-
-if TYPE_CHECKING:
-    from eskin.rtl.taxel import Taxel
+from eskin.rtl.encoders.encoder import Own, Taxel, compare
 
 
 def build(m: Module, taxel: Taxel, own: Own, platform: Any, width: Callable[..., Any] | None = None) -> tuple[Any, Any]:

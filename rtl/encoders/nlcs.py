@@ -1,15 +1,10 @@
 """N-LCS: a leaking reference with fraction bits, and one comparator."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal
 
-from eskin.rtl.encoders.encoder import Own, compare
-
-if TYPE_CHECKING:
-    from eskin.rtl.taxel import Taxel
+from eskin.rtl.encoders.encoder import Own, Taxel, compare
 
 
 def build(m: Module, taxel: Taxel, own: Own, platform: Any) -> tuple[Any, Any]:

@@ -1,15 +1,10 @@
 """Bipolar N-LCS: a signed reference that leaks to zero, and two comparators."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal, signed
 
-from eskin.rtl.encoders.encoder import Own, compare
-
-if TYPE_CHECKING:
-    from eskin.rtl.taxel import Taxel
+from eskin.rtl.encoders.encoder import Own, Taxel, compare
 
 
 def build(m: Module, taxel: Taxel, own: Own, platform: Any) -> tuple[Any, Any]:
