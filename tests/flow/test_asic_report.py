@@ -3,8 +3,6 @@
 import dataclasses
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +20,7 @@ from eskin.flow.report import Report, command_of, measured, run
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.power.synthesis import SynthesisReport
+from tests.conftest import run_eskin
 from tests.flow import example_library
 
 NEEDS_STA = pytest.mark.skipif(shutil.which("sta") is None, reason="OpenSTA is not installed: apt-get install opensta")
@@ -30,17 +29,12 @@ NEEDS_STA = pytest.mark.skipif(shutil.which("sta") is None, reason="OpenSTA is n
 NEEDS_ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
 
 
-def asic(*words: str) -> subprocess.CompletedProcess[str]:
-    """Return a function that runs the command."""
-    return subprocess.run([sys.executable, "-m", "eskin", "asic", *words], capture_output=True, text=True, check=False)
-
-
 @NEEDS_STA
 @NEEDS_ICARUS
 def test_a_run_leaves_a_report_and_says_what_matters(tmp_path: Path) -> None:
     typical, slow = example_library.written(tmp_path), example_library.written(tmp_path, example_library.SLOW)
     out = tmp_path / "out"
-    done = asic("--rows=2", "--columns=1", f"--lib={typical}", f"--slow={slow}", "--name=mine", f"--out={out}")
+    done = run_eskin("asic", "--rows=2", "--columns=1", "--lib", typical, "--slow", slow, "--name=mine", "--out", out)
     assert done.returncode == 0, done.stdout + done.stderr
     report = json.loads((out / "mine" / "report.json").read_text())
     assert sorted(path.name for path in (out / "mine").iterdir()) == [
@@ -74,7 +68,6 @@ def test_a_run_leaves_a_report_and_says_what_matters(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def unpowered(library: Library) -> Report:
-    """Return the report of two taxels without power."""
     return run(ReadoutConfig(rows=1, columns=2), {"typical": library.path}, "two", lambda _: None, power=False)
 
 
