@@ -57,7 +57,7 @@ class AerBus:
             If the entity has no such acknowledge.
         """
         start = f"{prefix}_" if prefix else ""
-        found = {name: _signal(entity, start + name) for name in ("req", *REQUESTS, "ack", "addr")}
+        found = {name: getattr(entity, start + name, None) for name in ("req", *REQUESTS, "ack", "addr")}
         if found["ack"] is None:
             raise AttributeError(f"{entity._path} has no signal {start}ack")
         return cls(**found, active_low=active_low)
@@ -113,7 +113,7 @@ class AerStreamBus:
             If a signal is missing.
         """
         names = ("valid", "ready", *fields)
-        found = {name: _signal(entity, f"{prefix}_{name}") for name in names}
+        found = {name: getattr(entity, f"{prefix}_{name}", None) for name in names}
         if missing := [f"{prefix}_{name}" for name in names if found[name] is None]:
             raise AttributeError(f"{entity._path} has no signal {', '.join(missing)}")
         return cls(found["valid"], found["ready"], {name: found[name] for name in fields})
@@ -147,8 +147,3 @@ class AerStreamBus:
         if not all(value.is_resolvable for value in values.values()):
             return None
         return self.pack(**{name: int(value) for name, value in values.items()})
-
-
-def _signal(entity: Any, name: str) -> Any:
-    """Return a signal of an entity, or None."""
-    return getattr(entity, name, None)

@@ -102,8 +102,7 @@ class AerSource(_FourPhase, Sending):
 
     def _idle(self) -> None:
         self._busy = self._hasty = False  # hasty: the next event does not wait for the end of ACK
-        for request in self.bus.requests:
-            self._set(request, False)
+        self._drop()
         if self.bus.addr is not None:
             self.bus.addr.value = 0
         self._changed.set()
