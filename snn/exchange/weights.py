@@ -142,6 +142,7 @@ def quantise(matrix: NDArray[Any]) -> tuple[NDArray[np.int8], NDArray[np.float32
 
 
 def config_of(network: nn.Module) -> NetworkConfig:
+    """Return the configuration of a network."""
     config = network.config
     assert isinstance(config, NetworkConfig)
     return config

@@ -129,6 +129,7 @@ class Sweep:
 
 
 def write_sweep(path: Path, command: str | None, points: Sequence[Point]) -> None:
+    """Write ``sweep.json``."""
     write_json(path, {"command": command, **(origin(command) if command else {}), "points": list(points)})
 
 

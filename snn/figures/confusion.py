@@ -43,6 +43,7 @@ def confusion_data(sweeps: Sequence[Sweep], reading: str, name: str | None = Non
 
 
 def plot_confusion(data: Data, path: Path) -> None:
+    """Plot confusion matrices to a file; see :func:`draw_confusion`."""
     save_figure(draw_confusion(data), path)
 
 

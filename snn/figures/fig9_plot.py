@@ -38,6 +38,7 @@ Series = tuple[str, str, list[Data]]
 
 
 def plot_fig9(data: Data, path: Path) -> None:
+    """Plot accuracy against data rate to a file; see :func:`draw_fig9`."""
     save_figure(draw_fig9(data), path)
 
 

@@ -33,6 +33,7 @@ def kind_of(point: Data) -> str:
 
 
 def plot_frontier(data: Data, path: Path) -> None:
+    """Plot accuracy against rates and power to a file; see :func:`draw_frontier`."""
     save_figure(draw_frontier(data), path)
 
 

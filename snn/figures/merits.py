@@ -20,6 +20,7 @@ INTERPOLATED = PALETTE["sky"], "D"
 
 
 def plot_merits(result: dict[str, Any], path: Path) -> None:
+    """Plot the results of ``eskin merits``."""
     figure = new_figure(11, 9, "What events and frames are good for")
     axes = figure.subplots(2, 2).ravel()
     _curves(axes[0], result["latency"], "time_s", "how soon after a touch", "time since the touch (ms)")
