@@ -97,6 +97,8 @@ class Draw:
             room = fields["sample_bits"] - 2 - fields["resolution"]
             fields["closing_shift"] = min(fields["closing_shift"], room)  # of every resolution that a host sets
         config = ReadoutConfig.from_dict(fields)
+        if "reference_reset" in self.set:
+            return config.replace(reference_reset=self.set["reference_reset"])  # up to 2**24 levels take a while
         levels = np.arange(config.encoder.lowest(config), config.full_scale, config.grid)
         at_zero = np.zeros(len(levels), np.int64)
         return config.replace(reference_reset=self._drawn("reference_reset", np.concatenate([levels, at_zero])))

@@ -174,8 +174,8 @@ def frontier_chip(readout: str, leaks: str = "those of the float network") -> Da
 
     ``lead`` is the accuracy of the float network of the frontier minus that of the chip.
     """
-    found = only(read("docs/data/frontier_chip.json")["chips"], readout=readout, leaks=leaks)
-    sums = {key: sum(run[key] for run in found["runs"]) for key in found["runs"][0]}
+    found = only(read("docs/data/frontier_chip.json")["runs"], readout=readout, leaks=leaks)
+    sums = {key: sum(one[key] for one in found["of_seeds"]) for key in found["of_seeds"][0]}
     float_network = at(f"physical/leaky-2ms/{readout}/12x16:across:12")
     pair = compare(found["labels"], found["predictions"], float_network["predictions"])
     interval = {"low": pair.interval[0], "high": pair.interval[1]}
