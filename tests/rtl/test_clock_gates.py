@@ -1,5 +1,6 @@
 """Test that Verilog with clock gates is equivalent to the RTL, by proof and simulation."""
 
+import dataclasses
 import json
 import re
 from pathlib import Path
@@ -70,6 +71,18 @@ def test_the_model_and_the_delivered_text_give_the_same_events(tmp_path: Path) -
     done = call("sim", *words)
     assert done.returncode == 0, done.stdout + done.stderr
     assert re.search(r"bit-exact: \d+ runs, \d+ clocks, [1-9]\d* events, 0 mismatches", done.stdout)
+
+
+def test_a_chip_with_lanes_that_saturate_is_proved() -> None:
+    whole = chip(1, 2, 4, 5)
+    narrow = whole.classifier.replace(membrane_bits=10, output_bits=10, evidence_bits=8, bias_bits=4)
+    config = dataclasses.replace(whole, classifier=narrow)
+    text = verilog(config, gated=True)
+    assert prove_gated(config, text) > 300
+    good = "assign other = set_valid |"
+    assert good in text
+    with pytest.raises(Different, match=r"^with clock gates not proved equal: "):
+        prove_gated(config, text.replace(good, "assign other = ~set_valid |"))
 
 
 def test_a_chip_with_clock_gates_is_proved_and_simulated(tmp_path: Path) -> None:

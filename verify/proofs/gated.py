@@ -15,7 +15,8 @@ READ = {
     "gate": "read_verilog gated.v; read_verilog stub.v; blackbox {gate}; ",
 }
 FLAT = (
-    "hierarchy -check -top {top}; proc; opt_expr -mux_undef; opt_clean; memory_collect {flops}; memory_map {flops}; "
+    "hierarchy -check -top {top}; setattr -mod -unset keep_hierarchy *; proc; opt_expr -mux_undef; opt_clean; "
+    "memory_collect {flops}; memory_map {flops}; "
     "flatten; memory_collect; setattr -unset init w:*; delete t:$scopeinfo; techmap; dffunmap; simplemap; opt_clean; "
     "rename {top} {side}; write_json {side}.json; design -reset; "
 )
