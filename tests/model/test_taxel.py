@@ -16,6 +16,7 @@ from eskin.cocotb_tests.independent.settings import Settings
 from eskin.cocotb_tests.independent.taxel import KINDS
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
+from eskin.model.readout import Stimulus, simulate
 from eskin.model.taxel import (
     count_events,
     counts_of_events,
@@ -195,6 +196,20 @@ def test_encoders_equal_the_second_model(data: st.DataObject) -> None:
     assert np.array_equal(count_events(config, samples), np.abs(got.astype(np.int64)).sum(axis=0))
     for back, sent in zip(counts_of_events(config, events, len(samples)), (got, late), strict=True):
         assert np.array_equal(back, sent)
+
+
+@settings(max_examples=100)
+@given(st.data())
+def test_uncontended_events_are_those_of_a_one_taxel_array(data: st.DataObject) -> None:
+    config = data.draw(configs()).replace(rows=1, columns=1)
+    if config.has_polarity:  # silent at x = 0, before the first sample
+        config = config.replace(
+            reference_reset=data.draw(st.sampled_from([0, min(config.step, config.full_scale // 2)]))
+        )
+    samples = data.draw(signals(config))
+    end = len(samples) * config.clocks_per_sample + 3
+    alone = simulate(config, Stimulus.from_samples(config, samples, clocks=end))
+    assert np.array_equal(uncontended_events(config, *encode_timed(config, samples)), alone)
 
 
 @pytest.mark.parametrize("encoding", registry.NAMES)
