@@ -17,6 +17,7 @@ OUT = Path("out")
 
 PART = ".part"  # ending of a file that is being written
 MOST_NAME = 255  # largest number of bytes in the name of a file or folder
+_MOST_LINKS = 40
 _PREFIX = 60  # characters of a name in the name of its temporary file, which fits into ``MOST_NAME`` bytes
 
 
@@ -99,7 +100,7 @@ def has_earlier(path: Path | None) -> bool:
 
 
 def _behind_links(path: Path) -> Path:
-    for _ in range(40):
+    for _ in range(_MOST_LINKS):
         if is_stream(path) or not path.is_symlink():
             return path
         path = path.parent / os.readlink(path)

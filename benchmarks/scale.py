@@ -37,8 +37,15 @@ from eskin.model.tiles.run import scan_skin, simulate_skin
 from eskin.skin.textures.dataset import embedded_dataset
 from eskin.skin.textures.physical import PhysicalScan
 
+FLAT, SLOW = 16, 32
+"""Largest side of arrays that are also built flat, and largest side of arrays that Icarus simulates."""
+TICKS, SLOW_TICKS = 100, 6
 RELAYS = 2
 """Relay stations on the line of each tile."""
+LARGEST_SKIN = 4096
+"""Taxels of the largest skin in one module; the number of input bits of a module is limited."""
+TRAVEL_PX = 15
+"""Distance in pixels that the skin slides over the image."""
 
 
 # -- inside the simulator ----------------------------------------------------------------------------
@@ -92,18 +99,18 @@ def array(side: int) -> dict[str, Any]:
         result["verilog_bytes"] = text.stat().st_size
         with build_environment(), measured(result, "lint_s"):
             subprocess.run(["verilator", "--lint-only", "-Wall", str(text)], check=True, stdout=subprocess.DEVNULL)
-    runs: list[tuple[Simulator, int, bool]] = [("verilator", 100, True)]
-    if side <= 16:  # the largest array that is also built flat
-        runs.append(("verilator", 100, False))
-    if side <= 32:  # the largest array that Icarus simulates
-        runs.append(("icarus", 6, False))
+    runs: list[tuple[Simulator, int, bool]] = [("verilator", TICKS, True)]
+    if side <= FLAT:
+        runs.append(("verilator", TICKS, False))
+    if side <= SLOW:
+        runs.append(("icarus", SLOW_TICKS, False))
     result["simulations"] = [_speed(config, simulator, ticks, rows) for simulator, ticks, rows in runs]
     return result
 
 
 def _scanned(config: TilesConfig) -> list[Stimulus]:
     """Return the stimulus of every tile for the start of a scan over an embedded photograph."""
-    width = math.ceil(PhysicalScan().taxel_pitch_px * (config.columns - 1)) + 15
+    width = math.ceil(PhysicalScan().taxel_pitch_px * (config.columns - 1)) + TRAVEL_PX
     image = large_enough(embedded_dataset()[0].load(), config)[:, :width]
     return scan_skin(config, PhysicalScan(), image)
 
@@ -146,7 +153,7 @@ def tiles_of(side: int, rows: int, columns: int) -> dict[str, Any]:
         command = [sys.executable, "-m", "eskin", "verilog", "--rows", str(side), "--columns", str(side)]
         command += ["-o", folder]
         skin = ["--tiles", f"{rows}x{columns}"]
-        whole = config.taxels <= 4096  # else a tile, and the merge for tiles that are chips: input bits are limited
+        whole = config.taxels <= LARGEST_SKIN  # else a tile, and the merge for tiles that are chips
         with measured(result, "generate_s"):
             for more in ([*skin, "--relays", str(RELAYS)],) if whole else ([], [*skin, "--merge"]):
                 subprocess.run([*command, *more], check=True, stdout=subprocess.DEVNULL)

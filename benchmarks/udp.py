@@ -29,6 +29,8 @@ from eskin.model.config import ReadoutConfig
 
 BOARD = BoardConfig(chip=None)
 CLOCK_HZ = BOARD.serial.clock_hz
+SILENCE_S = 2.0
+"""Time without a datagram after which the receiver stops."""
 
 
 def send(pipe: Connection, rate_hz: int, seconds: int) -> None:
@@ -53,7 +55,7 @@ def receive(pipe: Connection) -> None:
         try:
             while True:
                 number, found = read_datagram(listener.recv(1 << 16))
-                listener.settimeout(2.0)
+                listener.settimeout(SILENCE_S)
                 events, datagrams, last = events + len(found), datagrams + 1, max(last, number)
         except TimeoutError:
             pipe.send({"events": events, "datagrams": datagrams, "lost_datagrams": last + 1 - datagrams})

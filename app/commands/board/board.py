@@ -193,7 +193,7 @@ def _shown(view: View, page: int | None, udp: str | None, received: Received, li
                 said = view.state()
                 facts = f"{said['seconds']:.3f} s, {said['events']} events, {view.bins} bins, {said['lost']} lost"
                 words = f"class {said['class']}; " if said["class"] is not None else ""
-                return Group(*map(Text, view.raster(16)), Text(words + facts))
+                return Group(*map(Text, view.raster(lines=16)), Text(words + facts))
 
             stack.enter_context(Live(get_renderable=picture, console=Console(stderr=True), refresh_per_second=10))
         yield
