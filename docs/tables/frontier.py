@@ -169,7 +169,10 @@ def frontier_targets() -> Rows:
     ]
 
 
-def frontier_chip(readout: str, leaks: str = "those of the float network") -> Data:
+FLOAT_LEAKS = "those of the float network"
+
+
+def frontier_chip(readout: str, leaks: str = FLOAT_LEAKS) -> Data:
     """Return the result of an RTL chip with chosen taxels, summed over its seeds, and what float weights add.
 
     ``lead`` is the accuracy of the float network of the frontier minus that of the chip.
@@ -187,10 +190,10 @@ def frontier_chips() -> Rows:
     """Yield a row for each RTL chip with chosen taxels."""
     line = "{kind:E}, {leaks} | {rate_hz:,.0f} | {right} of {images} | {row:%} | {float[accuracy]:100*.1f} % | "
     line += "{a[accuracy]:100*.1f} % | {gain:+%} | {mismatches} of {events:,}"
-    for readout, leaks in (("lcs:2", "powers of two"), ("lcs:2", ""), ("nlcs-bipolar:2", "")):
-        chip = frontier_chip(readout, *([leaks] if leaks else []))
+    for run in read("docs/data/frontier_chip.json")["runs"]:
+        chip = frontier_chip(run["readout"], run["leaks"])
         gain = {"difference": -chip["lead"], "interval": [-chip["high"], -chip["low"]]}
-        yield filled(line, chip | {"kind": readout.partition(":")[0], "leaks": chip["leaks"], "gain": gain})
+        yield filled(line, chip | {"kind": chip["readout"].partition(":")[0], "gain": gain})
 
 
 def bipolar_chip_against_lcs() -> Data:

@@ -85,8 +85,9 @@ def _play(plan: Plan, config: ReadoutConfig, show: Any, total: Tally, foreign: b
 
     step, say = show(config.encoding, plan.runs(config))
     if warning := plan.warning(config):
-        array = f"{config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels: "
-        warn([array * bool(plan.material.preset) + warning])
+        if plan.material.preset:
+            warning = f"{config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels: {warning}"
+        warn([warning])
     wave = plan.waveform(config) if plan.waves else None
     equal = True
     try:

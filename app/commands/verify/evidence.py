@@ -136,9 +136,8 @@ def crosscheck(
         write_json(out, {**origin(command), "config": config.to_dict(), **played, "slang": said})
     common.conclude(
         said,
-        "crosscheck: {runs} runs, {clocks} clocks, {events} events in CXXRTL as in the model, "
-        "{of_texture} of a texture; ".format(**played)
-        + f"slang: {len(said)} problems",
+        f"crosscheck: {played['runs']} runs, {played['clocks']} clocks, {played['events']} events in CXXRTL as in the "
+        f"model, {played['of_texture']} of a texture; slang: {len(said)} problems",
         mark="",
     )
 
