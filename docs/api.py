@@ -1,19 +1,22 @@
-"""MkDocs hook that generates pages: an API page for every module, a list of modules, and the tutorial notebook.
+"""MkDocs hook that generates pages: commands, an API page for every module, a list of modules, the tutorial notebook.
 
-The pages are made from the folders, so a file that moves or comes anew is on the site without an entry here.
-Command lines have no page: docs/reference/commands.md is theirs.
+The API pages are made from the folders, so a file that moves or comes anew is on the site without an entry here.
 """
 
 import ast
 import sys
 from pathlib import Path
+from typing import Any
 
 import jupytext
+import typer
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 from docs.tutorial_page import source
+from eskin.app.catalogue import GROUPS, words_of
+from eskin.app.cli import Commands, app
 
 ROOT = Path(__file__).parents[1]
 FIRST = (
@@ -74,6 +77,21 @@ def list_of_modules() -> str:
     return "\n\n".join(parts) + "\n"
 
 
+def list_of_commands() -> str:
+    """Return the page that shows the ``--help`` text of every command."""
+    size: dict[str, Any] = {"terminal_width": 100, "max_content_width": 100, "resilient_parsing": True}
+    parts = ["# Commands", "Every command of `eskin` is also a make target. The text of each is that of `--help`."]
+    with typer.main.get_command(app).make_context("eskin", [], **size) as above:
+        for heading, names in GROUPS.items():
+            parts.append(f"## {heading}")
+            for name, command in Commands(names).items():
+                words = " ".join(words_of(name))
+                with command.make_context(words, [], parent=above, **size) as context:
+                    text = "\n".join(line.rstrip() for line in command.get_help(context).splitlines())
+                parts += [f"### eskin {words}", f"```text\n{text}\n```"]
+    return "\n\n".join(parts) + "\n"
+
+
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Add the list of modules to the navigation, at the end of Reference."""
     (reference,) = (entry["Reference"] for entry in config.nav or [] if "Reference" in entry)
@@ -83,6 +101,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages to the site."""
+    files.append(File.generated(config, "reference/commands.md", content=list_of_commands()))
     files.append(File.generated(config, f"{API}/index.md", content=list_of_modules()))
     for path in [ROOT / FIRST[0], *(path for paths in rooms().values() for path in paths)]:
         name = imported_as(path)

@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
-    *(page for page in sorted((ROOT / "docs").rglob("*.md")) if page.name != "commands.md"),
+    *sorted((ROOT / "docs").rglob("*.md")),
 ]
 FENCE = re.compile(r"^```\w*\n(.*?)^```", re.DOTALL | re.MULTILINE)
 RUN = (
@@ -92,6 +92,8 @@ def words_behind(text: str) -> list[str]:
 
 def problem_of(words: list[str], whole: bool) -> str:
     """Return the error in the words after ``eskin``, or an empty text."""
+    if words == ["--help"]:
+        return ""
     name = words[1] if words[:1] == [DEV] and len(words) > 1 else words[0]
     if name not in MODULES or words[: len(words_of(name))] != words_of(name):
         return "no such command"

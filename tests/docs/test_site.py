@@ -57,6 +57,9 @@ def test_the_site_has_every_room_search_and_the_notebook_and_loads_nothing_from_
     assert (site / "search" / "search_index.js").read_text().startswith("var __index = {")
     assert 'src="assets/iframe-worker.js"' in (site / "index.html").read_text()
     assert (site / "assets" / "iframe-worker.js").is_file()
+    commands = (site / "reference" / "commands.html").read_text()
+    assert 'id="eskin-encode"' in commands
+    assert "--sample-rate" in commands
     # Reference: a page for each module, behind one list that begins with what users import.
     listed = re.findall(r'href="(eskin[\w.]*)\.html"', (site / "reference" / "api" / "index.html").read_text())
     assert listed[:2] == ["eskin", "eskin.model.config"]
