@@ -21,9 +21,6 @@ MOST_PARAMETERS = 8
 
 LONG = {
     "eskin.model.readout._loop": "arrays handed on to a part of the loop would cost a third of its speed",
-    "eskin.snn.kernels.triton.forward_kernel": "a GPU kernel takes pointers and sizes one by one",
-    "eskin.snn.kernels.triton.backward_kernel": "a GPU kernel takes pointers and sizes one by one",
-    "eskin.snn.kernels.triton._product": "part of a GPU kernel, which knows no structures",
 }
 """Functions above 60 lines, and parameter lists above eight, each with the reason why."""
 

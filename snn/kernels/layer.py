@@ -8,10 +8,9 @@ The rule of one step (physics of the paper's network, section II-D; variants as 
     carry <- 0 where it fired (reset "zero"), or v - s (reset "subtract")
 
 Forward is one product with W_rec per step, and backward one with its transpose; the weight gradients are one product
-each at the end. On the CPU a compiled kernel computes products with spikes or sparse inputs over the events only. On a
-GPU the whole time loop is one Triton kernel. The torch path computes the same steps with dense products, on any device
-and in any float type. ``layer_reference`` is the plain loop, the reference for all, and alone has synaptic currents
-(``synapse_decay`` above 0).
+each at the end. On the CPU a compiled kernel computes products with spikes or sparse inputs over the events only. The
+torch path computes the same steps with dense products, on any device and in any float type. ``layer_reference`` is the
+plain loop, the reference for all, and alone has synaptic currents (``synapse_decay`` above 0).
 """
 
 from typing import Any, Literal
@@ -26,7 +25,7 @@ from eskin.snn.kernels import dense
 from eskin.snn.kernels.reference import layer_reference
 from eskin.snn.kernels.rule import NeuronRule
 
-Backend = Literal["auto", "kernel", "triton", "torch"]
+Backend = Literal["auto", "kernel", "torch"]
 
 
 MOST_ENTRIES = 2**31 - 2**20
@@ -52,8 +51,7 @@ def layer(
     - ``w_in``: shape (neurons, inputs).
     - ``bias``, ``decay``: shape (neurons,). Decay is the part of v that is left after one step; 1 without a leak.
     - ``w_rec``: shape (neurons, neurons). Entry (i, j) is the weight from neuron j to neuron i, one step later.
-    - ``backend``: "auto" selects the kernel for float32 on the CPU if it can be compiled, and Triton for float32 on a
-      GPU if it is installed.
+    - ``backend``: "auto" selects the kernel for float32 on the CPU if it can be compiled.
     - ``synapse_decay``: part of the synaptic current that is left after one step; 0 for neurons without one. With it
       the plain loop computes, whatever the backend.
 
@@ -75,22 +73,7 @@ def layer(
         )
     if backend == "kernel" or (backend == "auto" and suits and kernel.available()):
         return SparseLayer.apply(rule, x, w_in, bias, decay, w_rec)
-    loop: Any = dense
-    if backend == "triton" or (backend == "auto" and x.is_cuda):
-        loop = _triton_for(x, w_in, bias, decay, w_rec) or dense
-        if backend == "triton" and loop is dense:
-            raise InputError("the Triton kernel needs float32 on a CUDA GPU and the package triton; use torch")
-    return _LoopLayer.apply(loop, rule, x, w_in, bias, decay, w_rec)
-
-
-def _triton_for(*tensors: Tensor | None) -> Any:
-    """Return the Triton time loop, or None if Triton is not installed or does not support the arguments."""
-    try:
-        from eskin.snn.kernels import triton
-    except ImportError:
-        return None
-    fits = all(p is None or (p.dtype == torch.float32 and (p.is_cuda or triton.INTERPRETED)) for p in tensors)
-    return triton if fits else None
+    return _DenseLayer.apply(rule, x, w_in, bias, decay, w_rec)
 
 
 class SparseLayer(torch.autograd.Function):
@@ -143,35 +126,27 @@ class SparseLayer(torch.autograd.Function):
         return None, grad_x, grad_in, rows.sum(0)[:neurons], grad_decay[:neurons], grad_rec
 
 
-class _LoopLayer(torch.autograd.Function):
-    """Autograd function of the layer, with the time loop of a module (``dense`` or ``triton``)."""
+class _DenseLayer(torch.autograd.Function):
+    """Autograd function of the torch path, with dense products."""
 
     @staticmethod
     def forward(
-        ctx: Any,
-        loop: Any,
-        rule: NeuronRule,
-        x: Tensor,
-        w_in: Tensor,
-        bias: Tensor,
-        decay: Tensor,
-        w_rec: Tensor | None,
+        ctx: Any, rule: NeuronRule, x: Tensor, w_in: Tensor, bias: Tensor, decay: Tensor, w_rec: Tensor | None
     ) -> Tensor:
-        decay = decay.contiguous()
-        v, s = loop.forward(rule, decay, w_rec, functional.linear(x, w_in, bias).contiguous())
-        ctx.loop, ctx.rule = loop, rule
+        v, s = dense.forward(rule, decay, w_rec, functional.linear(x, w_in, bias))
+        ctx.rule = rule
         ctx.save_for_backward(x, w_in, w_rec, decay, v, s)
         return s
 
     @staticmethod
     def backward(ctx: Any, grad_s: Tensor) -> tuple[Tensor | None, ...]:
         x, w_in, w_rec, decay, v, s = ctx.saved_tensors
-        grad = ctx.loop.backward(ctx.rule, decay, w_rec, v, grad_s.contiguous())
+        grad = dense.backward(ctx.rule, decay, w_rec, v, grad_s)
         rows = grad.flatten(0, 1)
-        grad_x = grad @ w_in if ctx.needs_input_grad[2] else None
+        grad_x = grad @ w_in if ctx.needs_input_grad[1] else None
         grad_decay = None
-        if ctx.needs_input_grad[5]:
+        if ctx.needs_input_grad[4]:
             carry = v - s if ctx.rule.reset == "subtract" else v * (1.0 - s)
             grad_decay = (grad[1:] * carry[:-1]).sum((0, 1))
         grad_rec = None if w_rec is None else grad[1:].flatten(0, 1).t() @ s[:-1].flatten(0, 1)
-        return None, None, grad_x, rows.t() @ x.flatten(0, 1), rows.sum(0), grad_decay, grad_rec
+        return None, grad_x, rows.t() @ x.flatten(0, 1), rows.sum(0), grad_decay, grad_rec
