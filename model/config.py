@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Self, get_args, get_type_hints
@@ -64,6 +65,9 @@ def option_of(field: dataclasses.Field[Any]) -> str:
     return "--" + name.replace("_", "-")
 
 
+_hints: Callable[[type], dict[str, Any]] = functools.cache(get_type_hints)  # or most of a configuration's time
+
+
 @dataclass(frozen=True, kw_only=True)
 class Configuration:
     """Base of configuration classes: checks of the fields, copies, and dictionaries."""
@@ -73,7 +77,7 @@ class Configuration:
 
     def _check_types(self, but: Collection[str] = ()) -> None:
         """Check the types of all fields; convert an int to float if the field is a float."""
-        hints = get_type_hints(type(self))
+        hints = _hints(type(self))
         for name in (one.name for one in dataclasses.fields(self) if one.name not in but):
             hint, value = hints[name], getattr(self, name)
             choices = get_args(hint)
@@ -216,6 +220,8 @@ class ReadoutConfig(Configuration):
         self._check_range("window_period", 1, 2**16)
         self._check_range("leak_shift", 1, 16)
         self._check_range("leak_period", 1, MAX_LEAK_PERIOD)
+        if self.frontend not in (known := self.encoder.frontends):
+            raise InputError(f"encoding {self.encoding} needs frontend {' or '.join(known)}, not {self.frontend}")
         self.encoder.check(self)
         self._check_range("fraction_bits", 0, 28)
         self._check_range("clocks_per_sample", 1, 2**24)

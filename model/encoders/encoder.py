@@ -48,6 +48,8 @@ class Encoder(ABC):
     leaks: ClassVar[bool] = False  # the reference leaks at decay ticks
     windowed: ClassVar[bool] = False  # every taxel has a window, which closes while no event happens
     strict: ClassVar[bool] = False  # ON needs x - u > D; otherwise x - u >= the half-width of the window
+    frontends: ClassVar[tuple[str, ...]] = ("digital", "analog")
+    """Front ends that the encoder supports. Analog comparators have one half-width for both thresholds."""
     timed: ClassVar[bool] = False  # the decoder must know which events came late
     Rule: ClassVar[Any]
     """A subclass of ``Constants`` of its own, or a named tuple with the fields of ``Constants`` and of ``own``."""
