@@ -18,7 +18,7 @@ COMMANDS = {
         "Signals to events and back": "encode decode convert compare report",
         "RTL against model": "sim replay touch agree",
         "Classifier": "train crossval predict sweep pair quantise export import cache",
-        "Hardware": "verilog gates asic asic-scale gatesim gatepower layout fpga tapeout",
+        "Hardware": "verilog gates asic gatesim gatepower layout fpga tapeout",
         "Board": "play listen load rescue",
         "Power and data rate": "power explore study rates frames sensitivity event-rates",
         "Figures and studies of the paper": "fig6 fig7 fig8 fig9 frontier robustness noise-power merits precision "

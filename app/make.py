@@ -26,7 +26,7 @@ NEEDS = {
     "sim": "sim replay touch agree soak gatesim asic gatepower coverage mutants crosscheck",
     "snn": "train crossval predict sweep counts quantise export import convert cache mutants fig8 robustness "
     "noise-power merits precision agree",
-    "asic": "gatesim asic asic-scale gatepower layout",
+    "asic": "gatesim asic gatepower layout",
     "board": "demo play listen load rescue",
     "fpga": "fpga",
     "dev": "coverage mutants",
@@ -37,7 +37,7 @@ NEEDS = {
 }
 """Commands that need each group of packages beside ``base``."""
 
-SWITCHES = {("sim", "GATES"): "gatesim", ("asic", "SCALE"): "asic-scale"}
+SWITCHES = {("sim", "GATES"): "gatesim"}
 """Command that runs instead if a user sets a variable to 1."""
 
 DEFAULTS = {
@@ -92,7 +92,7 @@ OWN = {"help": "list the targets", "clean": "remove builds and cached scans; .ve
 ENDING = """\
 A variable is an option of the target's command: ROWS=12 is --rows 12, WAVES=1 is --waves. A wrong name is refused.
 eskin COMMAND --help lists the options; the checks of the project are eskin dev COMMAND.
-make sim GATES=1 runs gatesim, make asic SCALE=1 asic-scale.
+make sim GATES=1 runs gatesim.
 Example: make sim ROWS=12 COLUMNS=16 ENCODING=nlcs RESOLUTION=6 SIM=icarus WAVES=1"""
 
 TARGETS = [*OWN, *STEPS, *MODULES]

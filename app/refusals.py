@@ -35,7 +35,6 @@ IDLE: dict[str, dict[str, str]] = {
         "--classifier": "--readout --report",
     },
     "verilog asic": {"--readout=frame": f"{SPIKING_OPTIONS} --tau"},
-    "asic-scale": {"no --tiles": "--relays"},
     "gatepower": {"--three": "--encoding --frontend"},
     "fpga": {"--alone": "--board --baud --adc --settle", "--receiver": "--adc", "no --adc": "--settle"},
     "power": {

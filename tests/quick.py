@@ -54,7 +54,6 @@ COMMANDS = {
     "crosscheck": "tests/verify/test_crosscheck.py::test_slang_takes_what_is_delivered",  # compiling takes seconds
     "crossproof": "tests/verify/test_crosscheck.py::test_both_find_the_same_first_clocks_of_a_block_and_of_mutants",
     "asic": "tests/flow/test_asic_report.py::test_bad_input_is_one_sentence",  # runs take ten seconds and more
-    "asic-scale": "tests/flow/test_scale.py::test_what_is_no_size_is_one_sentence",  # an array takes longer
     "layout": "tests/flow/test_layout.py::test_blif_and_spice",  # a layout takes half a minute
     "tapeout": "tests/flow/test_tapeout.py::test_tiny_tapeout_finds_all_its_files",
     "gatesim": "tests/flow/test_gates.py::test_cells_that_are_missing_or_say_nothing",

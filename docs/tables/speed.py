@@ -6,8 +6,6 @@ from typing import Any
 from docs.tables.write import Rows, digits, filled, only, read, source, table
 from eskin.model.encoders import registry
 
-SCALE = "docs/data/asic/scale-{}lcs-digital-ihp.json"
-
 
 def bench(name: str) -> list[dict[str, Any]]:
     """Return the results of a benchmark."""
@@ -87,7 +85,6 @@ def udp() -> dict[str, Any]:
 
 def scale_arrays() -> Rows:
     """Yield time for generation, lint and simulation of square arrays."""
-    made = {array["taxels"]: array["synthesis_s"] for array in read(SCALE.format(""))["results"]}
     for array in bench("scale_arrays"):
         runs = {(r["simulator"], r["row_by_row"]): r for r in array["simulations"]}
         whole, flat, slow = (runs.get(run) for run in (("verilator", True), ("verilator", False), ("icarus", False)))
@@ -98,48 +95,9 @@ def scale_arrays() -> Rows:
 
         more = {
             "generated": timed(array["generate_s"]),
-            "made": timed(made.get(array["taxels"])),
             "built": f"{whole['build_s']:.0f} | {per_s:,.0f} ({digits(per_s * array['taxels'] / 1e6, 2)})",
             "flat": filled("{build_s:.0f}; {clocks_per_second:,.0f}", flat) if flat else "",
             "slow": filled("{clocks_per_second:,.0f}", slow) if slow else "",
         }
-        text = "{side} x {side} | {generated} | {made} | {verilog_bytes:1e-3*,.0f} | {lint_s:.1f} | {built}"
+        text = "{side} x {side} | {generated} | {verilog_bytes:1e-3*,.0f} | {lint_s:.1f} | {built}"
         yield filled(text + " | {flat} | {slow}", array | more)
-
-
-def _ends(path: list[str]) -> str:
-    """Return start and end of a path as block or port names."""
-
-    def word(name: str) -> str:
-        if "." in name and "taxel" not in name:
-            return name.split(".")[0].split("_")[0]
-        return name.split("[")[0].split(".")[-1]
-
-    return f"{word(path[0])} to {word(path[-1])}"
-
-
-def scale_wires() -> Rows:
-    """Yield area and highest clock frequency of arrays with and without wires."""
-    for array in read(SCALE.format(""))["results"]:
-        wired = array["with_wires"]
-        more = {
-            "repeaters": digits(wired["repeaters"] / array["taxels"], 2),
-            "lines": digits(1000 * wired["lines_m"] / array["taxels"], 2),
-            "share": (wired["path_in_repeaters_s"] + wired["path_in_wires_s"]) / wired["path_s"],
-            "ends": _ends(wired["path"]),
-        }
-        yield array | more
-
-
-def scale_tiles() -> Rows:
-    """Yield area and highest clock frequency of 4,096 taxels as one array and as tiles."""
-    arrays = read(SCALE.format(""))["results"]
-    small, large = only(arrays, rows=8, columns=8), only(arrays, rows=64, columns=64)
-    for array in [small, large, *read(SCALE.format("tiles-"))["results"]]:
-        more = {"cut": "one array", "relays": ""}
-        if "relays" in array:
-            down, across = array["rows"] // array["tile_rows"], array["columns"] // array["tile_columns"]
-            more = {"cut": f"{array['tile_rows'] * array['tile_columns']} tiles of {down} x {across}"}
-        for name in ("fmax_hz", "area_um2_per_taxel"):
-            more[name] = array["with_wires"][name] / small["with_wires"][name]
-        yield array | more | {"more_area": more["area_um2_per_taxel"] - 1, "ends": _ends(array["with_wires"]["path"])}

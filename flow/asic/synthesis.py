@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -45,12 +44,11 @@ TO_CELLS = (
     "read_liberty -lib -ignore_miss_func cells.lib; read_json enables.json; read_verilog -icells gate.v; "
     "hierarchy -top {top}; {test}proc; opt_clean; techmap; "
     "rename -wire -suffix {flop} t:$_DFF*; dfflibmap -liberty cells.lib; "
-    "{drawn}abc -liberty cells.lib -D {period_ps:.0f} -script {mapping}; opt_clean -purge; {ties}"
-    "rename -enumerate -pattern g% c:*; setattr -mod -unset keep_hierarchy *; {apart}flatten; delete t:$scopeinfo; "
-    "opt_clean -purge; "
+    "abc -liberty cells.lib -D {period_ps:.0f} -script {mapping}; opt_clean -purge; {ties}"
+    "rename -enumerate -pattern g% c:*; setattr -mod -unset keep_hierarchy *; flatten; delete t:$scopeinfo; "
+    "opt_clean -purge; splitnets; setattr -unset init w:*; check -assert -mapped; "
+    "write_verilog -noattr -noexpr netlist.v"
 )
-TO_VERILOG = "splitnets; setattr -unset init w:*; check -assert -mapped; write_verilog -noattr -noexpr netlist.v"
-TO_JSON = "check -assert -mapped; write_json mapped.json"
 
 MAPPING = (
     "+strash;ifraig;scorr;dc2;strash;dch,-f;backup;&get,-n;&nf;&put;restore;amap,-m;"
@@ -59,10 +57,6 @@ MAPPING = (
 """What ABC does. It maps for area (``amap``); ``&nf`` before only fails where cells are missing, as ``amap`` does not.
 LCS of 8 x 8 taxels becomes 6 % smaller than with the usual script of Yosys in 130 nm, 18 % in 180 nm.
 More rounds of ``dc2`` save under 1 % and mix a reset into the logic so that its value is not seen to set the flop."""
-
-AS_DRAWN = "abc -liberty cells.lib -script +strash;ifraig;dch,-f;&get,-n;&nf;&put {name}; "
-"""The same for one block, that keeps the depth of what the RTL draws: to save cells, ``dc2`` makes a chain of a prefix
-network, and joins in a tree what lies far apart."""
 
 
 @dataclass(frozen=True)
@@ -94,64 +88,45 @@ def synthesise(config: Config, library: Library, delivered: bool = False) -> Net
     if delivered and not gated:
         raise InputError(f"{library.path} has neither a clock gate nor a latch; leave out --from-verilog")
     gated_text = verilog(config, gated=True) if delivered else ""
-    text = _cells(top, library, TO_VERILOG, gated_text=gated_text)
-    netlist = header(config, "//") + single_bits(text[text.index("module ") :])
-    return Netlist(netlist, top.module_name, config, library, gated)
+    text = header(config, "//") + _cells(top, library, gated_text=gated_text)
+    return Netlist(text, top.module_name, config, library, gated)
 
 
 def cells_of(block: Block[Any], source: str, library: Library) -> str:
     """Return the gated netlist, Verilog, of a block whose RTLIL was changed."""
-    text = _cells(block, library, TO_VERILOG, source=source)
-    return single_bits(text[text.index("module ") :])
+    return _cells(block, library, source=source)
 
 
-def mapped(top: Block[Any], library: Library, apart: Sequence[str] = ()) -> dict[str, Any]:
-    """Return the Yosys design after mapping to cells; modules in ``apart`` are mapped once and stay separate.
-
-    For large arrays: the blocks around those modules keep the depth that the RTL draws (``AS_DRAWN``). The array has no
-    clock gate at its root, because the enable would cross the array once more; rows and arbiter have gates.
-    """
-    return dict(json.loads(_cells(top, library, TO_JSON, apart)))
-
-
-def _cells(
-    block: Block[Any],
-    library: Library,
-    end: str,
-    apart: Sequence[str] | None = None,
-    gated_text: str = "",
-    source: str = "",
-) -> str:
-    """Return a file that Yosys writes after mapping a block to cells."""
+def _cells(block: Block[Any], library: Library, gated_text: str = "", source: str = "") -> str:
+    """Return the gated netlist, Verilog, of a block."""
     top, content = block.module_name, library.content
     source = source or block_rtlil(block)
     gate = gate_module(library)
-    keep = "".join(KEEP.format(name=name) for name in [*_blocks(source, top), *(apart or ())])
+    keep = "".join(KEEP.format(name=name) for name in _blocks(source, top))
     insert = INSERT.format(gate=GATE, fewest=FEWEST_FLOPS) if gate and not gated_text else ""
     begin = TO_ENABLES.format(source=FROM_TEXT if gated_text else FROM_RTL, top=top, keep=keep, gates=insert)
     files = {"readout.v": gated_text.encode(), "gate_ports.v": clock_gates.STUB.encode()}
     design = json.loads(yosys.run(begin, source, "enables.json", files))
     if insert:
-        clock_gates.stop_blocks(design, top, block.config.reset == "sync", root=apart is None)
+        clock_gates.stop_blocks(design, block.config.reset == "sync")
     files = {"cells.lib": content, "enables.json": json.dumps(design).encode(), "gate.v": gate.encode()}
-    script = (TO_CELLS + end).format(
+    script = TO_CELLS.format(
         top=top,
         test="" if gated_text else ADD_TEST,
         flop=FLOP_NAME,
         period_ps=1000 * PERIOD_NS,
         mapping=MAPPING,
         ties=ties(library),
-        apart="".join(KEEP.format(name=name) for name in apart or ()),
-        drawn="".join(AS_DRAWN.format(name=n) for n in yosys.modules(source) if apart is not None and n not in apart),
     )
     try:
-        return yosys.run(script, "", end.split()[-1], files)
+        text = yosys.run(script, "", "netlist.v", files)
     except yosys.YosysError as error:
         library.check()
         raise InputError(
             f"the cell library {library.path} lacks cells: the readout needs a flip-flop, an inverter, and a NAND or "
             f"NOR (Yosys: {error.reason})"
         ) from None
+    return single_bits(text[text.index("module ") :])
 
 
 def single_bits(verilog: str) -> str:

@@ -59,12 +59,6 @@ class Pin:
                 found += [Arc(start, self.name, kind, sense, *tables) for start in group.text("related_pin").split()]
         return found
 
-    @functools.cached_property
-    def setup(self) -> dict[int, Table]:
-        """Setup times before the steepest rising clock, by edge and slew."""
-        groups = [group for group in self.entry.all("timing") if group.text("timing_type") == "setup_rising"]
-        return self._by_edge(groups[-1], "{}_constraint", self.scales.time) if groups else {}
-
     def _by_edge(self, group: Entry, name: str, unit: float) -> dict[int, Table]:
         """Return the tables of a group for rising and falling edges."""
         found = {edge: group.all(name.format(word)) for edge, word in EDGES.items()}
@@ -187,11 +181,6 @@ class Cell:
                 raise self.pins[arc.end].entry.wrong("timing", f"has a delay from {arc.start} without a transition")
         return [arc for arc in arcs if not self.launch or arc.start == self.launch]
 
-    @functools.cached_property
-    def setup(self) -> dict[str, dict[int, Table]]:
-        """Setup times before the rising clock edge, by pin and edge."""
-        return {name: found for name in self.inputs if (found := self.pins[name].setup)}
-
     def worst(self, slew_s: float, loads_f: Floats) -> tuple[Floats, Floats]:
         """Return the longest delay and slew of all timing arcs, for loads of shape (n,)."""
         slews = np.full(len(loads_f), slew_s)
@@ -204,7 +193,7 @@ class Cell:
     def check(self) -> None:
         """Raise InputError if a table of the cell is invalid."""
         for pin in self.pins.values():
-            _ = pin.energies, pin.arcs, pin.setup
+            _ = pin.energies, pin.arcs
         _ = self.ways
 
     def drives(self, function: str) -> str:

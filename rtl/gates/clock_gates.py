@@ -74,7 +74,7 @@ def gated(rtlil: str, top: str, synchronous_reset: bool) -> str:
     """
     design = json.loads(yosys.run(TO_GATES.format(top=top, flops=FLOPS), rtlil, "gated.json"))
     stop_enables(design)
-    stop_blocks(design, top, synchronous_reset)
+    stop_blocks(design, synchronous_reset)
     for module_name, module in design["modules"].items():
         _keep_apart(module, SYNCHRONISERS.get(module_name, ()))
         named = [net["bits"] for net in module["netnames"].values() if not net["hide_name"]]
@@ -144,15 +144,14 @@ def stop_enables(design: dict[str, Any]) -> int:
     return gates
 
 
-def stop_blocks(design: dict[str, Any], top: str, synchronous_reset: bool, root: bool = True) -> int:
+def stop_blocks(design: dict[str, Any], synchronous_reset: bool) -> int:
     """Add a clock gate at the clock input of every block of a JSON design with a signal ``awake``; count these blocks.
 
-    With a synchronous reset the clock runs in reset. ``root``: the top is stopped as a whole, too; its enable comes
-    from all of the array, which takes long in a large one.
+    With a synchronous reset the clock runs in reset.
     """
     stopped = 0
-    for name, module in design["modules"].items():
-        if AWAKE not in module["netnames"] or "clk" not in module["ports"] or (name == top and not root):
+    for module in design["modules"].values():
+        if AWAKE not in module["netnames"] or "clk" not in module["ports"]:
             continue
         clock = module["ports"]["clk"]["bits"][0]
         awake = module["netnames"][AWAKE]["bits"][0]

@@ -93,7 +93,7 @@ def test_a_block_that_says_when_it_is_awake_has_a_gate_of_its_own() -> None:
 
     design = {"modules": {"top": module("a"), "block": module("b", "c")}}
     design["modules"]["top"]["cells"]["link"] = {"type": "eskin_link", "connections": {"clk": [2]}}
-    assert clock_gates.stop_blocks(design, "top", synchronous_reset=True) == 2
+    assert clock_gates.stop_blocks(design, synchronous_reset=True) == 2
     cells = design["modules"]["top"]["cells"]
     assert cells["a"]["connections"]["C"] == cells["block_gate"]["connections"]["gated"] == [7]
     assert cells["link"]["connections"]["clk"] == cells["block_gate"]["connections"]["clk"] == [2]

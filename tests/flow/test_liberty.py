@@ -121,7 +121,7 @@ def is_sentence(error: pytest.ExceptionInfo[InputError], folder: Path, sentence:
 @pytest.mark.parametrize("text", ["", "library", "library () { }", "library (own) { }", "\0", "library (own) {" * 9])
 def test_a_library_of_nothing_is_one_sentence_and_exit_code_2(text: str, refuses: Any, folder: Path) -> None:
     written(folder, text)
-    refuses("own.lib", "asic-scale --lib=own.lib --out=scale.json")
+    refuses("own.lib", "asic --lib=own.lib --out=new")
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,6 @@ from eskin.board.records import VERSION, Ack, Class, Event, Lost, RecordWriter, 
 from eskin.board.serial_frames import Frame, Kind
 from eskin.board.session import Received, foreign_events
 from eskin.flow.liberty.library import read
-from eskin.flow.scale.measure import ARRAY
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.recordings.folder import sources_of
@@ -198,16 +197,13 @@ def boards(draw: Draw, root: Path) -> None:
 
 SOAKED = {"seed": 1, "configuration": {"rows": 1, "columns": 2, "encoding": "lcs"}, "sources": "a", "simulator": "i",
           "runs": 1, "clocks": 5, "events": 3, "seconds": 1.5, "commit": "x"}  # fmt: skip
-ESTIMATE = {"taxels": 4, "rows": 2, "columns": 2, "cells_um2_per_taxel": 5.0, "synthesis_s": 1.0,
-            "without_wires": {"fmax_hz": 1e8},
-            "with_wires": {"fmax_hz": 1e8, "area_um2_per_taxel": 5.0, "repeaters": 0}}  # fmt: skip
 REPLAYED = {"dataset": "d", "preset": "p", "images": 1, "clocks": 2, "events": 3, "mismatches": 0,
             "configuration": {"rows": 1, "columns": 1, "encoding": "lcs", "resolution": 6}}  # fmt: skip
 
 
 def state(draw: Draw, root: Path) -> None:
     """Damage a stored result of a campaign, and continue the campaign."""
-    kind = draw(st.sampled_from(["soak", "scale", "replay", "pieces", "journal"]))
+    kind = draw(st.sampled_from(["soak", "replay", "pieces", "journal"]))
     folder = root / "kept"
     (folder / "pieces").mkdir(parents=True, exist_ok=True)
     if kind == "journal":
@@ -216,22 +212,17 @@ def state(draw: Draw, root: Path) -> None:
     if kind == "pieces":
         _damaged_pieces(draw, folder / "r.json")
         return
-    good = json.dumps({"soak": SOAKED, "scale": {"results": [ESTIMATE]}, "replay": REPLAYED}[kind]).encode()
+    good = json.dumps({"soak": SOAKED, "replay": REPLAYED}[kind]).encode()
     content = draw(st.sampled_from([_cut, _flipped, _other_value, _other_value, _other_value]))(draw, good)
-    path = {"soak": folder / "pieces" / "1.json", "replay": folder / "run" / "summary.json"}.get(
-        kind, folder / "x.json"
-    )
+    path = {"soak": folder / "pieces" / "1.json", "replay": folder / "run" / "summary.json"}[kind]
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(content)
     if kind == "soak":
         assert misfit(read_shaped(path, "the soaked piece", PIECE), PIECE) == ""
         assert summary(folder)["configurations"] == 1
-    elif kind == "replay":
+    else:
         (found,) = load_replays(folder)
         assert all(isinstance(found[name], int) for name in ("images", "clocks", "events", "mismatches"))
-    else:
-        kept = read_shaped(path, "the estimate", {"results": [ARRAY]})
-        assert all(array["with_wires"]["fmax_hz"] * 1.0 is not None for array in kept["results"])
 
 
 def _damaged_pieces(draw: Draw, out: Path) -> None:

@@ -1,19 +1,16 @@
-"""The commands gatesim, asic, asic-scale and power (docs/guide/verilog.md, docs/guide/power.md)."""
+"""The commands gatesim, asic and gatepower (docs/guide/verilog.md, docs/guide/power.md)."""
 
 from pathlib import Path
 from typing import Any
 
 from eskin.app.commands import common
 from eskin.app.commands.silicon.verilog import READOUTS, spiking_or_frame
-from eskin.app.options import opt, out_file, out_folder, with_config, with_fields
+from eskin.app.options import opt, out_folder, with_config, with_fields
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
 from eskin.base.files import origin
-from eskin.flow.wire import FARAD_PER_UM, OHM_PER_UM, PITCH_UM, Wire, check_pitch
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import OWN_FIELDS, FrameConfig
-
-SIZES = "4x4,8x8,12x16,16x16,32x32,64x64"
 
 
 @with_config
@@ -84,40 +81,6 @@ def asic(
     if apart := found.more.get("with_wires", {}).get(APART):
         print(f"power with wires was not measured: {apart}")
     common.conclude(found.problems, found.closing_line())
-
-
-@with_config(fields=("encoding", "resolution", "frontend", "sample_bits"), file=False)
-def asic_scale(
-    config: ReadoutConfig,
-    lib: Path = opt(..., "cell library (.lib)"),
-    sizes: str = opt(SIZES, "RxC,...", "rows and columns of the arrays"),
-    tiles: str = opt("", "RxC,...", "tiles of each array, joined by a merge"),
-    relays: str = opt("", "N,...", "relay stations between each tile and the merge"),
-    pitch_um: float = opt(PITCH_UM, "--pitch", "UM", "distance of neighbouring taxels"),
-    ohm: float = opt(OHM_PER_UM, "PER_UM", "resistance of a wire"),
-    farad: float = opt(FARAD_PER_UM, "PER_UM", "capacitance of a wire"),
-    out: Path = out_file(Path("out/asic/scale.json"), "file for the results, JSON"),
-) -> None:
-    """Estimate area and highest clock frequency of growing arrays, including wires and repeaters."""
-    from eskin.flow.liberty.library import read
-    from eskin.flow.scale.measure import designs_of, measure
-
-    check_pitch(pitch_um)
-    chosen, wire, library = designs_of(config, sizes, tiles, relays), Wire(ohm, farad), read(lib)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    print_table(
-        "taxels | tiles | relays | um2 a taxel | with lines | MHz without wires | MHz with wires | repeaters"
-        " | synthesis, s",
-        [
-            row | {"tiles": f"{row['tile_rows']} x {row['tile_columns']}" if "tile_rows" in row else ""}
-            for row in measure(chosen, library, wire, pitch_um, out)
-        ],
-        "{rows} x {columns} | {tiles} | {?relays} | {cells_um2_per_taxel:.0f}"
-        " | {with_wires[area_um2_per_taxel]:.0f} | {without_wires[fmax_hz]:1e-6*.0f} | {with_wires[fmax_hz]:1e-6*.0f}"
-        " | {with_wires[repeaters]} | {synthesis_s:.1f}",
-        "Area and highest clock as the array grows",
-    )
-    print(out)
 
 
 @with_config
