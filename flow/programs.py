@@ -4,7 +4,7 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,14 +15,8 @@ from eskin.flow.liberty.boolean import verilog_of
 TEMPLATES = templates(Path(__file__).parent / "templates")
 TEMPLATES.filters["verilog"] = lambda text: verilog_of(text) if text else "1'b0"
 
-PACKAGES = {"sta": "OpenSTA", "iverilog": "iverilog", "ngspice": "ngspice", "klayout": "klayout"}
+PACKAGES = {"sta": "OpenSTA", "iverilog": "iverilog", "klayout": "klayout"}
 """Names of the programs; in small letters, those of their packages."""
-
-SPEF = """*SPEF "IEEE 1481-1998"
-*DESIGN "" *DATE "" *VENDOR "" *PROGRAM "" *VERSION "" *DESIGN_FLOW ""
-*DIVIDER / *DELIMITER : *BUS_DELIMITER [ ]
-*T_UNIT 1 NS *C_UNIT 1 PF *R_UNIT 1 OHM *L_UNIT 1 HENRY
-"""
 
 
 def filled(template: str, **values: Any) -> str:
@@ -90,16 +84,3 @@ def opensta(script: str, files: Mapping[str, str | bytes], folder: Path | None =
     (folder / "script.tcl").write_text(f"{script}\nexit\n")
     done = call(folder, "sta", "-no_init", "-no_splash", "-exit", "script.tcl")
     return Said(done.stdout + done.stderr, done.returncode)
-
-
-def spef(nets: Iterable[tuple[str, float, Sequence[str]]]) -> str:
-    """Return wire capacitances in SPEF format, without resistances.
-
-    ``nets``: name, capacitance in pF, and ends of each net, the driver first: ``*I CELL:PIN I`` or ``*P PORT O``.
-    """
-    lines = [SPEF]
-    for name, wire_pf, ends in nets:
-        first, *others = (end.split()[1] for end in ends)
-        lines += [f"*D_NET {name} {wire_pf:.6g}", "*CONN", *ends, "*CAP", f"1 {first} {wire_pf:.6g}", "*RES"]
-        lines += [*(f"{i} {first} {other} 0.001" for i, other in enumerate(others, 1)), "*END"]
-    return "\n".join([*lines, ""])

@@ -119,17 +119,6 @@ def layout() -> Rows:
         yield report | config | more
 
 
-def layout_macros() -> Rows:
-    """Return the checks of abstracts and timing models of the layouts."""
-    return [
-        report
-        | report["configuration"]
-        | {"differ": len(report["macro"]["differ"]), "mhz": 1e3 / report["macro"]["period_ns"]}
-        for report in reports("layout").values()
-        if report.get("macro")
-    ]
-
-
 def fpga(classifier: bool) -> Rows:
     """Yield the FPGA resources of the board designs, or of the classifier alone, with targets."""
     for name, report in reports("fpga").items():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -12,13 +13,14 @@ from typing import Any
 from eskin.base.errors import InputError
 from eskin.flow.asic import synthesis
 from eskin.flow.layout.cells import BUFFER
-from eskin.flow.layout.transistors import GROUND, SUPPLY, SwitchCell
 from eskin.flow.liberty.library import read
 from eskin.model.config import ReadoutConfig
 from eskin.rtl import yosys
 from eskin.rtl.gates.clock_gates import TEST
 
 READ = "read_liberty -lib -ignore_miss_func cells.lib; read_verilog netlist.v; hierarchy -check -top {top}; "
+
+SUPPLY, GROUND = "vdd", "vss"
 
 # No wire may have two names in the layout: an output that copies another output gets a buffer.
 BUFFERED = (
@@ -27,6 +29,20 @@ BUFFERED = (
 )
 # One wire a bit.
 SPLIT = READ + "splitnets -ports -format _; opt_clean -purge; check -assert -mapped; write_json bits.json"
+
+
+@dataclass(frozen=True)
+class SpiceCell:
+    """A cell as a SPICE netlist of transistors."""
+
+    ports: tuple[str, ...]  # in the order of the SPICE line, with supply and ground
+    text: str
+
+
+def read_spice(text: str) -> dict[str, SpiceCell]:
+    """Return the ``.subckt`` blocks of a SPICE file by name."""
+    blocks = re.finditer(r"^\.subckt (\S+) (.*?)\n.*?^\.ends.*?$", text, re.MULTILINE | re.DOTALL)
+    return {found[1]: SpiceCell(tuple(found[2].split()), found[0]) for found in blocks}
 
 
 @dataclass(frozen=True)
@@ -73,7 +89,7 @@ class Circuit:
             lines.append(f".subckt {kind} " + " ".join(f"{pin}={wire}" for pin, wire in pins.items()))
         return "\n".join([*lines, ".end\n"])
 
-    def spice(self, cells: Mapping[str, SwitchCell], name: str) -> str:
+    def spice(self, cells: Mapping[str, SpiceCell], name: str) -> str:
         """Return the SPICE netlist ``name`` down to transistors; supply and ground are its first ports."""
         lines = [f"* {name}", *(cells[kind].text for kind in sorted(self.kinds))]
         lines.append(f".subckt {name} {SUPPLY} {GROUND} {' '.join(self.ports)}")

@@ -29,7 +29,7 @@ def check() -> None:
     """Check that all layout tools are installed."""
     if not (VENV / ".installed").is_file():
         raise InputError(NO_PACKAGES)
-    programs.check("klayout", "ngspice", "sta")
+    programs.check("klayout")
 
 
 def run(program: str, *words: str, folder: Path) -> None:

@@ -7,7 +7,6 @@
 
 import asyncio
 import json
-import shutil
 import sys
 from pathlib import Path
 
@@ -22,9 +21,6 @@ from pdkmaster.io.klayout import FileExporter as ToKLayout
 GRID_UM, HEIGHT_UM, WELL_UM, RAIL_UM, GATE_UM = 0.76, 6.08, 2.94, 0.95, 0.84
 """Grid, height of the cells (eight of it; the stock 5.60 is no multiple), edge of the n-well, rails, narrowest gate."""
 
-TYPICAL = "C4M.Sky130_logic_tt_model.spice"
-"""Models of the transistors at the typical corner."""
-
 DIRECTIONS = {"vdd": "supply", "vss": "ground"} | dict.fromkeys(("q", "nq", "one", "zero"), "out")
 
 
@@ -34,7 +30,7 @@ machine."""
 
 
 def main() -> None:
-    """Write techno/, drc.drc, lvs.lvs, cells.spi, models.spice and cells.json."""
+    """Write techno/, drc.drc, lvs.lvs, cells.spi and cells.json."""
     folder = Path(sys.argv[1])
     wait = asyncio.wait
     asyncio.wait = lambda tasks, timeout: wait(tasks, timeout=PATIENCE * timeout)
@@ -70,7 +66,6 @@ def main() -> None:
     (folder / "lvs.lvs").write_text(klayout["lvs"])
     spice = "".join(sky130.netlistfab.export_circuit(cell.circuit) for cell in cells)
     (folder / "cells.spi").write_text("* cells\n" + spice)
-    shutil.copy(Path(sky130.__file__).parent / "models" / TYPICAL, folder / "models.spice")
     areas = {cell.name: round((b := cell.layout.boundary).right * b.top, 4) for cell in cells}
     (folder / "cells.json").write_text(json.dumps(areas))
 

@@ -61,17 +61,6 @@ def um(length):
     return round(DbU.toPhysical(length, DbU.UnitPowerMicro), 3)
 
 
-def shapes(net):
-    """Return the pins of a net, or the rails of a supply, as layer and box in um."""
-    parts = net.getComponents() if net.isSupply() else net.getPins()
-    found = []
-    for part in parts:
-        box, layer = part.getBoundingBox(), part.getLayer()
-        if layer and not box.isEmpty():
-            found.append([layer.getName(), *map(um, (box.getXMin(), box.getYMin(), box.getXMax(), box.getYMax()))])
-    return found
-
-
 def main() -> None:
     """Place and route the netlist in the working folder."""
     techno.setup()
@@ -117,7 +106,6 @@ def main() -> None:
     CRL.DefExport.drive(cell, 0)
     box = cell.getAbutmentBox()
     said = {"routed": routed, "width_um": um(box.getWidth()), "height_um": um(box.getHeight())}
-    said["pins"] = {net.getName(): shapes(net) for net in cell.getNets() if net.isExternal()}
     Path("placed.json").write_text(json.dumps(said))
 
 

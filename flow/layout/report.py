@@ -12,9 +12,6 @@ from eskin.flow.layout.circuit import Circuit
 from eskin.flow.layout.environment import REQUIREMENTS
 from eskin.model.config import NO_LOGIC, ReadoutConfig
 
-MOST_APART_NS = 0.1
-"""Largest difference between the timing model and the netlist between the points of the model's tables."""
-
 
 @dataclass(frozen=True)
 class Try:
@@ -28,22 +25,11 @@ class Try:
 
 
 @dataclass(frozen=True)
-class Macro:
-    """Check results of the LEF abstract and the timing model of a layout."""
-
-    pins: int  # of the abstract, read back by KLayout
-    differ: tuple[str, ...]  # differences between the abstract and the layout
-    period_ns: float  # shortest clock period between flops of the layout, by OpenSTA with estimated wires
-    difference_ns: float  # largest difference between times of the model and of the netlist
-
-
-@dataclass(frozen=True)
 class Report:
     """A layout and its check results."""
 
     name: str
     config: ReadoutConfig
-    checked: int  # cells that were compared with their transistors
     circuit: Circuit = field(repr=False)
     cell_area_um2: float
     # proved, of: compare points (flops and bits of outputs) that are proved equal to the RTL, and all compare points
@@ -52,7 +38,6 @@ class Report:
     tries: tuple[Try, ...]  # the last attempt is the layout
     comparison: Comparison | None  # None without a comparison
     seconds: dict[str, float]
-    macro: Macro | None = None  # None without a layout
 
     @property
     def problems(self) -> list[str]:
@@ -65,10 +50,6 @@ class Report:
         if self.comparison and not self.comparison.equal:
             first = self.comparison.differ[:1] or ("no net",)
             said.append(f"the layout's netlist differs from the cells': {first[0]} first")
-        if self.macro:
-            said += [f"the LEF abstract differs from the layout: {one}" for one in self.macro.differ[:1]]
-            if self.macro.difference_ns > MOST_APART_NS:
-                said.append(f"the timing model differs from the netlist by {self.macro.difference_ns:.3f} ns")
         return said
 
     def closing_line(self) -> str:
@@ -97,7 +78,6 @@ class Report:
             "configuration": self.config.to_dict(),
             "cells": len(self.circuit.cells),
             "kinds": dict(sorted(self.circuit.kinds.items())),
-            "cells_checked": self.checked,
             "cells_left_out": list(cells.LEFT_OUT),
             "ports": len(self.circuit.ports),
             "wires": len(self.circuit.wires),
@@ -109,7 +89,6 @@ class Report:
             "margins": [{"margin": one.margin, "problem": one.problem} for one in self.tries],
             "rules": last.rules and asdict(last.rules),
             "comparison": self.comparison and asdict(self.comparison),
-            "macro": self.macro and asdict(self.macro),
             "problems": self.problems,
             "seconds": self.seconds,
         }

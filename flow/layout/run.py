@@ -10,16 +10,12 @@ from eskin.base.errors import InputError
 from eskin.base.files import atomic_write, make_folder
 from eskin.flow.asic import synthesis
 from eskin.flow.asic.equivalence import prove
-from eskin.flow.layout import cells, checks, circuit, environment, transistors
+from eskin.flow.layout import cells, checks, circuit, environment
 from eskin.flow.layout.checks import Comparison
-from eskin.flow.layout.circuit import Circuit
+from eskin.flow.layout.circuit import GROUND, SUPPLY, Circuit, SpiceCell
 from eskin.flow.layout.environment import PROGRAMS, REQUIREMENTS, Crashed
-from eskin.flow.layout.report import Macro, Report, Try, name_of
+from eskin.flow.layout.report import Report, Try, name_of
 from eskin.flow.layout.stages import Stages
-from eskin.flow.liberty.library import Library, read
-from eskin.flow.macro import characterise, model
-from eskin.flow.macro.characterise import Characteriser
-from eskin.flow.macro.model import Block
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.verilog import rtlil
 
@@ -36,9 +32,8 @@ def run(config: ReadoutConfig, name: str, out: Path, compare: bool, on_stage: Ca
     folder = make_folder(out, name)
     stages = Stages(make_folder(folder, "work"), on_stage)
     library = _cells(stages)
-    known = transistors.read((library / "cells.spi").read_text())
+    known = circuit.read_spice((library / "cells.spi").read_text())
     usable = cells.usable(known)
-    on_stage(f"{len(usable)} cells are what their transistors are")
     areas = json.loads((library / "cells.json").read_text())
     made, proved, of = _netlist(config, cells.liberty(usable, areas), stages)
     on_stage(f"{len(made.cells)} cells, {proved} of {of} points equal to the RTL")
@@ -47,16 +42,9 @@ def run(config: ReadoutConfig, name: str, out: Path, compare: bool, on_stage: Ca
     tries, placed = layout.route()
     on_stage(f"margin {tries[-1].margin:.2f}: {tries[-1].problem or 'routed, no violation'}")
     comparison = layout.compare(placed) if compare and placed and not tries[-1].problem else None
-    macro = None
     if placed:
         _deliver(placed, f"{made.top}_r", folder, stages)
-        try:
-            macro = layout.macro(placed, cells.liberty(usable, areas), folder)
-        except model.NoModel as reason:
-            on_stage(f"no timing model: {reason}")
-        except RuntimeError as failed:
-            raise Crashed(str(failed)) from None
-    return Report(name, config, len(usable), made, area, proved, of, tuple(tries), comparison, stages.seconds, macro)
+    return Report(name, config, made, area, proved, of, tuple(tries), comparison, stages.seconds)
 
 
 def _cells(stages: Stages) -> Path:
@@ -89,7 +77,7 @@ class Layout:
     circuit: Circuit
     area_um2: float  # area of the cells
     library: Path  # folder with cells, technology and decks
-    known: dict[str, transistors.SwitchCell]
+    known: dict[str, SpiceCell]
     stages: Stages
 
     @property
@@ -144,82 +132,13 @@ class Layout:
         """Return the comparison of the layout with the circuit."""
         gds, text = placed / f"{self.top}.gds", self.circuit.spice(self.known, self.top)
         deck = checks.comparing((self.library / "lvs.lvs").read_text())
-        ports = [transistors.SUPPLY, transistors.GROUND, *self.circuit.read_ports]
+        ports = [SUPPLY, GROUND, *self.circuit.read_ports]
 
         def make(part: Path) -> None:
             checks.compare(gds, self.top, text, ports, deck, part)
 
         done = self.stages.made("comparison", (placed.name, text, deck), make)
         return checks.read_comparison(done / "counts.json")
-
-    def macro(self, placed: Path, liberty: str, folder: Path) -> Macro:
-        """Write readout.lef and readout.lib of the layout into a folder, and return their check results."""
-        abstract = self._abstract(placed)
-        block, known = self._block(placed), self._characterised(liberty)
-
-        def make(part: Path) -> None:
-            text, period_ns = model.liberty(block, known, part)
-            (part / "macro.lib").write_text(text)
-            said = {"period_ns": period_ns, "difference_ns": model.check(text, block, known, part)}
-            (part / "model.json").write_text(json.dumps(said))
-
-        inputs = (
-            Path(model.__file__).read_text(),
-            *_templates("clocked.tcl", "macro.lib", "macros.lib"),
-            known.content.decode(),
-            block.verilog(),
-            placed.name,
-        )
-        _copy(abstract / "macro.lef", folder / "readout.lef")
-        made = self.stages.made("model", inputs, make)
-        _copy(made / "macro.lib", folder / "readout.lib")
-        said = json.loads((abstract / "abstract.json").read_text()) | json.loads((made / "model.json").read_text())
-        return Macro(said["labels"], tuple(said["differ"]), said["period_ns"], said["difference_ns"])
-
-    def _abstract(self, placed: Path) -> Path:
-        """Return the folder of the LEF abstract."""
-        said = json.loads((placed / "placed.json").read_text())
-        ways = dict.fromkeys(self.circuit.inputs, "INPUT") | dict.fromkeys(self.circuit.outputs, "OUTPUT")
-        uses = {transistors.SUPPLY: "POWER", transistors.GROUND: "GROUND", "clk": "CLOCK"}
-        pins = {
-            name: {"direction": ways.get(name, "INOUT"), "use": uses.get(name, "SIGNAL"), "boxes": boxes}
-            for name, boxes in said["pins"].items()
-        }
-        text = json.dumps({"pins": pins, "width_um": said["width_um"], "height_um": said["height_um"]})
-        gds = (placed / f"{self.top}.gds").resolve()
-
-        def make(part: Path) -> None:
-            (part / "pins.json").write_text(text)
-            environment.run("abstract", str(gds), self.top, "pins.json", folder=part)
-
-        inputs = (placed.name, text, (PROGRAMS / "abstract.py").read_text())
-        return self.stages.made("abstract", inputs, make)
-
-    def _block(self, placed: Path) -> Block:
-        """Return the placed netlist with its wires."""
-        said, circuit = json.loads((placed / "placed.json").read_text()), self.circuit
-        wires = model.wires_pf((placed / f"{self.top}_export.def").read_text())
-        cells = {f"g{number}": cell for number, cell in enumerate(circuit.cells.values())}  # their names have brackets
-        ports = circuit.inputs, circuit.outputs
-        return Block(self.top, *ports, cells, wires, said["width_um"], said["height_um"])
-
-    def _characterised(self, liberty: str) -> Library:
-        """Return the used cells with measured delays."""
-
-        def make(part: Path) -> None:
-            (part / "functions.lib").write_text(liberty)
-            known = read(part / "functions.lib")
-            characteriser = Characteriser(self.library / "cells.spi", self.library / "models.spice", part)
-            text = characteriser.library([known.cells[kind] for kind in sorted(self.circuit.kinds)])
-            (part / "cells.lib").write_text(text)
-
-        source = (Path(characterise.__file__).read_text(), *_templates("measured.lib", "macros.lib"))
-        inputs = (self.library.name, liberty, *source, *sorted(self.circuit.kinds))
-        return read(self.stages.made("delays", inputs, make) / "cells.lib")
-
-
-def _templates(*names: str) -> list[str]:
-    return [(PROGRAMS.parent / "templates" / name).read_text() for name in names]
 
 
 def _deliver(placed: Path, top: str, folder: Path, stages: Stages) -> None:

@@ -1,8 +1,6 @@
-"""Test the layout flow: cells against transistors, and checks on faulty layouts."""
+"""Test the layout flow, and its checks on faulty layouts."""
 
-import dataclasses
 import json
-import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -11,18 +9,26 @@ from typing import Any
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.flow.layout import cells, checks, circuit, environment, report, run, transistors
-from eskin.flow.layout.cells import WrongCell
+from eskin.flow.layout import cells, checks, circuit, environment, report, run
 from eskin.flow.layout.checks import Comparison, Rules
 from eskin.flow.layout.circuit import Circuit
 from eskin.flow.layout.environment import Crashed
-from eskin.flow.layout.report import Macro, Report, Try
+from eskin.flow.layout.report import Report, Try
 from eskin.flow.layout.stages import Stages
-from eskin.flow.macro import characterise
 from eskin.model.config import ReadoutConfig
-from tests.flow import example_transistors
 
-KNOWN = transistors.read(example_transistors.LIBRARY)
+PINS = {
+    "inv_x0": "i nq",
+    "buf_x2": "i q",
+    "nand2_x0": "nq i0 i1",
+    "nand3_x0": "nq i0 i1 i2",
+    "nor2_x0": "nq i0 i1",
+    "xor2_x0": "i0 i1 q",
+    "dff_x1": "i clk q",
+}
+"""Cells that suffice for a readout, with their pins."""
+SPICE = "".join(f".subckt {name} vdd vss {pins}\nM0 vdd i vss vss nfet\n.ends {name}\n" for name, pins in PINS.items())
+KNOWN = circuit.read_spice(SPICE)
 AREAS = dict.fromkeys(KNOWN, 10.0)
 
 TOY = Circuit(
@@ -42,53 +48,11 @@ TOY = Circuit(
 )
 
 
-def cell_of(*lines: list[str], name: str = "dff_x1", pins: str = "i clk q") -> transistors.SwitchCell:
-    return transistors.read(example_transistors.cell(name, pins, *lines))[name]
+def test_a_netlist_may_use_all_gates_but_the_misnamed_one() -> None:
+    assert cells.usable([*KNOWN, "nexor2_x0", "fill_w2"]) == list(KNOWN)
 
 
-def test_every_cell_of_the_library_is_its_transistors() -> None:
-    assert cells.usable(KNOWN) == [name for name in KNOWN if name != "fill_w2"]
-    assert transistors.table(KNOWN["nand3_x0"], ("i0", "i1", "i2"), "nq") == [True] * 7 + [False]
-    assert transistors.table(KNOWN["xor2_x0"], ("i0", "i1"), "q") == [False, True, True, False]
-
-
-def test_an_xor_by_the_name_of_its_inverse_is_found() -> None:
-    known = KNOWN | transistors.read(example_transistors.XOR_BY_ANOTHER_NAME)
-    assert "nexor2_x0" not in cells.usable(known)
-    with pytest.raises(WrongCell, match=r"nexor2_x0: its transistors are not q = !\(i0\^i1\)"):
-        cells.usable(known, left_out=())
-
-
-@pytest.mark.parametrize(
-    "lines",
-    [
-        example_transistors.pull("n", "nq i0 s", "s i1 vss")
-        + example_transistors.pull("p", "nq i0 vdd"),  # nothing pulls up for i1
-        example_transistors.nand("i0", "i1") + example_transistors.pull("n", "nq i0 vss"),  # both pull
-        example_transistors.pull("n", "nq i0 vss", "nq i1 vss")
-        + example_transistors.pull("p", "s i0 vdd", "nq i1 s"),  # a NOR
-    ],
-)
-def test_a_broken_gate_is_found(lines: list[str]) -> None:
-    with pytest.raises(WrongCell, match=r"nand2_x0: its transistors are not nq = !\(i0&i1\)"):
-        cells.check(cell_of(lines, name="nand2_x0", pins="nq i0 i1"))
-
-
-@pytest.mark.parametrize(
-    "lines", [example_transistors.FALLING, example_transistors.OPEN, example_transistors.INVERTING]
-)
-def test_what_is_no_flop_of_the_rising_edge_is_found(lines: list[str]) -> None:
-    cells.check(cell_of(example_transistors.FLOP))
-    with pytest.raises(WrongCell, match="dff_x1: its transistors are no flip-flop of the rising edge"):
-        cells.check(cell_of(lines))
-
-
-def test_a_library_without_a_flop_is_found() -> None:
-    with pytest.raises(WrongCell, match="there is no dff_x1 among the generated cells"):
-        cells.usable({"inv_x0": KNOWN["inv_x0"]})
-
-
-def test_a_readout_becomes_checked_cells(tmp_path: Path) -> None:
+def test_a_readout_becomes_cells(tmp_path: Path) -> None:
     library = tmp_path / "cells.lib"
     library.write_text(cells.liberty(cells.usable(KNOWN), AREAS))
     synthesised = circuit.synthesise(ReadoutConfig(rows=1, columns=2, resolution=4), library)
@@ -135,7 +99,7 @@ CLEAN = Rules(194, ())
 
 
 def made_of(*tries: Try, comparison: Comparison | None = None, proved: int = 5) -> Report:
-    return Report("toy", ReadoutConfig(), 7, TOY, 100.0, proved, 5, tries, comparison, {})
+    return Report("toy", ReadoutConfig(), TOY, 100.0, proved, 5, tries, comparison, {})
 
 
 def test_the_closing_line_and_the_problems() -> None:
@@ -153,11 +117,6 @@ def test_the_closing_line_and_the_problems() -> None:
     failed = made_of(Try(0.3, "a segment is open"))
     assert failed.problems == ["margin 0.30: a segment is open"]
     assert failed.closing_line() == "layout: toy, 8 cells, not routed, netlist not compared"
-    other = dataclasses.replace(good, macro=Macro(8, ("geometry of li1",), 1.0, 0.2))
-    assert other.problems == [
-        "the LEF abstract differs from the layout: geometry of li1",
-        "the timing model differs from the netlist by 0.200 ns",
-    ]
     broken = made_of(Try(0.3, "1 violations, m1 area at x", 18.2, 18.2, Rules(194, ("m1 area at x",))))
     assert broken.problems == ["margin 0.30: 1 violations, m1 area at x"]
     assert "1 violations" in broken.closing_line()
@@ -197,7 +156,7 @@ def test_a_stage_is_kept_until_its_inputs_change_and_begins_anew_after_a_stop(tm
 
 
 def layout_of(
-    folder: Path, library: Path, known: dict[str, transistors.SwitchCell] = KNOWN, circuit: Circuit = TOY
+    folder: Path, library: Path, known: dict[str, circuit.SpiceCell] = KNOWN, circuit: Circuit = TOY
 ) -> run.Layout:
     return run.Layout(circuit, 250.0, library, known, Stages(folder, lambda stage: None))
 
@@ -261,16 +220,8 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> tuple[run.Layout, Path]:
     """Return a placed and routed layout of eight cells, and its folder."""
     folder = tmp_path_factory.mktemp("toy")
     library = run._cells(Stages(folder, lambda stage: None))
-    layout = layout_of(folder, library, transistors.read((library / "cells.spi").read_text()))
+    layout = layout_of(folder, library, circuit.read_spice((library / "cells.spi").read_text()))
     return layout, layout.place(1.0)
-
-
-@NEEDS_TOOLS
-def test_the_generated_cells_are_their_transistors_but_one(toy: tuple[run.Layout, Path]) -> None:
-    known = toy[0].known
-    assert len(cells.usable(known)) > 25
-    with pytest.raises(WrongCell, match="nexor2_x0"):
-        cells.usable(known, left_out=())
 
 
 @NEEDS_TOOLS
@@ -283,7 +234,7 @@ def test_a_small_layout_is_clean_and_equal(toy: tuple[run.Layout, Path]) -> None
     compared = layout.compare(placed)
     assert compared.equal
     assert compared.ports == 7  # of eight: one is read by nothing
-    assert compared.transistors == sum(len(layout.known[kind].switches) for kind, _ in TOY.cells.values())
+    assert compared.transistors == sum(layout.known[kind].text.count("\nM") for kind, _ in TOY.cells.values())
 
 
 @NEEDS_TOOLS
@@ -316,56 +267,6 @@ def test_a_broken_rule_is_found(toy: tuple[run.Layout, Path], tmp_path: Path) ->
     assert found.rules.violations
     assert {one.partition(" at ")[0] for one in found.rules.violations} <= {"m3 width", "m3 area"}
     assert "violations, m3" in found.problem
-
-
-@NEEDS_TOOLS
-def test_the_abstract_and_the_timing_model_are_those_of_the_layout(
-    toy: tuple[run.Layout, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    layout, placed = toy
-    monkeypatch.setattr(characterise, "ROUNDS", 2)  # setup and hold times to 0.5 ns, in a quarter of the time
-    macro = layout.macro(
-        placed,
-        cells.liberty(cells.usable(layout.known), json.loads((layout.library / "cells.json").read_text())),
-        tmp_path,
-    )
-    assert macro.pins == len(TOY.ports) + 2  # with both supplies
-    assert macro.differ == ()
-    assert macro.difference_ns < report.MOST_APART_NS
-    assert 0.1 < macro.period_ns < 2
-    lef = (tmp_path / "readout.lef").read_text()
-    ways = dict(re.findall(r"PIN (\w+)\n +DIRECTION (\w+) ;", lef))
-    assert {name: way for name, way in ways.items() if way != "INOUT"} == (
-        dict.fromkeys(TOY.inputs, "INPUT") | dict.fromkeys(TOY.outputs, "OUTPUT")
-    )
-
-
-@NEEDS_TOOLS
-@pytest.mark.parametrize(
-    ("change", "differ"),
-    [
-        (
-            "text.replace(' a\\n', ' q\\n').replace(' b\\n', ' a\\n').replace(' q\\n', ' b\\n')",
-            "pin a lies on b",
-        ),
-        ("re.sub(r'  PIN z.*?END z\\n', '', text, flags=re.DOTALL)", "geometry of"),
-        ("re.sub(r'(LAYER via ;\\s+RECT) \\S+', r'\\1 0.1', text)", "geometry of via"),
-    ],
-    ids=["two pins exchanged", "no pin", "a moved via"],
-)
-def test_a_wrong_abstract_is_found(toy: tuple[run.Layout, Path], tmp_path: Path, change: str, differ: str) -> None:
-    layout, placed = toy
-    abstract = layout._abstract(placed)
-    program = (
-        "import re, sys; sys.path.insert(0, sys.argv[1]); import abstract; from pathlib import Path; "
-        "layout = abstract.db.Layout(); layout.read(sys.argv[2]); path = Path('wrong.lef'); "
-        f"text = Path(sys.argv[3]).read_text(); new = {change}; assert new != text; path.write_text(new); "
-        "print(abstract.compare(path, layout, layout.cell(sys.argv[4]))[1])"
-    )
-    words = [str(environment.python()), "-sPc", program, str(environment.PROGRAMS)]
-    words += [str(placed / f"{layout.top}.gds"), str(abstract / "macro.lef"), layout.top]
-    said = subprocess.run(words, check=True, capture_output=True, text=True, cwd=tmp_path).stdout
-    assert differ in said
 
 
 @NEEDS_TOOLS

@@ -23,11 +23,10 @@ def layout(
     OUT/NAME gets GDS, DEF, a picture and report.json. Needs KLayout and the packages that make layout installs.
     """
     from eskin.flow.layout import report, run
-    from eskin.flow.layout.cells import WrongCell
     from eskin.flow.layout.environment import Crashed
 
     common.check_name(name)
-    with common.failing_on(WrongCell, Crashed):
+    with common.failing_on(Crashed):
         found = run.run(config, name, out, compare, lambda stage: print(stage, flush=True))
     print(report.write(found, out, report.command_of(config, compare)))
     common.conclude(found.problems, found.closing_line())
