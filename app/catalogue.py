@@ -15,7 +15,7 @@ COMMANDS = {
     heading: names.split()
     for heading, names in {
         "A first look": "demo",
-        "Signals to events and back": "encode decode convert compare report",
+        "Signals to events and back": "encode decode convert compare",
         "RTL against model": "sim replay touch agree",
         "Classifier": "train crossval predict sweep pair quantise export import cache",
         "Hardware": "verilog gates asic gatesim gatepower layout fpga tapeout",

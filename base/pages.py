@@ -21,11 +21,10 @@ def templates(folder: Path) -> Environment:
     )
 
 
-def embedded(plot: Callable[[Path], object], words: str, kind: str = "png") -> Markup:
-    """Return an HTML image with a description, from a function that writes a picture file."""
+def embedded(plot: Callable[[Path], object], words: str) -> Markup:
+    """Return an HTML image with a description, from a function that writes a PNG file."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"picture.{kind}"
+        path = Path(folder) / "picture.png"
         plot(path)
         data = base64.b64encode(path.read_bytes()).decode()
-    form = "svg+xml" if kind == "svg" else kind
-    return Markup('<img alt="{}" src="data:image/{};base64,{}">\n').format(words, form, data)
+    return Markup('<img alt="{}" src="data:image/png;base64,{}">\n').format(words, data)

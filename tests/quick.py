@@ -40,7 +40,6 @@ COMMANDS = {
     "explore": "tests/app/test_power.py::test_explore_names_the_cheapest",
     "frames": "tests/model/test_frame.py::test_frames_prints_a_line_for_each_readout",
     "study": "tests/skin/test_study.py::test_the_command_writes_data_first_and_then_the_picture",
-    "report": "tests/app/test_report.py::test_text_from_files_cannot_leave_its_place",
     "demo": "tests/board/test_demo.py::test_mistakes_are_one_sentence",  # the page takes seconds
     "play": "tests/board/test_host.py::test_no_board_is_one_sentence",  # a run takes a simulation
     "listen": "tests/board/test_host.py::test_listening_asks_and_ends",

@@ -62,7 +62,7 @@ def kept_sweeps() -> list[Path]:
 
 
 def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
-    """Return the published points and the points of sweeps (docs/guide/report.md).
+    """Return the published points and the points of sweeps.
 
     Points without results are left out, and named in ``left_out``.
     """

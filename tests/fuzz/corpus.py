@@ -52,7 +52,6 @@ def make(root: Path) -> None:
         ("sweep", "--dataset", "embedded", "--points", "lcs:3", *TRAIN, "--epochs", "1", "--seeds", "1",
          "--workers", "1", "-o", "good/sweep"),
         ("export", "good/train/weights.npz", "-o", "good/network.nir"),
-        ("fig9", "--sweep", "good/sweep/sweep.json", "-o", "good"),
     ):  # fmt: skip
         seen = run_command(line)
         assert seen.code == 0, seen.err

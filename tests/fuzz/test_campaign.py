@@ -6,7 +6,6 @@ counted in docs/data/verification/fuzz.json.
 
 import traceback
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ from hypothesis import strategies as st
 
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
-from eskin.base.pages import embedded
 from tests.fuzz import corpus
 from tests.fuzz import run as limits
 from tests.fuzz.attacks import ATTACKS, clean
@@ -46,22 +44,6 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.chdir(root)
         corpus.make(root)
     return root
-
-
-@pytest.fixture(scope="module", autouse=True)
-def drawn_once() -> Iterator[None]:
-    """Draw every picture of a report once: in most of the cases only that of Fig. 9 is another one."""
-    drawn: dict[str, Any] = {}
-
-    def once(plot: Any, *words: str) -> Any:
-        name = f"{plot} {words}"
-        if name not in drawn:
-            drawn[name] = embedded(plot, *words)
-        return drawn[name]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("eskin.app.report.page.embedded", once)
-        yield
 
 
 @pytest.fixture(autouse=True)

@@ -1,1 +1,0 @@
-"""HTML report with the figures of the whole project."""
