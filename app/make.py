@@ -23,17 +23,16 @@ EXIT_INPUT_ERROR = 2
 YES, NO = ("1", "yes", "true"), ("", "0", "no", "false")
 
 NEEDS = {
-    "sim": "sim replay touch agree soak gatesim asic gatepower coverage mutants crosscheck",
-    "snn": "train crossval predict sweep counts quantise export import convert cache mutants fig8 robustness "
+    "sim": "sim replay touch agree soak gatesim asic gatepower coverage crosscheck",
+    "snn": "train crossval predict sweep counts quantise export import convert cache fig8 robustness "
     "noise-power merits precision agree",
     "asic": "gatesim asic gatepower layout",
     "board": "demo play listen load rescue",
     "fpga": "fpga",
-    "dev": "coverage mutants",
+    "dev": "coverage",
     "registers": "coverage",
     "lint": "crosscheck",
     "proof": "crossproof",
-    "mutants": "mutants",
 }
 """Commands that need each group of packages beside ``base``."""
 

@@ -44,7 +44,6 @@ IDLE: dict[str, dict[str, str]] = {
     },
     "explore": {"no --event-rate": "--rate-resolution", "--event-rate": "--preset"},
     "soak": {"--only": "--seed --hours --keep --out", "no --only": "--set --run"},
-    "mutants": {"--judge=False": "--workers --scheduler --again"},
 }
 """Options without effect, by command and condition.
 
@@ -54,12 +53,12 @@ before that.
 
 SECONDS, BITS, MANY, SEED = (1e-9, 1e9), (2, 8), (1, 10**9), (0, 10**18)
 RANGES: dict[str, tuple[float, float]] = {
-    "apart_from": SEED, "baud": (1, 10**8), "bias_bits": (2, 16), "bin_s": SECONDS, "checkpoint_every": MANY,
+    "baud": (1, 10**8), "bias_bits": (2, 16), "bin_s": SECONDS, "checkpoint_every": MANY,
     "clock": (1e3, 1e12), "clocks": (1, 10**15), "decay_bits": (2, 16), "disturbed": MANY, "epochs": MANY,
     "fold": (0, 10**9), "folds": MANY, "frame_rate": (1e-9, 1e12), "hours": (0, 1e4), "in_bits": BITS,
     "lanes": (1, 4096), "limit": MANY, "membrane_bits": (2, 64), "only": SEED, "out_bits": BITS, "page": (0, 65535),
     "patience": (0.1, 1e6), "rate_resolution": (1, 10), "rec_bits": BITS, "relays": (0, 4096), "rtl": (0, 10**4),
-    "run": (0, 10**9), "seconds": (0, 1e9), "seed": SEED, "seeds": MANY, "share": (0, 1), "speed": (1e-4, 1e6),
+    "run": (0, 10**9), "seconds": (0, 1e9), "seed": SEED, "seeds": MANY, "speed": (1e-4, 1e6),
     "start": (-(2.0**63), 2.0**63), "start_row": (0, 1e6), "start_rows": MANY, "step": SECONDS, "tau": SECONDS,
     "textures": (0, 10**9), "threads": (1, 4096), "threshold_bits": (2, 16), "ticks": (1, 10**12),
     "workers": (1, 4096), "wrap": (1, 64),

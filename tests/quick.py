@@ -49,7 +49,6 @@ COMMANDS = {
     "verilog": "cocotb_tests/test_frame_verilog.py::test_command_writes_the_text_of_the_library",
     "gates": "tests/flow/test_gate_count.py::test_command_compares_the_readouts_of_one_array",
     "properties": "tests/verify/test_bind.py::test_the_command_writes_what_goes_with_the_verilog",
-    "mutants": "tests/verify/test_campaign.py::test_every_edit_is_another_program",  # a campaign takes seconds
     "crosscheck": "tests/verify/test_crosscheck.py::test_slang_takes_what_is_delivered",  # compiling takes seconds
     "crossproof": "tests/verify/test_crosscheck.py::test_both_find_the_same_first_clocks_of_a_block_and_of_mutants",
     "asic": "tests/flow/test_asic_report.py::test_bad_input_is_one_sentence",  # runs take ten seconds and more
@@ -113,6 +112,7 @@ OTHERS = {
     "make": "tests/app/test_make.py::test_make_refuses_a_wrong_variable",
     "errors": "tests/app/test_app.py::test_every_mistake_is_one_sentence",
     "network": "tests/snn/test_network.py::test_a_neuron_by_hand",
+    "operators of mutants": "tests/verify/test_mutants.py::test_every_operator_makes_its_examples",
     "kernel": "tests/snn/test_network.py::test_kernel_equals_plain_autograd",
     "quick": "tests/test_quick.py",
 }

@@ -1,4 +1,4 @@
-"""Tables of proofs, coverage, mutants, faults and soak tests, and the sign-off page."""
+"""Tables of proofs, coverage, faults and soak tests, and the sign-off page."""
 
 from itertools import groupby
 from typing import Any
@@ -9,8 +9,6 @@ EVIDENCE = {
     "proved": ("formal", "properties of the RTL, for any number of clocks"),
     "second solver": ("crossproof", "the proved properties; z3 searches them again, with and without planted bugs"),
     "covered": ("coverage", "lines, branches and toggles of the Verilog; points of the specification"),
-    "killed": ("mutants", "generated mutants of the RTL, killed by tests or proofs"),
-    "killed, model": ("mutants/model_and_snn", "a sample of mutants of `model/` and `snn/`, killed by tests"),
     "faults": ("faults", "upsets of every flop, and hostile inputs"),
     "soaked": ("soak", "random configurations, RTL compared with model"),
     "hostile input": ("fuzz", "damaged files and out-of-range options"),
@@ -98,54 +96,6 @@ def unreached() -> Rows:
     """Return the reasons for uncovered Verilog."""
     reasons = sorted(evidence("coverage")["reasons"].items(), key=lambda item: -item[1]["constructs"])
     return [[reason, f"{one['constructs']:,}", "proved" if one["proved"] else "argued"] for reason, one in reasons]
-
-
-def mutants() -> Rows:
-    """Return the verdicts on RTL mutants by block."""
-    report = evidence("mutants")
-    rows = [counts | {"block": block} for block, counts in report["per_block"].items()] + [report | {"block": "all"}]
-    for row in rows:
-        rest = row["total"] - row["equivalent"] - row["argued"]
-        row["share"], row["quick"] = (f"{row[name] / rest:.1%}" for name in ("killed", "killed_quick"))
-    return rows
-
-
-def model_mutants() -> Rows:
-    """Return the verdicts on the sampled mutants of model/ and snn/ by file."""
-    report = evidence("mutants/model_and_snn")
-    return [counts | {"file": file} for file, counts in report["per_file"].items()] + [report | {"file": "all"}]
-
-
-def fresh_mutants() -> Rows:
-    """Yield the results of new mutants, before and after we added tests for the surviving mutants."""
-    for part, name in (("rtl", "RTL"), ("model", "model, network, commands")):
-        report = evidence(f"mutants_fresh/{part}")
-        first = report["first_pass"]
-        rest = first["killed"] + first["alive"]
-        left = {
-            "left": report["planned"] - first["total"] - report["stillborn"],
-            "rest": rest,
-            "first": first["killed"],
-            "before": first["argued"],
-            "later": report["argued"] - first["argued"],
-            "removed": sum(one["verdict"] == "removed" for one in report["mutants"]),
-        }
-        yield report | left | {"name": name, "share": first["killed"] / rest, "quick": first["killed_quick"] / rest}
-
-
-def fresh_survivors() -> Rows:
-    """Return every new mutant that survived at first, and the test that kills it now."""
-    parts = [evidence("mutants_fresh/rtl"), evidence("mutants_fresh/model")]
-    found = [one for part in parts for one in part["mutants"] if one["verdict"] == "alive" or "first" in one]
-    return [[f"`{one['edit']}`", f"`{one['by']}`" if one["by"] else one["verdict"]] for one in found]
-
-
-def survivors() -> Rows:
-    """Return the surviving mutants, and the mutants excluded by a written argument."""
-    parts = [evidence("mutants"), evidence("mutants/model_and_snn")]
-    alive = [[one["name"], "alive"] for part in parts for one in part["survivors"]]
-    argued = [[one["name"], one["why"]] for part in parts for one in part["argued_one_by_one"]]
-    return [[f"`{name}`", why] for name, why in [*alive, *argued]]
 
 
 def faults() -> Rows:

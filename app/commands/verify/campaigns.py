@@ -1,17 +1,14 @@
-"""The commands soak and mutants: campaigns of a given size (docs/design/verification.md)."""
+"""The command soak: a campaign of a given length (docs/design/verification.md)."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from eskin.app.commands import common
 from eskin.app.options import opt, out_file, out_folder, parse_fields, parse_number
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
-
-if TYPE_CHECKING:
-    from eskin.verify.mutants.campaign import Finding
 
 
 def soak(
@@ -87,43 +84,3 @@ def _one(seed: int, run: int, clocks: int, parts: dict[str, Any], simulator: Any
     with common.failing_on(MismatchFound, line="MISMATCH"):
         tally = play([Draw(seed, clocks, run, parts)], simulator)
     print(f"bit-exact: {tally.runs} runs, {tally.clocks} clocks, {tally.events} events, 0 mismatches")
-
-
-def mutants(
-    model: bool = opt(False, "mutate the model and the network instead of the RTL"),
-    block: str = opt("", "only this block or room: arbiter, link, taxel, classifier, ..."),
-    share: float | None = opt(
-        None, "fraction of the source places to mutate [0.3, with --model 0.07]", min=0.0, max=1.0
-    ),
-    seed: int = opt(1, "seed of the random edits", min=0),
-    apart_from: int | None = opt(None, "leave out mutants that this seed draws at the same share", min=0),
-    again: bool = opt(False, "test survivors again, after new tests were added"),
-    limit: int | None = opt(None, "largest number of mutants [all]", min=1),
-    judging: bool = opt(True, "--judge/--no-judge", "test mutants, or only report earlier results"),
-    workers: common.Workers = None,
-    scheduler: common.Scheduler = None,
-    out: Path = out_folder(Path("out/mutants"), "folder for the results"),
-) -> None:
-    """Mutate the source code, and report which mutants the tests and proofs kill.
-
-    A stopped run continues with the missing mutants.
-    """
-    from eskin.verify.mutants.campaign import MODEL, NEEDS, RTL, Plan, closing_line, run, write
-    from eskin.verify.mutants.questions import mutated_files
-
-    packages = MODEL if model else RTL
-    share = share if share is not None else 0.07 if model else 0.3
-    known = sorted({Path(file).with_suffix("").parts[1] for file in mutated_files(packages)})
-    if block and block not in known:
-        raise InputError(f"--block must be one of {', '.join(known)}, not {block!r}")
-
-    def tell(finding: Finding) -> None:
-        print(f"{finding.verdict:<11}{finding.name}{f' by {finding.by}' if finding.by else ''}", flush=True)
-
-    with common.open_pool(workers, scheduler, NEEDS) as pool:
-        done = run(Plan(packages, share, seed, block, limit, apart_from), out, pool if judging else None, again, tell)
-    drawn = {"SHARE": f"{share:g}", "SEED": str(seed), "APART_FROM": apart_from is not None and str(apart_from)}
-    command = common.make_line("mutants", MODEL=model, BLOCK=block, **drawn, LIMIT=limit)
-    write(out / "mutants.json", command, done, "model" if model else "rtl")
-    survived = len(done.findings) < done.planned or any(one.verdict == "alive" for one in done.findings)
-    common.conclude(sorted(done.skipped), closing_line(done), mark="fails without a mutant: ", failed=survived)
