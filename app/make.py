@@ -83,6 +83,13 @@ STEPS: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "test": ('run all tests [PYTEST="-k name"]', ("-m pytest -n auto --dist worksteal $PYTEST",)),
     "lint": ("check format, lint and types", LINT),
+    "pins": (
+        "write constraints.txt anew from pyproject.toml [UV='--upgrade-package numpy']",
+        (
+            "-m uv pip compile --quiet --no-config --universal --python-version 3.11 --all-extras --no-annotate "
+            "--custom-compile-command 'make pins' --output-file constraints.txt pyproject.toml $UV",
+        ),
+    ),
     "format": ("format the code", ("-m ruff format .", "-m ruff check --fix .")),
 }
 """Help and command lines of the targets that are no command; the interpreter runs each line."""
