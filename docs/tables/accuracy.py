@@ -49,35 +49,6 @@ def nlcs_explained() -> Rows:
     return sorted(points, key=lambda p: p["normalised_rate"])
 
 
-def nlcs_epochs() -> Rows:
-    """Yield fold accuracies of N-LCS 8 b, in percent: published, last epoch, and best test epoch."""
-    folds = read(f"{TEXTURES}nlcs/test-epochs.json")["folds"]
-    for text, values in (
-        ("published", [62.5, 82.5, 85.0, 87.5, 65.0, 75.0]),
-        ("here, last epoch", [100 * fold["last"] for fold in folds]),
-        ("here, best test epoch (no result)", [100 * fold["best"] for fold in folds]),
-    ):
-        yield [text, *(f"{value:g}" for value in values), f"{sum(values) / 6:.1f}"]
-
-
-def precision() -> None:
-    """Print accuracies of integer networks by weight bits."""
-    report = read(f"{TEXTURES}precision.json")
-    points: dict[str, dict[str, Any]] = {}
-    for point in report["points"]:
-        points.setdefault(point["network"], {})[point["variant"]] = point
-    bits = [v for v in dict.fromkeys(point["variant"] for point in report["points"]) if v.isdigit()]
-    rows = []
-    for network, by in points.items():
-        exact = filled("{float:%}", by).replace(" %", "")
-        memory = ", ".join(f"{by[n]['memory_bits'] / 8000:.0f}" for n in ("8", "4"))
-        rows.append(
-            [network, str(by["float"]["seeds"]), exact, *(f"{100 * by[n]['accuracy']:.1f}" for n in bits), memory]
-        )
-    table(["network", "seeds", "float", *(f"{n} b" for n in bits), "kB at 8, 4 b"], rows)
-    print(f"`{report['command']}`\n")
-
-
 def nir_networks() -> None:
     """Print the agreement of integer networks with float networks from other programs."""
     report = read(f"{TEXTURES}nir.json")
@@ -106,14 +77,6 @@ def robustness() -> Rows:
     return rows.values()
 
 
-def merits_latency() -> Rows:
-    """Yield the accuracy of two networks against the time since the touch."""
-    data = read(f"{TEXTURES}merits.json")
-    for pair in data["latency_pairs"]:
-        a, b = (only(data["latency"], time_s=pair["time_s"], network=pair[name]) for name in ("first", "second"))
-        yield pair | {"a": a, "b": b}
-
-
 def merits_rest() -> Rows:
     """Yield the data rate during a moving and a resting touch, as sent and compressed."""
     data = read(f"{TEXTURES}merits.json")["rest"]
@@ -121,15 +84,6 @@ def merits_rest() -> Rows:
     for readout in dict.fromkeys(row["readout"] for row in data):
         found = (only(data, readout=readout, phase=phase, noise_v=noise) for phase, noise in columns)
         yield [f"`{readout}`", *(filled("{sent_bps:1e-3*.2f} / {coded_bps:1e-3*.2f}", row) for row in found)]
-
-
-def noise_power() -> Rows:
-    """Return accuracy, rate and power at one noise level, in both modes."""
-    rows: dict[Any, dict[str, Any]] = {}
-    for point in read(f"{TEXTURES}noise_power.json")["points"]:
-        row = rows.setdefault((point["network"], point["noise_v"]), dict(point))
-        row[point["mode"]] = point | {"interval": point["wilson_95"]}
-    return rows.values()
 
 
 def touch() -> Rows:

@@ -1,20 +1,18 @@
 """Tables of the recordings of a robot finger: accuracy, data rate and energy of events and frames."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from docs.tables.energy import at_rates
-from docs.tables.write import Rows, filled, only, read, source, table
-from eskin.snn.experiments.pairs import compare, right_of
+from docs.tables.write import Rows, filled, only, read
+from eskin.snn.experiments.pairs import right_of
 from eskin.snn.reference import score
 
 REPETITION = "repetition 1"
-INNER_FOLDS = 3
-"""Folds of repetition 0 on which settings for the other repetition were compared."""
 
 KINDS = {"repetition": "repetition 1", "mean of six speeds": "mm/s", "mean of five pressures": "pressure"}
 """Groups of folds, and a text in the names of their folds."""
@@ -75,35 +73,6 @@ def finger_reached() -> dict[str, dict[str, float]]:
     return found
 
 
-def _rows(report: dict[str, Any], columns: list[dict[str, float]]) -> Iterable[list[str]]:
-    """Yield a row for each fold and each group of several folds."""
-    names = [one["fold"] for one in report["folds"]]
-    for kind, part in KINDS.items():
-        of_kind = [name for name in names if part in name]
-        for name in [*of_kind, *([kind] if len(of_kind) > 1 else [])]:
-            cells = [f"{100 * column[name]:.1f} %" if name in column else "-" for column in columns]
-            yield [f"**{name}**", *(f"**{cell}**" for cell in cells)] if name == kind else [name, *cells]
-
-
-def finger() -> None:
-    """Print the accuracy of the network by fold and readout."""
-    report = finger_report()
-    columns = [accuracies(report, point["network"]) for point in report["points"]]
-    table(["test recordings", *map(name_of, report["points"])], _rows(report, columns))
-    source(report, ": {recordings} recordings, {seconds:,.0f} s")
-
-
-def finger_statistics() -> None:
-    """Print the accuracy of a logistic regression by fold and readout, and of the most frequent class."""
-    report = finger_report()
-    points = [point for point in report["points"] if point["statistic"]]
-    columns = [accuracies(report, [point["statistic"]]) for point in points]
-    for name in ("signals_right", "most_frequent_right"):
-        columns.append(_grouped(report, {one["fold"]: one[name] / len(one["labels"]) for one in report["folds"]}))
-    titles = [*map(name_of, points), "original signals", "most frequent class"]
-    table(["test recordings", *titles], _rows(report, columns))
-
-
 def finger_rates() -> Rows:
     """Yield data rate, power and energy of each readout beside its accuracy."""
     report = finger_report()
@@ -141,33 +110,6 @@ def _classifier_w(report: dict[str, Any], point: dict[str, Any]) -> dict[str, fl
     )
 
 
-def finger_energy() -> dict[str, Any]:
-    """Return values for the sentences about energy: parts of the power of the first point."""
-    report = finger_report()
-    found = _classifier_w(report, report["points"][0])
-    return {name: 1e6 * value for name, value in found.items()} | {
-        "clock_khz": 1e-3 * report["rtl"]["clock_hz"],
-        "mean_s": report["seconds"] / report["recordings"],
-        "frames_nw": 1e9 * only(report["points"], point="frame:12.22:9")["readout_w"],
-        "lcs_nw": 1e9 * report["points"][0]["readout_w"],
-    }
-
-
-def finger_pairs() -> Rows:
-    """Yield the differences in accuracy between events and frames, recording by recording."""
-    report = finger_report()
-    encoders, frames = _kinds(report)
-    for point in encoders:
-        other = min(frames, key=lambda one: abs(one["bits_per_s"] - point["bits_per_s"]))
-        cells = [name_of(other)]
-        for part in KINDS.values():
-            folds = [fold for fold in report["folds"] if part in fold["fold"]]
-            labels, predicted = _words(folds, point["network"])
-            pair = compare(labels, predicted, _words(folds, other["network"])[1])
-            cells.append(filled("{row:+%}, p {p:p}", vars(pair)))
-        yield [name_of(point), *cells]
-
-
 def _kinds(report: dict[str, Any]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return the points of encoders, and those of frames."""
     frames = [point for point in report["points"] if point["readout"] == "frame"]
@@ -189,46 +131,12 @@ def finger_targets() -> Rows:
         yield [text, *cells]
 
 
-def finger_candidates() -> Rows:
-    """Return the candidates among which inner validation chose, on training recordings alone."""
-    found: dict[str, dict[str, Any]] = {}
-    for one in finger_report()["candidates"]:
-        row = found.setdefault(one["point"], {"readout": one["point"].partition("@")[0]} | one)
-        row[one["how"]] = f"{one['right']} of {one['of']}"
-    return found.values()
-
-
-def finger_tuning() -> Rows:
-    """Yield the settings among which inner validation chose for the other repetition, on repetition 0 alone."""
-    for settings, runs in _tuned_on().items():
-        folds = [[run for run in runs if run["fold"] == fold] for fold in range(INNER_FOLDS)]
-        cells = [
-            "{} of {}".format(", ".join(str(run["right"]) for run in of), of[0]["of"]) if of else "-" for of in folds
-        ]
-        yield [settings, *cells, f"{np.mean([run['log_loss'] for run in folds[0]]):.2f}"]
-
-
 def _tuned_on() -> dict[str, list[dict[str, Any]]]:
     """Return the trainings of the inner validation by setting; the first one is the default."""
     found: dict[str, list[dict[str, Any]]] = {}
     for one in finger_report()["tuned"]["candidates"]:
         found.setdefault(one["settings"], []).append(one)
     return found
-
-
-def finger_tuned() -> Rows:
-    """Yield the accuracy on the other repetition of the chosen network, for each seed and for their mean logits."""
-    report = finger_report()
-    tuned = report["tuned"]
-    labels = only(report["folds"], fold=REPETITION)["labels"]
-    words = {f"seed {seed}": of_seed[REPETITION] for seed, of_seed in enumerate(tuned["network"])}
-    for name, word in (words | {"mean logits of the three seeds": tuned["vote"]}).items():
-        found = score(_classes(labels), _classes(word))
-        right = found["accuracy"]
-        cottons = sum({a, b} == {"0", "1"} for a, b in zip(labels, word, strict=True))  # one taken for the other
-        cells = f"{name} | {round(right * len(labels))} of {len(labels)} | {100 * right:.1f} % | "
-        cells += f"{100 * found['balanced_accuracy']:.1f} % | {cottons} | {'met' if right >= 0.99 else 'missed'}"
-        yield cells
 
 
 def finger_tuning_values() -> dict[str, Any]:
@@ -263,20 +171,6 @@ def finger_tuning_values() -> dict[str, Any]:
             "met": "met" if right.mean() >= 0.99 else "missed",
         }
     )
-
-
-def finger_chip() -> Rows:
-    """Yield the number of correct finger recordings in float, in integers and in RTL, for each training."""
-    report = finger_report()
-    total, rtl = len(only(report["folds"], fold=REPETITION)["labels"]), report["rtl"]
-    one = report["integer"]
-    while one:
-        right = {bits["bits"]: bits["right"] for bits in one["bits"]}
-        cells = [f"{right[bits]} of {total}" if bits in right else "-" for bits in (8, 4)]
-        name = filled("{readout:E} {resolution} b, commit {commit}", one)
-        played = filled("{right} of {labelled}", rtl) if one["commit"] == rtl["commit"] else "-"
-        yield [name, f"{one['right_float']} of {total}", *cells, played]
-        one = one.get("earlier")
 
 
 def finger_played() -> dict[str, Any]:

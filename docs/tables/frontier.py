@@ -1,5 +1,6 @@
 """Tables of the frontier: chosen taxels, encoders and frames at equal rates."""
 
+import statistics
 from typing import Any
 
 from docs.tables.write import Rows, filled, only, read, table
@@ -36,137 +37,76 @@ def _kind(name: str) -> str:
     return "frame" if kind.startswith("frame") else kind
 
 
-def _settings(point: Data) -> str:
-    """Return taxels, bits and frame rate of a point in words."""
-    kind, *numbers = point["readout"].split(":")
-    words = f"{numbers[0]} b" if _kind(point["name"]) != "frame" else f"{numbers[0]} Hz, {numbers[1]} b"
-    if kind == "frame-onoff":
-        words += f", levels of {numbers[2] if len(numbers) > 2 else 4} b"
-    return f"{len(point['taxels'])} x {words}"
+TRAININGS = (("physical", "leaky-2ms"), ("physical", "convolutions"), ("paper", "leaky"), ("paper", "convolutions"))
+"""Scans and networks of the comparison."""
 
 
-def _by_budget(preset: str, network: str, cell: Any, first: int = 0) -> None:
-    """Print a table with a row for each kind of readout, from the first on, and a column for each budget."""
-    found = chosen(preset, network)
-    kinds, budgets = (list(dict.fromkeys(part)) for part in zip(*found, strict=True))
-    rows = [
-        [filled("{kind:E}", {"kind": kind}), *(cell(found, kind, budget) for budget in budgets)]
-        for kind in kinds[first:]
-    ]
-    table(["", *(f"at most {budget:,} events/s" for budget in budgets)], rows)
+def holm(p_values: list[float]) -> list[float]:
+    """Return p values after Holm's correction for several tests (S. Holm, Scand. J. Statist. 6(2):65, 1979)."""
+    order = sorted(range(len(p_values)), key=p_values.__getitem__)
+    found, least = [0.0] * len(order), 0.0
+    for rank, number in enumerate(order):
+        least = max(least, (len(order) - rank) * p_values[number])
+        found[number] = min(1.0, least)
+    return found
 
 
-def frontier(preset: str, network: str) -> None:
-    """Print accuracy and settings of the chosen readouts of a network."""
+def significant() -> dict[str, Data]:
+    """Return the significant comparisons with LCS, by the name of the other point.
 
-    def cell(found: Any, kind: str, budget: int) -> str:
-        point = found[kind, budget]
-        power = "" if point["power_w"] is None else filled(", {power_w:1e9*#2} nW", point)
-        words = "**{accuracy:100*.1f} %**, {bits_per_s:1e-3*#3} kb/s{power}<br>{settings}"
-        return filled(words, point | {"settings": _settings(point), "power": power})
-
-    _by_budget(preset, network, cell)
+    A comparison is significant if McNemar's p, the median over the seeds, is below 0.05 after Holm's correction for
+    all comparisons.
+    """
+    return {pair["second"]: pair for pair, p in _corrected() if p < 0.05}
 
 
-def frontier_pairs(preset: str, network: str) -> None:
-    """Print the differences of the chosen readouts to LCS, with intervals."""
+def _corrected() -> list[tuple[Data, float]]:
     pairs = read("docs/data/frontier.json")["pairs"]
-
-    def cell(found: Any, kind: str, budget: int) -> str:
-        pair = only(pairs, first=found["lcs", budget]["name"], second=found[kind, budget]["name"])
-        low, high = pair["interval"]
-        return filled("**{row:+%}**" if low * high > 0 else "{row:+%}", pair)
-
-    _by_budget(preset, network, cell, first=1)
-
-
-def frontier_seeds() -> Rows:
-    """Return every point with three seeds: the accuracy of each seed and the interval."""
-    points = [point for point in read("docs/data/frontier.json")["points"] if point["seeds"] >= 3]
-    return [
-        point
-        | {
-            "of": NETWORKS[point["network"]] + (", bins of 4 ms" if point["network"] == "leaky" else ""),
-            "settings": _settings(point),
-            "kind": _kind(point["name"]),
-            "each": ", ".join(f"{100 * value:.1f}" for value in point["accuracy_of_seeds"]),
-        }
-        for point in points
-    ]
-
-
-def frontier_latency(network: str, *budgets: int) -> None:
-    """Print the accuracy of a network's physical scans over time, and its early answers."""
-    rows = []
-    for (kind, budget), point in chosen("physical", network).items():
-        latency = point.get("latency")
-        if budget not in budgets or latency is None:
-            continue
-        shown = [latency["accuracy"][number] for number in (3, 7, 11, 15, 19)]
-        early = latency["early"]
-        words = "none" if early is None else filled("{mean_s:1e3*.0f} ms: {accuracy:100*.1f} %", early)
-        rows.append([f"{budget:,}", filled("{kind:E}", {"kind": kind}), *(f"{100 * one:.1f}" for one in shown), words])
-    times = [f"{1e3 * at(LCS_LEAKY)['latency']['times_s'][number]:.0f} ms" for number in (3, 7, 11, 15, 19)]
-    table(["events/s, at most", "readout", *times, "early answers: mean time, accuracy"], rows)
+    compared = []
+    for preset, network in TRAININGS:
+        found = chosen(preset, network)
+        for (kind, budget), point in found.items():
+            if kind != "lcs":
+                compared.append(only(pairs, first=found["lcs", budget]["name"], second=point["name"]))
+    return list(zip(compared, holm([statistics.median(pair["p"]) for pair in compared]), strict=True))
 
 
 def against(kind: str) -> Data:
     """Return in how many comparisons a kind of readout is significantly more or less accurate than LCS."""
-    data = read("docs/data/frontier.json")
-    found = []
-    for preset, network in dict.fromkeys((point["preset"], point["network"]) for point in data["points"]):
-        for (one, budget), point in chosen(preset, network).items():
-            if one == kind:
-                first = chosen(preset, network)["lcs", budget]["name"]
-                found.append(only(data["pairs"], first=first, second=point["name"])["interval"])
-    more, less = (sum(low > 0 for low, _ in found), sum(high < 0 for _, high in found))
-    return {"of": len(found), "more": more, "less": less}
+    of = [(pair, p < 0.05) for pair, p in _corrected() if _kind(pair["second"]) == kind]
+    gains = [pair["difference"] for pair, differs in of if differs]
+    return {"of": len(of), "more": sum(gain > 0 for gain in gains), "less": sum(gain < 0 for gain in gains)}
+
+
+def frontier() -> None:
+    """Print accuracy, data rate and power of LCS and frames for every scan, network and limit."""
+    rows, marked = [], significant()
+    for preset, network in TRAININGS:
+        found = chosen(preset, network)
+        budgets = list(dict.fromkeys(budget for _, budget in found))
+        for kind in ("lcs", "frame"):
+            cells = []
+            for point in (found[kind, budget] for budget in budgets):
+                mark = "**" if point["name"] in marked else ""
+                cells.append(
+                    filled(
+                        "{m}{accuracy:100*.1f} %{m}, {bits_per_s:1e-3*#3} kb/s, {power_w:1e9*#2} nW",
+                        point | {"m": mark},
+                    )
+                )
+            rows.append([f"{preset}, {NETWORKS[network]}", filled("{kind:E}", {"kind": kind}), *cells])
+    table(["scan, network", "readout", *(f"about {budget:,} events/s" for budget in budgets)], rows)
+
+
+def power_of_frames() -> float:
+    """Return the power of frames at 2,200 events/s, leaky neurons, as a share of that of LCS."""
+    return float(at(FRAMES_LEAKY)["power_w"] / at(LCS_LEAKY)["power_w"])
 
 
 def candidates() -> Data:
     """Count the readouts that inner validation compared, and the readouts that it chose."""
     inner = read("docs/data/frontier.json")["inner"]
     return {"tried": len(inner), "chosen": sum(one["chosen"] for one in inner)}
-
-
-def less(first: str, second: str) -> Data:
-    """Return the accuracy loss of the second point of a pair, with interval, and its relative power."""
-    pair = only(read("docs/data/frontier.json")["pairs"], first=first, second=second)
-    power = {"ratio": at(second)["power_w"] / at(first)["power_w"]} if at(second)["power_w"] else {}
-    low, high = sorted(0.0 - bound for bound in pair["interval"])
-    return {"lead": -pair["difference"], "low": low, "high": high, "a": at(first), "b": at(second)} | power
-
-
-def best(preset: str, most_hz: int, network: str = "") -> Data:
-    """Return the most accurate readout of an encoder with three seeds and at most so many events/s."""
-    found = [
-        point
-        for point in read("docs/data/frontier.json")["points"]
-        if point["preset"] == preset and point["network"] == (network or point["network"]) and point["seeds"] >= 3
-        if point["rate_hz"] <= most_hz and _kind(point["name"]) != "frame"
-    ]
-    return max(found, key=lambda point: point["accuracy"])
-
-
-def frontier_targets() -> Rows:
-    """Yield targets and results of the frontier."""
-    reached = "{verdict}: {row:%}, {what}, {rate_hz:,.0f} events/s"
-    for words, point, least in (
-        ("97.15 % at 2,200 events/s with at most 256 spiking neurons", best("physical", 2200, "leaky-2ms"), 0.9715),
-        ("99 % at 2,200 events/s with the best network", best("physical", 2200), 0.99),
-        ("97.15 % at 1,000 events/s with the best network", best("physical", 1000), 0.9715),
-        ("92 % at 2,200 events/s on the `paper` scan, with the best network", best("paper", 2200), 0.92),
-    ):
-        what = filled("{kind:E} {settings}", {"kind": _kind(point["name"]), "settings": _settings(point)})
-        what += f", {NETWORKS[point['network']]}"
-        verdict = "met" if point["accuracy"] >= least else "missed"
-        yield [words, filled(reached, point | {"verdict": verdict, "what": what})]
-    chip = frontier_chip("nlcs-bipolar:2")
-    verdict = "met" if chip["lead"] <= 0.01 else "missed"
-    yield [
-        "in the RTL chip with weights of 4 b, at most 1 point less than in float",
-        filled(reached, chip | {"verdict": verdict, "what": "bipolar N-LCS 12 x 2 b"}),
-    ]
 
 
 FLOAT_LEAKS = "those of the float network"
@@ -201,10 +141,3 @@ def bipolar_chip_against_lcs() -> Data:
     first, second = frontier_chip("lcs:2"), frontier_chip("nlcs-bipolar:2")
     pair = compare(first["labels"], first["predictions"], second["predictions"])
     return second | {"gain": pair.difference, "low": pair.interval[0], "high": pair.interval[1]}
-
-
-def frontier_whole_arrays() -> Rows:
-    """Return the points with all taxels, from sweeps of the paper's scan."""
-    points = [p for p in read("docs/data/frontier.json")["points"] if p["choice"] == "all" and p["network"] != "leaky"]
-    earlier = [point for point in points if "trivial" not in point]
-    return [point | {"of": NETWORKS[point["network"]]} for point in earlier]

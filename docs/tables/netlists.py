@@ -69,16 +69,6 @@ def intuitive() -> Rows:
             yield report | {"fastest_ns": clocks / report["fmax_hz"]["typical"] * 1e9}
 
 
-def asic_glitches() -> Rows:
-    """Yield the energy of an event with and without cell delays, for each scenario."""
-    for report in reports("asic/glitches").values():
-        costs = [
-            filled(f"{{no_delay[{name}]:1e12*.2f}} | {{delay[{name}]:1e12*.2f}} | {{added[{name}]:.0%}}", report)
-            for name in ("saturated", "lone", "texture")
-        ]
-        yield filled("{name} | {array} | {cells} | ", named(report)) + " | ".join([*costs, report["commit"]])
-
-
 def asic_targets() -> Rows:
     """Yield targets and results for 8 x 8 LCS in 130 nm."""
     both = {"digital": netlists()["lcs-digital-8x8-ihp"], "analog": netlists()["lcs-analog-8x8-ihp"]}

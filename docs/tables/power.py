@@ -3,8 +3,8 @@
 from typing import Any
 
 from docs.tables.netlists import netlists
-from docs.tables.write import ROOT, Rows, digits, filled, only, read, table
-from eskin.power.readouts import READOUT_NAMES, READOUTS, SPIKING, published
+from docs.tables.write import ROOT, Rows, digits, filled, only, read
+from eskin.power.readouts import READOUT_NAMES, SPIKING, published
 from eskin.skin.figures.readouts import FRAME, look
 
 
@@ -29,16 +29,6 @@ def other_rates() -> Rows:
         yield [filled("{e:E} {bits} b", {"e": encoding, "bits": bits}), *cells]
 
 
-def power_parts() -> Rows:
-    """Return Fig. 6 in mode ``paper`` at the lowest and the highest noise."""
-    data = read("docs/data/fig6.json")
-    return [
-        data["modes"]["paper"][i][readout] | {"noise": data["noise_v_rms"][i], "name": READOUT_NAMES[readout]}
-        for i in (0, 2)
-        for readout in READOUTS
-    ]
-
-
 def by_resolution(mode: str, value: str, cell: str) -> Rows:
     """Yield a value of Fig. 7 at each resolution: of LCS, and of N-LCS for each time constant."""
     values = read("docs/data/fig7.json")["modes"][mode][value]
@@ -50,24 +40,6 @@ def by_resolution(mode: str, value: str, cell: str) -> Rows:
 def sensitivity(case: str) -> dict[str, Any]:
     """Return a row of the sensitivity study."""
     return only(read("docs/data/sensitivity.json")["rows"], case=case)
-
-
-def power_sensitivity() -> None:
-    """Print power ratios with each correction alone, with all but one, and for variants."""
-    data = read("docs/data/sensitivity.json")
-    rows = []
-    for row in data["rows"]:
-        bold = "**" if row["case"] == "all (consistent)" else ""
-        cells = [row["case"]]
-        for readout in SPIKING:
-            crossing = row["crossover"][readout]
-            noise = crossing["noise_v_rms"]
-            cells += [f"{ratio:.3g}" for ratio in row["ratio"][readout]]
-            cells.append(crossing["spikes_win"] + ("" if noise is None else f" {digits(1e3 * noise, 3)}"))
-        rows.append([f"{bold}{cell}{bold}" for cell in cells])
-    first, *others = (f"{1e3 * noise:.3g} mV" for noise in data["noise_v_rms"])
-    titles = [title for s in SPIKING for title in (f"{READOUT_NAMES[s]} {first}", *others, "spikes win")]
-    table(["corrections", *titles], rows)
 
 
 def measured_libraries() -> dict[str, str]:

@@ -3,7 +3,7 @@
 import statistics
 from typing import Any
 
-from docs.tables.write import Rows, digits, filled, only, read, source, table
+from docs.tables.write import Rows, filled, only, read, source, table
 from eskin.model.encoders import registry
 
 
@@ -68,12 +68,13 @@ def leak() -> Rows:
     return [row | {"by_bits": list(row["fractions"].values())} for row in bench("leak")]
 
 
-def load() -> Rows:
-    """Return the results of five arbiters at equal loads."""
+def load(*titles: str) -> Rows:
+    """Yield the results of five arbiters at each of the given loads."""
     report = read("benchmarks/results/load.json")
-    for line in report["results"]:
-        line["title"] = f"{line['load']}, {line['asked']:.0%}" if line["arbiter"].endswith("(ours)") else ""
-    return report["results"]
+    for title in titles:
+        lines = [line for line in report["results"] if f"{line['load']}, {line['asked']:.0%}" == title]
+        for number, line in enumerate(lines):
+            yield line | {"title": "" if number else title}
 
 
 def udp() -> dict[str, Any]:
@@ -81,23 +82,3 @@ def udp() -> dict[str, Any]:
     report = read("benchmarks/results/udp.json")
     latency = report["result"]["host_latency_ms"]
     return report | report["result"] | {"median": latency["median"], "late": latency["99 %"]}
-
-
-def scale_arrays() -> Rows:
-    """Yield time for generation, lint and simulation of square arrays."""
-    for array in bench("scale_arrays"):
-        runs = {(r["simulator"], r["row_by_row"]): r for r in array["simulations"]}
-        whole, flat, slow = (runs.get(run) for run in (("verilator", True), ("verilator", False), ("icarus", False)))
-        per_s = whole["clocks_per_second"]
-
-        def timed(seconds: float | None, taxels: int = array["taxels"]) -> str:
-            return "" if seconds is None else f"{seconds:.1f} ({digits(1000 * seconds / taxels, 2)})"
-
-        more = {
-            "generated": timed(array["generate_s"]),
-            "built": f"{whole['build_s']:.0f} | {per_s:,.0f} ({digits(per_s * array['taxels'] / 1e6, 2)})",
-            "flat": filled("{build_s:.0f}; {clocks_per_second:,.0f}", flat) if flat else "",
-            "slow": filled("{clocks_per_second:,.0f}", slow) if slow else "",
-        }
-        text = "{side} x {side} | {generated} | {verilog_bytes:1e-3*,.0f} | {lint_s:.1f} | {built}"
-        yield filled(text + " | {flat} | {slow}", array | more)

@@ -35,11 +35,6 @@ SHORT = {
 with the least and the most."""
 
 
-def by_name(values: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the values of a mapping, each with its key as ``name``."""
-    return [{"name": name, **value} for name, value in values.items()]
-
-
 class _Cells(Template):
     """Template with values of this project.
 

@@ -1,4 +1,4 @@
-"""The command soak: a campaign of a given length (docs/design/verification.md)."""
+"""The command soak: a campaign of a given length (docs/verification.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands formal, faults, coverage, properties, crosscheck and crossproof (docs/design/verification.md)."""
+"""The commands formal, faults, coverage, properties, crosscheck and crossproof (docs/verification.md)."""
 
 from __future__ import annotations
 
