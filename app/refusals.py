@@ -43,7 +43,7 @@ IDLE: dict[str, dict[str, str]] = {
         "--crossover": "--resolution --noise --tau",
     },
     "explore": {"no --event-rate": "--rate-resolution", "--event-rate": "--preset"},
-    "soak": {"--only": "--seed --hours --keep --out", "no --only": "--set --run"},
+    "soak": {"--only": "--seed --hours --clocks --out"},
 }
 """Options without effect, by command and condition.
 

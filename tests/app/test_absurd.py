@@ -62,10 +62,10 @@ REFUSED = {
     "explore --event-rate 5 --dataset embedded": "--event-rate replaces --dataset and --rates; give one of them",
     "dev formal --block link --small -o bad.json": "the results of proofs bad.json is damaged: properties is no ",
     "dev crosscheck --texture 99": "--texture must be in 0..47, not 99",
-    "dev soak --only 1 --set rows=1e9": "--rows takes a whole number, not '1e9'",
-    "dev soak --only 1 --set rows=-5": "rows must be in 1..64, not -5",
-    "dev soak --only 1 --set sample_bits=1": "sample_bits must be in 3..24, not 1",
-    "dev soak --only 1 --set share=x": "--set share takes a number, not 'x'",
+    "dev soak --only 1": "a run is a line of JSON, as a difference is printed: ",
+    'dev soak --only {"config":{"rows":1e9}}': "rows must be of type int, not 1000000000.0",
+    'dev soak --only {"config":{"sample_bits":1}}': "sample_bits must be in 3..24, not 1",
+    'dev soak --only {"config":{},"share":"x"}': "share must be in 0..1, not 'x'",
 }
 
 

@@ -1,6 +1,5 @@
 """Test damaged files of the program: an error message, or a new file."""
 
-import json
 from pathlib import Path
 
 import pytest
@@ -48,14 +47,3 @@ def test_a_damaged_piece_is_computed_anew(tmp_path: Path, damage: str) -> None:
     assert again.known("a") is None
     assert again.known("b") == {"name": "b", "code": "1", "seconds": 4}
     assert Pieces(tmp_path / "r.json", "2").known("b") is None
-
-
-def test_soak_names_a_damaged_piece_before_its_work(tmp_path: Path) -> None:
-    from eskin.verify.soak.campaign import Plan, soak, summary
-
-    (tmp_path / "pieces").mkdir()
-    for content in ("null", "{", json.dumps({"seed": 1, "configuration": None})):
-        (tmp_path / "pieces" / "7.json").write_text(content)
-        for run in (lambda: soak(Plan(1, 0, 1, "icarus", tmp_path), print), lambda: summary(tmp_path)):
-            with pytest.raises(InputError, match=r"^the soaked piece .*7.json is (damaged: |not JSON)"):
-                run()

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 from eskin.base.errors import InputError
 from eskin.base.files import Pieces, atomic_write, pieces_of
 from eskin.base.outputs import check_folder, file_of
-from eskin.base.shapes import misfit, read_shaped
+from eskin.base.shapes import misfit
 from eskin.board.config import BoardConfig
 from eskin.board.journal import SUFFIX, Journal, convert
 from eskin.board.link import Link
@@ -36,7 +36,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.recordings.folder import sources_of
 from eskin.skin.samples import ARRAY_SUFFIXES
-from eskin.verify.soak.campaign import PIECE, summary
+from eskin.verify.soak import TOTALS, Plan, soak
 from tests.fuzz.cases import FILES, _cut, _flipped, _other_value, damaged, hostile_commands
 from tests.fuzz.corpus import LIBERTY
 from tests.fuzz.run import checked
@@ -194,27 +194,24 @@ def boards(draw: Draw, root: Path) -> None:
 
 # -- files of the program's own ----------------------------------------------------------------------
 
-SOAKED = {"seed": 1, "configuration": {"rows": 1, "columns": 2, "encoding": "lcs"}, "sources": "a", "simulator": "i",
-          "runs": 1, "clocks": 5, "events": 3, "seconds": 1.5, "commit": "x"}  # fmt: skip
-
 
 def state(draw: Draw, root: Path) -> None:
     """Damage a stored result of a campaign, and continue the campaign."""
     kind = draw(st.sampled_from(["soak", "pieces", "journal"]))
     folder = root / "kept"
-    (folder / "pieces").mkdir(parents=True, exist_ok=True)
+    folder.mkdir(exist_ok=True)
     if kind == "journal":
         _damaged_journal(draw, root / "rec.npz.part")
         return
     if kind == "pieces":
         _damaged_pieces(draw, folder / "r.json")
         return
-    good = json.dumps(SOAKED).encode()
+    totals = soak(Plan(0, 0, 1, "icarus"), str)
+    good = json.dumps(totals | {"by": {name: dict(counts) for name, counts in totals["by"].items()}}).encode()
     content = draw(st.sampled_from([_cut, _flipped, _other_value, _other_value, _other_value]))(draw, good)
-    path = folder / "pieces" / "1.json"
+    path = folder / "soak.json"
     path.write_bytes(content)
-    assert misfit(read_shaped(path, "the soaked piece", PIECE), PIECE) == ""
-    assert summary(folder)["configurations"] == 1
+    assert misfit(soak(Plan(0, 0, 1, "icarus", path), str), TOTALS) == ""
 
 
 def _damaged_pieces(draw: Draw, out: Path) -> None:

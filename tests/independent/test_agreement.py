@@ -8,15 +8,17 @@ Configurations and stimuli are drawn anew in every run (conftest.py prints the s
 import ast
 import dataclasses
 import sys
-from collections.abc import Iterator
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from eskin.cocotb_tests import independent
-from eskin.cocotb_tests.bench.draw import Draw
+from eskin.cocotb_tests.bench.random_run import RandomRun, runs
 from eskin.model.classifier.config import LEAKS, ClassifierConfig, highest, lowest
 from eskin.model.classifier.network import IntegerNetwork, State
 from eskin.model.events.compare import first_difference
@@ -27,16 +29,11 @@ from eskin.model.readout import simulate
 from eskin.model.tiles.config import TilesConfig
 from eskin.model.tiles.run import simulate_skin
 from tests.independent.agreement import differs, network_of, play, play_frames, play_skin
+from tests.model.test_frame import configs as frame_configs
 
 FILES = sorted(Path(str(independent.__file__)).parent.glob("*.py"))
 RUNS = 20
-"""Runs of one test; each has a seed of its own."""
-
-
-def draws(holdout: int, part: int, **fields: Any) -> list[Draw]:
-    return [
-        Draw(1000 * holdout + RUNS * part + n, **({"most_taxels": 16, "clocks": 300} | fields)) for n in range(RUNS)
-    ]
+RANDOM = runs(600, most_taxels=24, noisy=True)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
@@ -48,60 +45,52 @@ def test_the_second_imports_nothing_of_the_rest_of_the_project(path: Path) -> No
         assert {name.split(".")[0] for name in foreign} <= sys.stdlib_module_names
 
 
-@pytest.mark.parametrize("part", range(6))
-def test_both_give_the_same_events_and_registers(part: int, holdout: int) -> None:
-    events = 0
-    for draw in draws(holdout, part):
-        assert not (found := differs(draw.config, draw.stimulus)), f"{draw}: {found}"
-        events += len(simulate(draw.config, draw.stimulus))
-    assert events > 0
+def test_both_give_the_same_events_and_registers() -> None:
+    events: Counter[bool] = Counter()  # of ideal and of noisy comparators
+
+    @settings(max_examples=300)
+    @given(RANDOM)
+    def agree(run: RandomRun) -> None:
+        assert not (found := differs(run.config, run.stimulus)), found
+        events[run.noisy] += len(simulate(run.config, run.stimulus))
+
+    agree()
+    assert min(events[False], events[True]) > 0
 
 
-def test_both_take_what_comparators_say_whatever_the_signal(holdout: int) -> None:
-    for draw in draws(holdout, 6, set={"frontend": "analog"}):
-        decisions = draw.rng("decisions").integers(0, 4, (draw.clocks, draw.config.taxels), dtype=np.uint8)
-        decisions &= 3 if draw.config.has_polarity else 1
-        given = dataclasses.replace(draw.stimulus, decisions=decisions)
-        assert not (found := differs(draw.config, given)), f"{draw}: {found}"
+@settings(max_examples=RUNS)
+@given(RANDOM, st.data())
+def test_a_reset_in_any_clock_leaves_nothing_behind(run: RandomRun, data: st.DataObject) -> None:
+    first = run.stimulus
+    cut = dataclasses.replace(first, clocks=data.draw(st.integers(1, run.clocks)))
+    if first.decisions is not None:
+        cut = dataclasses.replace(cut, decisions=first.decisions[: cut.clocks])
+    _, readout = play(run.config, cut)
+    readout.clock(sample_valid=True, sample=[1] * run.config.taxels, rst=True)
+    assert not (found := differs(run.config, first, readout)), found
 
 
-def test_a_reset_in_any_clock_leaves_nothing_behind(holdout: int) -> None:
-    for draw in draws(holdout, 7):
-        first = draw.stimulus
-        cut = dataclasses.replace(first, clocks=1 + int(draw.rng("cut").integers(draw.clocks)))
-        _, readout = play(draw.config, cut)
-        readout.clock(sample_valid=True, sample=[1] * draw.config.taxels, rst=True)
-        assert not (found := differs(draw.config, first, readout)), f"{draw}: {found}"
+@settings(max_examples=RUNS)
+@given(RANDOM)
+def test_a_shorter_run_is_the_beginning_of_a_longer_one(run: RandomRun) -> None:
+    events = [simulate(run.config, dataclasses.replace(run, clocks=clocks).stimulus) for clocks in (200, 600)]
+    before = events[1][events[1]["t"] < 199]
+    assert before.tolist() == events[0][events[0]["t"] < 199].tolist()
 
 
-def test_a_shorter_draw_is_the_beginning_of_a_longer_one(holdout: int) -> None:
-    for draw in draws(holdout, 8):
-        events = [simulate(draw.config, dataclasses.replace(draw, clocks=clocks).stimulus) for clocks in (200, 600)]
-        before = events[1][events[1]["t"] < 199]
-        assert before.tolist() == events[0][events[0]["t"] < 199].tolist(), draw
+TILE = runs(300, most_taxels=6, frontend=["digital"], link=["stream"], registers=["none"], fields=["own"])
 
 
-def test_skins_of_tiles_give_the_same_events(holdout: int) -> None:
-    events = 0
-    drawn = draws(holdout, 9, most_taxels=6, set={"frontend": "digital", "link": "stream"})[:9]  # 1 to 3 tiles a side
-    for number, draw in enumerate(drawn):
-        skin = TilesConfig.of(draw.config.replace(registers="none", fields="own"), 1 + number % 3, 1 + number // 3)
-        of_tiles = [dataclasses.replace(draw, run=run).stimulus.samples for run in range(skin.tiles)]
-        ticks = min(map(len, of_tiles))
-        first = dataclasses.replace(draw.stimulus, sample_clock=draw.stimulus.sample_clock[:ticks])
-        stimuli = [dataclasses.replace(first, samples=samples[: len(first.sample_clock)]) for samples in of_tiles]
-        expected = simulate_skin(skin, stimuli)
-        found = first_difference(expected, play_skin(skin, stimuli))
-        assert found is None, f"{draw}, {skin.tile_rows} x {skin.tile_columns} tiles: {found}"
-        events += len(expected)
-    assert events > 0
-
-
-def frame_configs(holdout: int) -> Iterator[FrameConfig]:
-    for draw in draws(holdout, 10, set={"registers": "none", "fields": "own"}, most_taxels=9):
-        rng = draw.rng("frames")
-        bits, settle = int(rng.integers(draw.config.resolution, 33)), int(rng.choice([1, 2, 5]))
-        yield FrameConfig(readout=draw.config, word_bits=bits, settle_clocks=settle)
+@settings(max_examples=9)
+@given(TILE, st.integers(1, 3), st.integers(1, 3))
+def test_skins_of_tiles_give_the_same_events(run: RandomRun, down: int, across: int) -> None:
+    skin = TilesConfig.of(run.config, down, across)
+    of_tiles = [dataclasses.replace(run, seed=run.seed + tile).stimulus.samples for tile in range(skin.tiles)]
+    ticks = min(map(len, of_tiles))
+    first = dataclasses.replace(run.stimulus, sample_clock=run.stimulus.sample_clock[:ticks])
+    stimuli = [dataclasses.replace(first, samples=samples[:ticks]) for samples in of_tiles]
+    found = first_difference(simulate_skin(skin, stimuli), play_skin(skin, stimuli))
+    assert found is None, found
 
 
 def frame_stimulus(config: FrameConfig, rng: np.random.Generator) -> FrameStimulus:
@@ -117,15 +106,16 @@ def frame_stimulus(config: FrameConfig, rng: np.random.Generator) -> FrameStimul
     )
 
 
-def test_frames_have_the_same_words_starts_and_overruns(holdout: int) -> None:
-    for number, config in enumerate(frame_configs(holdout)):
-        stimulus = frame_stimulus(config, np.random.default_rng([holdout, number]))
-        words, starts, missed = play_frames(config, stimulus)
-        run = simulate_frames(config, stimulus)
-        assert words == run.words.tolist(), config
-        assert starts == [tuple(start) for start in run.starts.tolist()], config
-        assert missed == run.overruns.tolist(), config
-        assert words
+@settings(max_examples=2 * RUNS)
+@given(frame_configs(), st.integers(0, 2**32))
+def test_frames_have_the_same_words_starts_and_overruns(config: FrameConfig, seed: int) -> None:
+    stimulus = frame_stimulus(config, np.random.default_rng(seed))
+    words, starts, missed = play_frames(config, stimulus)
+    run = simulate_frames(config, stimulus)
+    assert words == run.words.tolist()
+    assert starts == [tuple(start) for start in run.starts.tolist()]
+    assert missed == run.overruns.tolist()
+    assert starts
 
 
 def network_draw(rng: np.random.Generator) -> IntegerNetwork:

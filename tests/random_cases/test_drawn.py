@@ -1,80 +1,61 @@
-"""Test that RTL and model agree in random cases, and that a planted bug is found and shrunk."""
+"""Test that RTL and model agree in random runs, and that a planted bug is found and reduced to a small run."""
 
-import re
-import shlex
+import functools
 from typing import Any
 
 import pytest
 
-from eskin.base.errors import InputError
+from eskin.cocotb_tests.bench.random_run import RandomRun, runs
+from eskin.model.events.compare import first_difference
+from eskin.model.readout import simulate
+from eskin.verify.soak import search
 from tests.planted import planted
-from tests.random_cases.__main__ import main
-from tests.random_cases.case import Case, search
+from tests.random_cases.player import Breach, Design
 
 EXAMPLES = 25
+SMALL: dict[str, Any] = {"rows": (1, 2, 3), "columns": (1, 2, 3), "sample_bits": range(3, 8)}
 
 
-def test_rtl_and_model_agree_in_cases_that_no_run_before_has_drawn(holdout: int) -> None:
-    found = search(EXAMPLES, holdout)
-    assert found.case is None, found.told
-    assert found.examples >= EXAMPLES
+def difference(run: RandomRun, design_of: Any = Design) -> str:
+    """Return the first difference between RTL and model, or an empty text."""
+    try:
+        found = first_difference(simulate(run.config, run.stimulus), design_of(run.config).play(run.stimulus))
+    except Breach as breach:
+        return f"the RTL breaks the protocol of its link: {breach}"
+    return "" if found is None else found.describe(("model", "RTL"))
 
 
-ONE = {"rows": 1, "columns": 1}
-SHRUNK: dict[str, tuple[tuple[str, str, str], int, dict[str, Any], dict[str, Any], int]] = {
-    "a step": (
-        ("encoders.encoder", "else difference >= half_width", "else difference > half_width"),
-        2,
-        {"frontend": "digital"},
-        ONE | {"encoding": "lcs", "sample_bits": 3, "link": "stream"},
-        4,
-    ),
-    "a mask": (
-        ("taxel", "self.request.eq(own.pending & self.enable)", "self.request.eq(own.pending)"),
-        11,
-        ONE | {"frontend": "digital", "encoding": "lcs", "sample_bits": 3, "link": "stream"},
-        {"resolution": 1},
-        4,
-    ),
-    "a link": (
-        ("link", "ack_sync.eq(ack_meta)", "ack_sync.eq(self.aer_ack)"),
-        2,
-        ONE | {"link": "four_phase"},
-        {"sample_bits": 3},
-        12,
-    ),
+def smallest(examples: int, seed: int, **axes: Any) -> RandomRun | None:
+    """Return the smallest random run in which RTL and model differ."""
+    design_of = functools.lru_cache(maxsize=30)(Design)  # elaborated once, since shrinking changes the stimulus most
+    drawn = runs(clocks=200, noisy=True, **SMALL | axes)
+    return search(drawn, lambda run: bool(difference(run, design_of)), examples, seed)
+
+
+def test_rtl_and_model_agree_in_runs_that_were_never_drawn_before(holdout: int) -> None:
+    found = smallest(EXAMPLES, holdout)
+    assert found is None, f"{difference(found)}\nreproduce: eskin dev soak --sim icarus --only '{found.to_json()}'"
+
+
+ONE: dict[str, Any] = {"rows": (1,), "columns": (1,), "registers": ("none",)}  # little to simulate
+PLAIN: dict[str, Any] = ONE | {"encoding": ("lcs",), "sample_bits": (3,), "frontend": ("digital",), "link": ("stream",)}
+PLANTED: dict[str, tuple[tuple[str, str, str], dict[str, Any], int]] = {
+    "a step": (("encoders.encoder", "else difference >= half_width", "else difference > half_width"), ONE, 10),
+    "a mask": (("taxel", "self.request.eq(own.pending & self.enable)", "self.request.eq(own.pending)"), PLAIN, 100),
+    "a link": (("link", "ack_sync.eq(ack_meta)", "ack_sync.eq(self.aer_ack)"), ONE | {"link": ("four_phase",)}, 20),
 }
-"""Bugs, the seed that finds each soon, what of the configuration is given, what must be left of the rest, and the most
-clocks of the smallest case."""
+"""Bugs, the given fields, and the largest number of clocks of the smallest run."""
 
 
-@pytest.mark.parametrize("name", SHRUNK)
-def test_a_planted_bug_is_shrunk_to_the_smallest_case(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    (file, old, new), seed, fixed, left, clocks = SHRUNK[name]
+@pytest.mark.parametrize("name", PLANTED)
+def test_a_planted_bug_is_reduced_to_a_small_run(name: str) -> None:
+    (file, old, new), given, clocks = PLANTED[name]
     with planted(file, (old, new)):
-        found = search(400, seed, **fixed)
-        assert found.case is not None
-        assert left.items() <= found.case.config.items(), found.told
-        assert 0 < found.case.clocks <= clocks, found.told
-        again = shlex.split(re.search(r"^reproduce: python -m tests.random_cases (.*)$", found.told, re.MULTILINE)[1])  # type: ignore[index]
-        assert "model" in str(main(again))
-    assert main(again) == 0  # without the bug
-    assert capsys.readouterr().out == "RTL and model agree\n"
-
-
-def test_a_search_says_its_seed_and_ends_well(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["3", "7"]) == 0
-    assert re.fullmatch(
-        r"seed 7: \d+ cases, \d+ a second\nRTL and model agree in all of them\n", capsys.readouterr().out
-    )
-
-
-def test_what_is_no_case_is_one_sentence() -> None:
-    for words in ([], ["0"], ["x"], ["1", "2", "3"]):
-        with pytest.raises(InputError, match=r"usage: python -m tests\.random_cases EXAMPLES"):
-            main(words)
-    for text in ('{"config": {}', '{"samples": []}', '{"config": {"rows": 1, "columns": 2}, "samples": [[1]]}'):
-        with pytest.raises(InputError, match="a case is a line of JSON"):
-            Case.from_json(text)
-    with pytest.raises(InputError, match="rows must be in"):
-        Case.from_json('{"config": {"rows": 0}, "samples": [[1]]}')
+        found = smallest(400, 1, **given)
+        assert found is not None
+        assert "model" in difference(found)
+    assert difference(found) == ""
+    simplest = {"encoding": "lcs", "sample_bits": 3, "resolution": 1, "reference_reset": 0, "reset": "sync"}
+    assert simplest.items() <= found.config.to_dict().items(), found
+    assert 0 < found.clocks <= clocks, found
+    assert (found.gap, found.sink, found.noisy) == (1, "always", False)

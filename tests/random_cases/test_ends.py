@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.cocotb_tests.bench.draw import Draw
+from eskin.cocotb_tests.bench.random_run import RandomRun
 from eskin.cocotb_tests.runner.build_cache import verilog_text
 from eskin.model.config import MAX_LEAK_PERIOD, MAX_SIDE, ReadoutConfig
 from eskin.model.encoders import registry
@@ -66,7 +66,7 @@ ENDS = [
     End("fraction_bits", 28, 29, "nlcs", {"sample_bits": 3, "resolution": 1, "leak_shift": 1, "leak_period": 1}),
 ]
 
-STIMULI = (
+STIMULI: tuple[dict[str, Any], ...] = (
     {"signal": "square", "gap": 3, "sink": "always", "masks": 0},
     {"signal": "noise", "gap": 1, "sink": "random", "masks": 100},
     {"signal": "near", "gap": 12, "sink": "slow", "masks": 3},
@@ -93,7 +93,7 @@ def test_rtl_equals_the_model_at_an_end(end: End) -> None:
         config = ReadoutConfig.from_dict(end.fields | {"frontend": frontend, "link": link})
         design = Design(config)
         for run, own in enumerate(STIMULI):
-            stimulus = Draw(3, 120, run, {"fields": "own"} | config.to_dict() | {"registers": "none"} | own).stimulus
+            stimulus = RandomRun(config, seed=run, clocks=120, **own).stimulus
             expected = simulate(config, stimulus)
             assert first_difference(expected, design.play(stimulus)) is None, (frontend, own)
             events += len(expected)

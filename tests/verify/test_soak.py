@@ -1,4 +1,4 @@
-"""Test that the soak continues after a stop, finds a faulty readout, and shrinks the failure."""
+"""Test that the soak adds up its runs, finds a faulty readout, and reduces the difference to one command."""
 
 import json
 import re
@@ -7,128 +7,95 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import strategies as st
 
 import eskin.cocotb_tests.runner.simulator as simulator
-from eskin.cocotb_tests.bench.draw import Draw
-from eskin.cocotb_tests.runner.build_cache import SOURCES
-from eskin.model.readout import simulate
-from eskin.verify.soak import campaign, play
-from eskin.verify.soak.campaign import MOST_SAMPLES, Plan, draws_of
-from eskin.verify.soak.play import Failure, shrink
+from eskin.base.errors import InputError
+from eskin.cocotb_tests.bench.random_run import MOST_SAMPLES, RandomRun, runs
+from eskin.model.config import ReadoutConfig
+from eskin.verify import soak
 from tests.conftest import run_eskin as call
 
-SMALL = ("--sim", "icarus", "--clocks", 600)
-BREAKABLE = 27
-"""A seed of an array of some columns whose events have a polarity and leave at any time."""
+FAST = ("dev", "soak", "--sim", "icarus")
 
 
-def test_it_goes_on_where_it_was_and_keeps_its_sums(tmp_path: Path) -> None:
-    out, kept = tmp_path / "soak", tmp_path / "soak.json"
-    for done in (1, 2):  # time for the first that is missing
-        left = call("dev", "soak", "--hours", 1e-7, "--seed", 4, *SMALL, "--keep", kept, "-o", out)
-        assert left.returncode == 0, left.stderr
-        lines = left.stdout.splitlines()
-        assert len(lines) == 2, "one configuration, one sum"
-        assert re.fullmatch(
-            rf"soak: {600 * done:,} clocks, [\d,]+ events, {done} configurations, 0 mismatches", lines[1]
-        )
-    content = json.loads(kept.read_text())
-    assert content["seeds"] == [4, 5]
-    assert re.fullmatch(r"make soak HOURS=0\.0\d SEED=4 CLOCKS=600", content["command"])  # of some seconds, in all
-    assert content["result"] == lines[1]
-    assert (content["configurations"], content["clocks"], content["mismatches"]) == (2, 1200, 0)
-    piece = out / "pieces" / "4.json"
-    piece.write_text(json.dumps(json.loads(piece.read_text()) | {"sources": "others"}))
-    assert call("dev", "soak", "--hours", 1e-7, "--seed", 4, *SMALL, "-o", out).stdout.startswith("seed 4: ")
-    assert json.loads(piece.read_text())["sources"] == SOURCES
-
-
-def test_a_configuration_that_is_cut_off_keeps_its_runs_and_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(campaign, "RUN_CLOCKS", 250)
-    told: list[dict[str, Any]] = []
-    campaign.soak(Plan(1e-9, 4, 600, "icarus", tmp_path), told.append)  # time for one run alone
-    campaign.soak(Plan(1e-9, 4, 600, "icarus", tmp_path), told.append)
-    assert [(piece["seed"], piece["runs"], piece["clocks"]) for piece in told] == [(4, 1, 250), (4, 2, 500)]
-    campaign.soak(Plan(1e-9, 4, 600, "icarus", tmp_path), told.append)
-    campaign.soak(Plan(1e-9, 4, 600, "icarus", tmp_path), told.append)
-    assert [(piece["seed"], piece["clocks"]) for piece in told[2:]] == [(4, 600), (5, 250)]
-    events = sum(
-        len(simulate(draw.config, draw.stimulus)) for draw in campaign.draws_of(Plan(1, 4, 600, "icarus", tmp_path), 4)
-    )
-    assert told[2]["events"] == events
+def test_a_soak_adds_to_the_totals_of_the_same_rtl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(soak, "BATCH", 2)
+    out = tmp_path / "soak.json"
+    told: list[tuple[RandomRun, int]] = []
+    totals = {}
+    for batch in (4, 5):
+        plan = soak.Plan(60, 4, 300, "icarus", out)
+        monkeypatch.setattr(soak.time, "monotonic", iter([0, *[0] * 7, *[60] * 20]).__next__)  # time for one batch
+        totals = soak.soak(plan, lambda run, tally: told.append((run, tally.clocks)))
+        assert totals["next seed"] == batch + 1
+    assert json.loads(out.read_text()) | totals == json.loads(out.read_text())
+    assert (totals["runs"], totals["clocks"]) == (len(told), sum(clocks for _, clocks in told))
+    assert len(told) == 4
+    assert sum(totals["by"]["encoding"].values()) == 4
+    assert re.fullmatch(r"soak: [\d,]+ clocks, [\d,]+ events, 4 configurations, 0 mismatches", totals["result"])
+    out.write_text(json.dumps(totals | {"sources": "others"}))
+    assert soak.soak(soak.Plan(0, 4, 300, "icarus", out), print)["runs"] == 0
 
 
 def test_a_broken_readout_becomes_one_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = simulator.verilog_text
     before, after = "event_polarity = |(", "event_polarity = ~|("
-    assert before in text(Draw(BREAKABLE).config)
+    drawn = st.builds(RandomRun, st.just(ReadoutConfig(rows=1, columns=2)), clocks=st.integers(1, 100))
     monkeypatch.setattr(simulator, "verilog_text", lambda config: text(config).replace(before, after))
     monkeypatch.setattr(simulator, "BUILD", tmp_path)
-    monkeypatch.setattr(play, "SIMPLER", {})  # every try starts a simulator
-    failed = call("dev", "soak", "--hours", 1, "--seed", BREAKABLE, *SMALL, "-o", tmp_path / "soak")
-    assert failed.returncode == 1
+    monkeypatch.setattr(soak, "runs", lambda clocks: drawn)  # every configuration builds a program
+    failed = call(*FAST, "--hours", 1, "--clocks", 100)
+    assert failed.returncode == 1, failed.stderr
     assert failed.stdout.endswith("MISMATCH\n")
-    (command,) = re.findall(r"^reproduce: make soak (.*)$", failed.stdout, re.MULTILINE)
-    words = dict(word.split("=", 1) for word in shlex.split(command))
-    assert words["ONLY"] == str(BREAKABLE)
-    assert int(words["CLOCKS"]) < 100
-    assert (
-        (tmp_path / "soak" / "mismatches" / f"{BREAKABLE}.txt")
-        .read_text()
-        .startswith(f"seed {BREAKABLE}, run 0: RTL and model differ")
-    )
-    parts = [option for part in words.get("SET", "").split() for option in ("--set", part)]
-    again = call("dev", "soak", "--only", BREAKABLE, "--clocks", words["CLOCKS"], "--sim", words["SIM"], *parts)
+    assert "RTL and model differ" in failed.stdout
+    (command,) = re.findall(r"^reproduce: (eskin dev soak .*)$", failed.stdout, re.MULTILINE)
+    run = RandomRun.from_json(shlex.split(command)[-1])
+    assert 0 < run.clocks < 20
+    again = call(*shlex.split(command)[1:])
     assert again.returncode == 1
-    assert f"reproduce: make soak {command}" in again.stdout
-    summed = call("dev", "soak", "--hours", 0, "-o", tmp_path / "soak")
-    assert summed.stdout == "soak: 0 clocks, 0 events, 0 configurations, 1 mismatches\n"
+    assert f"reproduce: {command}" in again.stdout
+    monkeypatch.setattr(simulator, "verilog_text", text)
+    monkeypatch.setattr(simulator, "BUILD", tmp_path / "good")
+    assert call(*shlex.split(command)[1:]).stdout.startswith(f"bit-exact: 1 runs, {run.clocks} clocks, ")
 
 
-def test_shrinking_leaves_what_the_failure_needs() -> None:
-    def fails(draw: Draw) -> Failure | None:
-        config = draw.config
-        bad = config.rows >= 2 and config.link == "four_phase" and draw.clocks > 57
-        return Failure(draw, 57, "bad") if bad else None
-
-    draw = Draw(5, clocks=10**6, set={"rows": 4, "columns": 4, "link": "four_phase", "masks": 100})
-    best = shrink(Failure(draw, 57, "bad"), fails).draw
-    config = best.config
-    assert (config.rows, config.columns, config.link, best.clocks) == (2, 1, "four_phase", 59)
-    assert (config.encoding, config.frontend, best.set["masks"], best.set["sink"]) == ("lcs", "digital", 0, "always")
+def test_a_run_is_read_as_it_is_written() -> None:
+    config = ReadoutConfig(rows=2, columns=1, fields=[[[0, 1], 1], [[], 0]], registers="spi", resolution=3)  # type: ignore[arg-type]
+    run = RandomRun(config, 7, 93, "near", 12, "slow", 3, noisy=True)
+    assert RandomRun.from_json(run.to_json()) == run
+    assert "encoding" not in run.to_json()  # a default
 
 
-def test_the_command_of_a_small_draw_draws_the_same() -> None:
-    draw = Draw(3, clocks=50, run=2, most_taxels=10, set={"sink": "slow"})
-    words = dict(word.split("=", 1) for word in shlex.split(play.command(draw, "icarus"))[2:])
-    assert words.pop("SET") == f"sink=slow rows={draw.config.rows} columns={draw.config.columns}"
-    assert words == {"ONLY": "3", "RUN": "2", "CLOCKS": "50", "SIM": "icarus"}
-    same = Draw(3, 50, 2, {"sink": "slow", "rows": draw.config.rows, "columns": draw.config.columns})
-    assert same.config == draw.config
-    assert (same.stimulus.samples == draw.stimulus.samples).all()
+def test_drawn_runs_fit_the_memory() -> None:
+    def too_long(run: RandomRun) -> bool:
+        assert run.clocks * 2 / (run.gap + 1) * run.config.taxels <= MOST_SAMPLES
+        return False
+
+    assert soak.search(runs(2_000_000), too_long, 50, 1) is None
 
 
-def test_a_run_fits_the_memory_and_a_configuration_has_all_its_clocks() -> None:
-    for seed in range(30):
-        draws = draws_of(Plan(1, 0, 5_000_000, "verilator", Path()), seed)
-        assert sum(draw.clocks for draw in draws) == 5_000_000
-        assert {draw.config for draw in draws} == {draws[0].config}
-        assert all(draw.clocks / draw.mean_gap * draw.config.taxels < 1.1 * MOST_SAMPLES for draw in draws)
+@pytest.mark.parametrize("content", ["null", "{", '{"sources": 1}', json.dumps({"sources": soak.SOURCES, "runs": 1})])
+def test_damaged_totals_are_refused_before_the_work(content: str, tmp_path: Path) -> None:
+    (tmp_path / "x.json").write_text(content)
+    with pytest.raises(InputError, match=r"^the soak .*x.json is (damaged: |not JSON)"):
+        soak.soak(soak.Plan(60, 0, 1, "icarus", tmp_path / "x.json"), print)
 
 
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         ("--hours -1", "--hours must be in 0..10000, not -1.0"),
-        ("--set rows=1", "--set has no effect without --only; add --only, or leave it out"),
-        ("--only 1 --set row=1",
-         "--set needs NAME=VALUE with a field of the configuration or signal, gap, sink, masks, share, not 'row=1'"),
-        ("--only 1 --set rows=65", "rows must be in 1..64, not 65"),
-        ("--only 1 --set signal=rare --set sink=none --set gap=3 --set masks=x",
-         "signal must be one of noise, walk, square, hold, near, rare, sink one of always, random, slow, stuck, gap in "
-         "1..1000000, masks in 0..1000 and share in 0..1, not rare, none, 3, x, 0.7"),
+        ("--only {} --seed 1", "--seed has no effect with --only; leave one of the two out"),
+        ("--only {", "a run is a line of JSON, as a difference is printed: Expecting property name enclosed in double "
+         "quotes: line 1 column 2 (char 1)"),
+        ('--only {"config":{},"row":1}',
+         "a run is a line of JSON, as a difference is printed: RandomRun.__init__() got an unexpected keyword argument "
+         "'row'"),
+        ('--only {"config":{"rows":65}}', "rows must be in 1..64, not 65"),
+        ('--only {"config":{},"signal":"sine"}',
+         "signal must be one of hold, noise, walk, square, near, rare, not 'sine'"),
+        ('--only {"config":{},"gap":0}', "gap must be in 1..1000000, not 0"),
     ],
 )  # fmt: skip
 def test_mistakes_are_one_sentence(words: str, sentence: str, refuses: Any) -> None:

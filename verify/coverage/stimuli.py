@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from eskin.cocotb_tests.bench.draw import GAPS, SIGNALS, SINKS, Draw
+from eskin.cocotb_tests.bench.random_run import GAPS, SIGNALS, SINKS, RandomRun
 from eskin.cocotb_tests.bench.spi import Timing, waveform
 from eskin.cocotb_tests.blocks.analog import play_faults as play_comparators
 from eskin.cocotb_tests.blocks.classifier import cosimulate as play_scans
@@ -22,7 +22,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.model.registers.description import Register, registers
 from eskin.model.registers.spi import Pins, transfer
-from eskin.verify.soak.play import play
+from eskin.verify.soak import play
 
 VERILATOR: Any = "verilator"
 MASKS = (0, 100, 0, 3, 500)
@@ -52,8 +52,7 @@ def readout(config: ReadoutConfig, folder: Path) -> None:
     # Runs so short that nothing happens before the next reset, with a constant signal.
     rest = {"signal": "hold", "sink": "always", "gap": 300, "masks": 0}
     parts = [*((one, 300) for one in short), *((one, clocks) for one in LONG), *((rest, few) for few in (2, 3, 4))]
-    fields = {"fields": "own"} | config.to_dict() | {"registers": "none"}
-    play([Draw(1, clocks, run, fields | own) for run, (own, clocks) in enumerate(parts)], VERILATOR)
+    play([RandomRun(config, seed, clocks, **own) for seed, (own, clocks) in enumerate(parts)], VERILATOR)
     if config.frontend == "analog":  # comparators with offset, noise and hysteresis, of which both may fire
         play_comparators(config, VERILATOR, folder)
 

@@ -1,1 +1,0 @@
-"""Soak test: RTL against model in random configurations for hours."""
