@@ -136,7 +136,7 @@ def chosen(nodes: list[str]) -> set[str]:
 LONG = (
     "tests/independent/test_agreement.py::test_skins_of_tiles",
     "tests/docs/test_site.py::test_the_site",
-    "tests/model/test_readout.py::test_model_equals_the_independent_model",
+    "tests/independent/test_agreement.py::test_both_give_the_same_events",
     "tests/test_wheel.py::test_commands_work_elsewhere",
     "tests/docs/test_tutorial.py::test_the_page_shows",
     "tests/board/test_gateware.py::test_a_recording",
