@@ -26,9 +26,9 @@ from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
 from eskin.skin.encode import IMAGE_SUFFIXES, preparation_of, read_image
+from eskin.skin.readers.registry import SUFFIXES
 from eskin.skin.recordings.options import FINGER, Scale
 from eskin.skin.recordings.trained_on import network_of
-from eskin.skin.samples import ARRAY_SUFFIXES
 from eskin.skin.textures.dataset import EMBEDDED
 from eskin.skin.textures.physical import PhysicalScan, large_enough
 from eskin.skin.textures.presets import preset
@@ -118,7 +118,7 @@ def show_of(
 def _holds_recordings(source: Path) -> bool:
     if not source.is_dir():
         return source.suffix.lower() not in IMAGE_SUFFIXES
-    return any(path.suffix.lower() in ARRAY_SUFFIXES for path in source.rglob("*"))
+    return any(path.suffix.lower() in SUFFIXES for path in source.rglob("*"))
 
 
 def _chosen(names: dict[str, str | None], only: str | None) -> list[str]:

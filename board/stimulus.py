@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
-from eskin.skin.samples import fit_array, read_samples
+from eskin.skin.recordings.columns import read_one
+from eskin.skin.recordings.options import Preparation
+from eskin.skin.samples import fit_array
 from eskin.skin.textures.dataset import EMBEDDED, Dataset, open_dataset
 from eskin.skin.textures.physical import large_enough
 from eskin.skin.textures.presets import preset
@@ -59,12 +61,12 @@ def _chosen(names: list[str], name: str, place: str | Path, kind: str) -> str:
 
 def codes_of(path: Path, readout: ReadoutConfig) -> NDArray[Any]:
     """Return the codes in a file of samples, shape (ticks, taxels)."""
-    values = read_samples(path).values
-    if values.dtype.kind == "f":
+    table, _ = read_one(path, Preparation(), taxels=readout.taxels)
+    if not table.codes:
         raise InputError(
             f"{path} holds floats, but a board needs codes; encode them first, or give --data for recordings"
         )
-    codes, _, _ = fit_array(values, readout.rows, readout.columns, size_given=True)
+    codes, _, _ = fit_array(table.values.astype(int), readout.rows, readout.columns, size_given=True)
     if codes.min() < -readout.full_scale or codes.max() >= readout.full_scale:
         raise InputError(
             f"{path} must be in {-readout.full_scale}..{readout.full_scale - 1} ({readout.sample_bits} bits), not "

@@ -16,7 +16,7 @@ from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.recordings.options import Preparation
-from eskin.skin.samples import fit_array, read_samples
+from eskin.skin.samples import fit_array
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -72,26 +72,32 @@ def encode_samples(
     Raise InputError if the file cannot be read, its rate is unknown, or a code or a value without ``scale`` is out of
     range.
 
-    - ``path``: one of ``eskin.skin.samples.ARRAY_SUFFIXES``.
+    - ``path``: of a kind in ``eskin.skin.readers.registry.SUFFIXES``.
     - ``given``: fields of ``config`` that the user set; the others follow the recording.
     - ``prepared``: fields of ``eskin.skin.recordings.options.Preparation`` that the user set.
     - ``model``: "cycle" or "functional".
     """
+    from eskin.skin.recordings.columns import read_one
     from eskin.skin.recordings.fitting import SLOW_HZ, with_clock, with_seconds
     from eskin.skin.textures.presets import quantise
 
     prepared = prepared or {}
     scale = prepared.get("scale")
     of_recordings = scale is not None and (scale.startswith("p") or "," in scale)
-    if set(prepared) - {"scale"} or of_recordings or (path.suffix.lower() == ".csv" and _has_time(path)):
+    if set(prepared) - {"scale"} or of_recordings:
         return _encode_prepared(path, config, given, prepared, model)
-    samples = read_samples(path)
-    if "sample_rate_hz" not in given:
-        if samples.rate_hz is None:
-            raise InputError(f"{path} contains no sampling rate; add --sample-rate HZ")
-        config = config.replace(sample_rate_hz=samples.rate_hz)
     size_given = bool({"rows", "columns"} & set(given))
-    values, rows, columns = fit_array(samples.values, config.rows, config.columns, size_given)
+    rate_hz = config.sample_rate_hz if "sample_rate_hz" in given else None
+    table, notes = read_one(path, Preparation(), rate_hz, config.taxels)
+    if table.time_s is not None or table.filled:
+        return _encode_prepared(path, config, given, prepared, model)
+    if "sample_rate_hz" not in given:
+        if table.rate_hz is None:
+            raise InputError(f"{path} contains no sampling rate; add --sample-rate HZ")
+        config = config.replace(sample_rate_hz=table.rate_hz)
+    numbers = table.values.astype(np.int64) if table.codes else table.values
+    shaped = numbers.reshape(len(numbers), *table.shape) if table.shape else numbers
+    values, rows, columns = fit_array(shaped, config.rows, config.columns, size_given)
     config = with_seconds(config.replace(rows=rows, columns=columns), given)
     if values.dtype.kind in "iu" and scale is None:
         metadata: dict[str, Any] = {"input": "codes"}
@@ -105,11 +111,13 @@ def encode_samples(
         metadata = {"input": "full scale", "scale": factor}
     if "clocks_per_sample" not in given and config.sample_rate_hz < SLOW_HZ:
         config = with_clock(config, [codes])
-    metadata |= {"columns": list(samples.names)} if samples.names else {}
-    return _encoded(path, config, codes, clipped, model, metadata)
+    metadata |= {"columns": list(table.names)} if table.named else {}
+    return dataclasses.replace(_encoded(path, config, codes, clipped, model, metadata), notes=notes)
 
 
-def preparation_of(place: Path, config: ReadoutConfig, prepared: Mapping[str, Any]) -> Preparation:
+def preparation_of(
+    place: Path, config: ReadoutConfig, prepared: Mapping[str, Any], given: Collection[str] = ()
+) -> Preparation:
     """Return the preparation of a file or of a folder, with scale and baseline.
 
     A folder has the baseline ``first`` and the scale ``max``. Without these options, integers in a file are codes and
@@ -117,14 +125,15 @@ def preparation_of(place: Path, config: ReadoutConfig, prepared: Mapping[str, An
 
     Raise InputError if the file cannot be read, or a code or a float without these options is out of range.
     """
-    from eskin.skin.recordings.table import read_table
+    from eskin.skin.recordings.columns import read_one
 
     if place.is_dir():
         return Preparation(**{"baseline": "first"} | dict(prepared))
     options = Preparation(**prepared)
     if "scale" in prepared or options.baseline != "none":
         return options
-    table = read_table(place, options)
+    rate_hz = config.sample_rate_hz if "sample_rate_hz" in given else None
+    table, _ = read_one(place, options, rate_hz, config.taxels if {"rows", "columns"} & set(given) else None)
     if table.codes:
         _checked_codes(place, table.values, config)
     else:
@@ -138,7 +147,7 @@ def _encode_prepared(
     """Return the events of a recording after resampling, baseline removal and scaling."""
     from eskin.skin.recordings.folder import read_set
 
-    options = preparation_of(path, config, prepared)
+    options = preparation_of(path, config, prepared, given)
     found = read_set(path, options, config, given)
     kept = found.said_of(found.sources[0])
     metadata = {"input": "recording", "scale": kept["scale"], "baseline": options.baseline}
@@ -192,15 +201,6 @@ def _gray(image: Image) -> NDArray[Any]:
     if image.mode.startswith("I"):  # 16 bits, which a conversion to 8 would cut off instead of scaling
         return np.asarray(image, dtype=np.float64) / 257.0
     return np.asarray(image.convert("L"))
-
-
-def _has_time(source: Path) -> bool:
-    from eskin.skin.recordings.table import read_table
-
-    try:
-        return bool(read_table(source, Preparation()).notes)
-    except InputError:
-        return False
 
 
 def _checked_codes(source: Path, values: NDArray[Any], config: ReadoutConfig) -> NDArray[np.int32]:

@@ -1,4 +1,4 @@
-"""Read samples from .npy, .npz or .csv files, and write reconstructed signals (docs/guide/files.md)."""
+"""Fit samples to an array, and write reconstructed signals (docs/guide/files.md)."""
 
 import csv
 import io
@@ -6,7 +6,6 @@ import math
 import re
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,46 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import MOST_TEXT_BYTES, MOST_UNPACKED, atomic_write, check_unpacked, read_bytes
+from eskin.base.files import MOST_TEXT_BYTES, atomic_write, check_unpacked, read_bytes
 from eskin.base.outputs import check_file
 from eskin.model.config import MAX_SIDE
 
-MOST_VALUES = 2**27  # largest number of samples of all taxels in one file: 1 GiB as floats
-ARRAY_SUFFIXES = (".npy", ".npz", ".csv")
+SIGNAL_SUFFIXES = (".npy", ".npz", ".csv")
 _ARRAY = "samples"
 _RATE = "sample_rate_hz"
 _COMMA, _THOUSANDS = re.compile(r"[-+]?\d+,\d+"), re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
 _NOT_A_CODE = re.compile(rb"[.eEnN]")  # parts that only a float has: point, exponent, nan, inf
-
-
-@dataclass(frozen=True)
-class Samples:
-    """Samples as stored in a file."""
-
-    values: NDArray[Any]
-    """Integers are codes, floats are in full scale (+-1.0). Shape (ticks, taxels) or (ticks, rows, columns)."""
-    rate_hz: float | None = None  # sampling rate, if the file contains one
-    names: tuple[str, ...] = ()  # names of the taxels, if a header has them
-
-
-def read_samples(path: Path) -> Samples:
-    """Return the samples from a .npy, .npz or .csv file.
-
-    A .npz contains one array, or several with one named ``samples``; a scalar ``sample_rate_hz`` gives the rate. A .csv
-    has one line per sample tick with values separated by commas, and optionally a header line. It contains codes if no
-    number has a decimal point or an exponent.
-
-    Raise InputError if the file cannot be read, or is not a finite numerical array of two or three dimensions.
-    """
-    if path.suffix.lower() not in ARRAY_SUFFIXES:
-        raise InputError(f"{path} is not an array file; accepted are {', '.join(ARRAY_SUFFIXES)}")
-    is_text = path.suffix.lower() == ".csv"
-    data = content_of(path, "the file of samples", MOST_TEXT_BYTES if is_text else MOST_UNPACKED)
-    samples = _read_csv(path, data) if is_text else _read_arrays(path, data)
-    _check_values(path, samples.values)
-    if samples.rate_hz is not None and not (math.isfinite(samples.rate_hz) and samples.rate_hz > 0):
-        raise InputError(f"{path} states the sampling rate {samples.rate_hz:g}; it must be a positive number")
-    return samples
 
 
 def content_of(path: Path, what: str, most: int = MOST_TEXT_BYTES) -> bytes:
@@ -80,45 +48,6 @@ def arrays_in(path: Path, data: bytes, damaged: str) -> NDArray[Any] | dict[str,
         raise InputError(f"{path} {error}") from None
     except Exception:  # zipfile, zlib and NumPy raise almost any type, depending on what is damaged
         raise InputError(f"{path} is damaged or not {damaged}") from None
-
-
-def _read_arrays(path: Path, data: bytes) -> Samples:
-    kind = path.suffix.lower()
-    save = "savez" if kind == ".npz" else "save"
-    found = arrays_in(path, data, f"a numerical {kind} file; save it with numpy.{save}")
-    if isinstance(found, np.ndarray):
-        return Samples(found)
-    rate = found.pop(_RATE, None)
-    if rate is not None and (rate.size != 1 or rate.dtype.kind not in "iuf"):
-        raise InputError(f"{path} has a {_RATE} that is not one number; give it in hertz")
-    names = [_ARRAY] if _ARRAY in found else sorted(found)
-    if len(names) != 1:
-        held = ", ".join(names) if names else "nothing"
-        raise InputError(f"{path} contains {held}; name the array of samples {_ARRAY!r}")
-    return Samples(found[names[0]], None if rate is None else float(rate.reshape(())))
-
-
-def _read_csv(path: Path, data: bytes) -> Samples:
-    text = data.removeprefix(b"\xef\xbb\xbf")  # byte order mark that spreadsheets write before UTF-8
-    first, _, rest = text.partition(b"\n")
-    names: tuple[str, ...] = ()
-    if not any(is_number(cell) for cell in first.split(b",")):  # a header names columns, it holds no number
-        text = rest
-        names = tuple(cell.strip().strip('"') for cell in first.decode("utf-8", "replace").split(","))
-    if not text.strip():
-        raise InputError(f"{path} holds no samples; give at least one line of numbers")
-    kind = float if _NOT_A_CODE.search(text) else np.int64
-    try:
-        values = np.loadtxt(io.BytesIO(text), kind, delimiter=",", comments=None, ndmin=2)
-        return Samples(values, names=names if len(names) == values.shape[1] else ())
-    except (ValueError, OverflowError) as error:
-        raise InputError(f"{path} is not a table of numbers separated by commas: {reason_of(error)}") from None
-
-
-def reason_of(error: Exception) -> str:
-    """Return the reason that ``numpy.loadtxt`` gives for an error, as a part of a sentence."""
-    reason = " ".join(str(error).split()).split(";")[0].rstrip(".")
-    return reason[:1].lower() + reason[1:]
 
 
 def lines_of(path: Path, remedy: str) -> list[str]:
@@ -171,24 +100,6 @@ def is_number(cell: str | bytes) -> bool:
     return True
 
 
-def _check_values(path: Path, values: NDArray[Any]) -> None:
-    if values.dtype.kind not in "iuf":
-        raise InputError(
-            f"{path} holds {values.dtype} values; samples are integers (codes) or floats (full scale +-1.0)"
-        )
-    if values.ndim not in (2, 3):
-        remedy = "; reshape a single taxel to (ticks, 1)" if values.ndim == 1 else ""
-        wanted = "(ticks, taxels) or (ticks, rows, columns)"
-        raise InputError(f"{path} has the shape {values.shape}; samples have {wanted}{remedy}")
-    if values.size > MOST_VALUES:
-        raise InputError(f"{path} holds {values.size} values, more than {MOST_VALUES}; cut it into shorter recordings")
-    if not values.size:
-        raise InputError(f"{path} has the shape {values.shape}: no samples; give at least one tick and one taxel")
-    if values.dtype.kind == "f" and not np.isfinite(values).all():
-        place = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
-        raise InputError(f"{path} has {values[place]} at {list(place)}; replace what is not a finite number")
-
-
 def fit_array(values: NDArray[Any], rows: int, columns: int, size_given: bool) -> tuple[NDArray[Any], int, int]:
     """Return samples reshaped to (ticks, rows * columns), and the array size.
 
@@ -234,15 +145,15 @@ def _suggest_size(taxels: int) -> str:
 
 def check_samples_path(path: Path) -> None:
     """Check the format and the folder of an output path before any work."""
-    if path.suffix.lower() not in ARRAY_SUFFIXES:
-        raise InputError(f"signals are written as {', '.join(ARRAY_SUFFIXES)}, not {path.name}; rename the output")
+    if path.suffix.lower() not in SIGNAL_SUFFIXES:
+        raise InputError(f"signals are written as {', '.join(SIGNAL_SUFFIXES)}, not {path.name}; rename the output")
     check_file(path)
 
 
 def write_samples(
     path: Path, values: NDArray[np.float64], rate_hz: float, names: Sequence[str] = (), start_s: float | None = None
 ) -> None:
-    """Write signals, shape (ticks, taxels), in full scale, to a file that :func:`read_samples` can read.
+    """Write signals, shape (ticks, taxels), in full scale, to a file that the readers can read.
 
     The .npz also holds the sampling rate. The .csv has a header and twelve decimals.
 

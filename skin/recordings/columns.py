@@ -1,18 +1,16 @@
 """Match the columns of recordings by name, and leave out columns that are not taxels."""
 
 import dataclasses
-import re
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.skin.recordings.options import Preparation
-from eskin.skin.recordings.table import Table, rises
-
-_OTHER_NAME = re.compile(
-    r"(?:^|[\W_])(prox|temp|humid|batt|label|class|index|frame|sample|trial|speed|velocity|motor)", re.IGNORECASE
-)
+from eskin.skin.recordings.table import COUNTER, LABEL, OTHER, Table, counts, read_table, rises
 
 OTHER_UNIT = 20.0
 """Ratio of a column's low values to the high values of most columns above which the unit differs.
@@ -55,27 +53,67 @@ def _ordered(table: Table, names: tuple[str, ...]) -> Table:
             f"{table.path} repeats a column name, and other files have another order of columns; rename a column"
         )
     order = [table.names.index(name) for name in names]
-    return dataclasses.replace(table, values=table.values[:, order], names=names)
+    return dataclasses.replace(table, values=table.values[:, order], names=names, shape=None)
 
 
-def only_taxels(tables: Sequence[Table]) -> tuple[list[Table], tuple[str, ...]]:
+def read_one(
+    path: Path, options: Preparation, rate_hz: float | None = None, taxels: int | None = None
+) -> tuple[Table, tuple[str, ...]]:
+    """Return a recording with only its taxels, and notes; the arguments are those of its two steps."""
+    table = read_table(path, options, rate_hz)
+    if options.taxel_columns:
+        return table, table.notes
+    (table,), notes = only_taxels([table], taxels)
+    return table, (*table.notes, *notes)
+
+
+def only_taxels(tables: Sequence[Table], taxels: int | None = None) -> tuple[list[Table], tuple[str, ...]]:
     """Return recordings without columns that are not taxels, and a note on each removed column.
 
-    Nothing is left out of a single recording, where recordings have different columns, or where most columns would go.
+    A column of text, dates or nothing always goes. Others that look like no taxel stay in an array whose rows and
+    columns the file or the user gives, where recordings have different columns, or where most columns would go.
+
+    ``taxels`` is the number of taxels that the user gave.
     """
+    for table in tables:
+        if table.doubt and taxels != table.values.shape[1]:
+            rows, columns = table.shape or (1, table.values.shape[1])
+            raise InputError(
+                f"{table.path}: {table.doubt}; otherwise confirm the array with --rows {rows} --columns {columns}"
+            )
     names = tables[0].names
-    if len(tables) < 2 or any(table.names != names for table in tables):
-        return list(tables), ()
+    if any(table.names != names for table in tables):
+        bad = {name: reason for table in tables for name, reason in table.no_taxels.items()}
+        return [_without(table, [n for n in table.names if n not in bad]) for table in tables], _notes(bad)
+    sure = {name: reason for table in tables for name, reason in table.no_taxels.items()}
+    sure = {names[k]: sure[names[k]] for k in range(len(names)) if names[k] in sure}
+    kept = [name for name in names if name not in sure]
+    if not kept:
+        raise InputError(
+            f"{tables[0].path} has no column that is a taxel in all recordings; choose with --taxel-columns"
+        )
+    tables = [_without(table, kept) for table in tables]
     reasons = _reasons(tables)
-    kept = [number for number in range(len(names)) if number not in reasons]
-    if not reasons or 2 * len(kept) < len(names):
-        return list(tables), ()
-    chosen = [
-        dataclasses.replace(table, values=table.values[:, kept], names=tuple(names[k] for k in kept))
-        for table in tables
-    ]
-    notes = [f"column {names[k]!r} is left out: {reason}" for k, reason in sorted(reasons.items())]
-    return chosen, (*notes, "--taxel-columns chooses the columns that are taxels")
+    left = len(kept) - len(reasons)
+    if tables[0].shape is not None or taxels == len(kept) or 2 * left < len(kept) or not left:
+        reasons = {}
+    chosen = [name for k, name in enumerate(kept) if k not in reasons]
+    doubts = {kept[k]: reason for k, reason in sorted(reasons.items())}
+    return [_without(table, chosen) for table in tables], _notes(sure | doubts)
+
+
+def _notes(reasons: Mapping[str, str]) -> tuple[str, ...]:
+    notes = tuple(f"column {name!r} is left out: it {reason}" for name, reason in reasons.items())
+    return (*notes, "--taxel-columns chooses the columns that are taxels") if notes else ()
+
+
+def _without(table: Table, kept: Sequence[str]) -> Table:
+    """Return a recording with only the named columns."""
+    if len(kept) == len(table.names):
+        return table
+    places = [k for k, name in enumerate(table.names) if name in set(kept)]
+    names = tuple(table.names[k] for k in places)
+    return dataclasses.replace(table, values=table.values[:, places], names=names, no_taxels={}, shape=None)
 
 
 def _reasons(tables: Sequence[Table]) -> dict[int, str]:
@@ -84,21 +122,54 @@ def _reasons(tables: Sequence[Table]) -> dict[int, str]:
     together = np.concatenate([table.values for table in tables])
     low, high = np.percentile(np.abs(together), [10, 90], axis=0)
     top = together.max(0)
-    by_name = {number for number, name in enumerate(names) if _OTHER_NAME.search(name)}
+    by_name = {k for k, name in enumerate(names) if tables[0].named and (OTHER.search(name) or LABEL.match(name))}
     usual = float(np.median([high[number] for number in range(len(names)) if number not in by_name] or [0.0]))
-    for number in range(len(names)):
+    family = _family(names) if tables[0].named else frozenset()
+    fractions = [bool((together[:, k] % 1 != 0).any()) for k in range(len(names))]
+    for number, name in enumerate(names):
         column = together[:, number]
         if number in by_name:
-            found[number] = "its name is not that of a taxel"
+            found[number] = "has a name that is not that of a taxel"
+        elif all(counts(table.values[:, number]) for table in tables):
+            found[number] = "counts the samples"
+        elif tables[0].named and COUNTER.match(name) and all(_mostly_counts(t.values[:, number]) for t in tables):
+            found[number] = "has the name of a counter, and counts"
         elif np.ptp(column) == 0:
-            found[number] = f"it is {column[0]:g} in all recordings"
+            found[number] = f"is {column[0]:g} in {'all recordings' if len(tables) > 1 else 'every sample'}"
+        elif (
+            set(np.unique(column[:1000]).tolist()) <= {0, 1}
+            and set(np.unique(column).tolist()) <= {0, 1}
+            and sum(fractions) > 0.5 * len(names)
+        ):
+            found[number] = "is 0 or 1, as a label is"
         elif _is_full_scale(top[number]) and (part := float((column == top[number]).mean())) > SATURATED:
-            found[number] = f"{part:.0%} of its samples are {top[number]:g}, the end of its range"
-        elif all(rises(table.values[:, number]) for table in tables):
-            found[number] = "it rises from sample to sample, as time or a counter does"
+            found[number] = f"has {part:.0%} of its samples at {top[number]:g}, the end of its range"
+        elif all(rises(table.values[:, number]) for table in tables) and (
+            name not in family or all(_evenly(table.values[:, number]) for table in tables)
+        ):
+            found[number] = "rises from sample to sample, as time or a counter does"
         elif usual and low[number] > OTHER_UNIT * usual:
-            found[number] = f"its values are {low[number] / usual:.0f} times those of the others: another unit"
+            found[number] = f"has values {low[number] / usual:.0f} times those of the others: another unit"
     return found
+
+
+def _mostly_counts(column: NDArray[np.float64]) -> bool:
+    """Return True if most samples are one more than the previous one, as in a counter that starts again."""
+    return bool((np.diff(column) == 1).mean() > 0.5) if len(column) > 1 else True
+
+
+def _evenly(column: NDArray[np.float64]) -> bool:
+    """Return True if all steps of a column are equal, as those of a counter are."""
+    return bool(np.ptp(np.diff(column)) < 1e-9 * np.abs(column).max())
+
+
+def _family(names: Sequence[str]) -> frozenset[str]:
+    """Return the names that end in a number and share their beginning with most names, as ``T1`` to ``T4`` do."""
+    beginnings = {name: name.rstrip("0123456789") for name in names if name[-1:].isdigit()}
+    common = Counter(beginnings.values()).most_common(1)
+    if not common or common[0][1] < max(0.5 * len(names), 2):
+        return frozenset()
+    return frozenset(name for name, beginning in beginnings.items() if beginning == common[0][0])
 
 
 def _is_full_scale(value: float) -> bool:

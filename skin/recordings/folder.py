@@ -13,15 +13,16 @@ from eskin.base.errors import InputError
 from eskin.base.inputs import check_no_others, find_files
 from eskin.base.workers.pool import Local, WorkerPool, each
 from eskin.model.address_events import Events
-from eskin.model.config import ReadoutConfig
+from eskin.model.config import MAX_SIDE, ReadoutConfig
 from eskin.model.events.recording import Recording
+from eskin.skin.readers.registry import SUFFIXES
 from eskin.skin.recordings.columns import match_columns, only_taxels
 from eskin.skin.recordings.fitting import Fit, steepest_step, with_clock, with_seconds
 from eskin.skin.recordings.options import Preparation, Scale
 from eskin.skin.recordings.prepare import prepare
 from eskin.skin.recordings.quality import MUCH_LATE, Quality, encoded, pooled
-from eskin.skin.recordings.table import read_table
-from eskin.skin.samples import ARRAY_SUFFIXES, array_of
+from eskin.skin.recordings.table import read_table, text_of
+from eskin.skin.samples import array_of
 
 LOW_SNR_DB = 10.0  # reconstruction SNR below which an LCS readout is worth a warning
 
@@ -88,7 +89,7 @@ def sources_of(folder: Path, flat: bool = False, strict: bool = False) -> tuple[
     if not folder.is_dir():
         return (Source(folder, folder.stem, None),), ()
     found = []
-    paths, others = find_files(folder, ARRAY_SUFFIXES)
+    paths, others = find_files(folder, SUFFIXES)
     if others and strict:
         raise InputError(
             f"{len(others)} recordings of {folder} cannot be read: {others[0]}; fetch or remove them, or leave them "
@@ -103,8 +104,7 @@ def sources_of(folder: Path, flat: bool = False, strict: bool = False) -> tuple[
         )
     if not found:
         raise InputError(
-            f"{folder} contains no recordings; put files ending in "
-            f"{', '.join(ARRAY_SUFFIXES)} into a folder for each class"
+            f"{folder} contains no recordings; put files ending in {', '.join(SUFFIXES)} into a folder for each class"
         )
     names = [source.name for source in found]
     if len(set(names)) < len(names):
@@ -137,24 +137,27 @@ def read_set(
     """
     sources, left_out = sources_of(place, flat, options.strict)
     tables = []
+    rate_hz = config.sample_rate_hz if "sample_rate_hz" in given else None
     for source in sources:
-        tables.append(read_table(source.path, options))
+        tables.append(read_table(source.path, options, rate_hz))
         if progress is not None:
             progress()
     tables, options = match_columns(tables, options)
     notes = tuple(dict.fromkeys(note for table in tables for note in table.notes))
-    if place.is_dir() and not options.taxel_columns:
-        tables, no_taxels = only_taxels(tables)
+    if not options.taxel_columns:
+        sized = {"rows", "columns"} & set(given)
+        tables, no_taxels = only_taxels(tables, config.taxels if sized else None)
         notes += no_taxels
         if no_taxels:  # other recordings get the same columns
             names = tables[0].names
-            options = dataclasses.replace(options, taxel_columns=",".join(names), names=names if options.names else ())
+            options = dataclasses.replace(options, taxel_columns=text_of(names), names=names if options.names else ())
     classes = [str(source.class_name) for source in sources]
     learned = fit.learned([source.name for source in sources], classes) if fit else range(len(sources))
-    rate_hz = config.sample_rate_hz if "sample_rate_hz" in given else None
     prepared = prepare(tables, options, config.sample_bits, rate_hz, learned)
     taxels = tables[0].values.shape[1]
-    config = _with_array(config, taxels, given, tables[0].path).replace(sample_rate_hz=prepared.rate_hz)
+    config = _with_array(config, taxels, given, tables[0].path, tables[0].shape).replace(
+        sample_rate_hz=prepared.rate_hz
+    )
     config = with_seconds(config, given)
     if fit and not {"encoding", "resolution"} <= set(given):
         tried = {options.scale: prepared}
@@ -183,8 +186,15 @@ def read_set(
     )
 
 
-def _with_array(config: ReadoutConfig, taxels: int, given: Collection[str], path: Path) -> ReadoutConfig:
-    """Return the configuration with an array for a number of taxels, after checking a user's array."""
+def _with_array(
+    config: ReadoutConfig, taxels: int, given: Collection[str], path: Path, shape: tuple[int, int] | None
+) -> ReadoutConfig:
+    """Return the configuration with an array for a number of taxels, after checking a user's array.
+
+    ``shape`` are rows and columns in the file, if it has them.
+    """
+    if shape is not None and not {"rows", "columns"} & set(given) and max(shape) <= MAX_SIDE:
+        return config.replace(rows=shape[0], columns=shape[1])
     if {"rows", "columns"} & set(given) or config.taxels == taxels:
         if config.taxels != taxels:
             raise InputError(

@@ -27,8 +27,14 @@ class Preparation:
     """Options for all steps from sensor files to codes; numbers of columns count from 1."""
 
     taxel_columns: str = parameter("", "", GUIDE, "taxel columns of the file, such as 2-17 or s1,s2 [all]")
-    delimiter: str = parameter("", "", GUIDE, "delimiter of a .csv: a character, tab or space [detected]")
-    decimal: Decimal = parameter("auto", "", GUIDE, "decimal point or comma of a .csv")
+    delimiter: str = parameter("", "", GUIDE, "delimiter of a text: a character, tab or space [detected]")
+    decimal: Decimal = parameter("auto", "", GUIDE, "decimal point or comma of a text")
+    skip_lines: int = parameter(0, "", GUIDE, "lines of a text before the table")
+    frame_lines: int = parameter(0, "", GUIDE, "lines of a text for each sample [detected]")
+    topic: str = parameter("", "", GUIDE, "topic of a ROS bag or MCAP file")
+    field: str = parameter("", "", GUIDE, "array, variable, sheet or message field with the samples")
+    label_column: str = parameter("", "", GUIDE, "column with the class of each sample, by name or number")
+    group_column: str = parameter("", "", GUIDE, "column with the group of each sample, such as a subject")
     time_column: str = parameter("", "", GUIDE, "column of time stamps, by name or number, or none [detected]")
     time_unit: TimeUnit = parameter("auto", "", GUIDE, "unit of the time stamps")
     baseline: Baseline = parameter("none", "", GUIDE, "value subtracted from every taxel")
@@ -45,6 +51,9 @@ class Preparation:
             if (value := getattr(self, name)) not in get_args(choices):
                 option = "--" + name.replace("_", "-")
                 raise InputError(f"{option} must be one of {', '.join(get_args(choices))}, not {value!r}")
+        for name in ("skip_lines", "frame_lines"):
+            if type(value := getattr(self, name)) is not int or value < 0:
+                raise InputError(f"--{name.replace('_', '-')} is a number of lines from 0, not {value!r}")
         if len(self.delimiter) > 1 and self.delimiter not in ("tab", "space"):
             raise InputError(f"--delimiter is one character, tab or space, not {self.delimiter!r}")
         if not (math.isfinite(self.highpass_hz) and self.highpass_hz > 0):

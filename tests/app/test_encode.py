@@ -14,6 +14,7 @@ from eskin.model.encoders import registry
 from eskin.model.events.recording import Recording
 from eskin.model.readout import Stimulus, simulate
 from eskin.skin.encode import IMAGE_SUFFIXES
+from eskin.skin.readers.registry import SUFFIXES
 
 SIZE = "--rows 3 --columns 4"
 
@@ -176,15 +177,16 @@ IMAGES = ", ".join(IMAGE_SUFFIXES)
 ENCODE_ERRORS: dict[str, tuple[str, Any, str]] = {
     "cannot read x.npy: No such file or directory": ("x.npy", None, RATE),
     "cannot read x.png: No such file or directory": ("x.png", None, ""),
-    f"x.wav is of unknown kind; give an image ({IMAGES}) or samples (.npy, .npz, .csv)": ("x.wav", b"", ""),
+    f"x.xyz is of unknown kind; give an image ({IMAGES}) or samples ({', '.join(SUFFIXES)})": ("x.xyz", b"", ""),
     "x.npy contains no sampling rate; add --sample-rate HZ": ("x.npy", GOOD, ""),
     "x.npy has the shape (5,); samples have (ticks, taxels) or (ticks, rows, columns); reshape a single taxel to "
     "(ticks, 1)": ("x.npy", np.zeros(5), RATE),
     "x.npy has the shape (); samples have (ticks, taxels) or (ticks, rows, columns)": ("x.npy", np.float64(5), RATE),
     "x.npy has the shape (0, 64): no samples; give at least one tick and one taxel": ("x.npy", np.zeros((0, 64)), RATE),
-    "x.npy has nan at [2, 2]; replace what is not a finite number":
-        ("x.npy", np.where(np.arange(320).reshape(5, 64) == 130, np.nan, 0), RATE),
-    "x.csv has -inf at [0, 1]; replace what is not a finite number": ("x.csv", b"0.1,-inf\n", RATE),
+    "x.npy has nan in sample 3, column '3' (up to 10% of a column may be missing); replace it, or leave the column out "
+    "with --taxel-columns": ("x.npy", np.where(np.arange(320).reshape(5, 64) == 130, np.nan, 0), RATE),
+    "x.csv has -inf in sample 1, column '2'; replace it, or leave the column out with --taxel-columns":
+        ("x.csv", b"0.1,-inf\n", RATE),
     "x.npy holds complex128 values; samples are integers (codes) or floats (full scale +-1.0)":
         ("x.npy", GOOD.astype(complex), RATE),
     "x.npy holds bool values; samples are integers (codes) or floats (full scale +-1.0)": ("x.npy", GOOD > 0, RATE),
@@ -192,29 +194,31 @@ ENCODE_ERRORS: dict[str, tuple[str, Any, str]] = {
         ("x.npy", np.array([{}], dtype=object), RATE),
     "y.npy is damaged or not a numerical .npy file; save it with numpy.save": ("y.npy", CUT_OFF, RATE),
     "x.npz is damaged or not a numerical .npz file; save it with numpy.savez": ("x.npz", b"PK", RATE),
-    "x.npz contains a, b; name the array of samples 'samples'": ("x.npz", {"a": GOOD, "b": GOOD}, RATE),
-    "x.npz contains nothing; name the array of samples 'samples'": ("x.npz", {}, RATE),
+    "x.npz contains a (5, 64), b (5, 64); choose one with --field NAME, or name it 'samples'":
+        ("x.npz", {"a": GOOD, "b": GOOD}, RATE),
+    "x.npz contains nothing; name the array of samples 'samples', or choose one with --field NAME":
+        ("x.npz", {}, RATE),
     "x.npz has a sample_rate_hz that is not one number; give it in hertz":
         ("x.npz", {"samples": GOOD, "sample_rate_hz": [1, 2]}, ""),
     "x.npz states the sampling rate -1; it must be a positive number":
         ("x.npz", {"samples": GOOD, "sample_rate_hz": -1.0}, ""),
-    "x.csv holds no samples; give at least one line of numbers": ("x.csv", b"", RATE),
-    "y.csv holds no samples; give at least one line of numbers": ("y.csv", b"a,b\n", RATE),
-    "x.csv is not a table of numbers separated by commas: the number of columns changed from 2 to 1 at row 2":
-        ("x.csv", b"1,2\n3\n", RATE),
-    "x.csv is not a table of numbers separated by commas: could not convert string 'x' to int64 at row 1, column 2":
+    "x.csv is empty; fetch or record it again": ("x.csv", b"", RATE),
+    "x.csv holds no samples; give at least one line of numbers": ("x.csv", b"# made by hand\n", RATE),
+    "y.csv holds no samples below its header; give at least one line of numbers": ("y.csv", b"a,b\n", RATE),
+    "x.csv: line 2 has 1 cells, but a sample has 2; repair this line, or set --delimiter and --decimal":
+        ("x.csv", b"1,2\n3\n4,5\n5,6\n", RATE),
+    "x.csv has 'x' in sample 2, column '2', which is no number; repair it, or leave the column out with "
+    "--taxel-columns":
         ("x.csv", b"1,2\n3,x\n", RATE),
-    "x.csv is not a table of numbers separated by commas: could not convert string 'a' to int64 at row 0, column 2":
-        ("x.csv", b"0,a\n3,4\n", RATE),
     "the samples have 12 columns, but the array has 8 x 8 = 64 taxels; use --rows 1 --columns 12":
-        ("x.npy", np.zeros((5, 12)), RATE),
+        ("x.npy", np.zeros((50, 12)), RATE),
     "the samples have 192 columns, but the array has 4 x 8 = 32 taxels; use --rows 12 --columns 16, or another split "
-    "of 192": ("x.npy", np.zeros((5, 192)), RATE + " --rows 4"),
+    "of 192": ("x.npy", np.zeros((200, 192)), RATE + " --rows 4"),
     "the samples have 67 columns, but the array has 8 x 8 = 64 taxels; no array of at most 64 x 64 has 67 taxels, so "
-    "leave some out": ("x.npy", np.zeros((5, 67)), RATE),
+    "leave some out": ("x.npy", np.zeros((70, 67)), RATE),
     "the samples have 3 x 4 taxels, but the array has 4 x 8; use --rows 3 --columns 4":
-        ("x.npy", np.zeros((5, 3, 4)), RATE + " --rows 4"),
-    "rows must be in 1..64, not 99": ("x.npy", np.zeros((5, 99, 2)), RATE),
+        ("x.npy", np.zeros((50, 3, 4)), RATE + " --rows 4"),
+    "rows must be in 1..64, not 99": ("x.npy", np.zeros((500, 99, 2)), RATE),
     "x.npy has the code -2049 at tick 0, taxel 0, outside -2048..2047 of 12 bits; add --sample-bits, or --scale "
     "FACTOR if the file has physical values": ("x.npy", np.full((5, 64), -2049), RATE),
     "x.npy has 5 values beyond full scale, the largest 1.25 times full scale; subtract the baseline with --baseline "

@@ -105,8 +105,7 @@ MISTAKES = {
     "per-taxel, or a percentile such as p99.9, not '0,1'\n",
     "encode skin -o e --time-column none": "contains no sampling rate; add --sample-rate HZ",
     "encode skin/tap/0.csv -o e.npz --workers 2": "--workers is for the recordings of a folder",
-    "encode skin/tap/0.csv -o e.npz": "times full scale; subtract the baseline with --baseline first, or add --scale "
-    "max",
+    "encode skin/tap/0.csv -o e.npz": "outside -2048..2047 of 12 bits; add --sample-bits, or --scale FACTOR",
     "encode skin -o e --baseline highpass --highpass 40": "--highpass must be below half of 35 samples/s",
 }
 

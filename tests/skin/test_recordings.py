@@ -11,7 +11,7 @@ import pytest
 from eskin.base.errors import InputError
 from eskin.model.address_events import make_events
 from eskin.model.config import ReadoutConfig
-from eskin.skin.recordings.columns import match_columns
+from eskin.skin.recordings.columns import match_columns, read_one
 from eskin.skin.recordings.event_files import kept_events
 from eskin.skin.recordings.fitting import with_clock, with_seconds
 from eskin.skin.recordings.folder import quality_warnings, read_set, sources_of
@@ -85,7 +85,7 @@ def test_time_stamps_are_no_taxel_and_give_the_rate(tmp_path, name, step, unit_s
     assert table.names == ("a", "b")
     assert table.time_s[0] == 0
     assert 39 / table.time_s[-1] == pytest.approx(1 / (step * unit_s), rel=0.02)
-    assert table.notes[0] == f"column {name!r} is used as time stamps, because of its name"
+    assert table.notes[0].startswith(f"column {name!r} is used as time stamps, because of its name; --time-column")
 
 
 def test_time_stamps_and_counters_without_a_name_are_known_by_their_rise(tmp_path):
@@ -93,13 +93,16 @@ def test_time_stamps_and_counters_without_a_name_are_known_by_their_rise(tmp_pat
     table = table_of(tmp_path, rows)
     assert table.values.shape == (40, 2)
     assert "rises steadily: used as time stamps" in table.notes[0]
-    kept = table_of(tmp_path, rows, Preparation(time_column="none"))
-    assert kept.values.shape == (40, 3)
-    assert kept.time_s is None
+    none = table_of(tmp_path, rows, Preparation(time_column="none"))
+    assert (none.values.shape, none.time_s) == ((40, 2), None)
+    assert "column '1' is left out: it rises steadily" in none.notes[0]
+    kept = table_of(tmp_path, rows, Preparation(time_column="none", taxel_columns="1-3"))
+    assert (kept.values.shape, kept.time_s) == ((40, 3), None)
     assert table_of(tmp_path, rows, Preparation(time_column="1", time_unit="s")).time_s[1] == pytest.approx(28.57)
-    counted = table_of(tmp_path, "".join(f"{k},{k % 5},{-k % 7}\n" for k in range(40)))
+    (tmp_path / "x.csv").write_text("".join(f"{k},{k % 5},{-k % 7}\n" for k in range(40)))
+    counted, notes = read_one(tmp_path / "x.csv", Preparation())
     assert (counted.values.shape, counted.time_s) == ((40, 2), None)
-    assert "ignored as a counter" in counted.notes[0]
+    assert notes[0] == "column '1' is left out: it counts the samples"
 
 
 def test_chosen_columns_are_the_taxels(tmp_path):
@@ -116,10 +119,10 @@ def test_chosen_columns_are_the_taxels(tmp_path):
         ("t,a\n0,1\n0,2\n", {}, "x.csv: the time stamp of sample 2 is not later than the previous time stamp"),
         ("t,a\n0,1\n1,2\n2,0\n", {}, "x.csv: the time stamps rise by one; give their unit with --time-unit"),
         ("t\n0\n0.1\n", {}, "x.csv has only time stamps"),
-        ("t,a\n0,nan\n0.1,2\n", {}, "x.csv has nan in sample 1, column 2"),
-        ("t,a\n0,x\n", {}, "x.csv is not a table of numbers: could not convert string 'x'"),
+        ("t,a\n0,nan\n0.1,2\n", {}, "x.csv has nan in sample 1, column 'a' (up to 10% of a column"),
+        ("t,a\n0,x\n", {}, "x.csv has no column of samples, only t, a; add a column for each taxel"),
         ("t,a\n", {}, "x.csv holds no samples below its header"),
-        ("", {}, "x.csv holds no samples"),
+        ("", {}, "x.csv is empty; fetch or record it again"),
         ("a,b,c\n1,2\n", {}, "x.csv names 3 columns, but has 2"),
         ("a,b\n1,2\n", {"taxel_columns": "c"}, "x.csv has no column 'c'; it has 2: a, b"),
         ("a,b\n1,2\n", {"time_column": "7"}, "x.csv has no column '7'"),
@@ -221,9 +224,9 @@ def test_columns_that_are_no_taxels_are_left_out_and_named(tmp_path):
     left = [note.removeprefix("column ") for note in found.notes if "is left out" in note]
     assert [note.split("'")[1] for note in left] == ["proximity1", "s1", "s2", "s3", "s4"]
     reasons = (
-        "its name",
+        "a name that is not that of a taxel",
         "it is 77 in all",
-        "89% of its samples are 65535",
+        "it has 89% of its samples at 65535",
         "times those of the others: another unit",
         "it rises",
     )

@@ -31,9 +31,10 @@ from eskin.model.events.compare import count_per_taxel, covering_config, first_d
 from eskin.model.events.recording import Recording, check_event_path
 from eskin.skin.encode import IMAGE_SUFFIXES, Encoded, Model, encode_image, encode_samples, preparation_of
 from eskin.skin.figures.raster import plot_comparison, plot_signals
+from eskin.skin.readers.registry import SUFFIXES
 from eskin.skin.recordings.options import Preparation
 from eskin.skin.recordings.quality import decode_recording, names_and_start
-from eskin.skin.samples import ARRAY_SUFFIXES, check_samples_path, write_samples
+from eskin.skin.samples import check_samples_path, write_samples
 
 if TYPE_CHECKING:
     from eskin.base.workers.pool import WorkerPool
@@ -85,21 +86,21 @@ def encode(
             option = option_name(next(iter(prepared)), Preparation)
             raise InputError(f"{option} is only for samples; the preset sets the scale of an image")
         made = encode_image(source, config, preset or "physical", start_row or 0.0, model)
-    elif kind in ARRAY_SUFFIXES:
+    elif kind in SUFFIXES:
         if preset is not None or start_row is not None:
             raise InputError("--preset and --start-row are only for images, and this input has samples; leave them out")
         made = encode_samples(source, config, given, prepared, model)
     else:
         raise InputError(
             f"{source} is of unknown kind; give an image ({', '.join(IMAGE_SUFFIXES)}) "
-            f"or samples ({', '.join(ARRAY_SUFFIXES)})"
+            f"or samples ({', '.join(SUFFIXES)})"
         )
     said = ({"name": name} if name else {}) | ({"class": label} if label else {})
     recording = dataclasses.replace(made.recording, metadata=made.recording.metadata | said)
     recording.save(out)
     print_notes(made.notes)
     _print_summary(recording, made, out)
-    if kind in ARRAY_SUFFIXES and model == "cycle":
+    if kind in SUFFIXES and model == "cycle":
         from eskin.skin.recordings.folder import quality_warnings
         from eskin.skin.recordings.quality import measure_quality
 
