@@ -56,7 +56,6 @@ COMMANDS = {
     "tapeout": "tests/flow/test_tapeout.py::test_tiny_tapeout_finds_all_its_files",
     "gatesim": "tests/flow/test_gates.py::test_cells_that_are_missing_or_say_nothing",
     "gatepower": "tests/flow/test_power.py::test_a_net_that_is_missing_or_unknown",
-    "faults": "tests/verify/test_faults.py::test_what_goes_beyond_what_is_stated_is_a_problem",
     "coverage": "tests/verify/test_coverage.py::test_a_waiver_that_explains_nothing_is_refused",  # builds take long
     "formal": "tests/verify/test_proofs.py::test_the_command_ends_with_its_one_line",
     "sim": "tests/app/test_simulate.py::test_sim_ends_with_its_one_line",
@@ -112,6 +111,7 @@ OTHERS = {
     "make": "tests/app/test_make.py::test_make_refuses_a_wrong_variable",
     "errors": "tests/app/test_app.py::test_every_mistake_is_one_sentence",
     "network": "tests/snn/test_network.py::test_a_neuron_by_hand",
+    "limits of faults": "tests/verify/test_faults.py::test_what_goes_beyond_what_is_stated_is_a_problem",
     "operators of mutants": "tests/verify/test_mutants.py::test_every_operator_makes_its_examples",
     "kernel": "tests/snn/test_network.py::test_kernel_equals_plain_autograd",
     "quick": "tests/test_quick.py",

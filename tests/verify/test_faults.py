@@ -1,6 +1,7 @@
 """Test that bit flips have only the documented effects, and that a violation is found."""
 
 import json
+import runpy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from eskin.verify.faults.bench import bench_gates, inside
 from eskin.verify.faults.cases import CASES, ack_never_falls, cases
 from eskin.verify.faults.outcomes import CLASSES, UnlikeModel, Upset
 from eskin.verify.faults.plan import FEW, FIELDS, Trial, classifiers, hosts, surroundings, tiles, trials
-from eskin.verify.faults.run import campaign, problems_of, run, upsets_of, write
+from eskin.verify.faults.run import problems_of, run, upsets_of
 from tests.planted import planted
 
 HANDSHAKE = FEW.replace(link="four_phase")
@@ -200,44 +201,13 @@ def test_a_link_that_does_not_wait_for_ack_to_fall_is_found() -> None:
     assert good < runs
 
 
-def test_the_command_ends_with_its_one_line(call: Any, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("eskin.verify.faults.plan.trials", lambda small: [Trial(FEW, True, stride=50)])
+def test_the_study_writes_outcomes_and_a_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eskin.verify.faults.plan.trials", lambda: [Trial(FEW, stride=50)])
+    monkeypatch.setattr("eskin.verify.faults.plan.surroundings", lambda: [FEW])
     monkeypatch.setattr("eskin.verify.faults.cases.CASES", CASES[:2])
-    code, out, error = call("dev faults --small --out faults.json")
-    assert code == 0, error
-    last = out.splitlines()[-1]
-    assert last == "faults: 250 upsets, 0 of them for good, 2 hostile runs, 0 beyond what is stated"
-    kept = json.loads((folder / "faults.json").read_text())
-    assert kept["result"] == last
-    assert kept["command"] == "make faults SMALL=1"
-
-
-def test_a_campaign_that_was_stopped_goes_on_behind_what_is_done(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tried = []
-
-    def stopped_once(trial: Trial) -> tuple[list[dict[str, int]], list[str]]:
-        tried.append(trial.stride)
-        if tried == [1, 2]:
-            raise KeyboardInterrupt
-        return [{"upsets": trial.stride, "never recovers": 0}], []
-
-    monkeypatch.setattr("eskin.verify.faults.plan.trials", lambda small: [Trial(FEW, stride=1), Trial(FEW, stride=2)])
-    monkeypatch.setattr("eskin.verify.faults.plan.surroundings", lambda small: [])
-    monkeypatch.setattr("eskin.verify.faults.run.run", stopped_once)
-    out, said = tmp_path / "faults.json", []
-    with pytest.raises(KeyboardInterrupt):
-        campaign(True, out, said.append)
-    done = campaign(True, out, said.append)
-    assert tried == [1, 2, 2]
-    assert len(said) == 3  # the first piece is told again
-    write(out, "make faults", done)
-    assert json.loads(out.read_text())["result"].startswith("faults: 3 upsets, 0 of them for good")
-    assert list(tmp_path.iterdir()) == [out]
-    monkeypatch.setattr("eskin.verify.faults.run.version", lambda needs: "another")
-    (tmp_path / ".faults.json.pieces").write_text('{"name": "' + str(Trial(FEW, stride=1)) + '", "code": "old"}\n{"na')
-    campaign(True, out, said.append)
-    assert tried == [1, 2, 2, 1, 2]
-    campaign(True, out, said.append)  # the line that was cut off stands in the middle now
-    assert tried == [1, 2, 2, 1, 2]
+    study = runpy.run_path(str(Path(__file__).parents[2] / "studies" / "faults.py"))["study"]
+    study(tmp_path)
+    found = json.loads((tmp_path / "faults.json").read_text())
+    assert found["result"] == "faults: 250 upsets, 0 of them for good, 2 hostile runs, 0 beyond what is stated"
+    assert {line["block"] for line in found["blocks"]} == {"arbiter", "taxel"}
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["faults.json", "faults.svg"]

@@ -1,39 +1,20 @@
-"""Run all fault injection trials, and compare the outcomes with the documented limits."""
+"""Run a fault injection trial, and compare the outcomes with the documented limits."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
-from eskin.base.files import Pieces, origin, pieces_of, write_json
-from eskin.base.workers.cluster import Needs, version
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.model.tiles.config import TilesConfig
-from eskin.verify.faults import classifier, host, merge, plan
+from eskin.verify.faults import classifier, host, merge
 from eskin.verify.faults import frame_readout as frames
-from eskin.verify.faults.cases import cases
 from eskin.verify.faults.outcomes import CLASSES, NEVER, WRITTEN, Upset, upsets
 from eskin.verify.faults.plan import Trial, most_changed, most_off, most_ticks
 
-CODE = Needs(packages=("base", "model", "rtl", "verify.faults"))
-"""Packages that determine the results."""
-
-
 MOST = ("own_clocks", "other_clocks", "ticks", "lost", "added", "off")
 """Fields of a bit flip of which a result stores the largest value."""
-
-
-@dataclass
-class Done:
-    """Results of a fault injection campaign."""
-
-    blocks: list[dict[str, Any]]  # results of the bit flips of each block in each trial
-    cases: list[dict[str, Any]]  # results of each test with hostile inputs
-    problems: list[str]  # effects that exceed the documented limits
 
 
 def problems_of(trial: Trial, upset: Upset) -> str:
@@ -88,53 +69,3 @@ def _line(trial: Trial, block: str, found: list[Upset]) -> dict[str, Any]:
     numbers = {"flops": len({upset.flop for upset in found}), "upsets": len(found)}
     most = {name.replace("_", " "): max((getattr(upset, name) for upset in found), default=0) for name in MOST}
     return {"block": block, "trial": trial.name, **numbers, **{name: outcomes[name] for name in CLASSES}, **most}
-
-
-def campaign(small: bool, out: Path | None, tell: Callable[[str], None]) -> Done:
-    """Run all fault injection trials and all tests with hostile inputs.
-
-    Each piece is kept beside ``out`` as it comes, until ``write``: a campaign that was stopped goes on behind them,
-    unless the code has changed. ``tell`` takes a line for each piece.
-    """
-    pieces = Pieces(out, version(CODE))
-    done = Done([], [], [])
-    jobs = [(str(trial), partial(_tried, trial)) for trial in plan.trials(small)]
-    for name, job in jobs + [(str(config), partial(_met, config)) for config in plan.surroundings(small)]:
-        piece = pieces.of(name, job)
-        done.blocks += piece["blocks"]
-        done.cases += piece["cases"]
-        done.problems += piece["problems"]
-        for line in piece["said"]:
-            tell(line)
-    return done
-
-
-def _tried(trial: Trial) -> dict[str, Any]:
-    lines, wrong = run(trial)
-    said = f"{trial.name:<70}{sum(line['upsets'] for line in lines):>8} upsets{len(wrong):>4} problems"
-    return {"blocks": lines, "cases": [], "problems": wrong, "said": [said]}
-
-
-def _met(config: ReadoutConfig) -> dict[str, Any]:
-    """Run all tests with hostile inputs on a readout."""
-    met, told = [], []
-    readout = f"{config.rows} x {config.columns}, {config.encoding}, {config.link}, {config.frontend}"
-    for case in cases(config):
-        good, runs = case.holds(config)
-        met.append({"case": case.name, "stated": case.stated, "readout": readout, "runs": runs, "as stated": good})
-        told.append(f"{readout:<36}{case.name:<42}{good:>4} of {runs} as stated")
-    return {"blocks": [], "cases": met, "problems": [], "said": told}
-
-
-def closing_line(done: Done) -> str:
-    """Return the final message of ``make faults``."""
-    total, never = (sum(line[name] for line in done.blocks) for name in ("upsets", NEVER))
-    runs, good = (sum(line[name] for line in done.cases) for name in ("runs", "as stated"))
-    wrong = len(done.problems) + runs - good
-    return f"faults: {total} upsets, {never} of them for good, {runs} hostile runs, {wrong} beyond what is stated"
-
-
-def write(path: Path, command: str, done: Done) -> None:
-    """Write all results as JSON, and delete the partial results."""
-    write_json(path, {**origin(command), "result": closing_line(done), **vars(done)})
-    pieces_of(path).unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""The commands formal, faults, coverage, properties, crosscheck and crossproof (docs/verification.md)."""
+"""The commands formal, coverage, properties, crosscheck and crossproof (docs/verification.md)."""
 
 from __future__ import annotations
 
@@ -60,23 +60,6 @@ def formal(
         print(run.mutants_line(results, found))
     problems = [outcome.problems for outcome in results]
     common.conclude((), run.closing_line(problems), failed=any(problems))
-
-
-def faults(
-    small: bool = opt(False, "only a few readouts, with few bit flips per flop"),
-    out: Path | None = out_file(None, "file for the results, JSON"),
-) -> None:
-    """Inject bit flips into every flop, and test hostile inputs.
-
-    Exit code 1 if an effect exceeds the documented ones. With --out, a stopped run continues.
-    """
-    from eskin.verify.faults.run import campaign, closing_line, write
-
-    done = campaign(small, out, lambda line: print(line, flush=True))
-    if out:
-        write(out, common.make_line("faults", SMALL=small), done)
-    unlike = any(line["as stated"] < line["runs"] for line in done.cases)
-    common.conclude(done.problems, closing_line(done), mark="", failed=unlike)
 
 
 def coverage(
