@@ -35,12 +35,14 @@ def test_the_default_is_the_chip_of_the_embedded_textures() -> None:
 def test_every_board_has_the_pins_and_the_clock() -> None:
     assert [board.open().device for board in BOARDS.values()] == ["LFE5U-85F", "LFE5U-45F", "LFE5U-25F", "LFE5U-12F"]
     board = find_board("ulx3s")
-    constraints = board.open().prepare(OnBoard(BoardConfig(chip=None), board), NAME).files[f"{NAME}.lpf"]
-    text = constraints if isinstance(constraints, str) else constraints.decode()
+    files = board.open().prepare(OnBoard(BoardConfig(chip=None), board), NAME).files
+    text, design = str(files[f"{NAME}.lpf"]), str(files[f"{NAME}.il"])
     assert 'LOCATE COMP "uart_0__rx__io" SITE "M1";' in text
     assert 'LOCATE COMP "aer_0__req__io" SITE "B11";' in text
     assert "50000000.0 HZ" in text
     assert "25000000.0 HZ" in text
+    assert "parameter \\CLKFB_DIV 2\n" in design  # 50 MHz of 25 MHz
+    assert "parameter \\CLKOP_DIV 12\n" in design  # and 600 MHz between
     pins = {(signal.name, signal.ios[0].dir): signal.ios[0].names for signal in board.skin_pins(3).ios}
     assert pins["rows", "o"] == ["gpio_0:0+", "gpio_0:0-", "gpio_0:1+"]
     assert pins["miso", "i"] == ["gpio_0:9-"]
