@@ -1,6 +1,5 @@
 """Fit samples to an array, and write reconstructed signals (docs/guide/files.md)."""
 
-import csv
 import io
 import math
 import re
@@ -48,56 +47,6 @@ def arrays_in(path: Path, data: bytes, damaged: str) -> NDArray[Any] | dict[str,
         raise InputError(f"{path} {error}") from None
     except Exception:  # zipfile, zlib and NumPy raise almost any type, depending on what is damaged
         raise InputError(f"{path} is damaged or not {damaged}") from None
-
-
-def lines_of(path: Path, remedy: str) -> list[str]:
-    """Return the lines of a text file, without blank lines and comments (#); ``remedy`` is for a file that is no text.
-
-    Raise InputError if the file cannot be read.
-    """
-    try:
-        text = content_of(path, "the table").decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is not text; {remedy}") from None
-    return [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-
-
-def delimiter_of(lines: Sequence[str]) -> str | None:
-    """Return the delimiter of cells: tab, semicolon or comma, or None for white space."""
-    return next((mark for mark in ("\t", ";", ",") if all(mark in line for line in lines[-2:])), None)
-
-
-def cells_of(path: Path, lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
-    """Return the cells of every line of a table; a cell in double quotes may contain the delimiter.
-
-    - ``path``: name of the table, for messages.
-    - ``delimiter``: None for white space.
-
-    Raise InputError if the csv module cannot read the lines.
-    """
-    if delimiter is None:
-        return [[cell.strip('"') for cell in line.split()] for line in lines]
-    try:
-        rows = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
-    except csv.Error as error:
-        raise InputError(f"{path} is not a table of cells: {error}") from None
-    return [[cell.strip() for cell in row] for row in rows]
-
-
-def check_commas(path: Path, rows: Sequence[Sequence[str]], remedy: str) -> None:
-    """Raise InputError if the commas in numbers are ambiguous: decimal commas or thousands separators."""
-    found = [cell for row in rows for cell in row if _COMMA.fullmatch(cell)]
-    if found and all(_THOUSANDS.fullmatch(cell) for cell in found):
-        raise InputError(f"{path}: the comma in {found[0]!r} may be a decimal comma or separate thousands; {remedy}")
-
-
-def is_number(cell: str | bytes) -> bool:
-    """Return True if a cell holds a number."""
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
 
 
 def fit_array(values: NDArray[Any], rows: int, columns: int, size_given: bool) -> tuple[NDArray[Any], int, int]:

@@ -7,11 +7,11 @@ from pathlib import Path
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
-from eskin.skin.foreign import aedat4, tables
+from eskin.skin.foreign import aedat4, cameras, tables
 from eskin.skin.foreign.address_map import AddressMap
 from eskin.skin.foreign.events import CLOCKS, UNITS_S, ForeignEvents, configuration, take
 
-SUFFIXES = (aedat4.SUFFIX, *tables.TEXT_SUFFIXES, ".npy")
+SUFFIXES = (aedat4.SUFFIX, *cameras.SUFFIXES, *tables.TEXT_SUFFIXES, ".npy")
 """Endings of foreign event files; .npz archives from other programs are foreign too."""
 
 
@@ -30,14 +30,14 @@ def read_foreign(path: Path, fields: Sequence[str] = (), unit: str | None = None
     """Return the events from a foreign file; ``fields`` and ``unit`` apply to tables and arrays."""
     if unit not in (None, *UNITS_S, CLOCKS):
         raise InputError(f"--time-unit must be {', '.join(UNITS_S)} or {CLOCKS}, not {unit!r}")
-    if path.suffix.lower() != aedat4.SUFFIX:
+    if path.suffix.lower() not in (aedat4.SUFFIX, *cameras.SUFFIXES):
         return tables.read_events_table(path, fields, unit)
     if fields or unit:
         option = "--fields" if fields else "--time-unit"
         raise InputError(
-            f"leave {option} out: it is only for tables, and an AEDAT 4 file states its columns and its unit"
+            f"leave {option} out: it is only for tables, and a {path.suffix} file states its columns and its unit"
         )
-    return aedat4.read_aedat4(path)
+    return aedat4.read_aedat4(path) if path.suffix.lower() == aedat4.SUFFIX else cameras.read_camera(path)
 
 
 def load_foreign(path: Path, mapping: AddressMap | None = None) -> Recording:

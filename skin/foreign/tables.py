@@ -12,7 +12,8 @@ from eskin.base.errors import InputError
 from eskin.base.files import atomic_write
 from eskin.model.events.recording import Recording
 from eskin.skin.foreign.events import ForeignEvents, in_unit, lost_clocks
-from eskin.skin.samples import arrays_in, cells_of, check_commas, content_of, delimiter_of, is_number, lines_of
+from eskin.skin.readers.text import COMMENT, Layout, decoded, delimiter_of, read_text, split
+from eskin.skin.samples import arrays_in, content_of
 
 TEXT_SUFFIXES = (".csv", ".txt", ".tsv")
 
@@ -24,6 +25,9 @@ NAMES = {
     "address": ("address", "addr", "taxel", "channel", "neuron", "id"),
 }
 """Names of columns; the name of the time may end in a unit, as in ``t_us`` or ``time [ms]``."""
+
+REMEDY = "separate the cells of each line by commas"
+COMMA_REMEDY = "write a decimal point, and no separators of thousands"
 
 _UNIT = re.compile(r"^(.*?)[\s_\[(]+(s|ms|us|µs|ns|clocks)[\])]?$")
 
@@ -38,7 +42,11 @@ def read_events_table(path: Path, fields: Sequence[str] = (), unit: str | None =
     - ``fields``: meaning of each column, if the file has no names: t, x, y, p, address, or - for others.
     - ``unit``: unit of the time; by default from the column's name, else s for decimal times and us for integers.
     """
-    columns = _text_columns(path) if path.suffix.lower() in TEXT_SUFFIXES else _array_columns(path)
+    size = None
+    if path.suffix.lower() in TEXT_SUFFIXES:
+        columns, size = _text_columns(path)
+    else:
+        columns = _array_columns(path)
     columns, named_unit = _named(path, columns, fields)
     for name in ("t", "p"):
         if name in columns and columns[name].dtype.kind not in "iufb":
@@ -46,6 +54,8 @@ def read_events_table(path: Path, fields: Sequence[str] = (), unit: str | None =
     if "t" not in columns:
         raise InputError(f"{path} has no column of times; name the columns with --fields, such as --fields x,y,t,p")
     time = columns["t"]
+    if time.dtype.kind == "u" and len(time) and int(time.max()) >= 2**63:
+        raise InputError(f"{path}: the time {int(time.max())} is beyond 63 bits; correct the column of times")
     time = time.astype(np.int64) if time.dtype.kind in "iub" else time.astype(np.float64)
     notes = []
     chosen = unit or named_unit
@@ -54,46 +64,56 @@ def read_events_table(path: Path, fields: Sequence[str] = (), unit: str | None =
         notes.append(f"times were taken as {chosen}; --time-unit says another unit")
     if "p" not in columns:
         notes.append("no column of polarities: all events are ON")
-    return ForeignEvents(
-        time, chosen, _addresses(path, columns), _polarity(path, columns.get("p"), len(time)), notes=tuple(notes)
-    )
+    if size is not None:
+        notes.append(f"the first line gives the sensor: {size[0]} rows and {size[1]} columns")
+    polarity = _polarity(path, columns.get("p"), len(time))
+    return ForeignEvents(time, chosen, _addresses(path, columns), polarity, size, tuple(notes))
 
 
-def _text_columns(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the columns of a text by name, or by number without a header."""
-    lines = [line.strip() for line in lines_of(path, "give a table of events, or rename the file by its kind")]
+def _text_columns(path: Path) -> tuple[dict[str, Any], tuple[int, int] | None]:
+    """Return the columns of a text by name, or by number without a header, and rows and columns of the sensor.
+
+    A first line of two numbers is the width and the height of the sensor, as ESIM writes it.
+    """
+    data = content_of(path, "the table")
+    text, _ = decoded(path, data)
+    lines = [line for line in text.splitlines() if line.strip() and not COMMENT.match(line)]
     if not lines:
         raise InputError(f"{path} is empty; give a table with a line for each event")
-    delimiter = delimiter_of(lines)
-    rows = cells_of(path, lines, delimiter)
-    if delimiter == ",":
-        check_commas(path, rows, "write a decimal point, and no separators of thousands")
-    header = None if all(is_number(cell.replace(",", ".")) for cell in rows[0]) else rows.pop(0)
-    width = len(header or rows[0])
-    if (wrong := next((n for n, row in enumerate(rows) if len(row) != width), None)) is not None:
-        hint = "; a decimal comma needs another delimiter, such as ;" if delimiter == "," else ""
-        raise InputError(f"{path}: event {wrong} has {len(rows[wrong])} cells, but the first line has {width}{hint}")
-    names = [str(n) for n in range(width)] if header is None else header
-    if len(set(names)) < width:
-        raise InputError(f"{path} has two columns of the same name: {', '.join(names)}; rename one")
-    return {name: _parsed(path, name, [row[n] for row in rows]) for n, name in enumerate(names)}
+    mark = delimiter_of(lines)
+    first, last = (split(line, mark if mark and mark in line else None) for line in (lines[0], lines[-1]))
+    size = None
+    if len(first) == 2 and all(cell.isdigit() for cell in first) and len(last) > 2:
+        size, lines = (int(first[1]), int(first[0])), lines[1:]
+    try:
+        frame = read_text(path, "\n".join(lines).encode(), Layout(remedy=REMEDY, comma_remedy=COMMA_REMEDY))
+    except InputError as error:
+        raise InputError(str(error).replace("samples", "events").replace("sample", "event")) from None
+    if len(set(frame.names)) < len(frame.names):
+        raise InputError(f"{path} has two columns of the same name: {', '.join(frame.names)}; rename one")
+    names = frame.names if frame.named else tuple(str(n) for n in range(len(frame.names)))
+    return {name: _parsed(path, name, frame.cells[n]) for n, name in enumerate(names)}, size
 
 
-def _parsed(path: Path, name: str, cells: Sequence[str]) -> NDArray[Any]:
-    """Return a column as int64 if all cells are integers, else float64; an unknown column may stay text."""
-    truths = {"true": "1", "false": "0", "on": "1", "off": "0"}
-    numbers = np.array([truths.get(cell.lower(), cell.replace(",", ".")) for cell in cells])
-    for kind in (np.int64, np.float64):
-        try:
-            return numbers.astype(kind)
-        except OverflowError:
-            raise InputError(f"{path}: column {name} has numbers beyond 63 bits") from None
-        except ValueError:
-            continue
+def _parsed(path: Path, name: str, cells: Any) -> NDArray[Any]:
+    """Return a column as integers or floats; an unknown column may stay text."""
+    import pandas
+
+    if cells.dtype.kind == "b":
+        return np.asarray(cells.to_numpy(np.int64))
+    if cells.dtype.kind in "iuf":
+        return np.asarray(cells.to_numpy())
+    words = cells.astype(str).str.strip().str.lower().replace({"true": "1", "false": "0", "on": "1", "off": "0"})
+    numbers = pandas.to_numeric(words, errors="coerce")
+    wrong = np.flatnonzero(numbers.isna().to_numpy())
+    if not len(wrong):
+        if numbers.dtype == object or words.str.fullmatch(r"[-+]?\d{19,}").any():
+            raise InputError(f"{path}: column {name} has numbers beyond 63 bits")
+        return np.asarray(numbers.to_numpy())
     if any(name.lower() in names for names in NAMES.values()):
-        at = next(at for at, number in enumerate(numbers) if not is_number(number))
-        raise InputError(f"{path}: event {at} has {name} {cells[at]!r}, which is not a number")
-    return np.array(cells)
+        at = int(wrong[0])
+        raise InputError(f"{path}: event {at} has {name} {str(cells.iloc[at])!r}, which is not a number")
+    return np.asarray(cells.astype(str).to_numpy())
 
 
 def _array_columns(path: Path) -> dict[str, NDArray[Any]]:
@@ -156,8 +176,12 @@ def _addresses(path: Path, columns: Mapping[str, NDArray[Any]]) -> NDArray[np.in
         raise InputError(f"{path} has no columns x and y, and no address; name the columns with --fields")
     names = pair or ["address"]
     for name in names:
-        if columns[name].dtype.kind not in "iu":
+        if columns[name].dtype.kind not in "iuf":
             raise InputError(f"{path}: column {name} must hold whole numbers, not {columns[name].dtype}")
+        whole = columns[name] == np.rint(columns[name])
+        if not whole.all():
+            at = int(np.argmin(whole))
+            raise InputError(f"{path}: event {at} has {name} {columns[name][at]}, which is not a whole number")
     if not pair:
         return columns["address"].astype(np.int64)
     return np.stack([columns[name].astype(np.int64) for name in names], axis=1)

@@ -39,6 +39,8 @@ class Layout:
     decimal: str = "auto"  # point, comma or auto
     skip_lines: int = 0  # lines before the table
     frame_lines: int = 0  # lines of a sample; found if 0
+    remedy: str = "set --delimiter and --decimal"  # what the user can do if the cells are not found
+    comma_remedy: str = "add --decimal comma, or remove the separators of thousands"
 
 
 @dataclass
@@ -50,6 +52,7 @@ class _Text:
     numbers: list[int]  # of these lines in the file, from 1
     mark: str | None  # delimiter; None for white space
     comma: bool  # decimal comma
+    remedy: str
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -94,7 +97,7 @@ def read_text(path: Path, data: bytes, layout: Layout) -> Frame:
     if not lines:
         raise InputError(f"{path} holds no samples; give at least one line of numbers")
     mark = {"tab": "\t", "space": None, "": delimiter_of(lines)}.get(layout.delimiter, layout.delimiter)
-    found = _Text(path, lines, numbers, mark, False, notes)
+    found = _Text(path, lines, numbers, mark, False, layout.remedy, notes)
     found.comma = _has_decimal_comma(found, layout)
     height = layout.frame_lines or _lines_of_a_frame(found, [line for _, line in used])
     if height > 1:
@@ -134,7 +137,7 @@ def _has_decimal_comma(found: _Text, layout: Layout) -> bool:
     if found.mark == "," and commas and all(_THOUSANDS.fullmatch(cell) for cell in commas):
         raise InputError(
             f"{found.path}: the comma in {commas[0]!r} may be a decimal comma or separate thousands; "
-            f"add --decimal comma, or remove the separators of thousands"
+            f"{layout.comma_remedy}"
         )
     return bool(commas)
 
@@ -168,7 +171,7 @@ def _read_table(found: _Text) -> Frame:
         )
     except (ValueError, pandas.errors.ParserError) as error:
         reason = " ".join(str(error).split()).removeprefix("Error tokenizing data. C error: ")
-        raise InputError(f"{found.path} is not a table: {reason}; set --delimiter and --decimal") from None
+        raise InputError(f"{found.path} is not a table: {reason}; {found.remedy}") from None
     if dropped:
         found.notes.append(dropped)
     named = names is not None
@@ -188,8 +191,7 @@ def _first_sample(found: _Text, width: int) -> int:
             raise InputError(f"{found.path} holds no samples below its header; give at least one line of numbers")
         cells = found.cells(found.lines[-1])
         raise InputError(
-            f"{found.path} is not a table of numbers: line {found.numbers[-1]} has {cells[0]!r}; set --delimiter and "
-            f"--decimal"
+            f"{found.path} is not a table of numbers: line {found.numbers[-1]} has {cells[0]!r}; {found.remedy}"
         )
     for index, line in enumerate(found.lines):
         cells = found.cells(line)
@@ -261,7 +263,7 @@ def _samples(found: _Text, first: int, width: int) -> tuple[list[str], str]:
         count = len(found.cells(body[at]))
         raise InputError(
             f"{found.path}: line {found.numbers[first + at]} has {count} cells, but a sample has {width}; repair this "
-            f"line, or set --delimiter and --decimal"
+            f"line, or {found.remedy}"
         )
     return body, note
 

@@ -132,12 +132,12 @@ def test_columns_are_found_by_name_in_any_order_and_unit(folder: Path, call: Cal
         ("t,x,y,p\n5,0,0,1\n5,0,0,2\n", "", "polarities are 0 and 1, or -1 and 1; this column has [1, 2]"),
         ("t,x,y,p\n5,-1,0,1\n", "", "event 0 has x = -1, y = 0, outside"),
         ("t,x,y,p\n5,64,0,1\n", "", "the sensor has 1 x 65 addresses, but a readout has at most 64 x 64"),
-        ("t,x,y,p\n5,1.5,0,1\n", "", "column x must hold whole numbers, not float64"),
+        ("t,x,y,p\n5,1.5,0,1\n", "", "event 0 has x 1.5, which is not a whole number"),
         ("t,x,y,p\n5,one,0,1\n", "", "event 0 has x 'one', which is not a number"),
         ("t,x,y,p\nnan,0,0,1\n", "", "event 0 has no finite time; remove it"),
         ('t,x,y,p\n"1,500",0,0,1\n"2,000",0,0,1\n', "", "'1,500' may be a decimal comma or separate thousands; write"),
-        (f"t,x,y,p\n{2**63},0,0,1\n", "", "column t has numbers beyond 63 bits"),
-        ("t,x,y,p\n5,0,0\n", "", "event 0 has 3 cells, but the first line has 4; a decimal comma needs another"),
+        (f"t,x,y,p\n{2**63},0,0,1\n", "", "the time 9223372036854775808 is beyond 63 bits"),
+        ("t,x,y,p\n5,0,0\n", "", "e.csv names 4 columns, but has 3; repair its header"),
         ("t,x,p\n5,0,1\n", "", "no columns x and y, and no address"),
         ("t,address\n5,0\n", "", "one address each; give the taxel of each address with --map FILE"),
         ("time,t,x,y\n5,5,0,1\n", "", "two columns for t"),
@@ -148,7 +148,7 @@ def test_columns_are_found_by_name_in_any_order_and_unit(folder: Path, call: Cal
         ("t,x,y,p\n5,0,0,0\n", " --encoding nlcs", "the file has OFF events, but encoding nlcs sends none"),
         ("t,x,y\n500,0,0\n", " --wrap 8", "time stamps reach 500, beyond a counter of 8 bits"),
         ("t,x,y\n5,0,0\n", " --time-unit min", "--time-unit must be s, ms, us, ns or clocks, not 'min'"),
-        ("t,x,y\n", "", "e.csv has no event; nothing was written to e.npz"),
+        ("t,x,y\n", "", "e.csv holds no events below its header"),
     ],
 )
 def test_a_doubtful_table_is_refused(text: str, options: str, sentence: str, folder: Path, call: Call) -> None:
@@ -209,3 +209,65 @@ def test_times_between_clocks_are_counted() -> None:
     assert taken.recording.events["t"].tolist() == [0, 1, 2, 2]
     assert (taken.moved, taken.merged) == (2, 1)
     assert taken.said() == ["2 events were moved to the nearest clock of 1000 Hz; 1 share one now"]
+
+
+EVENTS = Path(__file__).resolve().parents[2].parent / "shared/data/tables/events"
+"""Five events in the layouts of public tools."""
+
+
+@pytest.mark.skipif(not EVENTS.is_dir(), reason="needs the tables of ../shared")
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("v2e_float.npy", "--fields t,y,x,p"),
+        ("savetxt.txt", "--fields t,x,y,p"),
+        ("esim.txt", "--fields t,x,y,p"),
+        ("arrays_float.npz", ""),
+    ],
+)
+def test_whole_numbers_stored_as_floats_are_addresses(name: str, options: str, folder: Path, call: Call) -> None:
+    code, _, error = call(f"convert {EVENTS / name} -o e.npz {options}")
+    assert code == 0, error
+    wanted = [(12, 3, 1, True), (40, 3, 1, False), (55, 0, 2, False), (81, 1, 0, True), (123, 2, 2, True)]
+    assert Recording.load(Path("e.npz")).events.tolist() == wanted
+
+
+def test_nanoseconds_since_1970_lose_nothing(folder: Path, call: Call) -> None:
+    start = 1_709_647_629_500_012_000
+    times = [start + step for step in (0, 28_000, 43_001)]
+    Path("e.csv").write_text("x,y,timestamp,polarity\n" + "".join(f"3,1,{time},1\n" for time in times))
+    line = f"convert e.csv -o e.npz --time-unit ns --start {start} --clocks-per-sample 1000000 --sample-rate 1000"
+    code, output, error = call(line)
+    assert code == 0, error
+    assert Recording.load(Path("e.npz")).events["t"].tolist() == [0, 28_000, 43_001]
+    assert f"clock 0 is time {start} of the file" in output
+    assert "not 'noon'" in call("convert e.csv -o f.npz --time-unit ns --start noon")[2]
+
+
+def test_stamps_beyond_63_bits_do_not_wrap(folder: Path, call: Call) -> None:
+    np.savez("e.npz", t=np.array([2**64 - 5], np.uint64), x=[0], y=[0], p=[1])
+    code, _, error = call("convert e.npz -o f.npz")
+    assert code == 2
+    assert "the time 18446744073709551611 is beyond 63 bits" in error
+
+
+@pytest.mark.parametrize(("suffix", "version"), [("raw", "evt2"), ("raw", "evt3"), ("dat", "dat2"), ("es", None)])
+def test_files_of_cameras_are_read(suffix: str, version: str | None, folder: Path, call: Call) -> None:
+    """Read files that faery, a library of others, wrote."""
+    faery = pytest.importorskip("faery", reason="the group files is not installed")
+    ours = recording()
+    theirs = np.zeros(len(ours.events), faery.EVENTS_DTYPE)
+    for field in "txy":
+        theirs[field] = ours.events[field]
+    theirs["on"] = ours.events["p"]
+    stream = faery.events_stream_from_array(theirs, dimensions=(12, 9))
+    stream.to_file(f"e.{suffix}", version=version)
+    code, _, error = call(f"convert e.{suffix} -o e.npz")
+    assert code == 0, error
+    made = Recording.load(Path("e.npz"))
+    assert (made.config.rows, made.config.columns) == (9, 12)
+    if suffix == "es":  # its times count from the first event
+        ours.events["t"] -= ours.events["t"][0]
+    assert np.array_equal(np.sort(made.events, order=["t", "x", "y"]), np.sort(ours.events, order=["t", "x", "y"]))
+    Path(f"cut.{suffix}").write_bytes(b"% evt 9.0\n")
+    assert f"cut.{suffix} is damaged or not a .{suffix} file of events" in call(f"convert cut.{suffix} -o f.npz")[2]

@@ -1,5 +1,6 @@
 """The command convert (docs/guide/events.md)."""
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,7 @@ def convert(
     address_map: Path | None = opt(None, "--map", "FILE", "foreign events: taxel of each address, a .csv"),
     fields: str | None = opt(None, "A,B,...", "table: names of its columns: t, x, y, p, address, or - to skip"),
     time_unit: str | None = opt(None, "--time-unit", "s|ms|us|ns|clocks", "table: unit of its times"),
-    start: float | None = opt(None, "TIME", "foreign events: time that becomes clock 0 [0; folder: the first event]"),
+    start: str | None = opt(None, "TIME", "foreign events: time that becomes clock 0 [0; folder: the first event]"),
     wrap: int | None = opt(None, "BITS", "foreign events: bits of a time counter that wraps"),
     sort: bool = opt(False, "--sort", "foreign events: sort them by time"),
     drop_unmapped: bool = opt(False, "--drop-unmapped", "foreign events: drop addresses that --map lacks"),
@@ -53,7 +54,7 @@ def convert(
         raise InputError("--plot, --bin and --unit are for a single file; leave them out for a folder")
     if plot is not None:
         check_picture_path(plot)
-    begin = int(start) if start is not None and start.is_integer() else start  # clocks stay whole
+    begin = None if start is None else _time(start)
     foreign = {"--map": address_map, "--fields": fields, "--time-unit": time_unit, "--start": begin, "--wrap": wrap}
     foreign |= {"--sort": sort or None, "--drop-unmapped": drop_unmapped or None}
     foreign |= {option_name(name): True for name in sorted(given)}
@@ -80,6 +81,21 @@ def convert(
         end = recording.duration_clocks
         plot_signals(recording.events, None, recording.config, plot, source.name, duration_clocks=end)
         echo(f"raster: {plot}")
+
+
+def _time(text: str) -> float:
+    """Return a time, whole if it is: nanoseconds since 1970 have more digits than a float."""
+    try:
+        return int(text)
+    except ValueError:
+        pass
+    try:
+        found = float(text)
+    except ValueError:
+        found = math.nan
+    if not math.isfinite(found):
+        raise InputError(f"--start takes a time in the unit of the file, not {text!r}")
+    return int(found) if found.is_integer() else found
 
 
 def _check_output(out: Path, bin_s: float | None, unit: str | None) -> None:
