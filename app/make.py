@@ -17,15 +17,17 @@ from typing import Any
 
 from eskin.app.catalogue import GROUPS, MODULES, SUMMARIES, sections, words_of
 from eskin.app.leave import leave_quietly
-from eskin.app.setup import BASE, SetupError, groups, install, install_apart, missing, python
+from eskin.app.setup import BASE, VENV, groups, install, install_apart, missing, python
+from eskin.app.uv import SetupError
 
 EXIT_INPUT_ERROR = 2
 YES, NO = ("1", "yes", "true"), ("", "0", "no", "false")
 
 NEEDS = {
     "sim": "sim replay touch agree soak gatesim asic gatepower coverage crosscheck",
-    "snn": "train crossval predict sweep counts quantise export import convert cache fig8 robustness "
+    "snn": "train crossval predict sweep counts quantise export import fig8 robustness "
     "noise-power merits precision agree",
+    "events": "convert export import",
     "asic": "gatesim asic gatepower layout",
     "board": "demo play listen load rescue",
     "fpga": "fpga",
@@ -50,7 +52,7 @@ APART = ("layout",)  # commands with an environment of the same name
 LINT = ("-m ruff format --check .", "-m ruff check .", "-m mypy")
 MEASURED = "benchmarks/results"
 STEPS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "setup": ("make the virtual environment with all pinned packages (every target installs what it needs)", ()),
+    "setup": ("install all packages, or those of a command or group [FOR=sim]; a target installs what it needs", ()),
     "docs": (
         "build the site of documents and reference pages, out/site/index.html",
         (
@@ -127,6 +129,8 @@ def typed_variables(flags: str) -> dict[str, str]:
 
 def options_of(target: str) -> dict[str, Any]:
     """Return the parameters of a target by variable name."""
+    if target == "setup":
+        return {"FOR": None}
     if target not in MODULES:
         return {name: None for step in STEPS[target][1] for name in re.findall(r"\$(\w+)", step)}
     from eskin.app.cli import Commands
@@ -140,8 +144,15 @@ def options_of(target: str) -> dict[str, Any]:
 
 def needs_of(target: str, variables: dict[str, str]) -> list[str]:
     """Return the extras that a target needs."""
+    if target == "setup" and (words := variables.get("FOR", "").split()):
+        if unknown := [word for word in words if word not in (*groups(), *MODULES, *STEPS)]:
+            raise SetupError(f"there is no command or group {unknown[0]}{_nearest(unknown[0], [*MODULES, *groups()])}")
+        found = [group for word in words for group in ([word] if word in groups() else needs_of(word, {}))]
+        return list(dict.fromkeys([BASE, *found]))
     if target in ("setup", "test", "check"):  # the quick tests are of all blocks
         return groups()
+    if target in ("format", "pins"):
+        return [BASE, "dev"]
     if target not in MODULES:
         return [BASE, "sim", "snn", "dev", *(["docs"] if target == "docs" else [])]
     more = ["registers"] if variables.get("REGISTERS") == "spi" else []
@@ -221,6 +232,8 @@ def _make(name: str, variables: dict[str, str], dry: bool) -> None:
     install(wanted)
     if target in APART:
         install_apart(target)
+    if target == "setup":
+        print(f"{VENV} has the packages of {', '.join(wanted)}")
     for number, line in enumerate(lines, 1):
         if len(lines) > 1:
             print(f"[{number}/{len(lines)}] {shlex.join(line[1:])}", file=sys.stderr, flush=True)

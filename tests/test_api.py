@@ -111,7 +111,8 @@ def test_a_missing_group_is_one_sentence() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == [
-        f"this needs {package}, which is not installed; in the checkout: pip install -c constraints.txt '.[{group}]'"
+        f"this needs {package}, which is not installed; in the checkout: make setup FOR={group} (into .venv), or pip "
+        f"install -c constraints.txt '.[{group}]'"
         for package, group in (("cocotb", "sim"), ("torch", "snn"), ("torch", "snn"))
     ]
 

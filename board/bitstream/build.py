@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from eskin.base.errors import InputError
+from eskin.base.packages import missing
 from eskin.board.bitstream.boards import ECP5, Family, find_board
 from eskin.board.bitstream.on_board import SYSTEM_HZ, OnBoard
 from eskin.board.config import BoardConfig, SerialConfig
@@ -127,7 +128,7 @@ def _run(program: str, words: list[str], folder: Path) -> None:
         return
     said = (done.stderr or done.stdout).strip().splitlines() or [f"exit code {done.returncode}"]
     if "ModuleNotFoundError" in said[-1]:
-        raise InputError(f"{module} is not installed; in the checkout: pip install -c constraints.txt '.[fpga]'")
+        raise InputError(missing(module))
     errors = [line for line in said if line.startswith("ERROR")] or said[-1:]
     if any("Unable to find" in line or "placed" in line for line in errors):
         raise InputError(

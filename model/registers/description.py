@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from eskin.base.errors import InputError
+from eskin.base.packages import missing
 from eskin.model import __version__
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.fields import SETTABLE
@@ -112,10 +113,7 @@ def compiled(given: dict[str, Any]) -> Any:
     try:
         from systemrdl import RDLCompiler
     except ImportError:
-        raise InputError(
-            "registers need the package systemrdl-compiler; install it with: "
-            ".venv/bin/python -m pip install -c constraints.txt systemrdl-compiler peakrdl-cheader"
-        ) from None
+        raise InputError(missing("systemrdl")) from None
     compiler = RDLCompiler()
     compiler.compile_file(str(SOURCE))
     return compiler.elaborate(top_def_name=NAME, parameters=given).top

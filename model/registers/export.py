@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from eskin.base.errors import InputError
+from eskin.base.packages import missing
 from eskin.model.config import ReadoutConfig
 from eskin.model.registers import spi
 from eskin.model.registers.description import (
@@ -27,10 +28,7 @@ def c_header(config: ReadoutConfig) -> str:
     try:
         from peakrdl_cheader.exporter import CHeaderExporter
     except ImportError:
-        raise InputError(
-            "the C header needs the package peakrdl-cheader; install it with: "
-            ".venv/bin/python -m pip install -c constraints.txt systemrdl-compiler peakrdl-cheader"
-        ) from None
+        raise InputError(missing("peakrdl_cheader")) from None
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{NAME}.h"
         CHeaderExporter().export(

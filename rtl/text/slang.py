@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from eskin.base.errors import InputError
+from eskin.base.packages import missing
 from eskin.base.units import counted
 
 INCLUDE = re.compile(r'^[ \t]*`include\s+"([^"]+)".*$', re.MULTILINE)
@@ -31,7 +32,7 @@ def compilation(texts: Mapping[str, str], top: str) -> tuple[Any, Any]:
         import pyslang
         from pyslang import ast, syntax
     except ImportError:
-        raise InputError("slang is not installed; install with: pip install -c constraints.txt pyslang") from None
+        raise InputError(missing("pyslang")) from None
     atexit.unregister(gc.freeze)  # set by collect_seldom; slang would print the objects left at exit
     options = ast.CompilationOptions()
     options.topModules = {top}

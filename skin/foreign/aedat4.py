@@ -8,6 +8,7 @@ import numpy as np
 
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write
+from eskin.base.packages import missing
 from eskin.model.events.recording import Recording
 from eskin.skin.foreign.events import ForeignEvents, in_unit, lost_clocks
 
@@ -18,7 +19,7 @@ def _library() -> Any:
     try:
         import dv_processing
     except ImportError:
-        raise InputError("AEDAT 4 needs the package dv-processing; install it with make setup GROUP=exchange") from None
+        raise InputError(missing("dv_processing")) from None
     return dv_processing
 
 

@@ -18,7 +18,7 @@ from eskin.model.events.recording import Recording
 from eskin.skin.foreign.events import MOST_CLOCKS
 from eskin.snn.data.bins import BinConfig, bin_recording
 from eskin.snn.exchange.hdf5 import read_hdf5
-from eskin.snn.exchange.nir_network import INPUT
+from eskin.snn.exchange.nir_layers import INPUT
 
 OBSERVABLE = "spikes"
 HEADER = "recording"

@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 
+INPUT = "input"
+"""Name of the first node of our graphs and data."""
+
 _LINEAR = (nir.Affine, nir.Linear)
 _FIRING = (nir.IF, nir.LIF, nir.CubaLIF)
 _NEURONS = (*_FIRING, nir.I, nir.LI)

@@ -31,7 +31,7 @@ from eskin.base import formats
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write
 from eskin.snn.exchange.hdf5 import read_hdf5
-from eskin.snn.exchange.nir_layers import Layer, affine, broadcast, follow
+from eskin.snn.exchange.nir_layers import INPUT, Layer, affine, broadcast, follow
 from eskin.snn.exchange.weights import Weights, check_class_names, check_step, config_of
 from eskin.snn.kernels.rule import NeuronReset
 from eskin.snn.network import SpikingNetwork, build
@@ -46,7 +46,7 @@ MAX_DECAY_ERROR = 1e-6
 FOLDED = "input_scale"
 """Metadata of the first linear node: the scale of the inputs that its weights hold."""
 
-INPUT, HIDDEN_IN, HIDDEN = "input", "hidden_in", "hidden"
+HIDDEN_IN, HIDDEN = "hidden_in", "hidden"
 RECURRENT, READOUT_IN, READOUT, OUTPUT = "recurrent", "readout_in", "readout", "output"
 
 

@@ -1,7 +1,6 @@
 """Test make: variables reach the programs unchanged, and invalid variables are rejected."""
 
 import os
-import re
 import shlex
 import subprocess
 import sys
@@ -25,6 +24,7 @@ from eskin.app.make import (
     typed_variables,
 )
 from eskin.app.make import _call as run_line
+from eskin.app.uv import SetupError, build_of_torch, uv
 from tests.test_layers import ROOMS
 
 ROOT = Path(__file__).parents[2]
@@ -228,46 +228,64 @@ def test_tests_need_every_group(target: str) -> None:
     assert needs_of(target, {}) == setup.groups()
 
 
-def test_groups_are_installed_when_what_they_are_made_of_changes(
-    checkout: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.parametrize(
+    ("chosen", "wanted"),
+    [
+        ("sim", ["base", "sim"]),
+        ("board lint", ["base", "board", "lint"]),
+        ("convert", ["base", "events"]),
+        ("cache", ["base"]),
+        ("power train", ["base", "snn"]),
+        ("lint pins", ["base", "lint", "dev"]),
+    ],
+)
+def test_setup_installs_for_a_command_or_a_group(chosen: str, wanted: list[str]) -> None:
+    assert needs_of("setup", {"FOR": chosen}) == wanted
+
+
+def test_setup_refuses_an_unknown_command_or_group(launch: Callable[..., Any]) -> None:
+    code, lines, err = launch("setup", "FOR=sim trian")
+    assert (code, lines) == (2, [])
+    assert err == "error: there is no command or group trian; did you mean train?\n"
+
+
+@pytest.fixture
+def asked(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Replace uv by a list of its command lines, in a folder like the checkout with an empty environment."""
     monkeypatch.chdir(checkout)
-    installed: list[list[str]] = []
-    monkeypatch.setattr(setup, "_pip", installed.append)
-    monkeypatch.setattr(setup, "YOSYS", "true")
     (checkout / ".venv" / "bin").unlink()
     (checkout / ".venv" / "bin").mkdir()
-    for program in ("python", "pip", "true"):
+    for program in ("python", "pip", "uv"):
         (checkout / ".venv" / "bin" / program).symlink_to("/bin/true")
+    installed: list[list[str]] = []
+    monkeypatch.setattr(setup, "install_packages", installed.append)
+    return installed
+
+
+def test_groups_are_installed_when_what_they_are_made_of_changes(
+    checkout: Path, asked: list[list[str]], capfd: pytest.CaptureFixture[str]
+) -> None:
     assert setup.missing(setup.groups()) == setup.groups()
     setup.install(["base", "sim"])
-    assert next(what for what in installed if len(what) > 1) == [
-        *setup.requirements("base"),
-        *setup.requirements("sim"),
-    ]
-    assert installed[-1] == ["--no-deps", "-e", "."]
-    assert not {"torch", "nir", "distributed", "pytest"} & {name(text) for text in installed[1]}
+    assert asked.pop()[-7:] == ["-c", "constraints.txt", "-r", "pyproject.toml", "--extra=sim", "-e", "."]
     assert setup.missing(setup.groups()) == [group for group in setup.groups() if group not in ("base", "sim")]
-    count = len(installed)
     setup.install(["base", "sim"])
-    assert len(installed) == count
+    assert not asked
     setup.install(["base", "snn"])
-    assert installed[count:] == [setup.requirements("snn")]
+    assert asked.pop()[-5:] == ["-r", "pyproject.toml", "--extra=snn", "-e", "."]
     (checkout / "constraints.txt").unlink()
     (checkout / "constraints.txt").write_text("numpy==1\n")
     assert "base" in setup.missing(["base"])
-    assert "setting up .venv, only once: installing the pinned packages of base, sim" in capfd.readouterr().out
-
-
-def name(requirement: str) -> str:
-    return re.split(r"[<>=\[ ]", requirement)[0]
+    megabytes = setup.SIZES["base"] + setup.SIZES["sim"]
+    said = f"setting up .venv, only once: base, sim, {megabytes} MB of pinned packages\n"
+    assert capfd.readouterr().out.startswith(said)
 
 
 def test_a_failed_install_is_no_install(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(checkout)
     setup._stamp("base").write_text(setup._digest("base"))
-    monkeypatch.setattr(setup, "python", lambda: "/bin/false")
-    with pytest.raises(setup.SetupError, match="the packages could not be installed; see the error above"):
+    monkeypatch.setattr(setup, "uv", lambda python: ["/bin/false"])
+    with pytest.raises(SetupError, match="the packages could not be installed; see the error above"):
         setup.install(["base", "snn"])
     assert setup.missing(["base", "snn"]) == ["snn"]
 
@@ -279,21 +297,76 @@ def test_an_environment_apart_is_made_once_and_again_when_its_pins_change(
     folder, pinned = setup.APART["layout"]
     pinned.parent.mkdir(parents=True)
     pinned.write_text("klayout==0.30.12\n")
-    installed: list[tuple[object, ...]] = []
+    installed: list[list[str]] = []
     monkeypatch.setattr(setup.shutil, "which", lambda program: None)
-    with pytest.raises(setup.SetupError, match=r"^klayout not found; install with: apt-get install klayout$"):
+    with pytest.raises(SetupError, match=r"^klayout not found; install with: apt-get install klayout$"):
         setup.install_apart("layout")  # before anything is downloaded
     assert not folder.exists()
     monkeypatch.setattr(setup.shutil, "which", lambda program: program)
-    monkeypatch.setattr(setup.subprocess, "run", lambda command, check: subprocess.CompletedProcess(command, 0))
-    monkeypatch.setattr(setup, "_pip", lambda *words: installed.append(words))
+    done = subprocess.CompletedProcess([], 0, "", "")
+    monkeypatch.setattr(setup.subprocess, "run", lambda command, **options: done)
+    monkeypatch.setattr(setup, "install_packages", installed.append)
     setup.install_apart("layout")
     setup.install_apart("layout")
-    assert installed == [(["-r", str(pinned)], folder)]
+    (command,) = installed
+    assert command[:5] == [f"{folder}/bin/uv", "pip", "install", "--python", f"{folder}/bin/python"]
+    assert command[-2:] == ["-r", str(pinned)]
     pinned.write_text("klayout==0.30.13\n")
     setup.install_apart("layout")
     assert len(installed) == 2
     assert not (tmp_path / ".venv").exists()
+
+
+# -- uv ----------------------------------------------------------------------------------------------
+
+
+def program(path: Path, text: str) -> None:
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
+
+
+def test_uv_takes_the_indexes_and_folders_of_pip(tmp_path: Path) -> None:
+    said = """\
+:env:.find-links='/mine'
+global.cert='/store.crt'
+global.extra-index-url='file:///a file:///b'
+global.find-links='/theirs'
+install.trusted-host='x\\ny'"""
+    program(tmp_path / "python", f"cat <<'END'\n{said}\nEND")
+    assert uv(str(tmp_path / "python"))[5:-1] == [
+        *("--allow-insecure-host", "x", "--allow-insecure-host", "y", "--find-links", "/mine"),
+        *("--index", "file:///a", "--index", "file:///b"),
+    ]
+
+
+NO_GPU, WITH_GPU = "+ torch==2.13.0+cpu", "+ nvidia-nvtx==13\n + torch==2.13.0"
+
+
+@pytest.mark.parametrize(
+    ("configured", "suited", "option", "said"),
+    [
+        ("+ numpy==2", "", [], ""),
+        (NO_GPU, "", [], "PyTorch without libraries for GPUs: 0.2 GB to download"),
+        (WITH_GPU, NO_GPU, ["--torch-backend=auto"], "PyTorch without libraries for GPUs: 0.2 GB to download"),
+        (WITH_GPU, WITH_GPU, ["--torch-backend=auto"], "PyTorch with its libraries for GPUs: 2.4 GB to download"),
+        (WITH_GPU, "", [], "PyTorch with its libraries for GPUs: 2.4 GB to download"),
+    ],
+)
+def test_the_build_of_torch_suits_the_machine(
+    tmp_path: Path, configured: str, suited: str, option: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Check an index with a CPU build, an index with builds for GPUs, and a network without the index of PyTorch."""
+    answers = {"": configured, "auto": suited}
+    for name, text in answers.items():
+        (tmp_path / f"planned{name}").write_text(f" {text}\n" if text else "")
+    program(
+        tmp_path / "uv",
+        f"""case "$*" in *--torch-backend=auto*) name=auto;; esac
+        case "$*" in *--dry-run*) ;; *) exit 3;; esac
+        test -s {tmp_path}/planned$name && cat {tmp_path}/planned$name >&2""",
+    )
+    assert build_of_torch([str(tmp_path / "uv"), "pip", "install"]) == option
+    assert capsys.readouterr().out.startswith(said)
 
 
 def test_processes_keep_bytecode_whatever_the_image_says(monkeypatch: pytest.MonkeyPatch) -> None:

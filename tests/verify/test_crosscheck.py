@@ -70,7 +70,9 @@ def test_what_cannot_be_played_and_what_is_missing_are_one_sentence(monkeypatch:
     with pytest.raises(InputError, match="CXXRTL needs a digital front end, the stream link, and no registers"):
         play(FEW.replace(link="four_phase"))
     monkeypatch.setitem(sys.modules, "pyslang", None)
-    with pytest.raises(InputError, match="slang is not installed; install with: pip install"):
+    with pytest.raises(
+        InputError, match="this needs pyslang, which is not installed; in the checkout: make setup FOR=lint"
+    ):
         problems({"a.v": "module a; endmodule"}, "a")
 
 
@@ -117,4 +119,7 @@ def test_an_answer_that_is_missing_ends_the_run(monkeypatch: pytest.MonkeyPatch)
 
 def test_without_the_solver_there_is_one_sentence(refuses: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sby, "find_spec", lambda name: None)
-    refuses("z3-solver is missing; run make crossproof", "dev crossproof --block link --small")
+    refuses(
+        "this needs z3-solver, which is not installed; in the checkout: make setup FOR=proof",
+        "dev crossproof --block link --small",
+    )

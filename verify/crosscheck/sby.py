@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from eskin.base.errors import InputError
+from eskin.base.packages import missing
 from eskin.verify.proofs.bench import TOP, cutting, design, exposing
 from eskin.verify.proofs.checker import Checker
 from eskin.verify.proofs.engine import Verdict
@@ -37,7 +38,7 @@ class SolverFailed(RuntimeError):
 def search(checker: Checker[Any], depth: int, rtlil: str = "") -> Verdict:
     """Return the first clock of each failure, and of each covered case, within a depth."""
     if find_spec("z3") is None:
-        raise InputError("z3-solver is missing; run make crossproof, or pip install -c constraints.txt -e '.[proof]'")
+        raise InputError(missing("z3"))
     started = time.monotonic()
     text, bench = design(checker, rtlil)
     covers = "\n".join(COVER.format(name=output.name) for output in [*bench.bad.values(), *bench.seen.values()])
