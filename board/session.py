@@ -24,6 +24,7 @@ from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import IntegerWeights, neuron_image, weight_image
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.compare import first_difference
+from eskin.model.links.four_phase import FourPhase
 from eskin.skin.foreign.address_map import AddressMap
 
 MOST_CLOCKS = 1 << 24  # of one RUN: a running board without events sends nothing
@@ -88,11 +89,11 @@ def player_events(config: ChipConfig) -> Callable[[Event], AddressEvent]:
 def foreign_events(config: ReadoutConfig, mapping: AddressMap | None = None) -> Callable[[Event], AddressEvent]:
     """Return a function that converts an address {polarity, row, column} of another chip to an event.
 
-    With the link ``four_phase_dual`` the request names the polarity, and the address is {row, column}. A map gives the
-    taxel of each address, or of each column and row, without the polarity. The function raises InputError for an
-    address that the array does not have, and for two requests at once.
+    Where the request names the polarity, the address is {row, column}. A map gives the taxel of each address, or of
+    each column and row, without the polarity. The function raises InputError for an address that the array does not
+    have, and for two requests at once.
     """
-    dual = config.link == "four_phase_dual"
+    dual = config.protocol.request_has_polarity
     places = [(column, row) for row in range(config.rows) for column in range(config.columns)]
     sources: Mapping[tuple[int, ...], tuple[int, int]] = mapping.taxels if mapping else {one: one for one in places}
     across = max(source[0] for source in sources).bit_length()
@@ -252,8 +253,9 @@ def listen(link: Link, received: Received, seconds: float | None) -> bool:
 def foreign_config(config: ReadoutConfig, clock_hz: float) -> ReadoutConfig:
     """Return the configuration for a recording of another chip, timed in clocks of the board."""
     clocks = max(round(clock_hz / config.sample_rate_hz), 1)
-    link = config.link if config.link == "four_phase_dual" else "four_phase"
-    return config.replace(link=link, clocks_per_sample=clocks, sample_rate_hz=clock_hz / clocks)
+    if not config.protocol.asynchronous:
+        config = config.replace(link=FourPhase.name)
+    return config.replace(clocks_per_sample=clocks, sample_rate_hz=clock_hz / clocks)
 
 
 def observed_clocks(received: Received) -> int:

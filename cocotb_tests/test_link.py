@@ -24,7 +24,7 @@ def event_of(config: ReadoutConfig, event: Event) -> AerEvent:
     """Return the address of an event, without the polarity if the polarity selects the request line."""
     row, column, polarity = event
     address = column | row << config.column_bits
-    if config.link == "four_phase_dual":
+    if config.protocol.request_has_polarity:
         return AerEvent(address, polarity)
     return AerEvent(address | (polarity << (config.row_bits + config.column_bits) if config.has_polarity else 0))
 

@@ -16,6 +16,8 @@ from eskin.base.files import read_json
 from eskin.model.encoders import registry
 from eskin.model.encoders.encoder import Encoder
 from eskin.model.encoders.fields import KINDS, SETTABLE, Fields, parse
+from eskin.model.links import registry as links
+from eskin.model.links.link import Link as Protocol
 
 Encoding = Literal["lcs", "cw-lcs", "nlcs", "nlcs-bipolar"]
 """Names of the encoders in ``eskin.model.encoders.registry``, repeated for the type checker."""
@@ -25,6 +27,10 @@ if get_args(Encoding) != registry.NAMES:
     )
 
 Link = Literal["stream", "four_phase", "four_phase_dual"]
+"""Names of the links in ``eskin.model.links.registry``, repeated for the type checker."""
+if get_args(Link) != links.NAMES:
+    raise TypeError(f"Link lists {get_args(Link)}, eskin.model.links.registry {links.NAMES}; make them the same")
+
 Frontend = Literal["digital", "analog"]
 Reset = Literal["sync", "async"]
 DecideEvery = Literal["clock", "sample"]
@@ -241,11 +247,7 @@ class ReadoutConfig(Configuration):
 
         if self.fields == SETTABLE and self.registers == "none":
             raise InputError("fields settable need registers in which a host chooses them; set registers to spi")
-        if self.link == "four_phase_dual" and not self.has_polarity:
-            raise InputError(
-                f"link four_phase_dual has requests for ON and OFF, but encoding {self.encoding} sends only ON; "
-                f"give link four_phase"
-            )
+        self.protocol.check(self)
 
     def _check_array(self) -> None:
         self._check_range("rows", 1, MAX_SIDE)
@@ -257,6 +259,11 @@ class ReadoutConfig(Configuration):
     def encoder(self) -> Encoder:
         """Encoder object of the configured encoding."""
         return registry.named(self.encoding)
+
+    @property
+    def protocol(self) -> Protocol:
+        """Link object of the configured link."""
+        return links.named(self.link)
 
     @property
     def idle_fields(self) -> tuple[str, ...]:
@@ -344,14 +351,9 @@ class ReadoutConfig(Configuration):
         return int(self.has_polarity) + self.row_bits + self.column_bits
 
     @property
-    def handshake(self) -> bool:
-        """True if the link is a four-phase handshake, with one or two request lines."""
-        return bool(self.chosen("link", stream=False, four_phase=True, four_phase_dual=True))
-
-    @property
     def address_bits(self) -> int:
         """Address bits beside the request lines of a four-phase link."""
-        return self.event_bits - (self.link == "four_phase_dual")
+        return self.event_bits - self.protocol.request_has_polarity
 
     @property
     def tau_s(self) -> float:

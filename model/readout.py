@@ -16,17 +16,24 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.files import forget_stale_kernels
-from eskin.model import arbiter, decay, link
+from eskin.model import arbiter, decay
 from eskin.model import taxel_kernels as taxel
 from eskin.model.address_events import Events, make_events
 from eskin.model.arbiter import ONE, ZERO, lowest, without_lowest
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import compiled, fields
 from eskin.model.encoders.fields import ANALOG_RANGE
+from eskin.model.links import compiled as links
+from eskin.model.links.four_phase import ACK_QUANTA
+from eskin.model.links.link import NOTHING, Sink
 from eskin.model.registers import pattern, settings
 from eskin.model.taxel_kernels import Parameters
 
-SOURCES = (*compiled.sources(), *(Path(str(m.__file__)) for m in (arbiter, link, pattern, settings, taxel)))
+SOURCES = (
+    *compiled.sources(),
+    *links.sources(),
+    *(Path(str(m.__file__)) for m in (arbiter, pattern, settings, taxel)),
+)
 """Files and folders with code that the compiled loop of this file contains."""
 forget_stale_kernels(Path(__file__), SOURCES)
 
@@ -117,7 +124,7 @@ class Stimulus:
                 raise InputError("choice_clock must rise from 0")
         if not self.ready.size or not self.ack_delay.size:
             raise InputError("ready and ack_delay must not be empty")
-        if (self.ack_delay < 1).any() or (self.ack_delay % link.ACK_QUANTA == 0).any():
+        if (self.ack_delay < 1).any() or (self.ack_delay % ACK_QUANTA == 0).any():
             raise InputError("ack_delay must be positive and never a multiple of 8, or ACK changes at a clock edge")
 
 
@@ -212,8 +219,7 @@ class Inputs(NamedTuple):
     clocks: int
     enable_clock: NDArray[np.int64]
     enable: NDArray[np.bool_]
-    ready: NDArray[np.uint8]
-    ack_delay: NDArray[np.int64]
+    sink: Sink
     phases: NDArray[np.int64]
     decisions: NDArray[np.uint8]
     choice_clock: NDArray[np.int64]
@@ -221,7 +227,7 @@ class Inputs(NamedTuple):
 
 
 class Registers(NamedTuple):
-    """All registers of a readout except the decay tick counter; see ``taxel_kernels``, ``arbiter`` and ``link``."""
+    """All registers of a readout except the decay tick counter; see ``taxel_kernels``, ``arbiter`` and ``links``."""
 
     taxels: NDArray[np.void]
     rows: NDArray[np.void]
@@ -234,7 +240,7 @@ class Registers(NamedTuple):
         taxels = np.zeros(config.taxels, taxel.taxel_dtype(config))
         taxels["u"] = Parameters.of(config).reset
         taxels["given"] = -1
-        return cls(taxels, np.zeros(config.rows, arbiter.ROW_DTYPE), arbiter.new_state(), link.new_state())
+        return cls(taxels, np.zeros(config.rows, arbiter.ROW_DTYPE), arbiter.new_state(), config.protocol.new_state())
 
 
 def _run(
@@ -248,15 +254,14 @@ def _run(
         clocks,
         stimulus.enable_clock,
         stimulus.enable & ~fields.is_off(config),
-        stimulus.ready,
-        stimulus.ack_delay,
+        Sink(stimulus.ready, stimulus.ack_delay),
         decay.decay_phases(config),
         _decisions(config, stimulus),
         *_shown(config, stimulus),
     )
     given_settings = stimulus.settings if len(stimulus.settings) else None
     traffic = np.zeros(0, np.uint8) if traffic is None else traffic
-    time, event = _loop(Parameters.of(config), inputs, registers, given_settings, traffic).T
+    time, event = _loop(Parameters.of(config), config.protocol.rule(), inputs, registers, given_settings, traffic).T
     row, column = np.divmod(event >> 1, config.columns)
     return make_events(time, row, column, event & 1), registers
 
@@ -287,18 +292,17 @@ def _decisions(config: ReadoutConfig, stimulus: Stimulus) -> NDArray[np.uint8]:
 
 
 @njit(cache=True, nogil=True)
-def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: Any) -> NDArray[np.int64]:
+def _loop(p: Any, link: Any, s: Inputs, r: Registers, given_settings: Any, traffic: Any) -> NDArray[np.int64]:
     """Simulate the readout; return the clock and 2 * taxel + polarity of every event, shape (events, 2).
 
     Settings are None without a host: the compiled loop then has no code for settings. ``traffic`` takes the states that
     ``simulate_counted`` returns, if it has room.
     """
-    taxels, rows, latch, aer = r
-    samples, sample_clock, clocks, enable_clock, enable, wants, ack_delay, phases, decisions, choice_clock, shown = s
+    taxels, rows, latch, sender = r
+    samples, sample_clock, clocks, enable_clock, enable, sink, phases, decisions, choice_clock, shown = s
     log = np.empty((1024, 2), np.int64)
     events = ticks = changes = choices = 0  # events, sample ticks, masks and choices of fields so far
     tick = again = False
-    on_link = np.int64(0)
     host = settings.new_host()
     t = 0
     while t < clocks:
@@ -320,13 +324,8 @@ def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: 
             choices, moved = choices + 1, True
 
         # Transfer, and the grant of the next row.
-        take = arbiter.offers(latch) and (link.ready(aer) if p.four_phase else wants[t % len(wants)] != 0)
-        if take:
-            on_link = arbiter.take(latch, p.columns)
-            if not p.four_phase:
-                log = with_room(log, events)
-                log[events, 0], log[events, 1] = t, on_link
-                events += 1
+        take = arbiter.offers(latch) and links.ready(link, sender, sink, t)
+        taken = arbiter.take(latch, p.columns) if take else np.int64(NOTHING)
         if len(traffic):
             traffic[t] = TAKEN if take else WAITED if arbiter.offers(latch) else 0
         row = arbiter.grant(latch, rows)
@@ -352,14 +351,15 @@ def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: 
         if tick:
             take_samples(p, samples[ticks], taxels, rows)
             ticks += 1
-        if p.four_phase and link.advance(aer, t, take, ack_delay) and t + 1 < clocks:
+        left = links.advance(link, sender, sink, t, taken)
+        if left != NOTHING and t + link.late < clocks:
             log = with_room(log, events)
-            log[events, 0], log[events, 1] = t, on_link
+            log[events, 0], log[events, 1] = t, left
             events += 1
 
         t += 1
         still = arbiter.idle(latch) and not tick and not again and not given and not testing
-        if still and (not p.four_phase or link.ready(aer)):
+        if still and links.rests(link, sender):
             until = sample_clock[ticks] if ticks < len(sample_clock) else clocks
             if changes < len(enable_clock):
                 until = min(until, enable_clock[changes])

@@ -39,7 +39,6 @@ class Parameters(NamedTuple):
     leaks: bool
     per_sample: bool
     digital: bool
-    four_phase: bool
     columns: int
     reset: int
     top: int
@@ -55,7 +54,6 @@ class Parameters(NamedTuple):
             leaks=encoder.leaks,
             per_sample=config.decide_every == "sample",
             digital=config.chosen("frontend", digital=True, analog=False),
-            four_phase=config.handshake,
             columns=config.columns,
             reset=config.reference_reset << bits,
             top=(config.full_scale << bits) - 1,

@@ -20,6 +20,7 @@ from eskin.model.registers.description import NAME
 from eskin.model.registers.export import c_header, page
 from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE, TEST
+from eskin.rtl.links import registry as links
 from eskin.rtl.text.testbench import has_testbench, testbench
 from eskin.rtl.verilog import Config, header, top_block, verilog, what_is
 
@@ -36,23 +37,20 @@ PORTS = PORTS_OF_ALL | {
     "step_code": "D in codes, for the comparators' DACs, from flops, unsigned; a host sets it",
     "field_select": "{{both, neighbours, own}} of every taxel, for its multiplexer, from flops, one-hot or none; taxel "
     "0 in the least significant bits; a host sets it",
-    "event_valid": "an address event is offered",
-    "event_ready": "the sink takes the event at this edge",
-    "event_row": "row of the event",
-    "event_col": "column of the event",
-    "event_polarity": "1 is ON, 0 is OFF",
-    "aer_req": "request, four-phase",
-    "aer_req_on": "request of an ON event, four-phase; never high beside aer_req_off",
-    "aer_req_off": "request of an OFF event, four-phase",
-    "aer_ack": "acknowledge, asynchronous",
-    "aer_addr": "{address_bits}; stable from one clock before a request rises until aer_ack has fallen",
+}
+"""Meaning of the ports of the spiking readout before those of its link.
+
+Fields in braces are those of the configuration.
+"""
+
+HOST_PORTS = {
     "spi_sck": "SPI mode 0, asynchronous; its times stand in eskin_registers.md",
     "spi_cs_n": "chip select, active low, asynchronous",
     "spi_mosi": "from the host, asynchronous",
     "spi_miso": "to the host",
     "spi_miso_enable": "opens the pad of spi_miso: a transfer is under way",
 }
-"""Meaning of every port of the spiking readout; fields in braces are those of the configuration."""
+"""Meaning of the ports of the spiking readout behind those of its link."""
 
 OUTSIDE = 0.2
 """Share of the period for the logic that drives an input or takes an output."""
@@ -88,8 +86,8 @@ TEST_PORT = {
 MACRO_IN, MACRO_OUT = ("above", "below"), ("reference_code", "half_width")
 """Ports at the comparators and the DACs of the analog front end."""
 
-ASYNCHRONOUS = ("aer_ack", "spi_sck", "spi_cs_n", "spi_mosi")
-"""Inputs without a relation to the clock."""
+SPI = ("spi_sck", "spi_cs_n", "spi_mosi")
+"""Inputs of the host without a relation to the clock."""
 
 OF_TILES = "; those of a tile together, tile 0 in the least significant bits"
 
@@ -168,10 +166,15 @@ def _fields(config: ReadoutConfig) -> dict[str, Any]:
     }
 
 
+def _meanings(config: ReadoutConfig) -> dict[str, str]:
+    """Return the meaning of every port of a readout with its link."""
+    return PORTS | links.named(config.link).meanings | HOST_PORTS
+
+
 def _address_bits(config: ReadoutConfig) -> str:
     """Return the meaning of each bit of an address, such as ``[4] polarity (1 = ON), [3:2] row, [1:0] column``."""
     parts, low = [], 0
-    polarity = config.has_polarity and config.link != "four_phase_dual"
+    polarity = config.has_polarity and not config.protocol.request_has_polarity
     for name, bits in (("column", config.column_bits), ("row", config.row_bits), ("polarity (1 = ON)", int(polarity))):
         if bits:
             parts.append(f"[{low}] {name}" if bits == 1 else f"[{low + bits - 1}:{low}] {name}")
@@ -189,17 +192,17 @@ def ports(config: Config, gated: bool = False) -> Iterator[dict[str, Any]]:
     if isinstance(config, ClassifierConfig):
         meanings = CLASSIFIER_PORTS
     elif isinstance(config, ReadoutConfig):
-        fields, meanings = _fields(config), PORTS
+        fields, meanings = _fields(config), _meanings(config)
     elif isinstance(config, ChipConfig):
         fields = _fields(config.readout) | config.classifier.to_dict()
-        meanings = PORTS | CLASSIFIER_PORTS | WATCHED_PORTS
+        meanings = _meanings(config.readout) | CLASSIFIER_PORTS | WATCHED_PORTS
     elif isinstance(config, MergeConfig):
         meanings = MERGE_PORTS
     if isinstance(config, TilesConfig):
-        own = {name: f"{meaning}{OF_TILES}" for name, meaning in PORTS.items() if name not in MERGE_PORTS}
+        own = {name: f"{meaning}{OF_TILES}" for name, meaning in meanings.items() if name not in MERGE_PORTS}
         if not config.relays:
             own["sample_valid"] = f"{PORTS['sample_valid']}, of all tiles"
-        meanings = PORTS | own | {name: text for name, text in MERGE_PORTS.items() if name.startswith("event_")}
+        meanings = meanings | own | {name: text for name, text in MERGE_PORTS.items() if name.startswith("event_")}
     for name, meaning in meanings.items():
         if name in ("clk", "rst"):
             direction, width = "input", 1
@@ -233,7 +236,8 @@ def constraints(config: Config, gated: bool = False) -> str:
     own = list(ports(config, gated))
     pins = {port["name"]: port["name"] + ("[*]" if port["width"] > 1 else "") for port in own}
     inputs = {port["name"] for port in own if port["direction"] == "input"}
-    timed = [name for name in pins if name not in ("clk", *ASYNCHRONOUS, *MACRO_IN, *MACRO_OUT)]
+    ack = links.named(config.link).asynchronous if isinstance(config, ReadoutConfig) else ()
+    timed = [name for name in pins if name not in ("clk", *ack, *SPI, *MACRO_IN, *MACRO_OUT)]
     base = "sample rate times clocks per sample"
     if isinstance(config, FrameConfig):
         base = "frame rate times clocks per frame"
@@ -255,8 +259,8 @@ def constraints(config: Config, gated: bool = False) -> str:
         outputs=joined(name for name in timed if name not in inputs),
         decisions=joined(MACRO_IN),
         references=joined(MACRO_OUT),
-        ack=joined(ASYNCHRONOUS[:1]),
-        spi=joined(ASYNCHRONOUS[1:]),
+        ack=joined(ack),
+        spi=joined(SPI),
     )
 
 

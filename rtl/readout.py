@@ -12,7 +12,7 @@ from eskin.rtl.arbiter import Arbiter, event_ports
 from eskin.rtl.block import Block
 from eskin.rtl.decay import DecayTicks
 from eskin.rtl.encoders.fields import Fields
-from eskin.rtl.link import FourPhaseLink, aer_ports
+from eskin.rtl.links import registry as links
 from eskin.rtl.logic import or_tree
 from eskin.rtl.registers.decay import SettableDecayTicks
 from eskin.rtl.registers.host import Host, selects
@@ -32,10 +32,8 @@ class Readout(Block[ReadoutConfig]):
         front end has only ``sample_valid``, the sample tick, if the encoder needs it.
     above, below, reference_code, half_width
         Comparator decisions in, references and half-widths out (analog front end), see ``Taxel``.
-    event_valid, event_ready, event_row, event_col, event_polarity
-        Address events (``link="stream"``).
-    aer_req, aer_ack, aer_addr
-        Address events (``link="four_phase"``).
+    event_valid, event_ready, event_row, event_col, event_polarity; or aer_req, aer_ack, aer_addr
+        Address events, at the ports of the link (``eskin.rtl.links``).
     spi_sck, spi_cs_n, spi_mosi, spi_miso, spi_miso_enable
         Settings at run time (``registers="spi"``), see ``eskin.rtl.registers``.
     step_code : Out(half_width_bits)
@@ -56,7 +54,7 @@ class Readout(Block[ReadoutConfig]):
         for name in row.per_taxel:
             flow = In if row.signature.members[name].flow is In else Out
             ports[name] = flow(unsigned(config.rows * len(getattr(row, name))))
-        ports |= aer_ports(config) if config.handshake else event_ports(config, Out)
+        ports |= links.named(config.link).ports(config)
         if config.registers == "spi":
             ports |= PINS | ({"step_code": Out(config.half_width_bits)} if _shows_step(config) else {})
             ports |= {"field_select": Out(3 * config.taxels)} if selects(config) else {}
@@ -115,10 +113,11 @@ class Readout(Block[ReadoutConfig]):
         m.d.comb += awake.eq(or_tree(stirs))
 
         sink: Any = self
-        if config.handshake:
-            sink = FourPhaseLink(config)
+        link = links.named(config.link)
+        if link.block is not None:
+            sink = link.block(config)
             sink.place(m, "link", platform)
-            sink.connect_all(m, self, aer_ports(config))
+            sink.connect_all(m, self, link.ports(config))
         arbiter.connect_all(m, sink, event_ports(config, Out))
         return m
 

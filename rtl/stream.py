@@ -8,6 +8,7 @@ from amaranth.lib.wiring import In, Out
 
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
+from eskin.model.links.stream import Stream
 from eskin.rtl.arbiter import event_ports
 from eskin.rtl.readout import Readout
 
@@ -36,8 +37,8 @@ class StreamReadout(wiring.Component):
     def __init__(self, config: ReadoutConfig) -> None:
         if config.frontend != "digital":
             raise InputError(f"a sample stream needs frontend 'digital', not {config.frontend!r}")
-        if config.link != "stream":
-            raise InputError(f"link {config.link!r} is a four-phase handshake; set link to stream")
+        if not config.protocol.streams:
+            raise InputError(f"an event stream needs link {Stream.name!r}, not {config.link!r}")
         self.config = config
         self.readout = Readout(config)
         ports = self.readout.signature.members

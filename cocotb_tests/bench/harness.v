@@ -10,8 +10,8 @@
 // A sample has S bits in a word of 16 bits, or of 32 where S is larger. S is W; with the analog front end W + 6: four
 // fraction bits and four times the range, signed.
 //
-// events.bin has 64 bits for every event, least significant byte first: {clock: 48, address: 16}. The address is that
-// on the wires of the four-phase link, else {polarity: 1, row: 7, column: 8}; all ones if a level in it is unknown.
+// events.bin has 64 bits for every event, least significant byte first: {clock: 48, address: 16}. The address is
+// {polarity: 1, row: 7, column: 8}; all ones if a level in it is unknown.
 //
 // With SKIPS and `skipping` the harness plays only the clocks in which something can change. While the readout is not
 // `awake`, every register keeps its value at the end of the clock, for any inputs (verify/proofs/clock_stop.py); no
@@ -234,7 +234,7 @@ module harness;
       + 1
 `endif
       ;
-`ifdef DUAL
+`ifdef FOUR_PHASE_DUAL
   wire aer_req_on, aer_req_off;
   wire aer_req = aer_req_on | aer_req_off;
   localparam ADDRESS_BITS = EVENT_BITS - 1;
@@ -249,7 +249,7 @@ module harness;
   wire aer_addr = 0;  // a single taxel needs no address
 `endif
   // {polarity, row, column}, as the link with one request has it on its wires
-`ifndef DUAL
+`ifndef FOUR_PHASE_DUAL
   wire [ROW_BITS+COLUMN_BITS:0] event_word = aer_addr;
 `elsif ADDRESS
   wire [ROW_BITS+COLUMN_BITS:0] event_word = {aer_req_on, aer_addr};
@@ -342,7 +342,7 @@ module harness;
       .sample(sample),
 `endif
 `ifdef FOUR_PHASE
-`ifdef DUAL
+`ifdef FOUR_PHASE_DUAL
       .aer_req_on(aer_req_on),
       .aer_req_off(aer_req_off),
 `else
@@ -555,7 +555,13 @@ module harness;
 
 `ifdef FOUR_PHASE
   reg [11:0] edges = 0;
-  wire [15:0] address = event_word;
+  wire [7:0] column = event_word & ((1 << COLUMN_BITS) - 1);
+  wire [6:0] row = (event_word >> COLUMN_BITS) & ((1 << ROW_BITS) - 1);
+`ifdef POLARITY
+  wire [15:0] address = {event_word[ROW_BITS+COLUMN_BITS], row, column};
+`else
+  wire [15:0] address = {1'b1, row, column};
+`endif
   reg req_before = 0;
   reg ack_before = 0;
   reg [ROW_BITS+COLUMN_BITS:0] addr_before = 0;  // one bit wider where there is no polarity
@@ -574,7 +580,7 @@ module harness;
     addr_before <= aer_addr;
     if (running) begin
       if (aer_req && !req_before) record_event({cycle[47:0] - 48'd1, address});
-`ifdef DUAL
+`ifdef FOUR_PHASE_DUAL
       if (aer_req_on && aer_req_off) broken(0);
 `endif
       if ((aer_req || aer_ack) && aer_addr != addr_before) broken(1);

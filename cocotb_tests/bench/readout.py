@@ -95,20 +95,14 @@ def _repeat(pattern: NDArray[Any], length: int) -> NDArray[Any]:
     return np.tile(pattern, length // len(pattern))
 
 
-def read_events(config: ReadoutConfig, folder: Path) -> Events:
+def read_events(folder: Path) -> Events:
     """Return the events that the harness recorded."""
     words = np.fromfile(folder / "events.bin", "<u8")
     t, address = words >> np.uint64(16), words.astype(np.uint16)
     if (unknown := np.flatnonzero(address == UNKNOWN)).size:
         raise Mismatch(f"the event in clock {t[unknown[0]]} has an unknown address or polarity (x or z)")
-    if config.handshake:
-        column = address & (1 << config.column_bits) - 1
-        row = address >> config.column_bits & (1 << config.row_bits) - 1
-        polarity = address >> (config.column_bits + config.row_bits) if config.has_polarity else 1
-    else:
-        column, row, polarity = address & 0xFF, address >> 8 & 0x7F, address >> 15
     events = np.empty(len(t), EVENT_DTYPE)
-    events["t"], events["y"], events["x"], events["p"] = t, row, column, polarity
+    events["t"], events["y"], events["x"], events["p"] = t, address >> 8 & 0x7F, address & 0xFF, address >> 15
     return events
 
 
@@ -153,7 +147,7 @@ def compare(
     try:
         if outcome.errors == STUCK:
             raise Mismatch("the request stays high or unknown in reset, so no run can begin")
-        events = read_events(config, folder)
+        events = read_events(folder)
     except Mismatch as problem:
         raise Mismatch(f"{problem}; reproduce: {reproduce}") from None
     difference = first_difference(simulate(config, stimulus), events)
@@ -205,7 +199,7 @@ class Bench:
         """Play a stimulus, and return the RTL's events (``skip`` as for ``go``)."""
         write_stimulus(self.config, self.folder, stimulus)
         await go(self.dut, skip and bool(stimulus.ready.all()))
-        return read_events(self.config, self.folder)
+        return read_events(self.folder)
 
     async def check(self, name: str, stimulus: Stimulus, skip: bool = False) -> Events:
         """Play a stimulus, compare RTL and model, and return the events (``skip`` as for ``go``)."""

@@ -5,7 +5,7 @@ from typing import Any
 
 from eskin.cocotb_tests.independent.arbiter import Arbiter
 from eskin.cocotb_tests.independent.fields import on, signals
-from eskin.cocotb_tests.independent.link import FourPhaseLink
+from eskin.cocotb_tests.independent.link import LINKS
 from eskin.cocotb_tests.independent.settings import Settings
 from eskin.cocotb_tests.independent.taxel import KINDS
 
@@ -27,8 +27,7 @@ class Readout:
         kind = KINDS[settings.encoding]
         self.taxels = [[kind(settings) for _ in range(settings.columns)] for _ in range(settings.rows)]
         self.arbiter = Arbiter(settings.rows, settings.columns)
-        four_phase = {"stream": False, "four_phase": True, "four_phase_dual": True}[settings.link]
-        self.link = FourPhaseLink() if four_phase else None
+        self.link = LINKS[settings.link]()
         self.events: list[tuple[int, int, int, int]] = []
         self.reset()
 
@@ -38,19 +37,14 @@ class Readout:
             for taxel in row:
                 taxel.reset()
         self.arbiter.reset()
-        if self.link:
-            self.link.reset()
+        self.link.reset()
         self.time = 0
         self.new_samples = False
         self.ticks = 0
 
     def outputs(self) -> dict[str, Any]:
         """Return the outputs in this clock by port name."""
-        if self.link:
-            return {"aer_req": self.link.request(), "aer_addr": self.link.event}
-        event = self.arbiter.output()
-        row, column, polarity = event or (0, 0, 0)
-        return {"event_valid": event is not None, "event_row": row, "event_col": column, "event_polarity": polarity}
+        return self.link.outputs(self.arbiter.output())
 
     def thresholds(self) -> list[tuple[int, int]]:
         """Return (reference_code, half_width) of every taxel for analog comparators."""
@@ -75,7 +69,7 @@ class Readout:
         sample : codes of all taxels, index row * columns + column (digital front end)
         enable : mask bits of all taxels, default all 1
         ready : event_ready (link stream)
-        ack : aer_ack (link four_phase)
+        ack : aer_ack (asynchronous receiver)
         decisions : (above, below) of all taxels (analog front end)
         rst : the reset
         """
@@ -105,15 +99,10 @@ class Readout:
     def _clock_arbiter(self, ready: bool, ack: int, enable: Sequence[bool]) -> list[tuple[int, int]]:
         """Advance the arbiter; return the latched requests."""
         offered = self.arbiter.output()
-        if self.link:
-            ready = self.link.ready()
-            rises = self.link.request()
-            self.link.clock(offered, ack)
-            if self.link.request() and not rises and self.link.event is not None:
-                row, column, polarity = self.link.event
-                self.events.append((self.time, column, row, polarity))
-        elif offered and ready:
-            row, column, polarity = offered
+        ready = self.link.ready(ready)
+        left = self.link.clock(offered, ack, ready)
+        if left is not None:
+            row, column, polarity = left
             self.events.append((self.time, column, row, polarity))
         return self.arbiter.clock(self.requests(enable), ready)
 

@@ -36,6 +36,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.model.tiles.config import MergeConfig
 from eskin.rtl.classifier.core import Classifier
+from eskin.rtl.links import registry as links
 from eskin.rtl.registers.host import selects
 from eskin.rtl.verilog import Config
 
@@ -311,14 +312,14 @@ def require_programs(simulator: Simulator) -> None:
 def may_skip(config: Config) -> bool:
     """Return whether the harness can skip the clocks in which readout and classifier are not awake.
 
-    The proof that nothing changes then (``eskin.verify.proofs.clock_stop``) leaves out the four-phase link and the
+    The proof that nothing changes then (``eskin.verify.proofs.clock_stop``) leaves out the block of a link and the
     host's registers, which listen in every clock; comparators of the analog front end may decide anew in every clock.
     """
     if isinstance(config, ChipConfig):
         return may_skip(config.readout)
     if not isinstance(config, ReadoutConfig):
         return False
-    return config.frontend == "digital" and not config.handshake and config.registers == "none"
+    return config.frontend == "digital" and links.named(config.link).block is None and config.registers == "none"
 
 
 def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:
@@ -333,8 +334,6 @@ def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:
     assert isinstance(config, ReadoutConfig)
     macros = {
         "ANALOG": config.frontend == "analog",
-        "FOUR_PHASE": config.handshake,
-        "DUAL": config.link == "four_phase_dual",
         "POLARITY": config.has_polarity,
         "TICK": config.frontend == "digital" or config.needs_tick,
         "ROWS": config.row_bits > 0,
@@ -352,4 +351,6 @@ def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:
         "STEP": config.step,
         "BEYOND": int(config.encoder.strict),
     }
-    return {name: "1" for name, on in macros.items() if on}, parameters
+    # A link has its own macro, and that of the link from which it is derived.
+    own = [vars(kind)["name"].upper() for kind in type(config.protocol).__mro__ if "name" in vars(kind)]
+    return dict.fromkeys([*own, *(name for name, on in macros.items() if on)], "1"), parameters

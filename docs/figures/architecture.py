@@ -19,7 +19,7 @@ from matplotlib.patches import FancyBboxPatch
 from eskin.base.figures.style import PALETTE, new_figure, save_figure
 from eskin.model.config import Link, ReadoutConfig
 from eskin.rtl.arbiter import Arbiter
-from eskin.rtl.link import FourPhaseLink
+from eskin.rtl.links.four_phase import FourPhaseLink
 from eskin.rtl.taxel import Row, Taxel
 
 HERE = Path(__file__).parent

@@ -4,6 +4,7 @@ from functools import cache
 from typing import Any
 
 from docs.tables.write import ROOT, Rows, digits, filled, read
+from eskin.model.links.four_phase import FourPhase
 from eskin.skin.figures.readouts import LOOKS
 
 
@@ -65,8 +66,7 @@ def intuitive() -> Rows:
     yield "INTUITIVE | 180 nm | taxels with their analog parts, arbiter, bus | 12.33 | 40,000 |  | 600"
     for report in netlists().values():
         if report["rows"] == 12 and report["frontend"] == "analog":
-            clocks = 7  # of an event on the four-phase link, with a receiver that answers at once
-            yield report | {"fastest_ns": clocks / report["fmax_hz"]["typical"] * 1e9}
+            yield report | {"fastest_ns": FourPhase.clocks_per_event / report["fmax_hz"]["typical"] * 1e9}
 
 
 def asic_targets() -> Rows:

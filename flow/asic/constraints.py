@@ -7,7 +7,6 @@ from eskin.flow.asic.synthesis import Netlist
 from eskin.flow.liberty.library import Cell, Library
 from eskin.model.config import ReadoutConfig
 from eskin.rtl import delivery
-from eskin.rtl.link import requests
 from eskin.rtl.verilog import header
 
 MACRO = dict.fromkeys(delivery.MACRO_IN, delivery.DECISION_IN) | dict.fromkeys(delivery.MACRO_OUT, delivery.DAC_OUT)
@@ -34,7 +33,7 @@ def sdc(netlist: Netlist, period: str = "") -> str:
         delays=delays,
         driven=driven,
         buffer=buffers[len(buffers) // 2] if buffers else None,
-        requests=requests(config) if isinstance(config, ReadoutConfig) and config.handshake else (),
+        requests=config.protocol.requests if isinstance(config, ReadoutConfig) else (),
     )
 
 

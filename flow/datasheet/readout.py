@@ -6,10 +6,9 @@ from eskin.flow.datasheet.sheet import Picture, Sheet
 from eskin.flow.datasheet.waves import ACK_DELAY, RESET_CLOCKS, STALL, TAXELS, TICK, latencies, reset_waves, waves
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.fields import CHOICES, SETTABLE, fields_of
-from eskin.model.link import ACK_QUANTA
+from eskin.model.links.four_phase import ACK_QUANTA
 from eskin.model.registers.description import NAME as REGISTERS
 from eskin.rtl.delivery import DAC_OUT, DECISION_IN, ports
-from eskin.rtl.link import requests
 
 
 def sheet_of(config: ReadoutConfig, report: dict[str, Any] | None) -> Sheet:
@@ -20,7 +19,7 @@ def sheet_of(config: ReadoutConfig, report: dict[str, Any] | None) -> Sheet:
     own = config.fields in ("own", SETTABLE)
     values = {
         "latencies": latencies(config),
-        "requests": [*requests(config)] if config.handshake else [],
+        "requests": [*config.protocol.requests],
         "event": ", ".join(name for name in names if name.startswith("event_") and name != "event_ready"),
         "tick": TICK,
         "shown_taxels": TAXELS,

@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.flow.datasheet.sheet import Wave
-from eskin.model import link
 from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
+from eskin.model.links.four_phase import ACK_QUANTA
+from eskin.model.links.link import NOTHING, Sink
 from eskin.model.readout import TAKEN, WAITED, Stimulus, simulate, simulate_counted, state_at
 from eskin.rtl.delivery import ports
-from eskin.rtl.link import requests
+from eskin.rtl.links import registry as links
 
 TICK = 2
 """Clock of the sample tick."""
@@ -25,11 +26,13 @@ STALL = range(TICK + 3, TICK + 5)
 ACK_DELAY = 4
 """Delay of ACK after each edge of REQ, in 1/8 clock."""
 
-CLOCKS = {"stream": 12, "four_phase": 23, "four_phase_dual": 23}
 RESET_CLOCKS, CLOCKS_AFTER = 3, 9
 
-AHEAD_OF_A_GRANT, HELD_BY_LINK = 2, 1
-"""Clocks to be latched and to appear; an event in the register of the link (docs/design/microarchitecture.md)."""
+CLOCKS_BESIDE = 8
+"""Clocks before the first event at the arbiter, and behind the last event."""
+
+AHEAD_OF_A_GRANT = 2
+"""Clocks to be latched and to appear (docs/design/microarchitecture.md)."""
 
 
 def from_zero(config: ReadoutConfig) -> ReadoutConfig:
@@ -45,7 +48,9 @@ def played(config: ReadoutConfig) -> Stimulus:
     """Return a stimulus with one sample that makes the first taxels cross a level."""
     samples = np.zeros((1, config.taxels), np.int32)
     samples[0, :TAXELS] = config.step + config.encoder.strict
-    clocks = CLOCKS[config.link]
+    link = config.protocol
+    stalled = 0 if link.asynchronous else len(STALL)
+    clocks = CLOCKS_BESIDE + link.holds + stalled + (TAXELS - 1) * link.clocks_per_event
     ready = np.array([clock not in STALL for clock in range(clocks)], np.uint8)
     return Stimulus(
         samples=samples,
@@ -83,7 +88,7 @@ def latencies(config: ReadoutConfig) -> Latencies:
     taxel = events["y"].astype(int) * config.columns + events["x"]
     order = np.argsort(taxel, kind="stable")
     longest = int(np.diff(events["t"][order])[np.diff(taxel[order]) == 0].max())
-    bound = (config.rows + 1) * config.columns + (HELD_BY_LINK if config.handshake else 0)
+    bound = (config.rows + 1) * config.columns + config.protocol.holds
     return Latencies(latency, every, longest, bound, every * bound + AHEAD_OF_A_GRANT)
 
 
@@ -111,17 +116,15 @@ def waves(config: ReadoutConfig) -> list[Wave]:
     if config.closes:
         found.append(Wave("half width, taxel 0", tuple(widths), bus=True))
     found.append(Wave("request, row 0", tuple(int(state.pending[0].any()) for state in states)))
-    send = _stream if config.link == "stream" else _four_phase
-    return found + send(config, stimulus, events, traffic)
+    return found + _link(config, stimulus, events, traffic)
 
 
 def reset_waves(config: ReadoutConfig) -> list[Wave]:
     """Return the waveforms around a reset during the transfer of an event."""
     found = waves(config)
-    if config.link == "stream":
-        cut = STALL[1]
-    else:  # the address is stable and REQ is low, so the reset interrupts no handshake
-        cut = min(w.values.index(1) for w in found if w.name in requests(config) and 1 in w.values) - 1
+    cut = STALL[1]
+    if requests := config.protocol.requests:  # the address is stable and REQ is low: the reset interrupts no handshake
+        cut = min(w.values.index(1) for w in found if w.name in requests and 1 in w.values) - 1
     first = int(config.reset == "sync")  # its first clock still shows what was: it works with the edge that ends it
     reset = (0,) * cut + (1,) * RESET_CLOCKS + (0,) * CLOCKS_AFTER
     mended = []
@@ -137,46 +140,18 @@ def address(config: ReadoutConfig, event: np.void) -> int:
     return word | int(event["p"]) << (config.row_bits + config.column_bits) if config.has_polarity else word
 
 
-def _stream(config: ReadoutConfig, stimulus: Stimulus, events: Events, traffic: NDArray[np.uint8]) -> list[Wave]:
-    """Return the waveforms of the event stream ports."""
-    offered = [int(value in (TAKEN, WAITED)) for value in traffic]
-    taken = np.cumsum(traffic == TAKEN) - (traffic == TAKEN)  # before every clock
-    found = [
-        Wave("event_valid", tuple(offered)),
-        Wave("event_ready", tuple(int(value) for value in stimulus.ready)),
-    ]
-    fields = [("event_row", "y", config.row_bits), ("event_col", "x", config.column_bits)]
-    fields.append(("event_polarity", "p", int(config.has_polarity)))
-    for name, key, bits in fields:
-        if bits:
-            values = [int(events[k][key]) if there else None for there, k in zip(offered, taken, strict=True)]
-            found.append(Wave(name, tuple(values), bus=True))
-    return found
-
-
-def _four_phase(config: ReadoutConfig, stimulus: Stimulus, events: Events, traffic: NDArray[np.uint8]) -> list[Wave]:
-    """Return the waveforms of the four-phase link ports."""
-    state = link.new_state()
-    word, sent = 0, 0
-    request, acknowledge, words = [], [], []
+def _link(config: ReadoutConfig, stimulus: Stimulus, events: Events, traffic: NDArray[np.uint8]) -> list[Wave]:
+    """Return the waveforms of the ports of the link."""
+    link, sink = config.protocol, Sink(stimulus.ready, stimulus.ack_delay)
+    numbers = [int(2 * (event["y"] * config.columns + event["x"]) + event["p"]) for event in events]
+    state, levels = link.new_state(), []
     for clock in range(stimulus.clocks):
-        request.append(int(state[link.REQ]))
-        acknowledge.append(int(state[link.REQ] if state[link.ACK_AT] == clock else state[link.ACK]))
-        words.append(word)
-        taken = bool(traffic[clock] == TAKEN)
-        link.advance(state, clock, taken, stimulus.ack_delay)
-        if taken and sent < len(events):
-            word, sent = address(config, events[sent]), sent + 1
-    above = config.row_bits + config.column_bits
-    if config.link == "four_phase":
-        shown = [Wave("aer_req", tuple(request))]
-    else:
-        named = zip(("aer_req_off", "aer_req_on"), (0, 1), strict=True)
-        both = list(zip(request, words, strict=True))
-        shown = [Wave(name, tuple(high & (word >> above == p) for high, word in both)) for name, p in named]
-    addresses = tuple(word & ((1 << config.address_bits) - 1) for word in words)
+        offered = numbers[0] if traffic[clock] in (TAKEN, WAITED) and numbers else NOTHING
+        levels.append(link.levels(config, state, sink, clock, offered))
+        taken = numbers.pop(0) if traffic[clock] == TAKEN and numbers else NOTHING
+        link.advance(link.rule(), state, sink, clock, taken)
+    late = dict.fromkeys(links.named(config.link).asynchronous, ACK_DELAY / ACK_QUANTA)
     return [
-        *([Wave("aer_addr", addresses, bus=True)] if config.address_bits else []),
-        *shown,
-        Wave("aer_ack", tuple(acknowledge), delay=ACK_DELAY / link.ACK_QUANTA),
+        Wave(name, tuple(level[name] for level in levels), name in link.address, late.get(name, 0))
+        for name in levels[0]
     ]

@@ -41,7 +41,7 @@ def play(
     defined = "".join(f"`define {name} {value}\n" for name, value in macros.items())
     texts = [defined + HARNESS.read_text(), netlist.verilog(gather=True), cells, player]
     errors = int(programs.icarus(texts, "play", folder).split()[-1])
-    events = read_events(config, folder)
+    events = read_events(folder)
     _hold_to_model(scenario, events, errors)
     return read_dump(folder / DUMP, HALF_NS + 1, scenario.clocks, netlist.nets, parts), scenario.inside(events)
 

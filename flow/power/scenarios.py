@@ -117,7 +117,8 @@ def _saturated(config: ReadoutConfig) -> Scenario:
     most = MOST_SATURATED + 64  # what follows the window is not played
     ticks = 2 + -(-min(config.full_scale // config.step * config.taxels, most) // config.clocks_per_sample)
     stimulus, events = _run(config, np.full((ticks, config.taxels), config.full_scale - 1, np.int32), spare=1)
-    breaks = np.flatnonzero(np.diff(events["t"]) > (1 if config.link == "stream" else 8))
+    link = config.protocol
+    breaks = np.flatnonzero(np.diff(events["t"]) > link.clocks_per_event + link.asynchronous)
     begins, ends = (events["t"][np.concatenate(at)] for at in (([0], breaks + 1), (breaks, [len(events) - 1])))
     longest = int(np.argmax(ends - begins))  # interval without a larger gap between events
     start = int(begins[longest]) + 8

@@ -50,7 +50,7 @@ def case(config: ReadoutConfig) -> dict[str, Any]:
         enable=np.ones((1, config.taxels), np.bool_),
         ack_delay=np.full(1, ACK_EIGHTHS, np.int64),
     )
-    events, dual = simulate(config, stimulus), config.link == "four_phase_dual"
+    events, dual = simulate(config, stimulus), config.protocol.request_has_polarity
     return {
         "config": config.to_dict(),
         "requests": 1 + dual,

@@ -141,8 +141,7 @@ class Tapeout:
 
 def sources_of(config: ReadoutConfig, top: str) -> dict[str, str]:
     """Return the Verilog of a chip by file name: pins, sample loader, readout."""
-    dual = config.link == "four_phase_dual"
-    requests = ("aer_req_off", "aer_req_on") if dual else ("aer_req",)
+    requests = config.protocol.requests  # ON first
     address = "aer_addr" if config.address_bits else "1'b0"
     text = Template((TEMPLATES / "top.v").read_text()).substitute(
         top=top,
@@ -151,9 +150,9 @@ def sources_of(config: ReadoutConfig, top: str) -> dict[str, str]:
         taxels=config.taxels,
         last_sample_bit=config.taxels * config.sample_bits - 1,
         last_address_bit=max(config.address_bits - 1, 0),
-        request_wires=", ".join(requests),
-        request_ports="\n".join(f"      .{name}({name})," for name in requests),
-        request_pins=", ".join(reversed(requests)) if dual else f"1'b0, {requests[0]}",
+        request_wires=", ".join(reversed(requests)),
+        request_ports="\n".join(f"      .{name}({name})," for name in reversed(requests)),
+        request_pins=", ".join(["1'b0", *requests][-2:]),
         address_pins=f"{{{pins.ADDRESS_PINS - max(config.address_bits, 1)}'b0, {address}}}"
         if config.address_bits < pins.ADDRESS_PINS
         else address,

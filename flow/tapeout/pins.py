@@ -3,19 +3,21 @@
 from eskin.base.errors import InputError
 from eskin.flow.tapeout.shuttles import Shuttle
 from eskin.model.config import ReadoutConfig
+from eskin.model.links import registry
 
 INPUTS = ("spi_sck", "spi_mosi", "registers_cs_n", "samples_cs_n", "aer_ack", "enable", "", "")
 CLOCKS_PER_BIT = 4
 CLOCKS_BESIDE = 16
 """Clocks of a frame in addition to its bits, with a margin."""
 FORCED = {"registers": "spi", "frontend": "digital"}
-LINKS = ("four_phase", "four_phase_dual")
+LINKS = [link.name for link in registry.LINKS if link.asynchronous]
+"""Links whose receiver needs no clock."""
 ADDRESS_PINS = 8
 
 
 def outputs(config: ReadoutConfig) -> tuple[str, ...]:
     """Return the names of the output pins."""
-    requests = ("aer_req_off", "aer_req_on") if config.link == "four_phase_dual" else ("aer_req", "")
+    requests = [*reversed(config.protocol.requests), ""][:2]
     return ("spi_miso", "interrupt", *requests, "", "", "", "")
 
 

@@ -40,7 +40,7 @@ class ChipConfig:
 
     def __post_init__(self) -> None:
         readout, classifier = self.readout, self.classifier
-        if readout.link != "stream":
+        if not readout.protocol.streams:
             raise InputError(f"the readout of a chip must have the link stream, not {readout.link}")
         if classifier.inputs not in self._channels():
             taken = " or ".join(map(str, self._channels()))

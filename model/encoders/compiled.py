@@ -5,7 +5,7 @@ A loop that calls them is compiled anew for every encoder, without a branch betw
 
 import inspect
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -14,24 +14,24 @@ from numba.extending import overload, register_jitable
 
 from eskin.model import decay, window
 from eskin.model.encoders import encoder as common
-from eskin.model.encoders.encoder import Encoder
 from eskin.model.encoders.registry import ENCODERS
 
-BY_RULE: dict[type[Any], Encoder] = {encoder.Rule: encoder for encoder in ENCODERS}
 
-
-def _by_rule(name: str) -> Any:
-    """Return a function that calls the function ``name`` of the encoder whose rule is its first argument."""
+def by_rule(objects: Iterable[Any], name: str) -> Any:
+    """Return a function that calls the function ``name`` of the object whose rule is its first argument."""
+    found = {one.Rule: one for one in objects}
 
     def call(rule: Any, *arguments: Any) -> Any:
-        return getattr(BY_RULE[type(rule)], name)(rule, *arguments)
+        return getattr(found[type(rule)], name)(rule, *arguments)
 
     # Not strict: the functions of an encoder have type hints, which Numba would take for another signature.
-    overload(call, strict=False, inline="always")(lambda rule, *_: getattr(BY_RULE[rule.instance_class], name))
+    overload(call, strict=False, inline="always")(lambda rule, *_: getattr(found[rule.instance_class], name))
     return call
 
 
-compare, reach, move, clear, ticks = map(_by_rule, ("compare", "reach", "move", "clear", "ticks"))
+compare, reach, move, clear, ticks = (
+    by_rule(ENCODERS, name) for name in ("compare", "reach", "move", "clear", "ticks")
+)
 
 
 def with_settings(rule: Any, now: Any) -> Any:

@@ -67,7 +67,7 @@ class TilesConfig(ReadoutConfig):
                 raise InputError(
                     f"{name} must be a multiple of {parts}, the tiles in this direction, not {getattr(self, name)}"
                 )
-        if self.link != "stream":
+        if not self.protocol.streams:
             raise InputError(f"tiles need the link stream to their merge, not {self.link}; leave --link out")
         if self.registers != "none":
             raise InputError(f"tiles of a skin have no registers, not {self.registers}; leave --registers out")

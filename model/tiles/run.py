@@ -16,6 +16,7 @@ from eskin.base.files import forget_stale_kernels
 from eskin.model import arbiter, decay, readout
 from eskin.model.address_events import Events, make_events
 from eskin.model.arbiter import ONE, ZERO
+from eskin.model.links.link import Sink
 from eskin.model.readout import Inputs, Registers, Stimulus, decide, mask_rows, take_samples, with_room
 from eskin.model.taxel_kernels import Parameters
 from eskin.model.tiles import merge, relay
@@ -53,8 +54,7 @@ def simulate_skin(config: TilesConfig, stimuli: Sequence[Stimulus]) -> Events:
         first.clocks,
         first.enable_clock,
         np.stack([stimulus.enable for stimulus in stimuli]),
-        first.ready,
-        first.ack_delay,
+        Sink(first.ready, first.ack_delay),
         decay.decay_phases(tile),
         np.zeros((0, 0), np.uint8),
         np.zeros(0, np.int64),
@@ -83,7 +83,7 @@ def _loop(p: Parameters, s: Inputs, r: Registers, taxels: int, relays: int) -> N
     events = 0
     t = 0
     while t < s.clocks:
-        ready = s.ready[t % len(s.ready)] != 0
+        ready = s.sink.ready[t % len(s.sink.ready)] != 0
         if ready and state[merge.HELD] != ZERO:
             log = with_room(log, events)
             log[events, 0], log[events, 1] = t, np.int64(state[merge.OFFERED])

@@ -18,7 +18,7 @@ def has_testbench(config: object) -> bool:
     """Return True if a design has a testbench, which needs a digital front end and a stream link."""
     if type(config) is not ReadoutConfig:  # a skin of tiles is one too, with other ports
         return False
-    return config.frontend == "digital" and config.link == "stream" and config.registers == "none"
+    return config.frontend == "digital" and config.protocol.streams and config.registers == "none"
 
 
 def _played(config: ReadoutConfig) -> tuple[list[int], Events]:

@@ -20,9 +20,6 @@ MUCH_LATE = 0.01  # part of the events above which late events or merged decisio
 LEAST_CLOCKS, MOST_CLOCKS = 64, 2**20
 """Range of the clocks per sample that fit a signal; the largest number is enough for every decision."""
 
-CLOCKS_PER_EVENT = {"stream": 1, "four_phase": 7, "four_phase_dual": 7}
-"""Clocks that the link needs for an event at best (docs/design/microarchitecture.md)."""
-
 
 @dataclass(frozen=True)
 class Quality:
@@ -60,7 +57,7 @@ def measure_quality(config: ReadoutConfig, codes: NDArray[np.int32], events: Eve
     seen = (tick >= 0) & (tick < len(codes))
     np.add.at(sent, (tick[seen], taxel_of(events, config)[seen]), 1)
     codes = signals(config, codes)
-    per_tick, cost = sent.sum(1), CLOCKS_PER_EVENT[config.link]
+    per_tick, cost = sent.sum(1), config.protocol.clocks_per_event
     error = codes - decode(config, counts, late)
     low, high = error_bound(config)
     holds = bool(error.max() <= high and (not config.has_polarity or error.min() >= low))
@@ -107,7 +104,7 @@ def clocks_needed(config: ReadoutConfig, codes: NDArray[np.int32]) -> int:
     From the largest number of events of one tick, without contention.
     """
     counts = np.abs(encode(config.replace(clocks_per_sample=MOST_CLOCKS), codes).astype(np.int64))
-    return CLOCKS_PER_EVENT[config.link] * int(counts.sum(1).max()) + 4 * int(counts.max()) + 8
+    return config.protocol.clocks_per_event * int(counts.sum(1).max()) + 4 * int(counts.max()) + 8
 
 
 def power_of_two(clocks: int) -> int:

@@ -62,7 +62,7 @@ def play(config: ReadoutConfig, stimulus: Stimulus, readout: Readout | None = No
     for _, inputs in steps(config, stimulus, readout):
         readout.clock(**inputs)
     events = [(t, x, y, bool(p)) for t, x, y, p in readout.events[begun:]]
-    if config.handshake and events and events[-1][0] == stimulus.clocks - 1:
+    if config.protocol.rule().late and events and events[-1][0] == stimulus.clocks - 1:
         events.pop()  # nobody sees a REQ that rises at the last edge of a run
     return np.array(events, EVENT_DTYPE), readout
 

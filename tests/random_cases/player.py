@@ -11,7 +11,6 @@ from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.config import ReadoutConfig
 from eskin.model.readout import Stimulus
 from eskin.rtl import readout
-from eskin.rtl.link import requests
 from tests.independent.agreement import steps
 
 
@@ -67,7 +66,7 @@ class Design:
                 self._drive("sample", given["sample"], self.config.sample_bits)
             for place, name in enumerate(("above", "below") if given["decisions"] else ()):
                 self._drive(name, [decision[place] for decision in given["decisions"]])
-            if self.config.handshake:
+            if self.config.protocol.asynchronous:
                 self._four_phase(clock, given["ack"])
             else:
                 self._stream(clock, given["ready"])
@@ -75,8 +74,7 @@ class Design:
 
     def outputs(self) -> dict[str, int]:
         """Return REQ, if the link has one."""
-        names = requests(self.config) if self.config.handshake else ()
-        return {"aer_req": sum(map(self._read, names))}
+        return {"aer_req": sum(map(self._read, self.config.protocol.requests))}
 
     def thresholds(self) -> list[tuple[int, int]]:
         """Return (reference_code, half_width) of every taxel."""
@@ -102,7 +100,7 @@ class Design:
     def _four_phase(self, clock: int, ack: int) -> None:
         config = self.config
         self._drive("aer_ack", [ack])
-        high, address = [self._read(name) for name in requests(config)], self._read("aer_addr")
+        high, address = [self._read(name) for name in config.protocol.requests], self._read("aer_addr")
         req = sum(high)
         if req > 1:
             raise Breach(f"clock {clock}: both requests are high")

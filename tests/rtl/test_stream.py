@@ -68,7 +68,7 @@ def test_amaranth_finds_the_pinned_yosys() -> None:
     ("field", "sentence"),
     [
         ({"frontend": "analog"}, "a sample stream needs frontend 'digital', not 'analog'"),
-        ({"link": "four_phase"}, "link 'four_phase' is a four-phase handshake; set link to stream"),
+        ({"link": "four_phase"}, "an event stream needs link 'stream', not 'four_phase'"),
     ],
 )
 def test_what_is_no_stream_is_refused(field: dict[str, Any], sentence: str) -> None:

@@ -7,7 +7,7 @@ from amaranth.asserts import AnyConst
 from amaranth.hdl import Fragment, Module, Signal
 
 from eskin.model.config import ReadoutConfig
-from eskin.rtl.link import FourPhaseLink
+from eskin.rtl.links.four_phase import FourPhaseLink
 from eskin.verify.proofs.blocks.link import LinkChecker
 from eskin.verify.proofs.checker import Checker, Promises
 from eskin.verify.proofs.engine import Verdict, solve

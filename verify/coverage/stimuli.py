@@ -47,8 +47,8 @@ def readout(config: ReadoutConfig, folder: Path) -> None:
         | {"gap": GAPS[number % len(GAPS)], "masks": MASKS[number % len(MASKS)]}
         for number in range(len(SIGNALS) * len(SINKS))
     ]
-    # A link that is slower by seven clocks an event takes longer to reach both ends.
-    clocks = 12_000 if config.handshake else 4000
+    # A link with a handshake takes longer to reach both ends.
+    clocks = 12_000 if config.protocol.asynchronous else 4000
     # Runs so short that nothing happens before the next reset, with a constant signal.
     rest = {"signal": "hold", "sink": "always", "gap": 300, "masks": 0}
     parts = [*((one, 300) for one in short), *((one, clocks) for one in LONG), *((rest, few) for few in (2, 3, 4))]

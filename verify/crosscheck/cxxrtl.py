@@ -33,7 +33,7 @@ OPTIMISE = "-O1"
 
 def build(config: ReadoutConfig, verilog: str, folder: Path) -> Path:
     """Return the path of the compiled simulator of a readout."""
-    if config.frontend != "digital" or config.link != "stream" or config.registers != "none":
+    if config.frontend != "digital" or not config.protocol.streams or config.registers != "none":
         raise InputError("CXXRTL needs a digital front end, the stream link, and no registers; leave other options out")
     require_programs("verilator")  # the same compiler
     ports = {name for name, member in Readout(config).signature.members.items() if member.flow is wiring.Out}

@@ -79,7 +79,7 @@ class Bench(Elaboratable):
         """Add a four-phase receiver: ACK follows REQ, and a started handshake always completes."""
         if "aer_ack" not in self.inner:
             return
-        ack = self.inner["aer_req"]
+        ack = Cat(self.inner[name] for name in self.block.config.protocol.requests).any()
         if self.slow:
             wait, raised = Signal(range(self.slow)), Signal()
             due = wait == self.slow - 1

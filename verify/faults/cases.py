@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.model.config import ReadoutConfig
+from eskin.model.links.link import Link
 from eskin.model.readout import Stimulus
 from eskin.model.readout import simulate as simulate_model
 from eskin.rtl.readout import Readout
@@ -30,7 +31,7 @@ class Case:
     stated: str  # documented behaviour
     # returns the number of runs with this behaviour, and the number of runs
     holds: Callable[[ReadoutConfig], tuple[int, int]]
-    link: str = ""  # link that the test needs; empty for any
+    fits: Callable[[Link], bool] = lambda link: True  # whether the test suits a link
 
 
 def _play(
@@ -103,7 +104,7 @@ def reset_at_every_phase(config: ReadoutConfig) -> tuple[int, int]:
         found = events_of(config, codes[: RESET + phase + 1, phase])
         expected = simulate_model(config, before)
         late = found["t"] == phase  # an event of the link that no clock is left to see
-        if not np.array_equal(found[~late] if config.handshake else found, expected):
+        if not np.array_equal(found[~late] if config.protocol.rule().late else found, expected):
             continue
         good += _equal(config, codes[phase + 1 :, phase], _rest(stimulus, phase + 1))
     return good, PHASES
@@ -148,7 +149,8 @@ def sink_stuck(config: ReadoutConfig) -> tuple[int, int]:
 def ack_never_falls(config: ReadoutConfig) -> tuple[int, int]:
     """Hold ACK high from a different time in each run; check that no REQ rises and no event is lost."""
     _, stuck, outputs, codes = _disturbed(config, True, "ack_high", STUCK)
-    rises = np.diff(outputs["aer_req"], axis=0, prepend=0) > 0
+    req = np.sum([outputs[name] for name in config.protocol.requests], axis=0)
+    rises = np.diff(req, axis=0, prepend=0) > 0
     settled = stuck & np.roll(stuck, 4, axis=0)  # a REQ on its way when ACK sticks still rises, three clocks later
     quiet = ~(rises & settled).any(axis=0)
     alike = _balance(config, codes) == _balance(config, codes[:, :1])
@@ -180,20 +182,23 @@ CASES = (
         "sink stuck",
         "the offered event stays; waiting taxels do not change; all events are those of the model",
         sink_stuck,
-        "stream",
+        lambda link: link.streams,
     ),
     Case(
         "ACK never falls",
         "no REQ while ACK is high; after that the readout sends every event",
         ack_never_falls,
-        "four_phase",
+        lambda link: link.asynchronous,
     ),
     Case(
-        "ACK wrong for a clock", "REQ falls early or late; no event is lost or sent twice", ack_glitches, "four_phase"
+        "ACK wrong for a clock",
+        "REQ falls early or late; no event is lost or sent twice",
+        ack_glitches,
+        lambda link: link.asynchronous,
     ),
 )
 
 
 def cases(config: ReadoutConfig) -> list[Case]:
     """Return the tests for a configuration."""
-    return [case for case in CASES if case.link in ("", config.link)]
+    return [case for case in CASES if case.fits(config.protocol)]

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.config import ReadoutConfig
-from eskin.model.link import ACK_QUANTA
+from eskin.model.links.four_phase import ACK_QUANTA
 from eskin.model.readout import Stimulus
-from eskin.rtl.link import requests
 
 RESET = 2
 """Clocks of reset at the beginning of every run."""
@@ -38,7 +37,7 @@ def course(config: ReadoutConfig, calm: bool, slow: int = 0) -> Course:
     changes and the sink stands still. ``slow`` is the number of clocks that a receiver takes for each edge of ACK.
     """
     rng = np.random.default_rng(0)
-    per_event = 7 + 2 * slow if config.handshake else 1
+    per_event = config.protocol.clocks_per_event + 2 * slow * config.protocol.asynchronous
     gap, ticks = (16 * per_event + 8, CALM_TICKS) if calm else (16, LOADED_TICKS)
     moves = np.zeros((ticks, config.taxels), np.int64)
     for move in moves:
@@ -115,27 +114,18 @@ def codes_of(
 ) -> NDArray[np.int16]:
     """Return the events of runs, shape (clocks, runs): 2 * taxel + polarity, or -1 in clocks without an event.
 
-    An event of the four-phase link is in the clock before that in which REQ is first seen high, as in the model.
+    An event of a late link is in the clock before that in which it is first seen, as in the model.
     """
-    if config.handshake:
-        request = np.sum([outputs[name] for name in requests(config)], axis=0)
-        rises = np.zeros(request.shape, bool)
-        rises[:-1] = request[1:] > request[:-1]
-        address = np.zeros(request.shape, np.int64)
-        if "aer_addr" in outputs:
-            address[:-1] = outputs["aer_addr"][1:]
-        column = address & (1 << config.column_bits) - 1
-        row = address >> config.column_bits & (1 << config.row_bits) - 1
-        polarity = address >> (config.column_bits + config.row_bits) if config.has_polarity else 1
-        if config.link == "four_phase_dual":
-            polarity = np.zeros(request.shape, np.int64)
-            polarity[:-1] = outputs["aer_req_on"][1:]
-    else:
-        rises = (outputs["event_valid"] & ready.astype(np.int64)) != 0
-        nothing = np.zeros(rises.shape, np.int64)
-        row, column = outputs.get("event_row", nothing), outputs.get("event_col", nothing)
-        polarity = outputs.get("event_polarity", nothing + 1)
-    return np.where(rises, 2 * (row * config.columns + column) + polarity, -1).astype(np.int16)
+    levels = outputs | {"event_ready": ready.astype(np.int64)}
+    nothing = np.zeros(next(iter(outputs.values())).shape, np.int64)
+    shown = config.protocol.shown(config, lambda name: levels.get(name, nothing))
+    event = 2 * (shown.row * config.columns + shown.column) + shown.polarity
+    there = np.any(shown.high, axis=0)
+    if config.protocol.rule().late:
+        there[:-1] = there[1:] > there[:-1]
+        there[-1] = False
+        event[:-1] = event[1:]
+    return np.where(there, event, -1).astype(np.int16)
 
 
 def events_of(config: ReadoutConfig, codes: NDArray[np.int16]) -> Events:

@@ -9,11 +9,12 @@ import jinja2
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl import yosys
+from eskin.rtl.links import registry as links
 from eskin.rtl.verilog import YOSYS_SCRIPT, header
 from eskin.verify.proofs.bench import rtlil_of
 from eskin.verify.proofs.blocks.arbiter import ArbiterChecker
 from eskin.verify.proofs.blocks.frame import FrameChecker
-from eskin.verify.proofs.blocks.link import LinkChecker
+from eskin.verify.proofs.blocks.link import LINKS
 from eskin.verify.proofs.blocks.readout import ReadoutChecker
 from eskin.verify.proofs.blocks.registers import HostChecker
 from eskin.verify.proofs.blocks.taxel import TaxelChecker
@@ -38,8 +39,8 @@ def checkers(config: ReadoutOrFrame) -> Iterator[tuple[Checker[Any], str, dict[s
     yield TaxelChecker(config), "eskin_taxel", {}
     if config.closes:
         yield WindowChecker(config), "eskin_window", {}
-    if config.handshake:
-        yield LinkChecker(config), "eskin_link", {}
+    if block := links.named(config.link).block:
+        yield LINKS[block](config), block.module_name, {}
     if config.registers == "none":  # a host masks taxels too, and its test pattern sends events without a step
         whole = ReadoutChecker(config)
         yield whole, "eskin_readout", whole.places(config)

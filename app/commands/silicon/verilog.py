@@ -86,7 +86,6 @@ def spiking_or_frame(
 def _deliver(config: Config, out: Path, prove: bool, report: Path | None = None, gated: bool = False) -> None:
     """Write a design and its datasheet into a folder, optionally after proving the Verilog."""
     from eskin.flow.datasheet.page import deliver
-    from eskin.skin.recordings.quality import CLOCKS_PER_EVENT
 
     if prove and gated:
         from eskin.verify.proofs.gated import prove_gated
@@ -100,7 +99,7 @@ def _deliver(config: Config, out: Path, prove: bool, report: Path | None = None,
     for path in deliver(config, out, report, gated):
         print(path)
     if isinstance(config, ReadoutConfig):
-        clocks = CLOCKS_PER_EVENT[config.link]
+        clocks = config.protocol.clocks_per_event
         print(
             f"the link {config.link} sends at most {config.clock_hz / clocks:,.0f} events/s "
             f"({counted(clocks, 'clock')} per event, clock {config.clock_hz:g} Hz)"

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from functools import partial
 
 from eskin.model.config import ReadoutConfig
-from eskin.rtl.link import requests
 from eskin.verify.coverage.points.point import Named, Point, any_of, began, points_of, table
 
 
@@ -40,7 +39,7 @@ def _holds(config: ReadoutConfig) -> Named:
         "the burst of another row": f"{served} && arbiter.event_row != ROW && !arbiter.takes",
         "another row that is granted": "arbiter.takes && !arbiter.granted[ROW]",
     }
-    if config.handshake:
+    if config.protocol.asynchronous:
         req = _requested(config)
         causes |= {
             "an address that settles": "link.setup",
@@ -87,16 +86,16 @@ def _taxel(config: ReadoutConfig) -> Named:
 def _masks(config: ReadoutConfig) -> Named:
     crossed = "(T.above || T.below)" if config.has_polarity else "T.above"
     yield from table("taxel", partial(some, config), crossed=crossed)
-    if config.link == "stream":
+    if config.protocol.streams:
         yield "reset while the sink stalls", began("event_valid && !event_ready")
 
 
 def _requested(config: ReadoutConfig) -> str:
-    return f"({' || '.join(f'link.{name}' for name in requests(config))})"
+    return f"({' || '.join(f'link.{name}' for name in config.protocol.requests)})"
 
 
 def _link(config: ReadoutConfig) -> Named:
-    if not config.handshake:
+    if not config.protocol.asynchronous:
         return
     news = some(config, "T.pending && !$past(T.pending)")
     for edge, now, before in (("rises", "aer_ack", "!aer_ack"), ("falls", "!aer_ack", "aer_ack")):

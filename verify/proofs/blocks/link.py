@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 from amaranth.hdl import Cat, Const, Module, Signal
 
 from eskin.model.config import ReadoutConfig
-from eskin.rtl.link import FourPhaseLink, requests
+from eskin.rtl.links.four_phase import FourPhaseLink
 from eskin.verify.proofs.checker import Checker, Promises, before, implies
 
 
@@ -14,7 +14,7 @@ class LinkChecker(Checker[ReadoutConfig]):
 
     block = FourPhaseLink
     only: ClassVar = {
-        "request_of_polarity": lambda config: config.link == "four_phase_dual",
+        "request_of_polarity": lambda config: config.protocol.request_has_polarity,
         "address_of_event": lambda config: config.address_bits > 0,
         "address_stable": lambda config: config.address_bits > 0,
     }
@@ -24,7 +24,7 @@ class LinkChecker(Checker[ReadoutConfig]):
 
     def check(self, m: Module) -> Promises:
         ack, taken = self.aer_ack, self.event_valid & self.event_ready
-        req = Cat(getattr(self, name) for name in requests(self.config)).any()
+        req = Cat(getattr(self, name) for name in self.config.protocol.requests).any()
         req_before, ack_before = before(m, req, "req"), before(m, ack, "ack")
         rises, falls = req & ~req_before, ~req & req_before
 
@@ -44,7 +44,7 @@ class LinkChecker(Checker[ReadoutConfig]):
         yield "one_at_a_time", implies(self.event_ready, ~in_hand), self.event_ready & falls
 
         yield from self._address(m, taken, setup, req, receiver)
-        if self.config.link == "four_phase_dual":
+        if self.config.protocol.request_has_polarity:
             on = Signal()
             with m.If(taken):
                 m.d.sync += on.eq(self.event_polarity)
@@ -70,7 +70,7 @@ class LinkChecker(Checker[ReadoutConfig]):
             yield name, implies((clocks >= full) & waiting, done), clocks == full
 
     def _address(self, m: Module, taken: Any, setup: Signal, req: Any, receiver: Any) -> Promises:
-        polarity = ["event_polarity"] if self.config.link == "four_phase" else []
+        polarity = [] if self.config.protocol.request_has_polarity else ["event_polarity"]
         fields = Cat(getattr(self, n) for n in ("event_col", "event_row", *polarity) if self.has(n))
         if not len(fields):
             return
@@ -83,3 +83,7 @@ class LinkChecker(Checker[ReadoutConfig]):
         held = before(m, req | (self.aer_ack & receiver), "held") | req
         held &= receiver | req
         yield "address_stable", implies(held, ~moved), held & Const(1)
+
+
+LINKS = {FourPhaseLink: LinkChecker}
+"""Checker of the block of each link that has one."""

@@ -7,7 +7,6 @@ from amaranth.hdl import Array, Cat, Const, Module, Signal, signed
 from amaranth.lib.wiring import In
 
 from eskin.model.config import ReadoutConfig
-from eskin.rtl.link import requests
 from eskin.rtl.readout import Readout
 from eskin.verify.proofs.checker import Checker, Promises, before, implies, pick
 
@@ -26,8 +25,8 @@ class ReadoutChecker(Checker[ReadoutConfig]):
 
     block = Readout
     only: ClassVar = {
-        "leaves_in_time": lambda config: config.link == "stream",
-        "masked_for_good": lambda config: config.link == "stream",
+        "leaves_in_time": lambda config: config.protocol.streams,
+        "masked_for_good": lambda config: config.protocol.streams,
         "masked_is_reset": shows_steps,
         "others_do_not_move": shows_steps,
     }
@@ -81,22 +80,17 @@ class ReadoutChecker(Checker[ReadoutConfig]):
 
     def _event(self, m: Module) -> tuple[Any, Any]:
         """Return whether an event of the watched taxel leaves in this clock, and its polarity."""
-        config = self.config
-        if config.link == "stream":
-            row, column = self.port("event_row"), self.port("event_col")
-            leaves = self.event_valid & self.event_ready
-            polarity = self.event_polarity if config.has_polarity else None
-        else:
-            req = Cat(getattr(self, name) for name in requests(self.config)).any()
+        config, link = self.config, self.config.protocol
+        shown = link.shown(config, self.port, lambda word, low, width: word[low:][:width])
+        leaves = shown.high[0]
+        if link.rule().late:
+            req = Cat(shown.high).any()
             leaves = req & ~before(m, req, "req")
-            column = self.aer_addr[: config.column_bits]
-            row = self.aer_addr[config.column_bits :][: config.row_bits]
-            polarity = self.aer_req_on if config.link == "four_phase_dual" else self.aer_addr[-1]  # without: not read
-        return leaves & (row * config.columns + column == self.watch), polarity
+        return leaves & (shown.row * config.columns + shown.column == self.watch), shown.polarity
 
     def _queue(self, m: Module, enable: Any, step: Any, up: Any, event: Any, polarity: Any) -> Promises:
         """Queue the signs of steps whose events have not left yet."""
-        depth = 2 if self.config.link == "stream" else 3
+        depth = 2 + self.config.protocol.holds
         steady, count, signs = Signal(init=1), Signal(range(depth + 2)), Signal(depth + 1)
         m.d.sync += steady.eq(steady & enable)
         # A step that is seen in this clock was made at the end of the one before: its event may not leave yet.
@@ -111,16 +105,16 @@ class ReadoutChecker(Checker[ReadoutConfig]):
             right, falls = right & (polarity == signs[0]), ~polarity
         yield "one_event_per_step", implies(event & steady, right), event & steady & falls
         yield "none_outstanding", implies(steady, now <= depth), steady & (now == depth)
-        if self.config.link == "stream":
+        if self.config.protocol.streams:
             bound = (self.config.rows + 1) * self.config.columns + 2
             clocks = self.count_to(m, bound, event | (now == 0), self.event_ready)
             yield "leaves_in_time", implies(steady, clocks < bound), event & steady & (clocks >= self.config.columns)
 
     def _masked(self, m: Module, enable: Any, event: Any) -> Promises:
-        most = 1 if self.config.link == "stream" else 2
+        most = 1 + self.config.protocol.holds
         left = self.count_to(m, most + 1, enable, event)
         yield "masked_is_silent", left <= most, ~enable & (left == most)
-        if self.config.link == "stream":
+        if self.config.protocol.streams:
             bound = self.config.columns + 1
             clocks = self.count_to(m, bound, enable, self.event_ready)
             yield "masked_for_good", implies(~enable & (clocks == bound), ~event), ~enable & event

@@ -8,6 +8,7 @@ from amaranth.lib.wiring import In, Out
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.arbiter import event_ports
 from eskin.rtl.block import Block
+from eskin.rtl.links.link import Hardware
 
 
 class FourPhaseLink(Block[ReadoutConfig]):
@@ -24,7 +25,7 @@ class FourPhaseLink(Block[ReadoutConfig]):
     aer_req, aer_ack : Out(1), In(1)
         Handshake; ``aer_ack`` is asynchronous, ``aer_req`` a flop.
     aer_req_on, aer_req_off : Out(1)
-        In place of ``aer_req`` with ``link="four_phase_dual"``: the flop that is high names the polarity.
+        In place of ``aer_req`` where the request names the polarity: the flop that is high.
     aer_addr : Out(address_bits)
         {polarity, row, column}, a register, without the polarity where the request names it; absent where it would
         have no bit.
@@ -48,7 +49,7 @@ class FourPhaseLink(Block[ReadoutConfig]):
         m.d.comb += self.event_ready.eq(~setup & ~request & ~ack_sync)
         m.d.sync += setup.eq(self.event_valid & self.event_ready)
         fields = [n for n in ("event_col", "event_row", "event_polarity") if n in self.signature.members]
-        if self.config.link == "four_phase_dual":
+        if self.config.protocol.request_has_polarity:
             fields.remove("event_polarity")
             self._request_by_polarity(m, setup, ack_sync, request)
         else:
@@ -83,9 +84,20 @@ class FourPhaseLink(Block[ReadoutConfig]):
 def aer_ports(config: ReadoutConfig) -> dict[str, Any]:
     """Return the ports of the four-phase link, without a zero-width address."""
     address = {"aer_addr": Out(config.address_bits)} if config.address_bits else {}
-    return {name: Out(1) for name in requests(config)} | {"aer_ack": In(1)} | address
+    return {name: Out(1) for name in config.protocol.requests} | {"aer_ack": In(1)} | address
 
 
-def requests(config: ReadoutConfig) -> tuple[str, ...]:
-    """Return the names of the request ports of a four-phase link."""
-    return ("aer_req_on", "aer_req_off") if config.link == "four_phase_dual" else ("aer_req",)
+def _hardware(requests: dict[str, str]) -> Hardware:
+    """Return the hardware of a link with given requests and their meanings."""
+    address = "{address_bits}; stable from one clock before a request rises until aer_ack has fallen"
+    meanings = requests | {"aer_ack": "acknowledge, asynchronous", "aer_addr": address}
+    return Hardware(aer_ports, meanings, FourPhaseLink, ("aer_ack",))
+
+
+FOUR_PHASE = _hardware({"aer_req": "request, four-phase"})
+DUAL = _hardware(
+    {
+        "aer_req_on": "request of an ON event, four-phase; never high beside aer_req_off",
+        "aer_req_off": "request of an OFF event, four-phase",
+    }
+)
