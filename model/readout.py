@@ -24,8 +24,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import compiled, fields
 from eskin.model.encoders.fields import ANALOG_RANGE
 from eskin.model.links import compiled as links
-from eskin.model.links.four_phase import ACK_QUANTA
-from eskin.model.links.link import NOTHING, Sink
+from eskin.model.links.link import ACK_QUANTA, NOTHING, Sink
 from eskin.model.registers import pattern, settings
 from eskin.model.taxel_kernels import Parameters
 

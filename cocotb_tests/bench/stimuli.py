@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.model.config import ReadoutConfig
-from eskin.model.links.four_phase import ACK_QUANTA
+from eskin.model.links.link import ACK_QUANTA
 from eskin.model.readout import Stimulus, simulate, state_at
 
 Samples = NDArray[np.int64]

@@ -6,7 +6,7 @@ from eskin.flow.datasheet.sheet import Picture, Sheet
 from eskin.flow.datasheet.waves import ACK_DELAY, RESET_CLOCKS, STALL, TAXELS, TICK, latencies, reset_waves, waves
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.fields import CHOICES, SETTABLE, fields_of
-from eskin.model.links.four_phase import ACK_QUANTA
+from eskin.model.links.link import ACK_QUANTA
 from eskin.model.registers.description import NAME as REGISTERS
 from eskin.rtl.delivery import DAC_OUT, DECISION_IN, ports
 

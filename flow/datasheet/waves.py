@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from eskin.flow.datasheet.sheet import Wave
 from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
-from eskin.model.links.four_phase import ACK_QUANTA
-from eskin.model.links.link import NOTHING, Sink
+from eskin.model.links.link import ACK_QUANTA, NOTHING, Sink
 from eskin.model.readout import TAKEN, WAITED, Stimulus, simulate, simulate_counted, state_at
 from eskin.rtl.delivery import ports
 from eskin.rtl.links import registry as links

@@ -7,13 +7,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.model.links.link import NOTHING, Bits, Link, Read, Shown, Sink, Timing, parts, shifted
+from eskin.model.links.link import ACK_QUANTA, NOTHING, Bits, Link, Read, Shown, Sink, Timing, parts, shifted
 
 if TYPE_CHECKING:
     from eskin.model.config import ReadoutConfig
-
-ACK_QUANTA = 8
-"""Time quanta per clock, the unit of the delays of an asynchronous receiver."""
 
 # Words of the link's state: its four flops, the level of ACK, the clock at which ACK changes (-1: settled), the number
 # of edges of REQ so far, and the event on the wires.
@@ -74,11 +71,7 @@ class FourPhase(Link):
 
     @staticmethod
     def advance(rule: Any, state: Any, sink: Any, clock: int, taken: int) -> int:
-        """Advance the link by a clock edge; the event leaves at the edge that raises REQ.
-
-        ``sink.ack_delay`` are the delays from each edge of REQ to the edge of ACK in 1/8 clock, used cyclically; never
-        a multiple of 8, so ACK does not change at a clock edge.
-        """
+        """Advance the link by a clock edge; the event leaves at the edge that raises REQ."""
         if state[ACK_AT] == clock:
             state[ACK] = state[REQ]
             state[ACK_AT] = -1

@@ -21,12 +21,19 @@ Read = Callable[[str], Any]
 Bits = Callable[[Any, int, int], Any]
 """Returns the bits of a value from a bit on: their lowest bit and their number."""
 
+ACK_QUANTA = 8
+"""Time quanta per clock, the unit of the delays of an asynchronous receiver."""
+
 NOTHING = -1
 """Number in the place of an event, 2 * taxel + polarity, where there is none."""
 
 
 class Sink(NamedTuple):
-    """The receiver of events, as in ``eskin.model.readout.Stimulus``."""
+    """The receiver of events, as in ``eskin.model.readout.Stimulus``.
+
+    ``ack_delay`` are the delays from each edge of a request to that of ACK in 1/8 clock, used cyclically; never a
+    multiple of 8, so ACK does not change at a clock edge.
+    """
 
     ready: NDArray[np.uint8]
     ack_delay: NDArray[np.int64]

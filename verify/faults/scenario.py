@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.config import ReadoutConfig
-from eskin.model.links.four_phase import ACK_QUANTA
+from eskin.model.links.link import ACK_QUANTA
 from eskin.model.readout import Stimulus
 
 RESET = 2
