@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import Any
 
 from eskin.rtl.encoders.registry import ENCODERS
+from eskin.rtl.links.registry import LINKS
 
 
 @contextmanager
@@ -31,12 +32,16 @@ def planted(file: str, *edits: tuple[str, str]) -> Iterator[None]:
         (user, name, value, getattr(changed, name)) for user, name, value in found
     ]
     listed = {name: build for name, build in ENCODERS.items() if build in own.values()}
+    blocks = {name: link.block.__name__ for name, link in LINKS.items() if link.block and link.block in own.values()}
+    linked = {name: LINKS[name] for name in blocks}
     for user, name, _, new in replaced:
         setattr(user, name, new)
     ENCODERS.update({name: getattr(changed, build.__name__) for name, build in listed.items()})
+    LINKS.update({name: linked[name]._replace(block=getattr(changed, block)) for name, block in blocks.items()})
     try:
         yield
     finally:
         ENCODERS.update(listed)
+        LINKS.update(linked)
         for user, name, value, _ in replaced:
             setattr(user, name, value)

@@ -42,7 +42,11 @@ PLAIN: dict[str, Any] = ONE | {"encoding": ("lcs",), "sample_bits": (3,), "front
 PLANTED: dict[str, tuple[tuple[str, str, str], dict[str, Any], int]] = {
     "a step": (("encoders.encoder", "else difference >= half_width", "else difference > half_width"), ONE, 10),
     "a mask": (("taxel", "self.request.eq(own.pending & self.enable)", "self.request.eq(own.pending)"), PLAIN, 100),
-    "a link": (("link", "ack_sync.eq(ack_meta)", "ack_sync.eq(self.aer_ack)"), ONE | {"link": ("four_phase",)}, 20),
+    "a link": (
+        ("links.four_phase", "ack_sync.eq(ack_meta)", "ack_sync.eq(self.aer_ack)"),
+        ONE | {"link": ("four_phase",)},
+        20,
+    ),
 }
 """Bugs, the given fields, and the largest number of clocks of the smallest run."""
 

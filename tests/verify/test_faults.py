@@ -80,7 +80,7 @@ def test_under_load_an_upset_leaves_signals_no_further_off_than_stated() -> None
 
 def test_a_link_that_an_upset_stops_for_good_is_found() -> None:
     trial = Trial(HANDSHAKE, stride=9)
-    with planted("link", *HANGS):
+    with planted("links.four_phase", *HANGS):
         found = list(upsets_of(trial, "link"))
     never = {upset.flop for upset in found if upset.outcome == NEVER}
     assert {"link.idle", "link.aer_req"} <= never  # lost itself, or the handshake that would bring it back
@@ -196,7 +196,7 @@ def test_hostile_surroundings_do_what_is_stated(config: object) -> None:
 
 
 def test_a_link_that_does_not_wait_for_ack_to_fall_is_found() -> None:
-    with planted("link", ("~setup & ~request & ~ack_sync", "~setup & ~request")):
+    with planted("links.four_phase", ("~setup & ~request & ~ack_sync", "~setup & ~request")):
         good, runs = ack_never_falls(HANDSHAKE)
     assert good < runs
 
