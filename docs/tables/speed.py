@@ -63,11 +63,6 @@ def speed_touch() -> dict[str, Any]:
     return report | found | {"before_s": one["before"], "now_s": one["now"]}
 
 
-def leak() -> Rows:
-    """Return the error of the integer leak of N-LCS against floating point, in % of the event rate."""
-    return [row | {"by_bits": list(row["fractions"].values())} for row in bench("leak")]
-
-
 def load(*titles: str) -> Rows:
     """Yield the results of five arbiters at each of the given loads."""
     report = read("benchmarks/results/load.json")
