@@ -25,8 +25,7 @@ YES, NO = ("1", "yes", "true"), ("", "0", "no", "false")
 
 NEEDS = {
     "sim": "sim replay touch agree soak gatesim asic gatepower coverage crosscheck",
-    "snn": "train crossval predict sweep counts quantise export import fig8 robustness "
-    "noise-power merits precision agree",
+    "snn": "train crossval predict sweep quantise export import agree",
     "events": "convert export import",
     "asic": "gatesim asic gatepower layout",
     "board": "demo play listen load rescue",
@@ -68,7 +67,7 @@ STEPS: dict[str, tuple[str, tuple[str, ...]]] = {
         (
             *(
                 f"benchmarks/{n}.py --json {MEASURED}/{n}.json"
-                for n in ("encoder", "cosim", "training", "player", "udp", "leak", "load")
+                for n in ("encoder", "cosim", "training", "player", "udp", "leak")
             ),
             f"benchmarks/encoder.py --signals 64 --samples 200000 --json {MEASURED}/encoder_64.json",
             f"benchmarks/network.py --steps 200 --json {MEASURED}/network.json",
