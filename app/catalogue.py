@@ -26,7 +26,7 @@ COMMANDS = {
 """Names of the user commands, grouped by task, in the order of ``eskin --help``."""
 
 DEV = "dev"
-CHECKS = ["formal", "properties", "coverage", "crosscheck", "crossproof", "soak"]
+CHECKS = ["formal", "properties", "coverage", "soak"]
 """Names of the checks of the project: ``eskin dev NAME``."""
 
 GROUPS = COMMANDS | {"Checks of the project": CHECKS}

@@ -24,7 +24,7 @@ EXIT_INPUT_ERROR = 2
 YES, NO = ("1", "yes", "true"), ("", "0", "no", "false")
 
 NEEDS = {
-    "sim": "sim replay touch agree soak gatesim asic gatepower coverage crosscheck",
+    "sim": "sim replay touch agree soak gatesim asic gatepower coverage",
     "snn": "train crossval predict sweep quantise export import agree",
     "events": "convert export import",
     "asic": "gatesim asic gatepower layout",
@@ -32,8 +32,6 @@ NEEDS = {
     "fpga": "fpga",
     "dev": "coverage",
     "registers": "coverage",
-    "lint": "crosscheck",
-    "proof": "crossproof",
 }
 """Commands that need each group of packages beside ``base``."""
 

@@ -44,8 +44,6 @@ COMMANDS = {
     "verilog": "cocotb_tests/test_frame_verilog.py::test_command_writes_the_text_of_the_library",
     "gates": "tests/flow/test_gate_count.py::test_command_compares_the_readouts_of_one_array",
     "properties": "tests/verify/test_bind.py::test_the_command_writes_what_goes_with_the_verilog",
-    "crosscheck": "tests/verify/test_crosscheck.py::test_slang_takes_what_is_delivered",  # compiling takes seconds
-    "crossproof": "tests/verify/test_crosscheck.py::test_both_find_the_same_first_clocks_of_a_block_and_of_mutants",
     "asic": "tests/flow/test_asic_report.py::test_bad_input_is_one_sentence",  # runs take ten seconds and more
     "layout": "tests/flow/test_layout.py::test_blif_and_spice",  # a layout takes half a minute
     "tapeout": "tests/flow/test_tapeout.py::test_tiny_tapeout_finds_all_its_files",

@@ -57,7 +57,6 @@ REFUSED = {
     "explore --nlcs-event-rate 5": "--nlcs-event-rate needs --event-rate, the rate of LCS; give both",
     "explore --event-rate 5 --dataset embedded": "--event-rate replaces --dataset and --rates; give one of them",
     "dev formal --block link --small -o bad.json": "the results of proofs bad.json is damaged: properties is no ",
-    "dev crosscheck --texture 99": "--texture must be in 0..47, not 99",
     "dev soak --only 1": "a run is a line of JSON, as a difference is printed: ",
     'dev soak --only {"config":{"rows":1e9}}': "rows must be of type int, not 1000000000.0",
     'dev soak --only {"config":{"sample_bits":1}}': "sample_bits must be in 3..24, not 1",
