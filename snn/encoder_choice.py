@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.taxel import encode_timed
@@ -16,7 +17,7 @@ from eskin.skin.recordings.folder import negative_part_lost
 from eskin.skin.recordings.options import PER_TAXEL
 from eskin.skin.recordings.quality import MOST_CLOCKS
 from eskin.snn.data.bins import BinConfig
-from eskin.snn.data.folds import matching, stratified_folds
+from eskin.snn.data.folds import check_classes, matching, possible_folds, stratified_folds
 from eskin.snn.reference import event_columns, logistic_classes
 
 MOST_JUDGED = 150
@@ -44,13 +45,17 @@ class ByClasses(Fit):
     test: str | None = None
     """Pattern of the names of the test recordings, instead of a fold."""
 
-    def learned(self, names: Sequence[str], classes: Sequence[str]) -> NDArray[np.int64]:
+    def learned(self, names: Sequence[str], classes: Sequence[str], groups: Sequence[str]) -> NDArray[np.int64]:
         """Return the numbers of the training recordings."""
         if self.test is not None:
             tested = matching(names, self.test)
         else:
             kinds, labels = np.unique(classes, return_inverse=True)
-            tested = stratified_folds(labels, self.folds, class_names=kinds.tolist())[self.fold]
+            folds = possible_folds(labels, self.folds, groups)
+            if self.fold >= folds:
+                raise InputError(f"fold must be in 0..{folds - 1}, not {self.fold}")
+            tested = stratified_folds(labels, folds, class_names=kinds.tolist(), groups=groups)[self.fold]
+            check_classes(labels, tested, kinds.tolist())
         return np.setdiff1d(np.arange(len(names)), tested)
 
     def choose(
@@ -76,7 +81,7 @@ class ByClasses(Fit):
         for scale, codes in recordings.items():
             judged = codes[some]
             seconds = sum(map(len, judged)) / config.sample_rate_hz
-            for tried in _candidates(config, given):
+            for tried in _candidates(config, given, self.tau_s):
                 if "encoding" not in given and negative_part_lost(tried, judged):
                     continue
                 columns, events = _statistics(tried, judged)
@@ -99,14 +104,14 @@ class ByClasses(Fit):
         )
 
 
-def _candidates(config: ReadoutConfig, given: Collection[str]) -> Iterable[ReadoutConfig]:
+def _candidates(config: ReadoutConfig, given: Collection[str], tau_s: float | None) -> Iterable[ReadoutConfig]:
     """Yield every encoder and resolution that the given fields permit."""
     encodings = registry.NAMES if set(given) <= FREE else [config.encoding]
     resolutions = [config.resolution] if "resolution" in given else RESOLUTIONS
     for encoding in encodings:
         for resolution in resolutions:
             tried = config.replace(encoding=encoding, resolution=resolution, clocks_per_sample=MOST_CLOCKS)
-            yield with_seconds(tried, given)
+            yield with_seconds(tried, given, tau_s)
 
 
 def _statistics(config: ReadoutConfig, recordings: Iterable[NDArray[np.int32]]) -> tuple[NDArray[np.float64], int]:

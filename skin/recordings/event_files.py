@@ -58,7 +58,7 @@ def kept_events(
     digest = hashlib.sha256(json.dumps(settings).encode())
     for file in sorted([*_MODEL.rglob("*.py"), *_HERE.glob("*.py"), Path(inspect.getfile(type(fit)))]):
         digest.update(file.read_bytes())
-    sources, left_out = sources_of(place, flat, options.strict)
+    sources, left_out = sources_of(place, flat or options.splits, options.strict)
     for source in sources:
         try:
             digest.update(source.name.encode() + source.path.suffix.encode() + b"\0" + source.path.read_bytes())

@@ -1,5 +1,6 @@
 """Choose a configuration for recordings: array size, clock, and time constants in seconds."""
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -7,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.model.config import ReadoutConfig
+from eskin.base.errors import InputError
+from eskin.model.config import MAX_LEAK_PERIOD, MAX_TAU_ERROR, ReadoutConfig
 from eskin.model.encoders.fields import signals
 from eskin.model.taxel import decode, encode_timed, slope_limit
 from eskin.skin.recordings.quality import MOST_CLOCKS, clocks_needed, encoded, power_of_two
@@ -30,13 +32,40 @@ ENOUGH_DB, MOST_TRIED = 15.0, 32
 SLOW_HZ = 1000.0  # samples per second below which the clock follows the signal, not 64 times the sample rate
 
 
-def with_seconds(config: ReadoutConfig, given: Collection[str]) -> ReadoutConfig:
-    """Return a configuration whose default time constants keep their duration at any sample rate."""
+def with_seconds(config: ReadoutConfig, given: Collection[str], tau_s: float | None = None) -> ReadoutConfig:
+    """Return a configuration whose default time constants keep their duration at any sample rate.
+
+    ``tau_s`` is the time constant that the user chose; raise InputError if the sample rate does not reach it.
+    """
     if config.encoder.leaks and not {"leak_shift", "leak_period"} & set(given):
-        return config.replace(**leak_of(TAU_S, config.sample_rate_hz))
+        rate_hz = config.sample_rate_hz
+        return config.replace(**(nearest_leak(TAU_S, rate_hz) if tau_s is None else leak_of(tau_s, rate_hz)))
     if config.encoder.windowed and "window_period" not in given:
         return config.replace(window_period=min(max(round(WINDOW_S * config.sample_rate_hz), LEAST_WINDOW), 2**16))
     return config
+
+
+def nearest_leak(tau_s: float, rate_hz: float) -> dict[str, int]:
+    """Return the leak settings for a time constant, or for the nearest reachable one of slow samples."""
+    try:
+        return leak_of(tau_s, rate_hz)
+    except InputError:
+        units_s = {shift: -1 / (rate_hz * math.log1p(-(2.0**-shift))) for shift in range(1, 7)}
+        periods = {shift: min(max(round(tau_s / unit_s), 1), MAX_LEAK_PERIOD) for shift, unit_s in units_s.items()}
+        shift = min(units_s, key=lambda k: abs(math.log(periods[k] * units_s[k] / tau_s)))
+        return {"leak_shift": shift, "leak_period": periods[shift]}
+
+
+def other_leak(config: ReadoutConfig, given: Collection[str]) -> tuple[str, ...]:
+    """Return a note if the leak that nobody chose differs from ``TAU_S``."""
+    if not config.encoder.leaks or {"leak_shift", "leak_period"} & set(given):
+        return ()
+    if abs(config.tau_s / TAU_S - 1) <= MAX_TAU_ERROR:
+        return ()
+    return (
+        f"the leak has a time constant of {config.tau_s:.3g} s, the nearest to {TAU_S:g} s at "
+        f"{config.sample_rate_hz:g} samples/s; --tau chooses another",
+    )
 
 
 @dataclass(frozen=True)
@@ -46,10 +75,11 @@ class Fit:
     A subclass may choose otherwise; its ``repr`` names all of its parameters.
     """
 
+    tau_s: float | None = None  # time constant of leaky encoders that the user chose
     other_scales: ClassVar[tuple[str, ...]] = ()  # texts of ``Preparation.scale`` that are tried beside ``max``
 
-    def learned(self, names: Sequence[str], classes: Sequence[str]) -> NDArray[np.int64]:
-        """Return the numbers of the recordings from which to choose, by the names and classes of all."""
+    def learned(self, names: Sequence[str], classes: Sequence[str], groups: Sequence[str]) -> NDArray[np.int64]:
+        """Return the numbers of the recordings from which to choose, by the names, classes and groups of all."""
         return np.arange(len(names))
 
     def choose(

@@ -1,6 +1,9 @@
 """Read a folder of recordings with a sub-folder for each class, and encode them with one configuration."""
 
+from __future__ import annotations
+
 import dataclasses
+import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,11 +20,12 @@ from eskin.model.config import MAX_SIDE, ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.readers.registry import SUFFIXES
 from eskin.skin.recordings.columns import match_columns, only_taxels
-from eskin.skin.recordings.fitting import Fit, steepest_step, with_clock, with_seconds
+from eskin.skin.recordings.fitting import Fit, other_leak, steepest_step, with_clock, with_seconds
 from eskin.skin.recordings.options import Preparation, Scale
-from eskin.skin.recordings.prepare import prepare
+from eskin.skin.recordings.prepare import Prepared, prepare
 from eskin.skin.recordings.quality import MUCH_LATE, Quality, encoded, pooled
 from eskin.skin.recordings.table import read_table, text_of
+from eskin.skin.recordings.windows import Part, parts_of
 from eskin.skin.samples import array_of
 
 LOW_SNR_DB = 10.0  # reconstruction SNR below which an LCS readout is worth a warning
@@ -34,6 +38,12 @@ class Source:
     path: Path
     name: str  # path relative to the folder, without its ending: equal file names in two classes stay apart
     class_name: str | None  # first folder below the set's; None for a file by itself
+    group: str = ""  # recordings of one group are never in different folds; empty: the recording alone
+
+    def part(self, part: Part) -> Source:
+        """Return the source of a part of this recording."""
+        group = part.group if part.group and not part.group.startswith("part ") else f"{self.name} {part.group}".strip()
+        return Source(self.path, f"{self.name}@{part.name}", part.label or self.class_name, group)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +85,7 @@ class RecordingSet:
         said: dict[str, Any] = {"scale": scale, "prepared": self.options.chosen()}
         said |= {"columns": list(self.columns)} if self.columns else {}
         said |= {"start_s": self.starts_s[source.name]} if source.name in self.starts_s else {}
+        said |= {"group": source.group} if source.group else {}
         return said | ({} if source.class_name is None else {"class": source.class_name})
 
 
@@ -135,11 +146,11 @@ def read_set(
     - ``flat``: as for ``sources_of``.
     - ``fit``: chooses encoder, resolution and scale from recordings, where these are not given.
     """
-    sources, left_out = sources_of(place, flat, options.strict)
+    sources, left_out = sources_of(place, flat or options.splits, options.strict)
     tables = []
     rate_hz = config.sample_rate_hz if "sample_rate_hz" in given else None
     for source in sources:
-        tables.append(read_table(source.path, options, rate_hz))
+        tables.append(read_table(source.path, options, rate_hz, needs_labels=not flat))
         if progress is not None:
             progress()
     tables, options = match_columns(tables, options)
@@ -151,38 +162,57 @@ def read_set(
         if no_taxels:  # other recordings get the same columns
             names = tables[0].names
             options = dataclasses.replace(options, taxel_columns=text_of(names), names=names if options.names else ())
+    bits = config.sample_bits
+    files, parts = range(len(sources)), [[Part(0, sys.maxsize, None, "", "")] for _ in sources]
+    if options.splits:
+        whole = prepare(tables, options, bits, rate_hz)
+        parts, said = parts_of(tables, [len(codes) for codes in whole.codes], whole.rate_hz, options)
+        notes += said
+    of_file = [number for number, found in zip(files, parts, strict=True) for _ in found]
+    starts_s = {s.name: t.start_s for s, t in zip(sources, tables, strict=True) if t.time_s is not None}
+    if options.splits:
+        sources = tuple(s.part(part) for s, found in zip(sources, parts, strict=True) for part in found)
+        starts_s = {}
+
+    def cut(prepared: Prepared) -> list[NDArray[np.int32]]:
+        """Return the codes of each source."""
+        pairs = zip(prepared.codes, parts, strict=True)
+        return [codes[part.begin : part.end] for codes, found in pairs for part in found]
+
     classes = [str(source.class_name) for source in sources]
-    learned = fit.learned([source.name for source in sources], classes) if fit else range(len(sources))
-    prepared = prepare(tables, options, config.sample_bits, rate_hz, learned)
+    groups = [source.group or source.name for source in sources]
+    learned = fit.learned([source.name for source in sources], classes, groups) if fit else range(len(sources))
+    learned_files = sorted({of_file[number] for number in learned})
+    prepared = prepare(tables, options, bits, rate_hz, learned_files)
     taxels = tables[0].values.shape[1]
-    config = _with_array(config, taxels, given, tables[0].path, tables[0].shape).replace(
-        sample_rate_hz=prepared.rate_hz
-    )
-    config = with_seconds(config, given)
+    config = _with_array(config, taxels, given, tables[0].path, tables[0].shape)
+    tau_s = fit.tau_s if fit else None
+    config = with_seconds(config.replace(sample_rate_hz=prepared.rate_hz), given, tau_s)
     if fit and not {"encoding", "resolution"} <= set(given):
         tried = {options.scale: prepared}
         for scale in fit.other_scales if options.scale == "max" and "scale" not in given else ():
             other = dataclasses.replace(options, scale=scale)
-            tried[scale] = prepare(tables, other, config.sample_bits, rate_hz, learned)
-        codes = {scale: [one.codes[number] for number in learned] for scale, one in tried.items()}
+            tried[scale] = prepare(tables, other, bits, rate_hz, learned_files)
+        codes = {scale: [every[number] for number in learned] for scale, one in tried.items() for every in [cut(one)]}
         tick = progress or (lambda: None)
         config, scale, note = fit.choose(config, given, [classes[number] for number in learned], codes, tick)
         prepared, options = tried[scale], dataclasses.replace(options, scale=scale)
         notes += (note,) if note else ()
+    codes_of_all = cut(prepared)
     if "clocks_per_sample" not in given:
-        config = with_clock(config, prepared.codes)
+        config = with_clock(config, codes_of_all)
     return RecordingSet(
         name=place.resolve().name if place.is_dir() else place.stem,
         sources=sources,
-        codes=prepared.codes,
+        codes=codes_of_all,
         config=config,
         options=options,
         scale=prepared.scale,
         clipped=prepared.clipped,
-        notes=(*notes, *prepared.notes),
-        warnings=(*left_out, *prepared.warnings, *negative_part_lost(config, prepared.codes)),
+        notes=(*notes, *prepared.notes, *(other_leak(config, given) if tau_s is None else ())),
+        warnings=(*left_out, *prepared.warnings, *negative_part_lost(config, codes_of_all)),
         columns=tables[0].names if tables[0].named else (),
-        starts_s={s.name: t.start_s for s, t in zip(sources, tables, strict=True) if t.time_s is not None},
+        starts_s=starts_s,
     )
 
 

@@ -11,6 +11,7 @@ from eskin.model.config import parameter
 
 Decimal = Literal["auto", "point", "comma"]
 TimeUnit = Literal["auto", "s", "ms", "us", "ns"]
+LabelOf = Literal["last", "most"]
 Baseline = Literal["none", "first", "median", "highpass"]
 GUIDE = "docs/guide/recordings.md"
 PER_TAXEL = "per-taxel"  # text of ``Preparation.scale`` that maps the largest magnitude of each taxel to full scale
@@ -35,6 +36,10 @@ class Preparation:
     field: str = parameter("", "", GUIDE, "array, variable, sheet or message field with the samples")
     label_column: str = parameter("", "", GUIDE, "column with the class of each sample, by name or number")
     group_column: str = parameter("", "", GUIDE, "column with the group of each sample, such as a subject")
+    window_s: float = parameter(0.0, "s", GUIDE, "length of windows that each get a class from --label-column")
+    hop_s: float = parameter(0.0, "s", GUIDE, "time from a window to the next [half a window]")
+    guard_s: float = parameter(0.0, "s", GUIDE, "windows that end this close to a change of the label are left out")
+    label_of: LabelOf = parameter("last", "", GUIDE, "class of a window: of its last sample, or of most samples")
     time_column: str = parameter("", "", GUIDE, "column of time stamps, by name or number, or none [detected]")
     time_unit: TimeUnit = parameter("auto", "", GUIDE, "unit of the time stamps")
     baseline: Baseline = parameter("none", "", GUIDE, "value subtracted from every taxel")
@@ -47,7 +52,12 @@ class Preparation:
     """One factor, or one for each taxel as ``0.5,2``. A percentile is that of the magnitudes of all recordings."""
 
     def __post_init__(self) -> None:
-        for name, choices in (("decimal", Decimal), ("time_unit", TimeUnit), ("baseline", Baseline)):
+        for name, choices in (
+            ("decimal", Decimal),
+            ("time_unit", TimeUnit),
+            ("baseline", Baseline),
+            ("label_of", LabelOf),
+        ):
             if (value := getattr(self, name)) not in get_args(choices):
                 option = "--" + name.replace("_", "-")
                 raise InputError(f"{option} must be one of {', '.join(get_args(choices))}, not {value!r}")
@@ -58,6 +68,14 @@ class Preparation:
             raise InputError(f"--delimiter is one character, tab or space, not {self.delimiter!r}")
         if not (math.isfinite(self.highpass_hz) and self.highpass_hz > 0):
             raise InputError(f"--highpass must be a positive number of hertz, not {self.highpass_hz!r}")
+        for name in ("window_s", "hop_s", "guard_s"):
+            value, option = getattr(self, name), name.removesuffix("_s")
+            if not (math.isfinite(value) and value >= 0):
+                raise InputError(f"--{option} must be a number of seconds from 0, not {value!r}")
+            if value and not self.window_s:
+                raise InputError(f"--{option} needs windows; add --window SECONDS")
+        if self.window_s and not self.hop_s:
+            object.__setattr__(self, "hop_s", self.window_s / 2)
         self.percentile()
         if not all(isinstance(name, str) for name in self.names):
             raise InputError(f"the names of columns must be texts, not {self.names!r}")
@@ -70,6 +88,11 @@ class Preparation:
             for field in dataclasses.fields(self)
             if field.name not in ("scale", "strict") and getattr(self, field.name) != field.default
         }
+
+    @property
+    def splits(self) -> bool:
+        """Whether a file becomes several recordings."""
+        return bool(self.label_column or self.group_column or self.window_s)
 
     def percentile(self) -> float | None:
         """Return the percentile of the magnitudes that maps to full scale; None for fixed factors."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -38,6 +39,12 @@ OTHER = re.compile(
 )
 """Names of columns that are no taxels."""
 
+TRIAL = re.compile(
+    r"(?:^|[\W_])(trial|subject|participant|user|session|variant|gesture|run|rep(etition)?|recording|take|object)(?![a-z])",
+    re.IGNORECASE,
+)
+"""Names of columns whose change begins another recording."""
+
 
 @dataclass(frozen=True, eq=False)
 class Table:
@@ -58,16 +65,18 @@ class Table:
     doubt: str = ""  # why its first axis may not be time
     labels: NDArray[Any] | None = None  # text of each sample's label, shape (ticks,)
     groups: NDArray[Any] | None = None  # text of each sample's group, shape (ticks,)
+    runs: NDArray[np.int64] | None = None  # number of each sample's trial, which changes with any column that names it
 
 
-def read_table(path: Path, options: Preparation, rate_hz: float | None = None) -> Table:
+def read_table(path: Path, options: Preparation, rate_hz: float | None = None, needs_labels: bool = True) -> Table:
     """Return the recording in a file of any kind of ``skin/readers``.
 
     Columns are chosen first and converted then, so that a column of text, dates or nothing never blocks the others.
     Without ``taxel_columns`` the columns that cannot be taxels stay in the table, each with its reason, since other
     recordings of a set may have them too; ``columns.only_taxels`` takes them out.
 
-    ``rate_hz`` is the rate that the user gave; it tells the unit of bare time stamps.
+    ``rate_hz`` is the rate that the user gave; it tells the unit of bare time stamps. Without ``needs_labels``, the
+    columns of labels and groups may be missing.
 
     Raise InputError if the file cannot be read, lacks a column that the options name, a chosen column holds no numbers,
     or its time stamps do not rise.
@@ -75,8 +84,11 @@ def read_table(path: Path, options: Preparation, rate_hz: float | None = None) -
     layout = Layout(options.delimiter, options.decimal, options.skip_lines, options.frame_lines)
     frame = read_frame(path, Source(layout, options.topic, options.field))
     time, time_notes = _time_column(path, frame, options)
+    named = [name for name in (options.label_column, options.group_column) if name]
+    if not needs_labels and any(name not in frame.names and not name.isdigit() for name in named):
+        named, options = [], dataclasses.replace(options, label_column="", group_column="")
     labels, groups = (_text(path, frame, name) for name in (options.label_column, options.group_column))
-    special = {_column(path, frame.names, name) for name in (options.label_column, options.group_column) if name}
+    special = {_column(path, frame.names, name) for name in named}
     special |= {time} if time is not None else set()
     chosen = chosen_columns(path, frame.names, options.taxel_columns)
     no_taxels: dict[str, str] = {}
@@ -122,6 +134,7 @@ def read_table(path: Path, options: Preparation, rate_hz: float | None = None) -
         doubt=frame.doubt,
         labels=labels,
         groups=groups,
+        runs=_trials(path, frame) if options.splits else None,
     )
 
 
@@ -172,6 +185,19 @@ def _text(path: Path, frame: Frame, name: str) -> NDArray[Any] | None:
     if cells.dtype.kind == "f" and (cells.dropna() % 1 == 0).all():
         cells = cells.astype("Int64")
     return np.array(["" if missing else str(cell).strip() for cell, missing in zip(cells, cells.isna(), strict=True)])
+
+
+def _trials(path: Path, frame: Frame) -> NDArray[np.int64]:
+    """Return the number of each sample's trial, which changes with subject, trial and the like, or at a restart."""
+    changes = np.zeros(len(frame.cells), bool)
+    for k, name in enumerate(frame.names):
+        if frame.named and TRIAL.search(name):
+            text = _text(path, frame, name)
+            changes[1:] |= text[1:] != text[:-1] if text is not None else False
+        elif frame.named and COUNTER.match(name) and frame.cells[k].dtype.kind in "iu":
+            steps = np.diff(stamps.unwrapped(frame.cells[k].to_numpy())[0])
+            changes[1:] |= (steps < 0) & (steps > -(2**15))
+    return np.cumsum(changes)
 
 
 def _numbers(path: Path, frame: Frame, k: int) -> tuple[Values, str]:

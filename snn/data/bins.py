@@ -57,7 +57,7 @@ def bin_recording(recording: Recording, bins: BinConfig) -> NDArray[np.int16]:
 
     The link transfer time of an event determines its bin. Channel = taxel index, plus the number of taxels for OFF.
 
-    Raise InputError if the window contains no event or no complete bin, or a bin too many events.
+    Raise InputError if the window contains no complete bin, or a bin too many events.
     """
     config, events = recording.config, recording.events
     name = recording.metadata.get("name", "the recording")
@@ -84,11 +84,9 @@ def bin_recording(recording: Recording, bins: BinConfig) -> NDArray[np.int16]:
         )
     step = np.floor((events["t"] - start) / width).astype(np.int64)
     seen = (events["t"] >= start) & (step < steps)
-    if not seen.any():
-        raise InputError(f"{name} has no event in the time window; record it again or choose another window")
     counts = np.zeros((steps, bins.channels(config)), np.int16)
     place, number = np.unique(step[seen] * counts.shape[1] + bins.channel_of(events, config)[seen], return_counts=True)
-    if number.max() > np.iinfo(np.int16).max:
+    if number.max(initial=0) > np.iinfo(np.int16).max:
         raise InputError(f"a time bin of {bins.bin_s:g} s holds {number.max()} events; choose a shorter one")
     counts.ravel()[place] = number
     return counts

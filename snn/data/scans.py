@@ -39,6 +39,8 @@ class ScanData:
     """Mean population event rate of the scans over their whole length, or values per second of frames."""
     source: str = ""
     """Origin of the scans, for the user; without effect on results."""
+    groups: tuple[str, ...] = ()
+    """Group of each image; images of a group are in one fold. Empty: each image is a group."""
     lengths: NDArray[np.int64] | None = None
     """Steps of each scan; later steps are zero. None: all scans have all steps. Shape (scans,), or None."""
 
@@ -167,6 +169,7 @@ def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Seque
     ]
     images = [image_of(recording) for recording in recordings]
     number = {image: index for index, image in enumerate(dict.fromkeys(images))}
+    group_of = {image: recording.metadata.get("group") for image, recording in zip(images, recordings, strict=True)}
     return ScanData(
         values=filled(counts),
         labels=np.array([classes.index(name) for name in found], np.int64),
@@ -177,6 +180,7 @@ def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Seque
         step_s=bins.bin_s,
         rate_hz=float(np.mean(rates_hz)),
         lengths=np.array([len(one) for one in counts], np.int64),
+        groups=tuple(map(str, group_of.values())) if all(group_of.values()) else (),
     )
 
 

@@ -32,7 +32,7 @@ def run_cell(experiment: Experiment, data: ScanData, fold: int, seed: int, folds
     labels = data.image_labels
     test = tested(data, folds, experiment.tests)[fold]
     images = np.setdiff1d(np.arange(len(labels)), test)
-    held_out = inner_part(labels, images, seed)
+    held_out = inner_part(labels, images, seed, data.groups)
     split = Split(data, np.setdiff1d(images, held_out), held_out, test)
     tried = [
         (train(split, made.network_config(data), made.train, seed), setting, made)

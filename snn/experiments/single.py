@@ -15,7 +15,7 @@ from eskin.base.errors import InputError
 from eskin.base.files import write_json
 from eskin.skin.recordings.event_files import signal_statistics
 from eskin.snn.checkpoint import Checkpoint
-from eskin.snn.data.folds import matching, stratified_folds
+from eskin.snn.data.folds import check_classes, matching, possible_folds, stratified_folds
 from eskin.snn.data.recordings import own_readout
 from eskin.snn.data.scans import ScanData, Split
 from eskin.snn.exchange.weights import Weights, save_weights
@@ -40,7 +40,11 @@ class Fold:
     @classmethod
     def choose(cls, data: ScanData, number: int, of: int) -> Fold:
         """Return a stratified fold of a dataset."""
-        test = stratified_folds(data.image_labels, of, class_names=data.class_names)[number]
+        of = possible_folds(data.image_labels, of, data.groups)
+        if number >= of:
+            raise InputError(f"fold must be in 0..{of - 1}, not {number}")
+        test = stratified_folds(data.image_labels, of, class_names=data.class_names, groups=data.groups)[number]
+        check_classes(data.image_labels, test, data.class_names)
         return cls(data, number, of, test, np.setdiff1d(np.arange(len(data.image_labels)), test))
 
     @classmethod
@@ -102,7 +106,7 @@ def train_fold(
         "predicted": predicted.tolist(),
         "history": [dataclasses.asdict(epoch) for epoch in training.history],
     }
-    if fold.of == 1:
+    if fold.of == 1 or data.groups:
         result["test_images"] = fold.test.tolist()
     if experiment.events and (own := own_readout(Path(experiment.events))):
         result["recordings"] = own.to_dict()

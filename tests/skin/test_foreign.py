@@ -266,8 +266,9 @@ def test_files_of_cameras_are_read(suffix: str, version: str | None, folder: Pat
     assert code == 0, error
     made = Recording.load(Path("e.npz"))
     assert (made.config.rows, made.config.columns) == (9, 12)
+    wanted = np.sort(ours.events, order=["t", "x", "y"])
     if suffix == "es":  # its times count from the first event
-        ours.events["t"] -= ours.events["t"][0]
-    assert np.array_equal(np.sort(made.events, order=["t", "x", "y"]), np.sort(ours.events, order=["t", "x", "y"]))
+        wanted["t"] -= wanted["t"][0]
+    assert np.array_equal(np.sort(made.events, order=["t", "x", "y"]), wanted)
     Path(f"cut.{suffix}").write_bytes(b"% evt 9.0\n")
     assert f"cut.{suffix} is damaged or not a .{suffix} file of events" in call(f"convert cut.{suffix} -o f.npz")[2]

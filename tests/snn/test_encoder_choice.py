@@ -33,7 +33,7 @@ def test_it_learns_from_the_training_recordings_of_the_fold_alone(folder: Path) 
     names = [source.name for source in sources]
     for test, fold in ((None, Fold.choose(data, 1, 5)), ("*/[02]", Fold.named(data, "*/[02]"))):
         fit = ByClasses(fold=1, folds=5, test=test)
-        learned = fit.learned(names, [str(source.class_name) for source in sources])
+        learned = fit.learned(names, [str(source.class_name) for source in sources], names)
         assert [names[number] for number in learned] == [data.names[image] for image in fold.images]
     before = chosen(fit)
     for image in fold.test:  # ten times as loud
@@ -71,7 +71,8 @@ def test_taxels_of_very_different_ranges_have_a_scale_each(folder: Path) -> None
     fit = ByClasses(folds=3)
     found = chosen(fit)
     assert any("b and a scale per taxel, " in note and "finds the class of 100% of 8 " in note for note in found.notes)
-    learned = fit.learned([source.name for source in found.sources], [str(one.class_name) for one in found.sources])
+    names = [source.name for source in found.sources]
+    learned = fit.learned(names, [str(one.class_name) for one in found.sources], names)
     rest = [np.loadtxt(source.path, delimiter=",", skiprows=1)[:, 1:] for source in found.sources]
     rest = [signal - signal[0] for signal in rest]
     tops = np.abs(np.concatenate([rest[number] for number in learned])).max(0)
@@ -117,10 +118,11 @@ def test_given_fields_stay(folder: Path) -> None:
     assert not any("inner validation" in note for note in both.notes)
 
 
-def test_a_class_with_fewer_recordings_than_folds_is_named(folder: Path) -> None:
+def test_a_class_with_fewer_recordings_than_folds_has_fewer_folds(folder: Path) -> None:
     write_skin(folder / "skin", taxels=4, each=3)
-    with pytest.raises(InputError, match="class press has 3; add --folds 3"):
-        chosen(ByClasses(folds=6))
+    assert chosen(ByClasses(folds=6)).config == chosen(ByClasses(folds=3)).config
+    with pytest.raises(InputError, match=r"fold must be in 0\.\.2, not 4"):
+        chosen(ByClasses(fold=4, folds=6))
 
 
 def test_too_few_recordings_leave_the_encoder(folder: Path) -> None:

@@ -204,9 +204,10 @@ def test_folds_are_stratified_and_cover_every_image_once() -> None:
             stratified_folds(data.labels, 3)[number].tolist(),
         )
         assert sorted([*fold.test, *fold.images]) == list(range(30)), "no image is learned where it is tested"
+    assert Fold.choose(data, 0, 11).of == 10
     what = f"11 folds need 11 recordings or images of each class, but class {CLASSES[0]} has 10; add --folds 10"
     with pytest.raises(InputError, match=f"^{what}, or record more$"):
-        Fold.choose(data, 0, 11)
+        stratified_folds(data.labels, 11, class_names=CLASSES)
     with pytest.raises(InputError, match=r"but class b has 1; record more$"):
         stratified_folds(np.array([0, 0, 1]), 6, class_names=("a", "b"))
 

@@ -47,7 +47,7 @@ DEFAULT_RESOLUTION = 4
 WITHOUT_EFFECT = {
     "frames": "encoding resolution tau start fields",
     "events": "preset encoding resolution tau fields config_file dataset start_rows disturbed taxels data",
-    "data": "preset tau dataset start_rows disturbed taxels",
+    "data": "preset dataset start_rows disturbed taxels",
 }
 """Parameters without effect beside another parameter: frames have no encoder, and recordings are no scans."""
 
@@ -127,6 +127,7 @@ def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experim
     Options are the values by name of all parameters of ``_options``, and texts of the fields of Preparation. For
     recordings, ``fit`` chooses encoder, resolution and scale as in ``kept_events``; for frames only the scale.
     """
+    from eskin.skin.recordings.fitting import Fit
     from eskin.snn.data.bins import BinConfig
     from eskin.snn.experiments.settings import experiment_of, parse_grid, parse_settings
 
@@ -141,14 +142,16 @@ def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experim
     if "resolution" not in given:
         readout = readout.replace(resolution=DEFAULT_RESOLUTION)
     tau_s = options["tau"]
-    if tau_s is not None:
+    if tau_s is not None and (options["data"] is None or "encoding" in given):
         check_leaks(readout)
     prepared = parse_fields(Preparation, {name: options[name] for name in PREPARATION})
     follows: dict[str, Any] = {}
     if options["data"] is not None:
         fixed = given | ({"scale"} & set(prepared))
         fixed = fixed if options["frames"] is None else fixed | {"encoding", "resolution"}
+        fit = dataclasses.replace(fit or Fit(), tau_s=tau_s)
         folder = events_of(options["data"], {"strict": True} | prepared, readout, fixed, fit=fit)
+        tau_s = None  # the readout of the event files has it
         options = options | {"events": folder, "bin_s": options["bin_s"] or _bin_of(folder)}
         bin_s = options["bin_s"] or BinConfig().bin_s
         if options["frames"] is not None:

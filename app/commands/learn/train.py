@@ -57,7 +57,7 @@ def train(
         raise InputError(f"fold must be in 0..{folds - 1}, not {fold}")
     from eskin.snn.encoder_choice import ByClasses
 
-    made: Experiment = make(ByClasses(fold, folds, test))
+    made: Experiment = make(ByClasses(fold=fold, folds=folds, test=test))
     if made.grid is not None:
         raise InputError("train needs a single value of each setting; use --set, or give the grid to crossval or sweep")
     chosen_out, out = out, out or OUT
@@ -72,6 +72,12 @@ def train(
     chosen = Fold.choose(data, fold, folds) if test is None else Fold.named(data, test)
     print(f"data: {printable(data.source)}")
     noun = "images" if made.events is None else "recordings"
+    if 1 < chosen.of < folds:
+        grouped = " groups of" if data.groups else ""
+        print(
+            f"{chosen.of} folds instead of {folds}: a class has only {chosen.of}{grouped} recordings; "
+            f"--folds sets another number"
+        )
     print(
         f"{len(chosen.images)} {noun} for training ({len(data.scans_of(chosen.images))} scans), {len(chosen.test)} "
         f"for testing, {len(data.class_names)} classes; {data.steps} steps of {data.channels} channels"

@@ -93,8 +93,14 @@ def events_of(
     from eskin.base.workers.pool import Local
     from eskin.skin.recordings.event_files import kept_events
 
-    if not place.is_dir() and not (flat and place.is_file()):
-        raise InputError(f"{place} is not a folder; give a folder with a sub-folder for each class")
+    splits = preparation(prepared).splits
+    if splits and not flat and not prepared.get("label_column") and not place.is_dir():
+        raise InputError(f"the parts of {place} have no class; name the column of the class with --label-column")
+    if not place.is_dir() and not ((flat or splits) and place.is_file()):
+        raise InputError(
+            f"{place} is not a folder; give a folder with a sub-folder for each class, or name the column of the "
+            f"class with --label-column"
+        )
     with Local(threads=True) as pool, bar("encoding recordings") as step:
         folder, notes, warnings = kept_events(
             place, preparation(prepared), config, given, step, pool=pool, flat=flat, fit=fit

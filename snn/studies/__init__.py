@@ -1,0 +1,1 @@
+"""Studies of readouts: accuracy, rate and power with noise; latency, rest and timing."""
