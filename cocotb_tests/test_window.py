@@ -41,7 +41,7 @@ def steps(config: ReadoutConfig, rng: random.Random, counts: Counter[str]) -> It
 BASE = ReadoutConfig(rows=1, columns=1, encoding="cw-lcs", resolution=6, window_period=3)
 CONFIGS = [
     BASE,
-    BASE.replace(frontend="analog", reset="async"),
+    BASE.replace(frontend="analog", window_period=4, reset="async"),
     BASE.replace(window_period=1, closing_shift=16, resolution=5, reset="async"),
     BASE.replace(frontend="analog", window_period=5, closing_shift=1),
 ]
