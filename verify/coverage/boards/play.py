@@ -25,8 +25,8 @@ from eskin.model.config import ReadoutConfig
 from eskin.rtl import yosys
 from eskin.rtl.verilog import YOSYS_SCRIPT
 from eskin.verify.coverage.boards.host import JOB, RUN_CLOCKS
-from eskin.verify.coverage.constructs import with_points
-from eskin.verify.coverage.points.designs import board as points
+from eskin.verify.coverage.constructs import named
+from eskin.verify.coverage.points.render import points
 
 
 def text(config: BoardConfig) -> str:
@@ -52,10 +52,10 @@ def small_board(design: str) -> BoardConfig:
 
 def board(config: BoardConfig, folder: Path) -> None:
     """Simulate all test scripts on a board, and compare events and classes with the models."""
-    whole = with_points(text(config), ((p.module, p.label, p.expression) for p in points(config)))
-    named = config.chip or small_board("player").chip
-    assert named is not None
-    program = simulator.build(named, "verilator", top=TOP, text=whole)
+    whole = named(text(config), points(config))
+    shape = config.chip or small_board("player").chip
+    assert shape is not None
+    program = simulator.build(shape, "verilator", top=TOP, text=whole)
     job: dict[str, Any] = {"chip": None, "serial": asdict(config.serial), "seed": 5}
     scans: dict[str, NDArray[np.int16]] = {}
     if config.chip:

@@ -1,1 +1,1 @@
-"""Functional coverage points: cases of the specification as expressions over Verilog signals."""
+"""Functional points of the delivered modules: cover statements in SystemVerilog."""

@@ -1,0 +1,3 @@
+{% if config.frontend == "analog" and config.has_polarity %}
+`COVER(both_comparators_fire, |(above & below))
+{% endif %}
