@@ -16,7 +16,6 @@ BLOCKS = {
     "decay": "cocotb_tests/test_decay.py::test_decay_ticks_are_those_of_the_rule[3-rows-5",
     "delivery": "cocotb_tests/test_verilog.py::test_port_list_is_that_of_the_module",
     "frame": "cocotb_tests/test_frame.py::test_rtl_equals_the_model_in_every_clock[icarus-1x4-6b",
-    "link": "cocotb_tests/test_link.py::test_link_keeps_the_protocol_and_equals_its_reference[icarus-3x5",
     "logic": "tests/rtl/test_logic.py::test_networks_compute_what_they_say",
     "readout": "cocotb_tests/test_readout.py::test_rtl_equals_model_in_every_encoding[lcs-3x5-6b",
     "stream": "tests/rtl/test_stream.py::test_streams_carry_the_events_of_the_model_to_a_consumer_that_stalls[lcs",
@@ -86,6 +85,7 @@ COMMANDS = {
 
 OTHERS = {
     "layers": "tests/test_layers.py",
+    "link": "cocotb_tests/test_link.py::test_link_keeps_the_protocol_and_equals_its_reference[icarus-3x5",
     "classifier": f"{CLASSIFIER}[2-1-3",
     "classifier of membranes": f"{CLASSIFIER}[16-33-4-16l",
     "classifier of wide biases": f"{CLASSIFIER}[6-8-7-8l",
