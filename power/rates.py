@@ -6,8 +6,6 @@ those of the two datasets in both presets.
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -77,7 +75,7 @@ class RateTable:
         if missing := sorted(set(wanted.ravel().tolist()) - set(self.resolutions)):
             raise InputError(
                 f"there are no measured event rates of {missing[0]} b, only of "
-                f"{', '.join(map(str, self.resolutions))}; measure them with eskin event-rates"
+                f"{', '.join(map(str, self.resolutions))}; give --dataset to measure them"
             )
         index = np.searchsorted(self.resolutions, wanted)
         scale = taxels / (self.rows * self.columns)
@@ -150,7 +148,7 @@ def _rounded(rates: NDArray[np.float64]) -> Any:
 
 def load_tables(path: Path = STORED) -> tuple[RateTable, ...]:
     """Return the rate tables from a file."""
-    remedy = "write one with eskin event-rates"
+    remedy = "write one with python -m studies.event_rates"
     try:
         values = read_json(path, "the event rates")
     except InputError as error:
@@ -168,13 +166,6 @@ def stored_table(preset_name: str = "paper", dataset: str = "kylberg", path: Pat
             return table
     found = ", ".join(f"{t.dataset} {t.preset}" for t in tables) or "nothing"
     raise InputError(f"{path} has no event rates of {dataset} {preset_name}, only of {found}")
-
-
-def tables_text(tables: Sequence[RateTable], command: str) -> str:
-    """Return rate tables as JSON text, one list of taxels per line."""
-    head = {"command": command, "unit": "events/s of every taxel, mean over the images"}
-    text = json.dumps(head | {"tables": [table.to_dict() for table in tables]}, indent=1)
-    return re.sub(r"\[[^][{}]+\]", lambda found: json.dumps(json.loads(found[0])), text) + "\n"
 
 
 def measure_table(

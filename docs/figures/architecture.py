@@ -24,7 +24,7 @@ from eskin.rtl.taxel import Row, Taxel
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-NO_ROOMS = {"eskin", "tests", "docs", "benchmarks", "out", "build", "dist"}
+NO_ROOMS = {"eskin", "tests", "docs", "benchmarks", "studies", "out", "build", "dist"}
 ORANGE, GREEN = PALETTE["orange"], PALETTE["green"]
 
 

@@ -1,6 +1,6 @@
 """Tables and sentences of results, which cog inserts into the pages.
 
-``make docs`` writes every page anew; a test runs ``cog --check``. Data: ``docs/data``, ``snn/figures``,
+``make docs`` writes every page anew; a test runs ``cog --check``. Data: ``docs/data``,
 ``benchmarks/results``. A page has the titles and formats of a table or sentence; the functions here return its rows or
 values, or print whole tables whose columns depend on the data.
 """

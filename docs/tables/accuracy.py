@@ -13,8 +13,8 @@ TEXTURES = "docs/data/classifier/"
 
 def sweep(name: str) -> list[dict[str, Any]]:
     """Return the points of a sweep, LCS first, each with the published accuracy or None."""
-    fig9 = {(p["readout"], p["resolution"]): p["accuracy"] for p in read("snn/figures/published_fig9.json")["points"]}
-    points = sorted(read(f"snn/figures/sweeps/{name}.json")["points"], key=lambda p: (p["readout"], p["resolution"]))
+    fig9 = {(p["readout"], p["resolution"]): p["accuracy"] for p in read("docs/data/published_fig9.json")["points"]}
+    points = sorted(read(f"docs/data/sweeps/{name}.json")["points"], key=lambda p: (p["readout"], p["resolution"]))
     return [p | {"published": fig9.get((p["readout"], p["resolution"]))} for p in points]
 
 
@@ -26,7 +26,7 @@ def accuracy_physical() -> Rows:
 
 def frame_points() -> dict[str, dict[str, Any]]:
     """Return the points of frames by kind of network."""
-    published = only(read("snn/figures/published_fig9.json")["points"], readout="frame", resolution=10)["accuracy"]
+    published = only(read("docs/data/published_fig9.json")["points"], readout="frame", resolution=10)["accuracy"]
     rnn, cnn = (next(p for p in sweep("reference-frames") if kind in p["name"]) for kind in ("rnn", "cnn"))
     return {
         "rnn": rnn | {"text": "ReLU units (`rnn`), as in the paper", "theirs": f"{100 * published:.2f} %"},

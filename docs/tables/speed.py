@@ -65,7 +65,7 @@ def speed_touch() -> dict[str, Any]:
 
 def load(*titles: str) -> Rows:
     """Yield the results of five arbiters at each of the given loads."""
-    report = read("benchmarks/results/load.json")
+    report = read("docs/data/load.json")
     for title in titles:
         lines = [line for line in report["results"] if f"{line['load']}, {line['asked']:.0%}" == title]
         for number, line in enumerate(lines):

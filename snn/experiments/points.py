@@ -75,7 +75,7 @@ def measured(point: Point) -> bool:
     return point["last"] is not None
 
 
-def partial(point: Point) -> bool:
+def unfinished(point: Point) -> bool:
     """Return True if trainings of a point are missing; published points have no trainings."""
     return "cells" in point and bool(point["cells"]["done"] < point["cells"]["of"])
 

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from eskin.base.errors import InputError
 from eskin.base.figures.style import new_figure, save_figure
-from eskin.skin.textures.presets import PRESETS
-from eskin.snn.experiments.points import READINGS, Sweep, measured, partial
-from eskin.snn.figures.fig9 import Data, own_point
+from eskin.snn.experiments.points import READINGS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,34 +16,12 @@ TITLE_LETTERS = 46
 """Most letters of a line above a matrix; a longer line would leave the picture."""
 
 
-def confusion_data(sweeps: Sequence[Sweep], reading: str, name: str | None = None) -> Data:
-    """Return the confusion matrices of a named point, or of the best finished spiking points by preset."""
-    candidates = [(sweep, point) for sweep in sweeps for point in sweep.points if measured(point)]
-    if name is not None:
-        chosen = [(sweep, point) for sweep, point in candidates if point["name"] == name]
-        if not chosen:
-            known = dict.fromkeys(point["name"] for _, point in candidates)
-            raise InputError(f"there is no point {name!r}; the points are {', '.join(known) or 'without results'}")
-    else:
-        finished = [(s, point) for s, point in candidates if not partial(point) and point["readout"] != "frame"]
-        of_presets = ([one for one in finished if one[1]["preset"] == preset] for preset in (*PRESETS, None))
-        chosen = [max(own, key=lambda one: one[1][reading]["accuracy"]) for own in of_presets if own]
-    return {
-        "reading": reading,
-        "points": [
-            own_point(sweep, point, reading)
-            | {"class_names": point["class_names"], "confusion": point[reading]["confusion"]}
-            for sweep, point in chosen
-        ],
-    }
-
-
-def plot_confusion(data: Data, path: Path) -> None:
+def plot_confusion(data: dict[str, Any], path: Path) -> None:
     """Plot confusion matrices to a file; see :func:`draw_confusion`."""
     save_figure(draw_confusion(data), path)
 
 
-def draw_confusion(data: Data) -> Figure:
+def draw_confusion(data: dict[str, Any]) -> Figure:
     """Return a figure with a confusion matrix per point, in percent of each true class."""
     points = data["points"]
     figure = new_figure(4.3 * len(points) + 0.4, 4.3, f"Confusion, {READINGS[data['reading']]}")

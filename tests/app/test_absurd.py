@@ -42,26 +42,21 @@ REFUSED = {
     "train --taxels corners --events x": "--taxels has no effect with --events",
     "train --taxels lines": "choose taxels of 8 x 8 by across:K|",
     "train --taxels corners --disturbed 2": "chosen taxels need undisturbed scans of textures",
-    "frontier --inner 1": "--inner needs points, such as",
-    "frontier --draw bad.json --inner 1": "--draw draws a finished file; leave points and --inner out",
-    "frontier --draw bad.json": "the frontier bad.json is damaged: points is missing; remove it",
     "verilog -o v --tiles 9x9": "a merge takes at most 64 tiles, not 9 x 9",
     "verilog -o v --tiles 2x2 --relays 17": "relays must be in 0..16, not 17",
     "verilog -o v --tiles 2x1 --rows 64 --columns 64": "2 tiles of 64 x 64 taxels have 106497 input bits, but a "
     "module has at most 65000; write the merge with --merge, and a tile without --tiles\n",
     "rates --tau 0.2 --dataset embedded": "--tau is the leak of encoding nlcs or nlcs-bipolar, not of lcs; add ",
-    "counts --tau 0.2 --points lcs:2": "--tau is the leak of nlcs or nlcs-bipolar, and --points has none of these",
     "power --set supply_v": "--set takes NAME=NUMBER, such as io_voltage_v=3.3, not 'supply_v'",
     "power --synthesis bad.json": "--synthesis needs the correction digital; add --mode consistent or --correct "
     "digital",
     "power --mode consistent --dataset embedded --rates rates.json": "--dataset measures event rates, --rates reads "
     "them from a file; give one of them",
     "power --mode consistent --rates none.json": "cannot read the event rates none.json: No such file or directory; "
-    "write one with eskin event-rates",
+    "write one with python -m studies.event_rates",
     "explore --nlcs-event-rate 5": "--nlcs-event-rate needs --event-rate, the rate of LCS; give both",
     "explore --event-rate 5 --dataset embedded": "--event-rate replaces --dataset and --rates; give one of them",
     "dev formal --block link --small -o bad.json": "the results of proofs bad.json is damaged: properties is no ",
-    "dev crosscheck --texture 99": "--texture must be in 0..47, not 99",
     "dev soak --only 1": "a run is a line of JSON, as a difference is printed: ",
     'dev soak --only {"config":{"rows":1e9}}': "rows must be of type int, not 1000000000.0",
     'dev soak --only {"config":{"sample_bits":1}}': "sample_bits must be in 3..24, not 1",

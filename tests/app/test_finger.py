@@ -68,7 +68,7 @@ def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(call: Call, f
 
 def test_every_command_with_recordings_knows_the_name_of_the_finger(folder: Path) -> None:
     names = [name for name in MODULES if any("--data" in option.opts for option in command(name).params)]
-    assert {"train", "crossval", "sweep", "study", "sim", "replay", "predict", "touch", "play", "fig8"} <= set(names)
+    assert {"train", "crossval", "sweep", "sim", "replay", "predict", "touch", "play"} <= set(names)
     for name in names:
         words = [*(["weights.npz", "--port", "none"] if name == "play" else []), "--data", "finger"]
         assert command(name).make_context(name, words).params["data"] == FINGER, name

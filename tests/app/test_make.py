@@ -98,9 +98,9 @@ def test_variables_arrive_as_typed(make: Make, checkout: Path) -> None:
 def test_a_real_run_writes_where_it_was_told(make: Make, checkout: Path) -> None:
     """Check that make, launcher and command pass a folder name unchanged."""
     text = "it's `touch bad` $(touch bad) $(shell touch bad) '; touch bad; '"
-    done = make("-s", "fig6", f"OUT=out/{text}")
+    done = make("-s", "explore", f"OUT=out/{text}")
     assert done.returncode == 0, done.stderr
-    assert (checkout / "out" / text / "fig6.png").is_file()
+    assert (checkout / "out" / text / "explore.png").is_file()
     assert not list(checkout.rglob("bad"))
 
 

@@ -1,4 +1,4 @@
-"""Test the commands power, fig6, fig7, sensitivity, explore and event-rates, and their files."""
+"""Test the commands power and explore, and their files."""
 
 import dataclasses
 import json
@@ -14,10 +14,8 @@ from eskin.model.config import ReadoutConfig
 from eskin.power.equations import CORRECTIONS, PowerModel
 from eskin.power.explore import GivenRates
 from eskin.power.parameters import PowerParameters
-from eskin.power.rates import RESOLUTIONS, TAUS_S, RateTable, load_tables, measure_table, stored_table, tables_text
+from eskin.power.rates import RESOLUTIONS, TAUS_S, RateTable, load_tables, measure_table, stored_table
 from eskin.power.readouts import READOUTS
-from eskin.power.study import FIG6_NOISE_V, fig6_data, fig7_data, sensitivity_data, sensitivity_models
-from eskin.power.synthesis import SynthesisReport
 from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.presets import preset
 from eskin.skin.textures.rates import measure_rates
@@ -25,12 +23,6 @@ from eskin.skin.textures.rates import measure_rates
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 RATES = stored_table("paper")
 MODELS = {"paper": PowerModel(), "consistent": PowerModel(corrections=frozenset(CORRECTIONS), measured=RATES)}
-OTHERS = {f"{t.dataset} {t.preset} scan": t for t in load_tables() if (t.dataset, t.preset) != ("kylberg", "paper")}
-FIGURES = {
-    "fig6": lambda: fig6_data(MODELS),
-    "fig7": lambda: fig7_data(MODELS),
-    "sensitivity": lambda: sensitivity_data(sensitivity_models(MODELS["consistent"], OTHERS)),
-}
 REPORT = {
     "readout": "lcs",
     "rows": 8,
@@ -126,83 +118,10 @@ def test_two_reports_of_one_readout_are_refused(refuses, folder):
     refuses(sentence, "explore --synthesis a.json")
 
 
-# -- figures -----------------------------------------------------------------------------------------
-
-
-def test_fig6_data_are_the_model(call, folder):
-    assert call("fig6")[0] == call("fig6 --out again")[0] == 0
-    data = json.loads((folder / "out/fig6.json").read_text())
-    assert (folder / "out/fig6.png").stat().st_size > 10_000
-    assert (folder / "out/fig6.png").read_bytes() == (folder / "again/fig6.png").read_bytes()
-    assert data["noise_v_rms"] == pytest.approx([1e-4, 0.924e-3, 1e-2], rel=1e-3)
-    for mode, model in MODELS.items():
-        for noise, entry in zip(FIG6_NOISE_V, data["modes"][mode], strict=True):
-            for readout in READOUTS:
-                assert entry[readout] == model.breakdown(readout, 6, noise, 0.2).to_dict()
-
-
-def test_fig7_data_are_the_model(call, folder):
-    assert call("fig7 --out pictures --data-out numbers")[0] == 0
-    assert (folder / "pictures/fig7.png").stat().st_size > 10_000
-    data = json.loads((folder / "numbers/fig7.json").read_text())
-    for mode, model in MODELS.items():
-        entry = data["modes"][mode]
-        for i, n in enumerate(data["resolution"]):
-            assert entry["crossover"]["lcs"][i] == model.crossover("lcs", n).noise_v_rms
-            assert entry["spikes_win"]["nlcs"]["0.02"][i] == model.crossover("nlcs", n, 0.02).spikes_win
-            ratio = model.breakdown("nlcs", n, 1e-3, 2.0).total / model.breakdown("frame", n, 1e-3).total
-            assert entry["ratio"]["nlcs"]["2.0"][i] == pytest.approx(float(ratio))
-
-
 def without_origin(kept: dict[str, Any]) -> dict[str, Any]:
     """Return the stored result without command, commit and date."""
     assert all(kept.pop(name) for name in ("command", "commit", "date"))
     return kept
-
-
-def test_sensitivity_has_every_correction_alone_and_left_out(call, folder):
-    code, out, _ = call("sensitivity")
-    assert code == 0
-    data = json.loads((folder / "out/sensitivity.json").read_text())
-    rows = {row["case"]: row for row in data["rows"]}
-    for name in CORRECTIONS:
-        assert rows[name]["corrections"] == [name]
-        assert set(rows[f"all but {name}"]["corrections"]) == set(CORRECTIONS) - {name}
-        assert name in out
-    frame = PowerModel().breakdown("frame", 6, 1e-4).total
-    assert rows["none (paper)"]["ratio"]["lcs"][0] == pytest.approx(
-        PowerModel().breakdown("lcs", 6, 1e-4).total / frame
-    )
-    assert json.loads(call("sensitivity --json")[1]) == without_origin(data)
-
-
-@pytest.mark.parametrize("name", FIGURES)
-def test_the_data_in_the_documentation_are_of_this_model(name):
-    kept = json.loads((DOCS / "data" / f"{name}.json").read_text())
-    assert _numbers(kept) == pytest.approx(_numbers(json.loads(json.dumps(FIGURES[name]()))), rel=1e-9)
-    assert (DOCS / "figures" / f"{name}.png").is_file()
-
-
-@pytest.mark.parametrize("library", ["ihp", "osu"])
-def test_fig6_with_measured_logic_is_that_of_the_netlists_in_the_documentation(library):
-    folder = DOCS / "data" / "asic"
-    gates = {}
-    for readout in ("lcs", "nlcs", "frame"):
-        kind = readout if readout == "frame" else f"{readout}-analog"
-        gates[readout] = SynthesisReport.from_dict(json.loads((folder / f"{kind}-8x8-{library}.json").read_text()))
-    models = {mode: dataclasses.replace(model, gates=gates) for mode, model in MODELS.items()}
-    kept = json.loads((folder / library / "fig6.json").read_text())
-    assert _numbers(kept) == pytest.approx(_numbers(json.loads(json.dumps(fig6_data(models)))), rel=1e-9)
-    assert (DOCS / "figures" / library / "fig6.png").is_file()
-
-
-def _numbers(data: object) -> list[float]:
-    """Return all numbers in JSON data, in order."""
-    if isinstance(data, dict):
-        return [n for value in data.values() for n in _numbers(value)]
-    if isinstance(data, list):
-        return [n for value in data for n in _numbers(value)]
-    return [data] if isinstance(data, (int, float)) else []
 
 
 # -- explore -----------------------------------------------------------------------------------------
@@ -261,7 +180,7 @@ def test_measured_rates_are_those_of_the_rates_command(measured):
 
 def test_a_table_is_read_back(measured, tmp_path):
     path = tmp_path / "rates.json"
-    path.write_text(tables_text([measured, measured], "command"))
+    path.write_text(json.dumps({"tables": [measured.to_dict(), measured.to_dict()]}))
     first, second = load_tables(path)
     assert first.to_dict() == second.to_dict() == measured.to_dict()
     np.testing.assert_allclose(first.nlcs_hz, measured.nlcs_hz, rtol=1e-4)
@@ -279,7 +198,9 @@ def test_rates_between_time_constants_lie_between_and_scale_with_taxels(measured
 
 
 def test_rates_that_were_not_measured_are_refused(measured):
-    with pytest.raises(InputError, match=r"^there are no measured event rates of 5 b, only of 4, 6; measure them with"):
+    with pytest.raises(
+        InputError, match=r"^there are no measured event rates of 5 b, only of 4, 6; give --dataset to measure them"
+    ):
         measured.taxel_rates("lcs", np.array([4.0, 5.0]), np.array([0.2, 0.2]), 64)
     with pytest.raises(InputError, match=r"^there are no measured event rates at tau 2 s, only from 0.02 to 0.2 s"):
         measured.taxel_rates("nlcs", np.array(4.0), np.array(2.0), 64)
@@ -308,10 +229,10 @@ def test_stored_rates_of_the_embedded_textures_are_measured_again():
     np.testing.assert_allclose(kept.nlcs_hz[1][[1, 5]], fresh.nlcs_hz[0], rtol=1e-4)
 
 
-def test_event_rates_writes_a_file_that_power_reads(call, refuses, folder):
-    assert call("event-rates --dataset embedded --limit 1 --preset physical --workers 1 --out rates.json")[0] == 0
+def test_a_file_of_event_rates_is_of_one_preset(call, refuses, folder):
+    table = load_tables()[-1]
+    (folder / "rates.json").write_text(json.dumps({"tables": [table.to_dict() | {"preset": "physical"}]}))
     data = json.loads(call("power --correct event_rates --preset physical --rates rates.json --json")[1])
-    table = load_tables(folder / "rates.json")[0]
     assert data["lcs"]["io"] == pytest.approx(9 * 125e-12 * table.population_hz("lcs", 6))
     sentence = "error: rates.json has no event rates of preset paper; measure them or choose another --preset\n"
     refuses(sentence, "power --mode consistent --rates rates.json")

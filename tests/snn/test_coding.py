@@ -1,16 +1,12 @@
 """Test data rates after compression, and the comparison of event counts."""
 
-import json
 import lzma
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from eskin.model.address_events import make_events
 from eskin.model.config import ReadoutConfig
-from eskin.model.encoders import registry
 from eskin.model.events.recording import Recording
 from eskin.snn.data.coding import coded_bits, events_bps, frames_bps
 from eskin.snn.data.frame_steps import FrameSteps
@@ -18,7 +14,6 @@ from eskin.snn.data.scans import ScanData, empty_bins, likeness
 from eskin.snn.experiments import sweep
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.sweep import coded_bps
-from tests.snn.helpers import few_textures
 
 
 def test_noise_stays_as_large_as_it_is_and_a_constant_costs_nothing() -> None:
@@ -103,21 +98,3 @@ def test_likeness_by_hand() -> None:
     assert empty_bins(lcs) == pytest.approx(7 / 12)
     assert likeness(nlcs, lcs) == {"correlation": pytest.approx(1.0), "ratio": 2.0}
     assert likeness(nlcs, scans([[1, 0], [0, 2], [3, 0]]))["correlation"] < 0
-
-
-def test_the_command_writes_what_it_prints(
-    eskin: Any, refuses: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    few_textures(monkeypatch, 4)
-    output, _ = eskin("counts --preset physical --dataset embedded --points lcs:2,lcs:3,nlcs:4 --out c.json")
-    found = json.loads((folder / "c.json").read_text())
-    assert found["command"].startswith("eskin counts --points lcs:2,lcs:3,nlcs:4")
-    assert found.keys() >= {"commit", "date"}
-    assert found["empty"]["lcs:3"] < found["empty"]["lcs:2"]
-    (one,) = found["pairs"]  # encoders are not mixed
-    assert found["empty"]["nlcs:4"] > 0
-    assert 0.5 < one["correlation"] < 1
-    said = f"correlation of the counts {one['correlation']:.4f}, ratio {one['ratio']:.2f}"
-    assert f"lcs:2 and lcs:3: {said}" in output
-    encoders = ", ".join(registry.NAMES)
-    refuses(f"error: --points takes event encoders ({encoders}), not frame\n", "counts --points frame:250:8")

@@ -16,8 +16,8 @@ from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.scans import ScanData, Split
 from eskin.snn.exchange.nir_network import load_nir, save_nir
 from eskin.snn.exchange.weights import Weights, load_weights, save_weights
+from eskin.snn.experiments.agreement import random_events
 from eskin.snn.experiments.settings import experiment_of
-from eskin.snn.studies.precision import random_events
 from eskin.snn.train import predicted_classes, train
 from tests.snn.helpers import easy_data
 from tests.snn.test_nir_network import made, scans

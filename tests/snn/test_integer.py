@@ -17,9 +17,11 @@ from eskin.model.classifier.network import State
 from eskin.snn.exchange.integer import Precision, quantise
 from eskin.snn.exchange.nir_network import load_nir, to_nir
 from eskin.snn.exchange.weights import Weights, save_weights
+from eskin.snn.experiments.agreement import agreement, random_events
 from eskin.snn.network import SpikingNetwork, build
 from eskin.snn.network_config import NetworkConfig
 from eskin.snn.rounding import grid_of, related_grids
+from tests.snn.helpers import small_network
 
 
 def network(seed: int = 0, step: float | None = None, **fields: Any) -> SpikingNetwork:
@@ -184,3 +186,11 @@ def test_the_command_writes_the_network_and_its_images(folder: Path, eskin: Any)
     lines = (folder / "integer.weights.hex").read_text().split()
     assert [int(line, 16) for line in lines] == weight_image(expected.network)
     assert (folder / "integer.neurons.hex").exists()
+
+
+def test_float_and_integer_networks_read_the_same_scans() -> None:
+    weights = Weights(build(small_network(decay=0.75, output_decay=0.875), seed=1).eval(), ("a", "b", "c"), 0.004)
+    found = agreement(weights, random_events(scans=9, bins=40, inputs=8, most=1.0, seed=2), [8])
+    assert (found["scans"], sum(found["classes"])) == (9, 9)
+    assert found["points"][0]["same"] >= 8
+    assert found["points"][0]["spikes_per_bin"] == pytest.approx(found["spikes_per_bin"], rel=0.05)

@@ -25,6 +25,8 @@ from eskin.snn.data.recordings import class_of, event_files, read_recordings
 from eskin.snn.data.scans import load_recordings
 from eskin.snn.exchange.weights import save_weights
 from eskin.snn.experiments.points import load_sweep
+from studies import fig8, fig9
+from studies.networks import trained_networks
 from tests.conftest import run_eskin
 from tests.skins import CLASSES as TOUCHES
 from tests.skins import counts, write_csv, write_skin
@@ -130,10 +132,8 @@ def test_from_class_folders_to_classes(skin: Path, eskin: Any) -> None:
     assert str(folder) not in error, "other test recordings, another folder"
     assert "belongs to another configuration" in eskin(*other, "-o", "out/train", code=2)[1]
     # The studies take textures only: they leave these out, and name the command that makes others.
-    for study in ("precision", "robustness", "noise-power"):
-        _, error = eskin(study, code=2)
-        assert error.startswith("error: no network in out/train suits (out/train")
-        assert "make one with eskin train" in error
+    with pytest.raises(InputError, match=r"^no network in out/train suits \(out/train.*make one with eskin train$"):
+        trained_networks()
     out, _ = eskin("predict", "out/train/weights.npz", "--events", skin)
     assert f"test recordings of the fold: accuracy {result['accuracy']:.1%}" in out
     images = json.loads(Path("out/predictions.json").read_text())["images"]
@@ -158,7 +158,8 @@ def test_crossval_and_sweep_take_them(skin: Path, eskin: Any, refuses: Any) -> N
     assert points[0]["last"]["accuracy"] == points[1]["last"]["accuracy"] >= 0.9
     assert points[0]["data_rate_bps"] == pytest.approx(120 / 2 * 3)
     assert f"--events {skin}" in load_sweep(Path("out/sweep")).command
-    eskin("fig9", "--sweep", "out/sweep")
+    fig9.plot_fig9(fig9.fig9_data([load_sweep(Path("out/sweep"))], "last"), Path("fig9.png"))
+    assert Path("fig9.png").stat().st_size > 10_000
     refuses("--points has no effect with --events", "sweep", *both, "--points lcs:2")
     refuses("--preset has no effect with --events", "sweep", *both, "--preset paper")
 
@@ -235,13 +236,18 @@ def test_the_rtl_of_own_recordings_is_held_to_the_model(own: dict[str, Any], esk
     assert "press/0 is one of your own recordings; name the folder of its samples with --data" in error
 
 
-def test_fig8_and_sweep_take_own_recordings(own: dict[str, Any], eskin: Any, refuses: Any) -> None:
-    out, _ = eskin("fig8", "--data", "skin", "--image", "tap/1")
-    assert "tap/1: true tap, predicted " in out
-    assert Path("out/fig8.png").stat().st_size > 30_000
-    data = json.loads(Path("out/fig8.json").read_text())
-    assert (data["image"], data["preset"], data["readout"]) == ("tap/1", None, own["recordings"]["readout"])
-    refuses("name the folder of your recordings with --data", "fig8")
+def test_fig8_and_sweep_take_own_recordings(
+    own: dict[str, Any], eskin: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(InputError, match=r"write the folder of your recordings into RECORDINGS of studies/fig8\.py$"):
+        fig8.result().make("fig8", folder)
+    monkeypatch.setattr(fig8, "RECORDINGS", Path("skin"))
+    monkeypatch.setattr(fig8, "IMAGE", "tap/1")
+    path, figure = fig8.result().make("fig8", folder)
+    assert figure.stat().st_size > 30_000
+    data = json.loads(path.read_text())
+    assert (data["image"], data["true"]) == ("tap/1", "tap")
+    assert (data["preset"], data["readout"]) == (None, own["recordings"]["readout"])
     again = "--epochs 2 --seeds 1 --workers 1"
     tests = [f"--test */[{numbers}]" for numbers in ("012", "345", "67")]
     sweep = ("sweep", OWN, again, "--points lcs:3,nlcs:4,frame:17.5:8")
@@ -307,7 +313,6 @@ def test_a_frame_is_the_newest_sample(folder: Path) -> None:
             "predict weights.npz --data skin --events skin",
             "--data with --events only names the samples for --check-model",
         ),
-        ("fig8 --data skin --dataset embedded", "--dataset is for textures, --data for your own recordings; give one"),
     ],
 )
 def test_what_own_recordings_cannot_have_is_refused(words: str, sentence: str, eskin: Any, folder: Path) -> None:

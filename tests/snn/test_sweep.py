@@ -27,11 +27,12 @@ from eskin.snn.data.scans import ScanData
 from eskin.snn.experiments import crossval
 from eskin.snn.experiments.crossval import read_cell
 from eskin.snn.experiments.experiment import Experiment
-from eskin.snn.experiments.pairs import find_point, pair
+from eskin.snn.experiments.pairs import pair
 from eskin.snn.experiments.points import READINGS, Point, as_word, load_sweep
 from eskin.snn.experiments.settings import parse_points
 from eskin.snn.experiments.sweep import PointRun, SweepPoint, sweep
 from eskin.snn.training import TrainConfig
+from studies.pair import pairs_of
 from tests.snn.helpers import easy_data
 
 ENCODERS = ", ".join(registry.NAMES)
@@ -55,7 +56,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 def test_only_missing_cells_are_run_and_every_prediction_is_kept_for_pairs(
-    tmp_path: Path, eskin: Any, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ran: list[tuple[int, int, int]] = []
     original = crossval.run_cell
@@ -91,14 +92,9 @@ def test_only_missing_cells_are_run_and_every_prediction_is_kept_for_pairs(
         _, cell = read_cell(tmp_path / "hidden-16" / f"fold-{fold}-seed-{seed}.json")
         word = first[reading]["predictions"][seed]
         assert [int(word[image]) for image in cell["test_images"]] == cell[reading]
-    names = [f"{tmp_path}:hidden-16", f"{tmp_path}:hidden-12"]
-    out, _ = eskin("pair", *names, "--out pair.json")
-    expected = pair(*(find_point(name, tmp_path) for name in names), "last")
-    written = json.loads(Path("pair.json").read_text())
-    assert written["only_first"] == expected.only_first
-    assert written["difference"] == expected.difference
-    assert [written["first"], written["second"]] == names
-    assert f"only B right {expected.only_second[1]}" in out
+    (one,) = pairs_of(load_sweep(tmp_path).points)
+    expected = pair(*load_sweep(tmp_path).points, "last")
+    assert (one["first"], one["second"], one["difference"]) == ("hidden-16", "hidden-12", expected.difference)
 
 
 def predicted(name: str, *predictions: str, labels: str = "00112") -> Point:
@@ -121,18 +117,11 @@ def test_two_points_are_compared_image_by_image() -> None:
         pair(predicted("a", "00110"), predicted("b", "00110", labels="00111"), "last")
 
 
-@pytest.mark.parametrize(
-    ("names", "message"),
-    [
-        (["lcs-4", "x:y"], "a point must be SWEEP:POINT, such as rates-cnn:lcs-4, not 'lcs-4'"),
-        (["tuned:lcs-5", "x:y"], "sweep tuned has no point 'lcs-5'; it has lcs-2, lcs-3"),
-        (["tuned:lcs-4", "x:y"], "tuned:lcs-4 has no predictions for images; run its sweep again"),
-        (["nowhere:lcs-4", "x:y"], "cannot read the sweep nowhere: "),
-        (["a:b", "x:y", "--reading", "best"], "reading must be one of last, selected, not 'best'"),
-    ],
-)
-def test_bad_names_get_one_sentence(names: list[str], message: str, refuses: Any) -> None:
-    refuses(f"error: {message}", "pair", *names)
+def test_points_without_predictions_or_of_other_images_are_not_compared() -> None:
+    whole, other = predicted("a", "00110"), predicted("b", "00110", labels="00111")
+    bare: Point = predicted("c", "00110") | {"last": {"predictions": None}}
+    (one,) = pairs_of([whole, other, bare, whole | {"name": "d"}])
+    assert (one["first"], one["second"]) == ("a", "d")
 
 
 def test_a_cell_that_diverges_is_named_and_the_others_are_kept(tmp_path: Path) -> None:
@@ -222,7 +211,6 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path, eskin
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     assert files(tmp_path / "killed") == files(tmp_path / "whole")
     assert "rnn-100" in out
-    assert f"draw it with eskin fig9 --sweep {tmp_path}/whole" in "".join(out.splitlines())
     summary = json.loads((tmp_path / "whole" / "sweep.json").read_text())
     assert summary["command"] == (
         f"eskin sweep --points lcs:4,rnn:100 --config {tmp_path}/small.json --dataset embedded --epochs 2 "

@@ -1,7 +1,6 @@
 """Test that bit flips have only the documented effects, and that a violation is found."""
 
 import json
-import runpy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from eskin.verify.faults.cases import CASES, ack_never_falls, cases
 from eskin.verify.faults.outcomes import CLASSES, UnlikeModel, Upset
 from eskin.verify.faults.plan import FEW, FIELDS, Trial, classifiers, hosts, surroundings, tiles, trials
 from eskin.verify.faults.run import problems_of, run, upsets_of
+from studies.faults import RESULT
 from tests.planted import planted
 
 HANDSHAKE = FEW.replace(link="four_phase")
@@ -201,13 +201,16 @@ def test_a_link_that_does_not_wait_for_ack_to_fall_is_found() -> None:
     assert good < runs
 
 
-def test_the_study_writes_outcomes_and_a_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_study_writes_outcomes_and_a_figure(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("eskin.verify.faults.plan.trials", lambda: [Trial(FEW, stride=50)])
     monkeypatch.setattr("eskin.verify.faults.plan.surroundings", lambda: [FEW])
     monkeypatch.setattr("eskin.verify.faults.cases.CASES", CASES[:2])
-    study = runpy.run_path(str(Path(__file__).parents[2] / "studies" / "faults.py"))["study"]
-    study(tmp_path)
-    found = json.loads((tmp_path / "faults.json").read_text())
+    data, figure = RESULT.make("faults", folder)
+    found = json.loads(data.read_text())
     assert found["result"] == "faults: 250 upsets, 0 of them for good, 2 hostile runs, 0 beyond what is stated"
     assert {line["block"] for line in found["blocks"]} == {"arbiter", "taxel"}
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["faults.json", "faults.svg"]
+    assert figure.stat().st_size > 10_000
+    monkeypatch.setattr("studies.faults.run_trial", None)
+    data.unlink()
+    RESULT.make("faults", folder)
+    assert {name: value for name, value in json.loads(data.read_text()).items() if name in found} == found, "resumed"

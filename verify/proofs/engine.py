@@ -21,11 +21,9 @@ TO_GATES = (
     "write_aiger -I -zinit -no-startoffset search.aig; "
     "delete -port o:seen_*; opt_clean; write_aiger -I -zinit -no-startoffset proof.aig; design -reset; "
 )
-RUN_ABC = "read_verilog one_gate.v; prep; simplemap; abc -script solve.abc"
+RUN_ABC = "read_verilog one_gate.v; prep; simplemap; tee -q -o said.txt abc -script solve.abc"
 ONE_GATE = b"module one_gate(input a, b, output y); assign y = a & b; endmodule\n"
 MAPPED_GATE = b".model netlist\n.inputs a b\n.outputs y\n.names a b y\n11 1\n.end\n"
-ECHO = re.compile(r"\+ write_blif .*\n")
-"""Line of another output stream, which can appear anywhere in the output of the solvers."""
 ASSERTED = re.compile(r"Output\s+(\d+) was asserted in frame\s+(\d+) \(solved")
 """Message of bounded search with output and clock; the number in a message of the proof is not a clock."""
 CONVERGED = re.compile(r"Proved output\s+(\d+) in frame")
@@ -59,9 +57,9 @@ def ask(to_gates: str, rtlil: str, commands: Sequence[str], files: Mapping[str, 
 
     Yosys runs ABC to map gates, so its design has one gate.
     """
-    script = "\n".join(["set abcout said.txt", *commands, "read_blif gate.blif", "strash\n"])
+    script = "\n".join([*commands, "read_blif gate.blif", "strash\n"])
     own = {"one_gate.v": ONE_GATE, "gate.blif": MAPPED_GATE, "solve.abc": script.encode()}
-    return ECHO.sub("", yosys.run(to_gates + RUN_ABC, rtlil, "said.txt", own | dict(files or {})))
+    return yosys.run(to_gates + RUN_ABC, rtlil, "said.txt", own | dict(files or {}))
 
 
 def solve(checker: Checker[Any], depth: int, limit_s: int = 120, rtlil: str = "", cases: bool = True) -> Verdict:
@@ -75,7 +73,8 @@ def solve(checker: Checker[Any], depth: int, limit_s: int = 120, rtlil: str = ""
     names = [("bad", name) for name in bench.bad] + [("seen", name) for name in bench.seen]
     shrink, ways = (["scorr"], TOGETHER) if checker.together else ([], EACH)
     searched = "search.aig" if cases or not bench.clocked else "proof.aig"  # the search needs a register
-    commands = [f"read_aiger {searched}", "strash", *shrink, f"bmc3 -a -F {depth}"]
+    # -x: without stored counterexamples bmc3 reads through a pointer to nothing
+    commands = [f"read_aiger {searched}", "strash", *shrink, f"bmc3 -a -x -F {depth}"]
     if limit_s:
         commands += ["read_aiger proof.aig", "strash", ways.format(limit_s)]
     said = ask(TO_GATES.format(top=TOP, cut=cutting(checker), expose=exposing(checker)), text, commands)

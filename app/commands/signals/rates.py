@@ -1,20 +1,15 @@
-"""The commands rates, frames, event-rates and study: events and data rates of textures and recordings."""
+"""The commands rates and frames: events and data rates of textures."""
 
-from pathlib import Path
 from typing import Any
 
 from eskin.app.commands import common
-from eskin.app.commands.signals.recordings import named_place
-from eskin.app.options import check_leaks, opt, out_file, with_config, with_fields
+from eskin.app.options import check_leaks, opt, with_config, with_fields
 from eskin.app.tables import CELLS, filled, print_report, print_table, show_facts
-from eskin.base.errors import InputError
-from eskin.base.files import atomic_write
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.frame_config import FrameConfig
-from eskin.power.rates import measure_table, tables_text
-from eskin.skin.textures.dataset import EMBEDDED, open_dataset
+from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.presets import preset
 from eskin.skin.textures.rates import PAPER_TAU_S, compare_traffic, measure_rates, published_rate_hz
 
@@ -115,68 +110,4 @@ def _print_traffic(report: dict[str, Any]) -> None:
     print(
         "sent: events or words; taxel: events or samples of one taxel; "
         "frames: the frame rate at which frames have the same data rate"
-    )
-
-
-@with_config(fields=("rows", "columns"), file=False)
-def event_rates(
-    config: ReadoutConfig,
-    out: Path = out_file(..., "FILE", "JSON file to write"),
-    dataset: list[str] | None = opt(
-        None, "DIR|embedded", "textures, repeatable [$ESKIN_DATA, data/kylberg, else embedded]"
-    ),
-    preset_name: str = opt("both", "--preset", "paper|physical|both", "constants of the texture scan"),
-    limit: common.Limit = None,
-    workers: common.Workers = None,
-    scheduler: common.Scheduler = None,
-) -> None:
-    """Measure the event rate of every taxel at N = 1..10, for the power model."""
-    scans = [preset(name) for name in (("paper", "physical") if preset_name == "both" else (preset_name,))]
-    tables = []
-    places: list[str | None] = list(dataset or []) or [None]
-    with common.open_pool(workers, scheduler, threads=True) as pool:
-        for place in places:
-            textures = open_dataset(place).limit(limit)
-            for scan in scans:
-                last = measure_table(textures, scan, config, pool=pool, watch=bar)
-                rate = f"LCS 6 b {last.population_hz('lcs', 6):,.0f} events/s"
-                print(f"{last.dataset} {last.preset}: {last.images} images, {last.bandwidth_hz:g} Hz, {rate}")
-                tables.append(last)
-    command = "eskin event-rates --out power/event_rates.json"
-    for name in dict.fromkeys(table.dataset for table in tables):
-        command += f" --dataset {name if name == EMBEDDED else f'data/{name}'}"
-    with atomic_write(out) as file:
-        file.write(tables_text(tables, command).encode())
-
-
-def study(
-    data: Path | None = opt(
-        None, "DIR|finger", "class folders of your own recordings [generated slow signals]", callback=named_place
-    ),
-    workers: common.Workers = None,
-    scheduler: common.Scheduler = None,
-    out: common.Out = common.DEFAULT_OUT,
-    as_json: common.Json = False,
-) -> None:
-    """Compare SNR and data rate of every encoder with uniform sampling at no higher rate, on slow signals."""
-    from eskin.skin.figures.study import plot_study
-    from eskin.skin.recordings.study import RESOLUTIONS, study_data
-
-    if data is not None and not data.exists():
-        raise InputError(f"{data} does not exist; give a folder of class folders, or leave --data out")
-    points = len(registry.NAMES) * len(RESOLUTIONS)
-    with common.open_pool(workers, scheduler, threads=True) as pool, bar("encoding", points) as progress:
-        found = study_data(data, pool, progress)
-    common.store(out, "study", found, plot_study, quiet=as_json)
-    print_report(found, as_json, _print_study)
-
-
-def _print_study(found: dict[str, Any]) -> None:
-    print_table(
-        "encoder | N | events/s | kbit/s | SNR dB | uniform dB | its bits | its rate/s | clock kHz",
-        [point | {"title": registry.named(point["encoding"]).title} for point in found["points"]],
-        "{title} | {resolution} | {events_per_s:,.0f} | {data_rate_bps:1e-3*.3g} | {snr_db:.1f}"
-        " | {?uniform[snr_db]:.1f} | {?uniform[bits]} | {?uniform[frame_rate_hz]:.3g} | {clock_hz:1e-3*.3g}",
-        filled("{source}: {recordings} recordings, {rows} x {columns} taxels, {rate_hz:g} samples/s", found),
-        least_width=92,
     )

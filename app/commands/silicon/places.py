@@ -1,6 +1,8 @@
 """The commands layout, fpga and tapeout (docs/results/layout.md, docs/guide/board.md, docs/guide/tapeout.md)."""
 
+import sys
 from pathlib import Path
+from shutil import which
 from typing import cast
 
 from eskin.app.commands import common
@@ -105,8 +107,11 @@ def tapeout(
     for path in chip.write(out, cells):
         print(path)
     width, height = kind.sizes[chip.size]
+    test = f"make -C {out}/test"
+    if which("cocotb-config") is None:
+        test = f'PATH="{Path(sys.executable).parent}:$PATH" {test}'
     filled = "" if cells is None else f", {cells.area_um2:,.0f} um2 of cells fill {cells.area_um2 / width / height:.0%}"
     print(
         f"{shuttle}: {readout.rows} x {readout.columns} taxels in {chip.size} ({width:g} x {height:g} um){filled} "
-        f"(at most {DENSITY:.0%}), clock {readout.clock_hz / 1e6:g} MHz; test: make -C {out}/test"
+        f"(at most {DENSITY:.0%}), clock {readout.clock_hz / 1e6:g} MHz; test: {test}"
     )

@@ -33,7 +33,7 @@ def agree(
 ) -> None:
     """Compare networks in float, in integers and in RTL on random events; exit code 1 if RTL and model differ."""
     from eskin.snn.exchange.weights import config_of, load_weights
-    from eskin.snn.studies.precision import agreement, random_events
+    from eskin.snn.experiments.agreement import agreement, random_events
 
     numbers = _bits(bits)
     if not 0 < rate <= 1:

@@ -1,4 +1,4 @@
-"""The commands formal, coverage, properties, crosscheck and crossproof (docs/verification.md)."""
+"""The commands formal, coverage and properties (docs/verification.md)."""
 
 from __future__ import annotations
 
@@ -99,55 +99,6 @@ def properties(config: ReadoutConfig, out: Path = out_folder(..., "output folder
     with atomic_write(path) as file:
         file.write(text(config).encode())
     print(path)
-
-
-@with_config
-def crosscheck(
-    config: ReadoutConfig,
-    texture: int = opt(0, "number of the embedded texture", min=0),
-    ticks: int | None = opt(None, "largest number of sample ticks of the scan [all]", min=1),
-    out: Path | None = out_file(None, "file for the results, JSON"),
-) -> None:
-    """Simulate the delivered Verilog in CXXRTL, a third simulator, and lint all files with slang."""
-    from eskin.verify.crosscheck.check import Mismatch, play, texts
-
-    with common.failing_on(Mismatch):
-        played = play(config, texture, ticks)
-    said = [problem for problems in texts(config).values() for problem in problems]
-    if out:
-        command = common.make_line("crosscheck", ROWS=config.rows, COLUMNS=config.columns, ENCODING=config.encoding)
-        write_json(out, {**origin(command), "config": config.to_dict(), **played, "slang": said})
-    common.conclude(
-        said,
-        f"crosscheck: {played['runs']} runs, {played['clocks']} clocks, {played['events']} events in CXXRTL as in the "
-        f"model, {played['of_texture']} of a texture; slang: {len(said)} problems",
-        mark="",
-    )
-
-
-def crossproof(
-    block: str = opt("", "only this block, as in make formal"),
-    small: bool = opt(False, "only one small configuration of each block"),
-    mutants: bool = opt(False, "compare generated mutants too"),
-    out: Path | None = out_file(None, "file for the results, JSON"),
-) -> None:
-    """Repeat the bounded search of make formal with z3, and compare the first clocks of both solvers.
-
-    With --out a stopped run continues.
-    """
-    from eskin.verify.crosscheck.prove import campaign, closing_line, write
-
-    chosen, found = _chosen(block, small), []
-    grounds = [proof for proof in _chosen(block, False) if proof.hunts] if mutants else []
-    for one in campaign(chosen, grounds, out):
-        found.append(one)
-        what = f"{one.block:<15}{one.size:<28}{one.mutant:<80}"
-        print(f"{what.rstrip():<45}{one.properties:>3} properties{one.seconds:>7.1f} s", flush=True)
-        for problem in one.problems:
-            print(f"PROBLEM: {problem}")
-    if out:
-        write(found, out, common.make_line("crossproof", BLOCK=block, SMALL=small, MUTANTS=mutants))
-    common.conclude((), closing_line(found), failed=any(one.problems for one in found))
 
 
 def _chosen(block: str, small: bool) -> list[Proof]:

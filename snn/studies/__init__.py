@@ -1,1 +1,0 @@
-"""Studies of readouts: accuracy, rate and power with noise; latency, rest and timing."""
