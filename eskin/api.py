@@ -1,4 +1,4 @@
-"""Functions of ``import eskin``: encode, decode, run the RTL, plot, train and predict.
+"""Functions of ``import eskin``: read, encode, decode, run the RTL, plot, train, predict and quantise.
 
 Signals are integer codes of ``config.sample_bits`` bits, or floats in full scales (-1.0 to 1.0). Their shape is
 (ticks, taxels) or (ticks, rows, columns); a readout of one taxel also takes (ticks,). Events are an array with the
@@ -13,7 +13,7 @@ import io
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +25,7 @@ from eskin.model.config import ReadoutConfig
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from eskin.model.classifier.file import IntegerWeights
     from eskin.snn.data.scans import ScanData
     from eskin.snn.exchange.weights import Weights
     from eskin.snn.training import Epoch
@@ -32,18 +33,69 @@ if TYPE_CHECKING:
 # -- signals and events ------------------------------------------------------------------------------
 
 
-def encode(config: ReadoutConfig, signal: ArrayLike) -> Events:
+class Signal(NamedTuple):
+    """Signals of a recording, as ``read`` returns them."""
+
+    values: NDArray[np.float64]
+    """In the unit of the file, shape (ticks, taxels)."""
+    rate_hz: float | None
+    """Samples per second; None if the file has neither a rate nor time stamps."""
+    names: tuple[str, ...]
+    """Names of the taxels; their numbers from 1 if the file has none."""
+    notes: tuple[str, ...]
+    """How the file was interpreted, each with the option that changes it."""
+
+    def __repr__(self) -> str:
+        rate = "unknown rate" if self.rate_hz is None else f"{self.rate_hz:g} Hz"
+        return f"Signal({len(self.values)} samples of {self.values.shape[1]} taxels, {rate})"
+
+
+def read(path: str | Path, **options: Any) -> Signal:
+    """Return the signals in a file of samples, with time stamps resampled to an even rate.
+
+    Parameters
+    ----------
+    path : str or Path
+        .csv, .npy, .npz, .mat, .h5, .parquet, .feather, .xlsx, .json, .wav, ROS bags, .mcap and others.
+    **options
+        Fields of ``eskin.skin.recordings.options.Preparation``, for example ``taxel_columns="2-17"``; and
+        ``sample_rate_hz``.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or an option is unknown.
+    """
+    import dataclasses
+
+    from eskin.skin.recordings.columns import read_one
+    from eskin.skin.recordings.options import Preparation
+    from eskin.skin.recordings.prepare import common_rate, on_grid
+
+    rate_hz = options.pop("sample_rate_hz", None)
+    known = [field.name for field in dataclasses.fields(Preparation)]
+    if wrong := [name for name in options if name not in known]:
+        raise InputError(f"unknown option {wrong[0]!r}; known options are sample_rate_hz, {', '.join(known)}")
+    table, notes = read_one(Path(path), Preparation(**options), rate_hz)
+    if rate_hz is None and (table.time_s is not None or table.rate_hz is not None):
+        rate_hz = common_rate([table])
+    values = table.values if rate_hz is None else on_grid(table, rate_hz)[0]
+    return Signal(values, rate_hz, table.names, notes)
+
+
+def encode(config: ReadoutConfig, signal: ArrayLike) -> Any:
     """Return the address events of a signal, computed by the golden model.
 
     Parameters
     ----------
     config : ReadoutConfig
     signal : integer or float array, shape (ticks, taxels) or (ticks, rows, columns)
-        Codes, or full scales. One sample per tick, at ``config.sample_rate_hz``.
+        Codes, or full scales. One sample per tick, at ``config.sample_rate_hz``. A batch, of shape (signals, ticks,
+        taxels) or (signals, ticks, rows, columns), gives a list.
 
     Returns
     -------
-    Events, shape (events,)
+    Events, shape (events,), or list of Events
         Events in order of transfer, with the delays of arbiter and link.
 
     Raises
@@ -53,6 +105,8 @@ def encode(config: ReadoutConfig, signal: ArrayLike) -> Events:
     """
     from eskin.model.readout import Stimulus, simulate
 
+    if _is_batch(config, signal):
+        return [encode(config, one) for one in cast(Any, signal)]
     return simulate(config, Stimulus.from_samples(config, _codes(config, signal)))
 
 
@@ -186,12 +240,13 @@ def dataset(
     Returns
     -------
     ScanData
-        ``values`` has the shape (recordings, bins, channels); ON and OFF of a taxel are two channels.
+        A ``torch.utils.data.Dataset``: ``data[0]`` is a tensor of event counts, shape (bins, channels), and the number
+        of the class. ``values`` has the shape (recordings, bins, channels); ON and OFF of a taxel are two channels.
 
     Raises
     ------
     InputError
-        If a signal does not fit, is shorter than a bin, or causes no event; if the number of classes is another.
+        If a signal does not fit, or is shorter than a bin; if the number of classes is another.
     """
     from eskin.model.events.recording import Recording
     from eskin.snn.data.bins import BinConfig
@@ -207,7 +262,10 @@ def dataset(
         recordings.append(
             Recording(encode(config, codes), config, clocks, metadata={"name": str(number), "class": kind})
         )
-    return collect(recordings, BinConfig(bin_s=bin_s))
+    found = collect(recordings, BinConfig(bin_s=bin_s))
+    with _named_group():
+        from eskin.snn.data.torch_set import ScanSet
+    return ScanSet.of(found)
 
 
 def train(
@@ -269,7 +327,17 @@ def train(
     return Weights(done.network, data.class_names, data.step_s)
 
 
-def predict(weights: Weights, data: ScanData, recordings: Sequence[int] | None = None) -> list[str]:
+@overload
+def predict(
+    weights: Weights, data: ScanData, recordings: Sequence[int] | None = None, scores: Literal[False] = False
+) -> list[str]: ...
+@overload
+def predict(
+    weights: Weights, data: ScanData, recordings: Sequence[int] | None = None, *, scores: Literal[True]
+) -> tuple[list[str], NDArray[np.float32]]: ...
+def predict(
+    weights: Weights, data: ScanData, recordings: Sequence[int] | None = None, scores: bool = False
+) -> list[str] | tuple[list[str], NDArray[np.float32]]:
     """Return the predicted class of each recording.
 
     Parameters
@@ -280,6 +348,8 @@ def predict(weights: Weights, data: ScanData, recordings: Sequence[int] | None =
         Data from ``dataset``, with the readout and the time bin of the training.
     recordings : sequence of int, optional
         Numbers of some recordings; all by default.
+    scores : bool
+        Also return the evidence for each class of ``weights.class_names``, shape (recordings, classes).
 
     Raises
     ------
@@ -293,7 +363,32 @@ def predict(weights: Weights, data: ScanData, recordings: Sequence[int] | None =
         raise InputError(f"the network takes time bins of {weights.step_s:g} s, not {data.step_s:g} s; set bin_s")
     chosen = np.arange(len(data.names)) if recordings is None else _numbers(data, recordings)
     logits = logits_of(weights.network, data, data.first_scans(chosen))
-    return [weights.class_names[number] for number in logits.argmax(1)]
+    classes = [weights.class_names[number] for number in logits.argmax(1)]
+    return (classes, logits) if scores else classes
+
+
+def quantise(weights: Weights, bits: int = 8, **precision: Any) -> IntegerWeights:
+    """Return the integer network for the classifier in hardware.
+
+    Parameters
+    ----------
+    weights : Weights
+        Network from ``train``, ``load_weights`` or ``load_nir``.
+    bits : int
+        Bits of all weights, 2 to 8.
+    **precision
+        Fields of ``eskin.snn.exchange.integer.Precision``, for example ``rec_bits=4``.
+
+    Raises
+    ------
+    InputError
+        If the network has no integer form, or a number of bits is out of range.
+    """
+    with _named_group():
+        from eskin.snn.exchange import integer
+
+    widths = {"in_bits": bits, "rec_bits": bits, "out_bits": bits} | precision
+    return integer.quantise(weights, integer.Precision(**widths))
 
 
 # -- checks ------------------------------------------------------------------------------------------
@@ -324,6 +419,15 @@ def _codes(config: ReadoutConfig, signal: ArrayLike) -> NDArray[np.int32]:
                 f"full scale to give floats, or raise sample_bits"
             )
     return values.astype(np.int32)
+
+
+def _is_batch(config: ReadoutConfig, signal: Any) -> bool:
+    """Return True for several signals, which no single signal of this array can be."""
+    if isinstance(signal, (list, tuple)) and len(signal) and isinstance(signal[0], np.ndarray):
+        return signal[0].ndim >= 2
+    shapes = [(config.rows, config.columns), (config.taxels,)]
+    shape = np.shape(signal) if isinstance(signal, np.ndarray) else ()
+    return len(shape) >= 3 and shape[1:] not in shapes and (shape[2:] in shapes)
 
 
 def _flat(config: ReadoutConfig, signal: ArrayLike) -> NDArray[Any]:

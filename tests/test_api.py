@@ -127,3 +127,43 @@ def test_fields_of_the_units_and_paths_as_text_are_taken(folder: Path) -> None:
         NetworkConfig.from_dict({"decay": 0.9})
     plot_signals(eskin.encode(ONE, np.zeros(4)), np.zeros((4, 1)), ONE, "plain.png")
     assert (folder / "plain.png").is_file()
+
+
+def test_a_file_is_read_with_its_rate_and_names(folder: Path) -> None:
+    wave = np.round(np.sin(np.arange(50) / 5), 3)
+    lines = [f"{k / 100:.2f},{x},{-x},ok" for k, x in enumerate(wave)]
+    Path("x.csv").write_text("\n".join(["time_s,left,right,note", *lines]))
+    found = eskin.read("x.csv")
+    assert repr(found) == "Signal(50 samples of 2 taxels, 100 Hz)"
+    assert (found.rate_hz, found.names) == (100.0, ("left", "right"))
+    assert np.array_equal(found.values, np.stack([wave, -wave], 1))
+    assert any("column 'note' is left out: it holds text" in note for note in found.notes)
+    assert eskin.read("x.csv", taxel_columns="right").names == ("right",)
+    with pytest.raises(InputError, match="unknown option 'columns'; known options are sample_rate_hz, taxel_columns"):
+        eskin.read("x.csv", columns=2)
+
+
+def test_a_batch_gives_a_list_and_is_not_read_as_time() -> None:
+    codes = np.random.default_rng(0).integers(-2047, 2048, (4, 30, 6))
+    found = eskin.encode(SIX, codes)
+    assert [len(events) for events in found] == [len(eskin.encode(SIX, one)) for one in codes]
+    assert all(np.array_equal(a, b) for a, b in zip(found, eskin.encode(SIX, list(codes)), strict=True))
+    assert np.array_equal(eskin.encode(SIX, codes[0].reshape(30, 2, 3)), found[0])
+
+
+def test_a_dataset_is_one_of_torch_and_scores_come_on_request() -> None:
+    torch = pytest.importorskip("torch")
+    signals = [np.sin(np.arange(200) / (2 + n % 2))[:, None] * 0.9 for n in range(8)]
+    data = eskin.dataset(ONE, signals, ["slow" if n % 2 else "fast" for n in range(8)], bin_s=0.001)
+    assert isinstance(data, torch.utils.data.Dataset)
+    counts, label = data[0]
+    assert (tuple(counts.shape), data.class_names[label]) == ((data.steps, 2), "fast")
+    batches = list(torch.utils.data.DataLoader(data, batch_size=4))
+    assert [tuple(batch.shape) for batch, _ in batches] == [(4, data.steps, 2)] * 2
+    assert repr(data).startswith("ScanSet(8 scans, ")
+    weights = eskin.train(data, recipe="tuned", epochs=2, hidden=8)
+    classes, scores = eskin.predict(weights, data, scores=True)
+    assert scores.shape == (8, 2)
+    assert classes == eskin.predict(weights, data) == [weights.class_names[n] for n in scores.argmax(1)]
+    assert repr(weights).startswith("Weights(")
+    assert "network" not in repr(eskin.quantise(weights, decay_bits=8))[:10]

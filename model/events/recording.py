@@ -76,6 +76,10 @@ class Recording:
         """Clock frequency in hertz; t / clock_hz is the time of an event in seconds."""
         return self.config.clock_hz
 
+    def __repr__(self) -> str:
+        array = f"{self.config.rows} x {self.config.columns} taxels"
+        return f"Recording({len(self.events)} events of {array} in {self.duration_s:g} s)"
+
     @property
     def duration_s(self) -> float:
         """Length of the recording in seconds."""

@@ -50,7 +50,7 @@ def prepare(
     if len(widths) > 1:
         (a, first), (b, second) = list(widths.items())[:2]
         raise InputError(f"{first} has {a} taxels, {second} has {b}; choose the same taxels with --taxel-columns")
-    rate_hz = rate_hz or _common_rate(tables)
+    rate_hz = rate_hz or common_rate(tables)
     warnings = _columns_that_are_no_signal(tables)
     signals, resampled = [], 0
     for table in tables:
@@ -76,7 +76,7 @@ def prepare(
     return Prepared([codes for codes, _ in found], rate_hz, scale, clipped, tuple(warnings), tuple(notes))
 
 
-def _common_rate(tables: Sequence[Table]) -> float:
+def common_rate(tables: Sequence[Table]) -> float:
     """Return the median sampling rate of recordings; raise InputError if a rate is missing or very different.
 
     A rate is very different if it is at least twice the median, or at most half the median.

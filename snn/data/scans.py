@@ -47,6 +47,10 @@ class ScanData:
     def __len__(self) -> int:
         return len(self.values)
 
+    def __repr__(self) -> str:
+        shape = f"{len(self)} scans, {self.steps} steps of {self.step_s:g} s, {self.channels} channels"
+        return f"{type(self).__name__}({shape}, classes {', '.join(self.class_names)})"
+
     @property
     def steps(self) -> int:
         """Time steps per scan."""

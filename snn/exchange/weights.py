@@ -33,6 +33,10 @@ class Weights:
     step_s: float
     """Seconds per time step, with which the counts must be made."""
 
+    def __repr__(self) -> str:
+        parameters = sum(parameter.numel() for parameter in self.network.parameters())
+        return f"Weights({parameters} parameters, {self.step_s:g} s per step, classes {', '.join(self.class_names)})"
+
 
 def save_weights(path: str | Path, weights: Weights, eight_bits: bool = False) -> None:
     """Write a network to a weight file.
