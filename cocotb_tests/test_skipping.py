@@ -13,8 +13,8 @@ from eskin.cocotb_tests.runner.chunk import Scans
 from eskin.cocotb_tests.runner.process import MismatchFound, Tally, play_runs
 from eskin.cocotb_tests.test_chip import chip
 from eskin.cocotb_tests.touch.noise import play as play_chip
+from eskin.model.cases import axes, cases
 from eskin.model.config import Encoding, ReadoutConfig
-from eskin.model.encoders import registry
 from eskin.rtl.verilog import Config
 
 CHIP = chip(2, 2, 8, 3)
@@ -30,7 +30,7 @@ def play(encoding: Encoding, folder: Path) -> Tally:
     return play_runs(simulator.build(config, "icarus"), scans.runs(folder / "events"), folder)
 
 
-@pytest.mark.parametrize("encoding", registry.NAMES)
+@pytest.mark.parametrize("encoding", [config.encoding for config in cases(**axes("encoding"))])
 def test_skipped_runs_have_the_events_of_the_model(encoding: Encoding, tmp_path: Path) -> None:
     tally = play(encoding, tmp_path)
     assert (tally.runs, tally.clocks) == (4, 4 * 60 * 64)

@@ -1,6 +1,5 @@
 """Compare the taxel's RTL with the independent model in every clock: thresholds, requests, masks and resets."""
 
-import itertools
 import random
 from collections import Counter
 from collections.abc import Iterator
@@ -13,8 +12,8 @@ from eskin.cocotb_tests.bench.block import Step
 from eskin.cocotb_tests.independent.settings import Settings
 from eskin.cocotb_tests.independent.taxel import KINDS as INDEPENDENT
 from eskin.cocotb_tests.runner.block import play_steps
+from eskin.model.cases import axes, cases, pairs
 from eskin.model.config import ReadoutConfig
-from eskin.model.encoders import registry
 
 PHASES, CLOCKS = 14, 160
 
@@ -45,7 +44,7 @@ class TaxelSteps:
         for phase in range(PHASES):
             kind = KINDS[phase % len(KINDS)]
             samples, grants = rng.choice([1.0, 0.3, 0.1]), rng.choice([1.0, 1.0, 0.5, 0.1])
-            masked = rng.choice([0.0, 0.0, 0.05])
+            masked = 0.05 if phase % 3 == 2 else 0.0
             self.noisy = config.frontend == "analog" and kind == "jump"
             for _ in range(CLOCKS):
                 sample = self.next_code(kind) if rng.random() < samples else None
@@ -140,28 +139,21 @@ class TaxelSteps:
 # -- configurations ----------------------------------------------------------------------------------
 
 
+TIMINGS = (
+    {"closing_shift": 2, "window_period": 3, "leak_shift": 3, "leak_period": 5, "fraction_bits": 4},
+    {"closing_shift": 0, "window_period": 1, "leak_shift": 1, "leak_period": 1, "fraction_bits": 0},
+    {"closing_shift": 16, "window_period": 5, "leak_shift": 5, "leak_period": 3, "fraction_bits": 12},
+)
+
+
 def breadth() -> list[ReadoutConfig]:
-    """Return configurations with every encoding, front end and resolution."""
+    """Return configurations in which any two settings of a taxel meet; half of them start near an end of the scale."""
+    one = ReadoutConfig(rows=1, columns=1)
+    kinds = axes("encoding", "frontend", "reset", "decide_every", "registers")
     configs = []
-    kinds = [("digital", 1), ("digital", 5), ("analog", 10)]
-    for number, (encoding, (frontend, resolution)) in enumerate(itertools.product(registry.NAMES, kinds)):
-        variant = number + number // 3
-        config = ReadoutConfig(
-            rows=1,
-            columns=1,
-            encoding=encoding,  # type: ignore[arg-type]
-            frontend=frontend,  # type: ignore[arg-type]
-            resolution=resolution,
-            reset="async" if variant % 2 else "sync",
-            decide_every="sample" if variant % 4 > 1 else "clock",
-            closing_shift=[2, 0, 1, 16][number % 4],
-            window_period=[3, 1, 5][number // 2 % 3],
-            leak_shift=[3, 1, 5][number % 3],
-            leak_period=[5, 1, 3][number // 2 % 3],
-            fraction_bits=[4, 0, 12][number % 3],
-        )
+    for number, config in enumerate(pairs(one, **kinds, resolution=(5, 1, 10), timing=TIMINGS)):
         level = config.grid * [0, 1, 3][number % 3] % config.full_scale
-        if frontend == "analog":  # near an end of the scale; only an analog signal can exceed full scale
+        if config.frontend == "analog":  # near an end; only an analog signal can exceed full scale
             low = config.has_polarity and number % 2
             level = level - config.full_scale if low else config.full_scale - config.grid - level
         configs.append(config.replace(reference_reset=level))
@@ -177,12 +169,9 @@ def breadth() -> list[ReadoutConfig]:
         leaky.replace(sample_bits=24, leak_shift=2, leak_period=4, fraction_bits=7, reference_reset=2**23 - 1),
     ]
     # Both ends of the scale, with a leak that lets a reference get there.
-    both = [encoder.name for encoder in registry.ENCODERS if encoder.leaks and encoder.polarity]
-    configs += [
-        leaky.replace(encoding=encoding, frontend="analog", leak_shift=16, resolution=5, reference_reset=reset)
-        for encoding in both
-        for reset in (2047, -2048)
-    ]
+    slow = leaky.replace(frontend="analog", leak_shift=16, resolution=5)
+    both = [c for c in cases(slow, **axes("encoding")) if c.encoder.leaks and c.has_polarity]
+    configs += [config.replace(reference_reset=reset) for config in both for reset in (2047, -2048)]
     # Settings at run time; the analog taxel shows its reference, and so how the leak is rounded.
     settable = leaky.replace(registers="spi", frontend="analog")
     configs += [settable.replace(leak_shift=1), settable.replace(leak_shift=4, reference_reset=2040)]

@@ -13,7 +13,7 @@ from eskin.cocotb_tests.runner.build_cache import verilog_text
 from eskin.cocotb_tests.runner.cocotb_runners import build_environment
 from eskin.cocotb_tests.runner.simulator import require_programs
 from eskin.cocotb_tests.test_host import CONFIGS as HOSTS
-from eskin.cocotb_tests.test_readout import FIELDS, breadth, name
+from eskin.cocotb_tests.test_readout import breadth, name
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.registers.export import c_header, page
@@ -65,11 +65,6 @@ def extremes() -> list[ReadoutConfig]:
         for rows, columns, period in phases
     ]
     return [ReadoutConfig.from_dict(one) for one in fields]
-
-
-def with_fields() -> list[ReadoutConfig]:
-    """Return the configurations of the simulated receptive fields, and one with the narrowest samples."""
-    return [*FIELDS, ReadoutConfig(rows=1, columns=4, fields="both", sample_bits=3, resolution=1)]
 
 
 def lint(path: Path, *more: Path) -> str:
@@ -125,7 +120,7 @@ def written_in_two_processes(folder: Path, *options: str) -> Path:
     return first
 
 
-@pytest.mark.parametrize("config", [*breadth(), *with_registers(), *with_fields(), *extremes()], ids=name)
+@pytest.mark.parametrize("config", [*breadth(), *with_registers(), *extremes()], ids=name)
 def test_lint_is_clean(config: ReadoutConfig, tmp_path: Path) -> None:
     path = tmp_path / "eskin_readout.v"
     path.write_text(verilog_text(config))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import random
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
@@ -71,23 +72,41 @@ def cases(base: ReadoutConfig | None = None, /, **axes: Iterable[Any]) -> Iterat
     >>> [(one.encoding, one.link) for one in cases(encoding=("lcs", "nlcs"), link=("stream", "four_phase_dual"))]
     [('lcs', 'stream'), ('lcs', 'four_phase_dual'), ('nlcs', 'stream')]
     """
-    return (config for config, _ in _legal(base, axes))
+    return (_config(fields) for fields, _ in _legal(base, axes))
 
 
 def pairs(base: ReadoutConfig | None = None, /, **axes: Iterable[Any]) -> list[ReadoutConfig]:
-    """Return few of ``cases(base, **axes)``, so that two values meet in one of the few if they meet in any case.
+    """Return few of ``cases(base, **axes)``, so that any two values meet that meet in any case.
+
+    The first has the first values of all axes, if this is legal; the order of the others means nothing.
 
     Examples
     --------
     >>> len(pairs(**AXES)) < 30 < 2000 < len(list(cases(**AXES)))
     True
     """
+    return _covering(2, base, axes)
+
+
+def singles(base: ReadoutConfig | None = None, /, **axes: Iterable[Any]) -> list[ReadoutConfig]:
+    """Return few of ``cases(base, **axes)``, so that every value occurs that occurs in any case.
+
+    Examples
+    --------
+    >>> [config.link for config in singles(**axes("reset", "link"))][:1], len(singles(**axes("reset", "link")))
+    (['stream'], 3)
+    """
+    return _covering(1, base, axes)
+
+
+def _covering(strength: int, base: ReadoutConfig | None, axes: Mapping[str, Iterable[Any]]) -> list[ReadoutConfig]:
+    """Return few cases in which single values (strength 1) or pairs of values (2) occur that occur in any case."""
     legal = list(_legal(base, axes))
+    legal[1:] = random.Random(0).sample(legal[1:], len(legal) - 1)  # or the last few would all be alike
     places = np.array([place for _, place in legal])
-    # Two values are a number; those of an axis with itself count each value alone.
     sizes = places.max(0, initial=0) + 1
-    both = itertools.combinations_with_replacement(range(len(sizes)), 2)
-    numbers = np.stack([places[:, a] * sizes[b] + places[:, b] for a, b in both], axis=1)
+    chosen = [(a, a) for a in range(len(sizes))] + [*itertools.combinations(range(len(sizes)), 2)] * (strength == 2)
+    numbers = np.stack([places[:, a] * sizes[b] + places[:, b] for a, b in chosen], axis=1)  # of every pair
     numbers += np.cumsum([0, *(numbers.max(0) + 1)])[:-1]
     missing = np.zeros(numbers.max() + 1, bool)
     missing[numbers] = True
@@ -95,31 +114,39 @@ def pairs(base: ReadoutConfig | None = None, /, **axes: Iterable[Any]) -> list[R
     while missing.any():
         best = missing[numbers].sum(axis=1).argmax()
         missing[numbers[best]] = False
-        few.append(legal[best][0])
+        few.append(_config(legal[best][0]))
     return few
 
 
 def _legal(
     base: ReadoutConfig | None, axes: Mapping[str, Iterable[Any]]
-) -> Iterator[tuple[ReadoutConfig, tuple[int, ...]]]:
-    """Yield the legal combinations with the place of every value on its axis; raise the last error without any."""
+) -> Iterator[tuple[dict[str, Any], tuple[int, ...]]]:
+    """Yield the fields of legal combinations, and the place of every value on its axis.
+
+    Raise the last error if there are none.
+    """
     listed = [[value if isinstance(value, Mapping) else {name: value} for value in axes[name]] for name in axes]
     fields = base.to_dict() if base else {}
     refused, found = None, False
     for place in itertools.product(*(range(len(values)) for values in listed)):
         chosen = fields | {k: v for values, n in zip(listed, place, strict=True) for k, v in values[n].items()}
-        try:
-            if chosen.get("fields") == LISTED:
-                size = ReadoutConfig.from_dict(chosen | {"fields": "own"}).taxels
-                chosen["fields"] = _some_fields(size)
-            config = ReadoutConfig.from_dict(chosen)
+        try:  # lists take long to check, and are as legal as other fields
+            ReadoutConfig.from_dict(chosen | {"fields": "both"} if chosen.get("fields") == LISTED else chosen)
         except InputError as error:
             refused = error
             continue
         found = True
-        yield config, place
+        yield chosen, place
     if refused and not found:
         raise refused
+
+
+def _config(fields: dict[str, Any]) -> ReadoutConfig:
+    """Return the configuration of fields, with a list in place of ``LISTED``."""
+    if fields.get("fields") == LISTED:
+        taxels = ReadoutConfig.from_dict(fields | {"fields": "both"}).taxels
+        fields = fields | {"fields": _some_fields(taxels)}
+    return ReadoutConfig.from_dict(fields)
 
 
 def _some_fields(taxels: int) -> list[tuple[list[int], int]]:

@@ -149,7 +149,8 @@ def _unused(text: str, config: Config) -> Iterator[tuple[str, str, str]]:
             why = "bits below the encoder's step can never change a decision: the taxel keeps the others"
             yield "eskin_taxel", "sample", why
         if is_off(readout).any():
-            yield Readout.module_name, "taxel_enable", "a taxel without a receptive field is off"
+            enable = "taxel_enable" if readout.registers == "none" else "host_enabled"
+            yield Readout.module_name, enable, "a taxel without a receptive field is off"
         if readout.frontend == "digital" and unused(readout):
             yield Fields.module_name, "sample", "no receptive field has that taxel"
         if readout.registers != "none":

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
+from eskin.model.cases import cases
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.taxel import encode_timed
@@ -108,10 +109,8 @@ def _candidates(config: ReadoutConfig, given: Collection[str], tau_s: float | No
     """Yield every encoder and resolution that the given fields permit."""
     encodings = registry.NAMES if set(given) <= FREE else [config.encoding]
     resolutions = [config.resolution] if "resolution" in given else RESOLUTIONS
-    for encoding in encodings:
-        for resolution in resolutions:
-            tried = config.replace(encoding=encoding, resolution=resolution, clocks_per_sample=MOST_CLOCKS)
-            yield with_seconds(tried, given, tau_s)
+    for tried in cases(config.replace(clocks_per_sample=MOST_CLOCKS), encoding=encodings, resolution=resolutions):
+        yield with_seconds(tried, given, tau_s)
 
 
 def _statistics(config: ReadoutConfig, recordings: Iterable[NDArray[np.int32]]) -> tuple[NDArray[np.float64], int]:

@@ -17,10 +17,10 @@ BLOCKS = {
     "delivery": "cocotb_tests/test_verilog.py::test_port_list_is_that_of_the_module",
     "frame": "cocotb_tests/test_frame.py::test_rtl_equals_the_model_in_every_clock[icarus-1x4-6b",
     "logic": "tests/rtl/test_logic.py::test_networks_compute_what_they_say",
-    "readout": "cocotb_tests/test_readout.py::test_rtl_equals_model_in_every_encoding[lcs-3x5-6b",
+    "readout": "cocotb_tests/test_readout.py::test_rtl_equals_model_in_every_encoding[lcs-2x3",
     "stream": "tests/rtl/test_stream.py::test_streams_carry_the_events_of_the_model_to_a_consumer_that_stalls[lcs",
     "taxel": f"{TAXEL}[icarus-lcs-digital-12b-5b",
-    "verilog": "cocotb_tests/test_verilog.py::test_lint_is_clean[lcs-3x5-6b",
+    "verilog": "cocotb_tests/test_verilog.py::test_lint_is_clean",
     "window": f"{WINDOW}[analog-m1-5",
     "yosys": "tests/rtl/test_yosys.py::test_the_stamp_goes_and_a_port_is_declared_once",
 }

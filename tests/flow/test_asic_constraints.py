@@ -11,8 +11,8 @@ from eskin.flow.asic.equivalence import design_of
 from eskin.flow.asic.synthesis import Config, Netlist, synthesise
 from eskin.flow.liberty.library import Library
 from eskin.flow.report import constant_outputs
+from eskin.model.cases import axes, cases
 from eskin.model.config import ReadoutConfig
-from eskin.model.encoders import registry
 from eskin.model.frame_config import FrameConfig
 from eskin.model.tiles.config import TilesConfig
 from eskin.rtl.delivery import ports
@@ -29,6 +29,7 @@ KINDS: dict[str, Config] = {
         rows=2, columns=1, encoding="nlcs", registers="spi", reset="async"
     ),
     "analog, leak: constant bits of references": TWO.replace(encoding="nlcs", frontend="analog"),
+    "two requests": TWO.replace(link="four_phase_dual"),
     "frames": FrameConfig(readout=ReadoutConfig(rows=2, columns=2)),
     "tiles and their merge": TilesConfig.of(TWO, 1, 2),
 }
@@ -67,12 +68,8 @@ def test_a_pin_of_the_host_that_is_forgotten_is_seen(
 def test_the_kinds_have_every_port_between_them() -> None:
     every = {
         port["name"]
-        for encoding in registry.NAMES
-        for frontend in ("digital", "analog")
-        for link in ("stream", "four_phase")
-        for port in ports(
-            ReadoutConfig(encoding=encoding, frontend=frontend, link=link, registers="spi")  # type: ignore[arg-type]
-        )
+        for config in cases(TWO.replace(rows=2, registers="spi"), **axes("encoding", "frontend", "link"))
+        for port in ports(config)
     }
     shown = {port["name"] for config in KINDS.values() for port in ports(config)}
     assert every - shown == {"step_code"}  # D for comparators without a window: as half_width, from flops

@@ -19,6 +19,7 @@ from eskin.model.cases import (
     configurations,
     count,
     pairs,
+    singles,
     values_of,
 )
 from eskin.model.config import NO_LOGIC, ReadoutConfig
@@ -55,7 +56,11 @@ def test_any_two_values_that_can_meet_do_meet_in_few_cases() -> None:
     assert meeting(few) == meeting(every)
     assert len(few) < len(every) / 100
     assert all(count(few)[name][value] for name, values in CHOICES.items() for value in values)
-    assert [c.link for c in pairs(**axes("link"))] == list(CHOICES["link"])  # a single axis
+    assert few[0] == every[0]
+    once = singles(**AXES)
+    assert {value for c in once for value in values_of(c).items()} == {v for c in every for v in values_of(c).items()}
+    assert len(once) == len(CHOICES["fields"])
+    assert sorted(c.link for c in pairs(**axes("link"))) == sorted(CHOICES["link"])  # a single axis
 
 
 def test_an_encoder_that_refuses_a_front_end_leaves_all_others(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,18 +4,14 @@ import re
 
 import pytest
 
+from eskin.model.cases import axes, singles, values_of
 from eskin.model.config import ReadoutConfig
-from eskin.model.encoders import registry
 from eskin.rtl import yosys
 from eskin.rtl.text.fold import LONGEST, fold
 from eskin.rtl.verilog import Config, top_block, verilog
 from eskin.verify.proofs.delivered import prove
 
-READOUTS = [
-    {"encoding": encoding, "frontend": frontend, "link": link, "rows": 2, "columns": 3}
-    for number, encoding in enumerate(registry.NAMES)
-    for frontend, link in [(("digital", "stream"), ("analog", "four_phase"))[number % 2]]
-]
+READOUTS = singles(ReadoutConfig(rows=8, columns=8), **axes("encoding", "frontend", "link", "reset", "decide_every"))
 
 STEPS = """\
 module steps(clk, a, b, c, s, t, sum, wide, low, least, all_of, chosen, kept);
@@ -78,9 +74,9 @@ def made_up(config: Config) -> list[str]:
     return [name for name in names if re.search(r"_part(_\d+)?$|(?<!_to)_\d+$", name)]
 
 
-@pytest.mark.parametrize("fields", READOUTS, ids=lambda fields: f"{fields['encoding']}-{fields['frontend']}")
-def test_names_are_those_of_the_source(fields: dict[str, object]) -> None:
-    assert made_up(ReadoutConfig.from_dict(fields | {"rows": 8, "columns": 8})) == []
+@pytest.mark.parametrize("config", READOUTS, ids=lambda config: "-".join(values_of(config).values()))
+def test_names_are_those_of_the_source(config: ReadoutConfig) -> None:
+    assert made_up(config) == []
 
 
 def test_lines_are_no_longer_than_a_page() -> None:

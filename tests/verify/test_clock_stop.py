@@ -8,9 +8,9 @@ import pytest
 from eskin.cocotb_tests.runner.simulator import may_skip
 from eskin.cocotb_tests.test_chip import CHIPS
 from eskin.cocotb_tests.test_classifier import CONFIGS, SYNAPTIC
+from eskin.model.cases import axes, cases
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.config import ReadoutConfig
-from eskin.model.encoders.registry import ENCODERS
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl.arbiter import Arbiter
 from eskin.rtl.classifier.chip import Chip
@@ -25,12 +25,10 @@ from eskin.verify.proofs.clock_stop import Clocked, clocked, stands_still
 from eskin.verify.proofs.mutants import make
 
 FEW = ReadoutConfig(rows=2, columns=2, sample_bits=6, resolution=2, window_period=3, leak_period=3)
-SKIPPED = [
-    FEW.replace(encoding=encoder.name, **more)
-    for encoder in ENCODERS
-    for more in ({}, {"decide_every": "sample"}, {"fields": "neighbours"})
+SKIPPED: list[Any] = [
+    *cases(FEW, **axes("encoding"), more=({}, {"decide_every": "sample"}, {"fields": "neighbours"})),
+    *CHIPS,
 ]
-SKIPPED += CHIPS
 """A configuration of every kind for which the co-simulation skips idle clocks: all that ``awake`` depends on."""
 NETWORKS = [CONFIGS[1], CONFIGS[4], CONFIGS[6], *SYNAPTIC]
 """Classifiers with outputs of both kinds, with and without groups, saturation and synaptic currents."""

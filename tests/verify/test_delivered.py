@@ -8,10 +8,10 @@ import pytest
 
 from eskin.board.config import BoardConfig, SerialConfig
 from eskin.board.gateware import top as board
+from eskin.model.cases import AXES, axes, pairs, singles, values_of
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
-from eskin.model.encoders import registry
 from eskin.model.frame_config import FrameConfig
 from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl import yosys
@@ -19,18 +19,18 @@ from eskin.rtl.verilog import Config, rtlil, verilog
 from eskin.verify.proofs.delivered import Different, prove
 
 READOUT = ReadoutConfig(rows=2, columns=3)
-OUTSIDE: dict[str, Any] = {"frontend": "analog", "link": "four_phase", "reset": "async"}
+LOGIC = axes("encoding", "frontend", "link", "reset", "decide_every", "registers")
+READOUTS = [*pairs(READOUT, **LOGIC), *singles(READOUT.replace(leak_period=9), **AXES)]
 FEW_BITS: dict[str, Any] = {"membrane_bits": 8, "threshold": 60, "floor": -100, "out_threshold": 60, "out_floor": -100}
 CLASSIFIER = ClassifierConfig(inputs=4, hidden=4, classes=2, lanes=2, clocks_per_bin=60, **FEW_BITS)
 SMALL = ReadoutConfig(rows=1, columns=2, sample_bits=6, resolution=3)
 TILES = TilesConfig.of(SMALL, 1, 2, 1)
 
 KINDS: dict[str, Config] = {
-    **{f"{code} by the clock": READOUT.replace(encoding=code) for code in registry.NAMES},
-    **{f"{code} by the tick": READOUT.replace(encoding=code, decide_every="sample") for code in registry.NAMES[1::2]},
-    **{f"{code} outside": READOUT.replace(encoding=code, **OUTSIDE) for code in registry.NAMES[::2]},
-    **{f"{code} registers": READOUT.replace(encoding=code, registers="spi") for code in registry.NAMES[::2]},
-    "registers outside": SMALL.replace(registers="spi", **OUTSIDE),
+    "lcs": READOUT,
+    "registers": READOUT.replace(registers="spi"),
+    "async": READOUT.replace(reset="async"),
+    **{" ".join(values_of(config).values()): config for config in READOUTS},
     "frames": FrameConfig(readout=READOUT),
     "tiles": TILES,
     "merge": MergeConfig(TILES),
@@ -74,11 +74,11 @@ def test_the_design_of_a_board_is_proved_with_its_initial_values() -> None:
 
 
 WRONG = {
-    "an operator": ("lcs by the clock", r"pending & enable", "pending | enable", "^eskin_taxel: .*request"),
+    "an operator": ("lcs", r"pending & enable", "pending | enable", "^eskin_taxel: .*request"),
     "a value after reset": ("merge", r"if \(rst\) behind <= 1'h0", "if (rst) behind <= 1'h1", "^eskin_merge: .*behind"),
-    "an enable": ("lcs registers", r"if \(takes\) behind", "if (~takes) behind", "^eskin_arbiter: .*behind"),
-    "a reset": ("lcs outside", r"@\(posedge clk, posedge rst\)", "@(posedge clk)", "^eskin_arbiter: "),
-    "a row of bits": ("lcs by the clock", r"sample\[35:0\]", "sample[36:1]", r"^eskin_readout: .*sample \["),
+    "an enable": ("registers", r"if \(takes\) behind", "if (~takes) behind", "^eskin_arbiter: .*behind"),
+    "a reset": ("async", r"@\(posedge clk, posedge rst\)", "@(posedge clk)", "^eskin_arbiter: "),
+    "a row of bits": ("lcs", r"sample\[35:0\]", "sample[36:1]", r"^eskin_readout: .*sample \["),
     "an input of an instance": ("frames", r"\.word_ready\(word_ready\)", ".word_ready(1'h1)", ": word_ready 1'1"),
     "an instance": ("tiles", r"  eskin_relay relay_1_0 \([^;]*;", "", "and memories of eskin_tiles .*: relay_1_0"),
     "a port": ("merge", r"wire \[1:0\] tile_col", "wire [2:0] tile_col", "ports of eskin_merge .*: tile_col$"),

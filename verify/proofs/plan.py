@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import Any
 
+from eskin.model.cases import CHOICES, axes, cases, pairs
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
-from eskin.model.encoders import registry
 from eskin.model.frame_config import FrameConfig
 from eskin.model.tiles.config import TilesConfig
 from eskin.verify.proofs.blocks.arbiter import ArbiterChecker
@@ -79,17 +79,27 @@ class Proof:
         return f"{c.encoding} {c.frontend} {c.sample_bits} bits{tick}{' registers' * (c.registers != 'none')}"
 
 
-ENDS: tuple[Any, ...] = ("digital", "analog")
 SMALL = ReadoutConfig(sample_bits=6, resolution=2, window_period=2, leak_shift=2, fraction_bits=2)
 """Few bits, so that proofs reach the ends of the scale and the maximum of every counter."""
+
+HOSTED = SMALL.replace(rows=1, registers="spi")
 
 NEAR_THE_END = ReadoutConfig(reference_reset=2048 - 2 * 16)
 """The default widths, with a reference that starts two steps below the top."""
 
 
+HUNTED = {
+    ("lcs", "digital", "clock"),
+    ("cw-lcs", "analog", "clock"),
+    ("nlcs", "analog", "clock"),
+    ("nlcs", "digital", "sample"),
+}
+"""Encoders, front ends and decision rates of the taxels whose mutants are tested: every property applies to one."""
+
+
 def arbiters() -> list[Proof]:
     """Return the proofs of the arbiter, with depths that reach the bound on waiting."""
-    sizes = [(1, 1, "lcs"), (2, 2, "lcs"), (1, 4, "lcs"), (4, 1, "lcs"), (3, 5, "lcs"), (3, 5, "nlcs")]
+    sizes = [(1, 1, "lcs"), (2, 2, "lcs"), (1, 4, "lcs"), (4, 1, "lcs"), (9, 1, "lcs"), (3, 5, "lcs"), (3, 5, "nlcs")]
     configs = [ReadoutConfig(rows=rows, columns=columns, encoding=encoding) for rows, columns, encoding in sizes]  # type: ignore[arg-type]
     return [
         Proof(ArbiterChecker, c, (c.rows + 1) * c.columns + 2, c.rows == c.columns == 2, c.rows == c.columns == 2)
@@ -111,37 +121,33 @@ def links() -> list[Proof]:
 
 def taxels() -> list[Proof]:
     """Return the proofs of taxel and window: both front ends and decision rates, several bit widths."""
-    codes: tuple[Any, ...] = registry.NAMES
-    windows = [SMALL.replace(encoding="cw-lcs", sample_bits=8, frontend=end) for end in ENDS]
+    kinds = axes("encoding", "frontend")
+    windows = list(cases(SMALL.replace(encoding="cw-lcs", sample_bits=8), **axes("frontend")))
     hosted = [window.replace(registers="spi", window_period=3) for window in windows]
-    few = [SMALL.replace(encoding=code, frontend=end) for code in codes for end in ENDS]
-    by_tick = [c.replace(decide_every="sample") for c in few]
-    by_host = [c.replace(registers="spi", rows=1, resolution=3 if c.encoding == "lcs" else 2) for c in few]
-    wide = [NEAR_THE_END.replace(encoding=code, frontend=end) for code in codes for end in ENDS]
+    few = list(cases(SMALL, decide_every=CHOICES["decide_every"], **kinds))
+    by_host = [c.replace(resolution=3 if c.encoding == "lcs" else 2) for c in cases(HOSTED, **kinds)]
+    wide = cases(NEAR_THE_END, **kinds)
     return [
         *(Proof(WindowChecker, c, 12, False, c == windows[0]) for c in windows),
         *(Proof(WindowChecker, c, 12, c == hosted[0]) for c in hosted),
-        *(Proof(TaxelChecker, c, 14, c == few[0], c in (few[0], few[3], few[5])) for c in few),
-        *(Proof(TaxelChecker, c, 14, hunts=c == by_tick[4]) for c in by_tick),
+        *(Proof(TaxelChecker, c, 14, c == few[0], (c.encoding, c.frontend, c.decide_every) in HUNTED) for c in few),
         *(Proof(TaxelChecker, c, 14) for c in by_host),
         *(Proof(TaxelChecker, c, 6) for c in wide),
     ]
 
 
 def readouts() -> list[Proof]:
-    """Return the proofs of whole small readouts."""
-    links: tuple[Any, ...] = ("stream", "four_phase")
+    """Return the proofs of whole small readouts: both sizes of arrays with every link, and all pairs of settings."""
     few = ReadoutConfig(frontend="analog", sample_bits=4, resolution=2)
-    spiking = [few.replace(rows=side, columns=side, link=link) for side in (1, 2) for link in links]
+    sides = ({"rows": 1, "columns": 1}, {"rows": 2, "columns": 2})
+    spiking = list(cases(few, array=sides, **axes("link")))
     tight = SMALL.replace(rows=2, columns=2, sample_bits=4, fraction_bits=1)
-    coded = [tight.replace(encoding=code, sample_bits=6 if code == "cw-lcs" else 4) for code in registry.NAMES]
-    spiking += [c.replace(frontend=end) for c in coded for end in ENDS if (c.encoding, end) != ("lcs", "analog")]
-    spiking += [
-        tight.replace(link="four_phase_dual"),
-        tight.replace(link="four_phase", decide_every="sample"),
-        tight.replace(encoding="nlcs", link="four_phase"),
-        tight.replace(fields="both"),
-    ]
+    coded = pairs(tight, **axes("encoding", "frontend", "link", "reset", "decide_every"), fields=("own", "both"))
+    spiking += [c.replace(sample_bits=6) if c.encoder.windowed else c for c in coded]
+
+    def hunts(c: ReadoutConfig) -> bool:
+        return c.frontend == "analog" and not c.encoder.leaks and (c.rows, c.link) in {(1, "four_phase"), (2, "stream")}
+
     # Codes of a word's size, of half a word, and such as do not fit it.
     shapes = [(1, 1, 2, 2), (1, 1, 3, 4), (2, 2, 2, 4), (2, 2, 3, 8), (1, 3, 1, 2)]
     frames = [
@@ -154,7 +160,7 @@ def readouts() -> list[Proof]:
     ]
     return [
         *(Proof(FrameChecker, c, 36 if c.word_bits == 8 else 24, c == frames[0], c in frames[1:4]) for c in frames),
-        *(Proof(ReadoutChecker, c, 12, c == spiking[0], c in (*spiking[1:3], spiking[6])) for c in spiking),
+        *(Proof(ReadoutChecker, c, 12, c == spiking[0], hunts(c)) for c in spiking),
     ]
 
 
@@ -164,7 +170,7 @@ def hosts() -> list[Proof]:
     few = base.replace(rows=2, columns=2, encoding="nlcs", sample_bits=8, resolution=3, leak_period=5)
     more = base.replace(rows=5, columns=8, encoding="cw-lcs", window_period=5)
     window = base.replace(rows=1, columns=2, encoding="cw-lcs", sample_bits=8, resolution=3, window_period=3)
-    chosen = [window.replace(rows=2, fields="settable", frontend=end) for end in ENDS]
+    chosen = list(cases(window.replace(rows=2, fields="settable"), **axes("frontend")))
     patterns = [base.replace(rows=2, columns=2), base.replace(rows=1, columns=4), base.replace(rows=4, columns=1)]
     return [
         Proof(NarrowSpiChecker, few, 27, True, True),
@@ -235,9 +241,7 @@ def fields() -> list[Proof]:
     """Return the proofs of the receptive fields: named, chosen by a host, and listed."""
     listed: Any = ([[0, 1, 2, 3], 1], [[1], 0], [[0, 0, 3], 2], [[], 0])
     few = SMALL.replace(rows=2, columns=2, sample_bits=4, fields=listed)
-    named = [
-        SMALL.replace(rows=2, columns=2, sample_bits=3, resolution=1, fields=kind) for kind in ("neighbours", "both")
-    ]
+    named = cases(SMALL.replace(rows=2, columns=2, sample_bits=3, resolution=1), fields=("neighbours", "both"))
     chosen = SMALL.replace(rows=1, columns=2, sample_bits=3, resolution=1, fields="settable", registers="spi")
     return [Proof(FieldsChecker, c, 2, c == few, c == few) for c in (few, *named, chosen)]
 

@@ -11,8 +11,8 @@ from eskin.app.options import LOGIC, check_frame, opt, option_name, out_folder, 
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
 from eskin.base.units import counted
+from eskin.model.cases import axes, cases
 from eskin.model.config import ReadoutConfig
-from eskin.model.encoders import registry
 from eskin.model.frame_config import OWN_FIELDS, FrameConfig
 from eskin.model.tiles.config import MergeConfig, skin_of
 
@@ -123,9 +123,7 @@ def gates(
             raise InputError(f"{option_name(min(given))} has no effect with --classifier: leave one of the two out")
         _count_classifier(classifier, liberty, as_json)
         return
-    designs: dict[str, ReadoutConfig | FrameConfig] = {
-        encoding: config.replace(encoding=encoding) for encoding in registry.NAMES
-    }
+    designs: dict[str, ReadoutConfig | FrameConfig] = {one.encoding: one for one in cases(config, **axes("encoding"))}
     designs["frame"] = FrameConfig(readout=config.replace(registers="none", fields="own"), **stored)
     counted = {name: count_gates(design, config.taxels, liberty).to_dict() for name, design in designs.items()}
     if as_json:

@@ -13,8 +13,8 @@ from eskin.app.commands.signals.recordings import OwnData, check_alone, own_reco
 from eskin.app.options import opt, out_file, out_folder, with_config
 from eskin.base.files import origin, write_json
 from eskin.base.progress import bars
+from eskin.model.cases import axes, cases
 from eskin.model.config import ReadoutConfig
-from eskin.model.encoders import registry
 
 if TYPE_CHECKING:
     from eskin.cocotb_tests.runner.process import Tally
@@ -49,7 +49,9 @@ def sim(
     from eskin.cocotb_tests.runner.process import Tally
 
     check_alone(data, prepared, {"--dataset": dataset, "--dut": dut or None})
-    encodings: list[str] = [config.encoding] if "encoding" in given or dut else [*registry.NAMES]
+    encodings: list[str] = [config.encoding]
+    if not ("encoding" in given or dut):
+        encodings = [one.encoding for one in cases(config, **axes("encoding"))]
     total = Tally()
     if data is None:
         plan = session.plan(simulator, waves, seed, textures, only, ticks, dataset, out)
