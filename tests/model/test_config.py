@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
+from eskin.model.links.registry import NAMES
 from tests.model.refused import refused
 
 ENCODERS = ", ".join(registry.NAMES)
@@ -25,7 +26,7 @@ REFUSALS: list[tuple[dict[str, Any], str]] = [
     ({"rows": 4.5}, "rows must be of type int, not 4.5"),
     ({"encoding": ["lcs"]}, f"encoding must be one of {ENCODERS}, not ['lcs']"),
     ({"encoding": "sigma"}, f"encoding must be one of {ENCODERS}, not 'sigma'"),
-    ({"link": "spi"}, "link must be one of stream, four_phase, four_phase_dual, not 'spi'"),
+    ({"link": "spi"}, f"link must be one of {', '.join(NAMES)}, not 'spi'"),
     ({"frontend": "dc"}, "frontend must be one of digital, analog, not 'dc'"),
     ({"reset": "none"}, "reset must be one of sync, async, not 'none'"),
     ({"decide_every": "day"}, "decide_every must be one of clock, sample, not 'day'"),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from eskin.base.errors import InputError
+from eskin.cocotb_tests.independent import link as independent
 from eskin.cocotb_tests.independent.readout import Readout as IndependentReadout
 from eskin.cocotb_tests.independent.settings import Settings
 from eskin.cocotb_tests.independent.taxel import KINDS
@@ -14,11 +15,14 @@ from eskin.flow.datasheet.page import sheet_of
 from eskin.flow.gate_count import count_gates
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
+from eskin.model.links import registry as links
 from eskin.model.readout import Stimulus, simulate
 from eskin.model.taxel import decode, encode, error_bound
 from eskin.rtl.encoders import registry as rtl
+from eskin.rtl.links import registry as hardware
 from eskin.rtl.verilog import verilog
 from eskin.verify.proofs.bench import design
+from eskin.verify.proofs.blocks import link as checkers
 from eskin.verify.proofs.blocks.taxel import TaxelChecker
 
 SAMPLES = np.array([[0, 0], [40, -40]])
@@ -51,6 +55,17 @@ def test_an_unknown_name_is_refused(part: str, field: str) -> None:
 def test_the_independent_model_knows_no_other_name(field: str) -> None:
     with pytest.raises(KeyError, match="dpcm"):
         IndependentReadout(Settings(**{field: "dpcm"})).clock()
+
+
+def test_every_link_has_hardware_a_second_reading_and_a_checker() -> None:
+    assert [*hardware.LINKS] == [*independent.LINKS] == list(links.NAMES)
+    assert {one.block for one in hardware.LINKS.values()} - {None} == set(checkers.LINKS)
+    for link in links.LINKS:
+        config = ReadoutConfig.from_dict({"link": link.name})
+        own = hardware.named(link.name)
+        ports = own.ports(config)
+        assert set(ports) <= set(own.meanings)
+        assert {*link.requests, *link.address, *own.asynchronous} <= set(ports)
 
 
 def test_every_encoder_has_hardware_and_a_second_reading() -> None:

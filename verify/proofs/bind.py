@@ -6,6 +6,7 @@ from typing import Any
 
 import jinja2
 
+from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl import yosys
@@ -40,6 +41,8 @@ def checkers(config: ReadoutOrFrame) -> Iterator[tuple[Checker[Any], str, dict[s
     if config.closes:
         yield WindowChecker(config), "eskin_window", {}
     if block := links.named(config.link).block:
+        if block not in LINKS:
+            raise InputError(f"the link {config.link} has no checker in verify/proofs/blocks/link.py")
         yield LINKS[block](config), block.module_name, {}
     if config.registers == "none":  # a host masks taxels too, and its test pattern sends events without a step
         whole = ReadoutChecker(config)
