@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from eskin.base.figures.style import dress, legend_below, new_figure, save_figure
-from eskin.base.files import Pieces
 from eskin.base.workers.cluster import Needs, version
 from eskin.model.config import ReadoutConfig
 from eskin.verify.faults import plan
@@ -40,9 +39,7 @@ def surround(config: ReadoutConfig) -> dict[str, Any]:
 
 def compute() -> Data:
     """Return the outcomes of all trials and hostile inputs."""
-    work = work_of("faults")
-    work.mkdir(parents=True, exist_ok=True)
-    pieces = Pieces(work / "faults.json", version(CODE))
+    pieces = work_of("faults", version(CODE))
     jobs = [(str(trial), partial(upset, trial)) for trial in plan.trials()]
     jobs += [(str(config), partial(surround, config)) for config in plan.surroundings()]
     found: dict[str, list[Any]] = {"blocks": [], "cases": [], "problems": []}

@@ -255,16 +255,16 @@ def frame_candidates(preset: str, network: str, bits_per_s: float) -> list[Point
 
 
 class Frontier:
-    """Results of all trainings, stored in a file so that a stopped run can continue.
+    """Results of all trainings, stored so that a stopped run can continue.
 
-    - ``out``: file of the whole result.
+    - ``work``: store of the results.
     - ``dataset``: as for ``open_dataset``.
     - ``device``: device name of torch. A GPU trains the convolutional networks of a point together.
     """
 
-    def __init__(self, out: Path, dataset: str | None = None, device: str = "cpu") -> None:
+    def __init__(self, work: Pieces, dataset: str | None = None, device: str = "cpu") -> None:
         self._dataset, self._device = dataset, device
-        self._pieces = Pieces(out, "1")
+        self._pieces = work
         self._scans: tuple[str, ScanData] | None = None
 
     def cells(
@@ -658,9 +658,7 @@ def compute() -> Data:
     import torch
 
     torch.set_num_threads(1)
-    work = work_of("frontier")
-    work.mkdir(parents=True, exist_ok=True)
-    frontier = Frontier(work / "frontier.json", device="cuda" if torch.cuda.is_available() else "cpu")
+    frontier = Frontier(work_of("frontier"), device="cuda" if torch.cuda.is_available() else "cpu")
     with bar("cells") as step:
         points, inner = measured(frontier, step)
     for name, network in SWEEPS.items():

@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import itertools
+import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import read_json, write_json
+from eskin.base.files import Pieces, read_json
 from eskin.skin.textures.dataset import open_dataset
 from eskin.snn.data.scans import ScanData
 from eskin.snn.exchange.weights import Weights, load_weights
@@ -116,25 +117,18 @@ def trained_networks(scenes: bool = False) -> list[Subject]:
     return found
 
 
-def kept_cell(subject: Subject, path: Path, key: dict[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Return the test results of a network, read from a file or computed.
+def tested(
+    subject: Subject, work: Pieces, case: Mapping[str, Any], make: Callable[[], dict[str, Any]]
+) -> dict[str, Any]:
+    """Return the test results of a network in a case, stored or computed.
 
-    - ``key``: the request of the study; the message names its last field.
+    - ``case``: fields that determine the test.
     - ``make``: returns labels and answers.
-
-    Raise InputError if the file is of other weights or images, or the study was asked for something else.
     """
-    whole = {"weights": subject.digest} | key | {"images": subject.images.tolist()}
-    if path.exists():
-        cell: dict[str, Any] = read_json(path, "the results of a network", dict)
-        if {name: cell.get(name) for name in whole} != whole:
-            other = list(key)[-1].removesuffix("_v")
-            raise InputError(f"{path} belongs to other weights, {other} or images; remove it or choose another --out")
-        return cell
-    cell = {name: getattr(subject, name) for name in ("network", "fold", "seed")} | whole | make()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_json(path, cell)
-    return cell
+    about = {name: getattr(subject, name) for name in ("network", "fold", "seed")} | {"images": subject.images.tolist()}
+    said = json.dumps([subject.digest, about["images"], case])
+    name = f"{subject.name}/{hashlib.sha256(said.encode()).hexdigest()[:12]}"
+    return work.of(name, lambda: {**about, **case, **make()})
 
 
 Cells = Sequence[dict[str, Any]]

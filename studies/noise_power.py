@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from eskin.base.figures.labels import Box, Taken, on_page, place_label
 from eskin.base.figures.style import GREY, dress, legend_below, new_figure, plain_numbers, save_figure
+from eskin.base.files import Pieces
 from eskin.base.progress import bar
 from eskin.model.address_events import taxel_of
 from eskin.model.config import ReadoutConfig
@@ -35,7 +36,7 @@ from eskin.snn.data.scans import ScanData, collect
 from eskin.snn.exchange.weights import config_of
 from eskin.snn.experiments.experiment import Experiment
 from studies.drawing import draw_networks, network_styles
-from studies.networks import Cells, Subject, all_pairs, by_case, in_words, kept_cell, score_of, trained_networks
+from studies.networks import Cells, Subject, all_pairs, by_case, in_words, score_of, tested, trained_networks
 from studies.study import Data, Result, run, work_of
 
 if TYPE_CHECKING:
@@ -130,14 +131,11 @@ def rates_of(recordings: Sequence[Recording]) -> Rates:
 
 
 def under_noise(
-    subjects: Sequence[Subject], noises_v: Sequence[float], out: Path, progress: Callable[[], object]
+    subjects: Sequence[Subject], noises_v: Sequence[float], work: Pieces, progress: Callable[[], object]
 ) -> list[dict[str, Any]]:
-    """Return the predictions of every network at every noise level; results stored in ``out`` are reused.
-
-    Raise InputError if a file is of other weights or noises.
-    """
-    key = {"noises_v": list(noises_v)}
-    return [kept_cell(one, out / f"{one.name}.json", key, partial(_cell, one, noises_v, progress)) for one in subjects]
+    """Return the predictions of every network at every noise level; stored results are reused."""
+    case = {"noises_v": list(noises_v)}
+    return [tested(one, work, case, partial(_cell, one, noises_v, progress)) for one in subjects]
 
 
 def _cell(subject: Subject, noises_v: Sequence[float], progress: Callable[[], object]) -> dict[str, Any]:

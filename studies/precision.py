@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.figures.style import GREY, dress, legend_below, new_figure, plain_numbers, save_figure
+from eskin.base.files import Pieces
 from eskin.base.progress import bar
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.snn.exchange.integer import Precision, quantise
 from eskin.snn.experiments.intervals import scored
 from eskin.snn.experiments.points import as_word
 from studies.drawing import MARKERS, draw_accuracies, family
-from studies.networks import Cells, Subject, by_case, kept_cell, right_by_image, trained_networks
+from studies.networks import Cells, Subject, by_case, right_by_image, tested, trained_networks
 from studies.study import Data, Result, run, work_of
 
 if TYPE_CHECKING:
@@ -65,16 +66,12 @@ def compute() -> Data:
 
 
 def in_precisions(
-    subjects: Sequence[Subject], variants: Sequence[str], out: Path, progress: Callable[[], object]
+    subjects: Sequence[Subject], variants: Sequence[str], work: Pieces, progress: Callable[[], object]
 ) -> list[dict[str, Any]]:
-    """Return the predictions of every network at every precision; results stored in ``out`` are reused.
-
-    Raise InputError if a file is of other weights or variants.
-    """
+    """Return the predictions of every network at every precision; stored results are reused."""
     found = []
     for subject in subjects:
-        path, key = out / f"{subject.name}.json", {"variants": list(variants)}
-        found.append(kept_cell(subject, path, key, partial(_cell, subject, variants)))
+        found.append(tested(subject, work, {"variants": list(variants)}, partial(_cell, subject, variants)))
         progress()
     return found
 

@@ -1,8 +1,7 @@
 """Robustness: trained networks on disturbed scans, for all folds, seeds, disturbances and strengths.
 
 The study tests the networks on events of physical scans in ``out/train*/NETWORK/TRAINING``. A scan of an image is
-disturbed equally for all networks, so that their answers are paired. Each cell is a file, so a stopped run continues
-with the missing cells.
+disturbed equally for all networks, so that their answers are paired. A stopped run continues with the missing cells.
 """
 
 from __future__ import annotations
@@ -16,10 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.base.errors import InputError
 from eskin.base.figures.style import dress, legend_below, new_figure, save_figure
+from eskin.base.files import Pieces
 from eskin.base.progress import bar
-from eskin.base.shapes import misfit
 from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.physical import PhysicalScan
 from eskin.snn.data.disturb import DISTURBANCES, record_disturbed
@@ -27,7 +25,7 @@ from eskin.snn.data.scans import ScanData, collect
 from eskin.snn.exchange.weights import config_of
 from eskin.snn.experiments.experiment import Experiment
 from studies.drawing import draw_networks, network_styles
-from studies.networks import Cells, Subject, by_case, kept_cell, score_of, trained_networks
+from studies.networks import Cells, Subject, by_case, score_of, tested, trained_networks
 from studies.study import Data, Result, run, work_of
 
 if TYPE_CHECKING:
@@ -44,8 +42,6 @@ CASES: list[Case] = [(CLEAN, 0.0), *((name, s) for name, one in DISTURBANCES.ite
 COLUMNS = 4
 LETTERS = 34
 """Most letters of a line below a panel; a longer line would meet the next panel's."""
-
-_CELL = {"network": str, "fold": int, "seed": int, "labels": [int], "predicted": [int], "rate_hz": float}
 
 
 def compute() -> Data:
@@ -71,22 +67,15 @@ def disturbed_scans(experiment: Experiment, images: NDArray[np.int64], case: Cas
 
 
 def run_cells(
-    subjects: Sequence[Subject], chosen: Sequence[Case], out: Path, progress: Callable[[], object]
+    subjects: Sequence[Subject], chosen: Sequence[Case], work: Pieces, progress: Callable[[], object]
 ) -> list[dict[str, Any]]:
-    """Return the test results of all networks in all cases; results stored in ``out`` are reused.
-
-    Raise InputError if a file is of other weights, or damaged.
-    """
+    """Return the test results of all networks in all cases; stored results are reused."""
     found = []
-    for disturbance, strength in chosen:
+    for case in chosen:
         scans: dict[str, ScanData] = {}
         for subject in subjects:
-            path = out / subject.name / f"{disturbance}-{strength:g}.json"
-            key = {"disturbance": disturbance, "strength": strength}
-            cell = kept_cell(subject, path, key, partial(_test, subject, (disturbance, strength), scans))
-            if misfit(cell, _CELL) or not len(cell["labels"]) == len(cell["predicted"]) == len(subject.images):
-                raise InputError(f"{path} is damaged; remove it")
-            found.append(cell)
+            named = dict(zip(("disturbance", "strength"), case, strict=True))
+            found.append(tested(subject, work, named, partial(_test, subject, case, scans)))
             progress()
     return found
 

@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from eskin.base.errors import InputError
-from eskin.base.files import origin, read_json, write_json
+from eskin.base.files import Pieces, origin, read_json, write_json
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT / "docs" / "data"
 """Folder of the published data."""
 
 OUT = Path("out/studies")
-"""Default output folder. Unfinished work is always stored in ``OUT/work``."""
+"""Default output folder. Finished parts are always stored in ``OUT/work``."""
 
 Data = dict[str, Any]
 
@@ -54,9 +54,14 @@ class Result:
         return written
 
 
-def work_of(study: str) -> Path:
-    """Return the folder of finished parts of a study, which a stopped run reads when it continues."""
-    return OUT / "work" / study
+def work_of(study: str, code: str = "") -> Pieces:
+    """Return the store of the finished parts of a study, which a stopped run reads when it continues.
+
+    ``code``: digest of the code; parts of other code are computed again.
+    """
+    folder = OUT / "work"
+    folder.mkdir(parents=True, exist_ok=True)
+    return Pieces(folder / f"{study}.json", code)
 
 
 def run(study: str, *results: Result) -> None:
@@ -74,5 +79,5 @@ def run(study: str, *results: Result) -> None:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
-        print(f"stopped; finished parts are in {work_of(study)}; run the study again to continue", file=sys.stderr)
+        print("stopped; run the study again to continue", file=sys.stderr)
         sys.exit(130)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.base.files import plain
+from eskin.base.files import Pieces, plain
 from eskin.skin.textures.choice import choose
 from eskin.snn.data.folds import stratified_folds
 from eskin.snn.data.scans import Split
@@ -66,10 +66,10 @@ def test_a_run_goes_on_and_inner_validation_sees_no_test_image(tmp_path: Path, m
     monkeypatch.setattr(frontier, "NETWORKS", {"physical": SMALL})
     monkeypatch.setattr(frontier, "SCANS", {"physical": {"start_rows": 2, "epochs": 1}})
     point, steps = Point("physical", "leaky", "lcs:3", "across:2"), []
-    first = Frontier(tmp_path / "frontier.json", "embedded").point(point, 1, lambda: steps.append(0))
+    first = Frontier(Pieces(tmp_path / "frontier.json", ""), "embedded").point(point, 1, lambda: steps.append(0))
     assert len(steps) == 6
     monkeypatch.setattr(frontier, "train_cells", None)
-    run = Frontier(tmp_path / "frontier.json", "embedded")
+    run = Frontier(Pieces(tmp_path / "frontier.json", ""), "embedded")
     assert run.point(point, 1, lambda: None) == first
     assert first["taxels"] == [0, 56]
     assert first["bits_per_s"] == 2 * first["rate_hz"]
