@@ -1,39 +1,69 @@
-"""List the commands of ``eskin``.
+"""List the commands of ``eskin`` as their functions declare them.
 
 This module imports only the standard library, because make reads the list before the installation.
 
-To add a command: write its function in a module of ``app/commands``, and list its name here under the user's task.
+To add a command: write its function in a module of ``app/commands``, below ``@command``.
 """
 
-import re
+import ast
 import shutil
 import textwrap
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-
-COMMANDS = {
-    heading: names.split()
-    for heading, names in {
-        "A first look": "demo",
-        "Signals to events and back": "encode decode convert compare",
-        "RTL against model": "sim replay touch agree",
-        "Classifier": "train crossval predict sweep quantise export import cache",
-        "Hardware": "verilog gates asic gatesim gatepower layout fpga tapeout",
-        "Board": "play listen load rescue",
-        "Power and data rate": "power explore rates frames",
-    }.items()
-}
-"""Names of the user commands, grouped by task, in the order of ``eskin --help``."""
+from typing import NamedTuple
 
 DEV = "dev"
-CHECKS = ["formal", "properties", "coverage", "soak"]
-"""Names of the checks of the project: ``eskin dev NAME``."""
+OF_PROJECT = "Checks of the project"
+"""Heading of the commands ``eskin dev NAME``."""
 
-GROUPS = COMMANDS | {"Checks of the project": CHECKS}
+HEADINGS = (
+    "A first look",
+    "Signals to events and back",
+    "RTL against model",
+    "Classifier",
+    "Hardware",
+    "Board",
+    "Power and data rate",
+    OF_PROJECT,
+)
+"""Headings of ``eskin --help`` in order; the commands under a heading are sorted by name."""
 
 ABOUT = "Spiking readout for electronic skin: model, RTL, co-simulation, classifier."
 ABOUT_DEV = "Checks of the project, available in a checkout."
 HELP = "eskin COMMAND --help lists the options of a command."
+
+
+class Declaration(NamedTuple):
+    """A command, and the arguments of its ``@command``, which must be literals."""
+
+    module: str  # of the function; the function has the name of the command, with ``_`` for ``-``
+    summary: str  # first line of the docstring
+    heading: str  # one of ``HEADINGS``
+    needs: str = ""  # groups of packages beside ``base``
+    fuzz: str | None = None  # arguments with which the command ends soon; None if no arguments make it short
+    variables: str = ""  # variables that the make target sets if the user does not: ``ROWS=2 COLUMNS=2``
+    switch: str = ""  # target and variable of make that also run the command: ``sim GATES``
+
+
+def _declared() -> Iterable[tuple[str, Declaration]]:
+    """Yield name and declaration of each command, without importing its module."""
+    for path in Path(__file__).with_name("commands").glob("*/*.py"):
+        module = f"eskin.app.commands.{path.parent.name}.{path.stem}"
+        functions = [node for node in ast.parse(path.read_text()).body if isinstance(node, ast.FunctionDef)]
+        for function in functions:
+            for call in function.decorator_list:
+                if isinstance(call, ast.Call) and ast.unparse(call.func) == "command":
+                    summary = str(ast.get_docstring(function)).partition("\n")[0]
+                    arguments = {str(word.arg): ast.literal_eval(word.value) for word in call.keywords}
+                    name = function.name.rstrip("_").replace("_", "-")
+                    yield name, Declaration(module, summary, ast.literal_eval(call.args[0]), **arguments)
+
+
+COMMANDS = dict(sorted(_declared(), key=lambda found: (HEADINGS.index(found[1].heading), found[0])))
+"""All commands by name, in the order of ``eskin --help``."""
+
+GROUPS = {heading: [name for name, found in COMMANDS.items() if found.heading == heading] for heading in HEADINGS}
+CHECKS = GROUPS[OF_PROJECT]
 
 
 def words_of(name: str) -> list[str]:
@@ -41,26 +71,15 @@ def words_of(name: str) -> list[str]:
     return [DEV, name] if name in CHECKS else [name]
 
 
-def _functions() -> dict[str, tuple[str, str]]:
-    """Return module and summary of each function in ``app/commands``; the summary is its docstring's first line."""
-    function = re.compile(r'^def (\w+)\(.*\n(?:[ )].*\n)*?    """(.*?)(?:"""|$)', re.MULTILINE)
-    return {
-        name.rstrip("_").replace("_", "-"): (f"eskin.app.commands.{path.parent.name}.{path.stem}", text)
-        for path in sorted(Path(__file__).with_name("commands").glob("*/*.py"))
-        for name, text in function.findall(path.read_text())
-    }
-
-
-_FOUND = _functions()
-MODULES = {name: _FOUND[name][0] for names in GROUPS.values() for name in names}
-"""Module of every command; its function has the name of the command, with ``_`` for ``-``."""
-SUMMARIES = {name: _FOUND[name][1] for name in MODULES}
+def summaries() -> dict[str, dict[str, str]]:
+    """Return the summary of each command, by heading and name."""
+    return {heading: {name: COMMANDS[name].summary for name in names} for heading, names in GROUPS.items()}
 
 
 def overview() -> str:
     """Return the text of ``eskin --help``."""
-    listed = {heading: {name: SUMMARIES[name] for name in names} for heading, names in COMMANDS.items()}
-    listed["Development"] = {DEV: f"{ABOUT_DEV} Commands: {', '.join(CHECKS)}."}
+    listed = summaries()
+    listed[OF_PROJECT] = {DEV: f"{ABOUT_DEV} Commands: {', '.join(CHECKS)}."}
     options = {"Options": {"-h, --help": "Show this message and exit."}}
     return "\n".join(["Usage: eskin COMMAND [OPTIONS]", "", f"  {ABOUT}", *sections(listed | options), "", HELP])
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, NoReturn, cast
 import typer
 import typer.core
 
-from eskin.app.catalogue import ABOUT, ABOUT_DEV, CHECKS, DEV, MODULES, SUMMARIES, overview, sections
+from eskin.app.catalogue import ABOUT, ABOUT_DEV, CHECKS, COMMANDS, DEV, overview, sections
 from eskin.app.leave import leave_quietly
 from eskin.app.options import SHARED, check_outputs
 from eskin.app.refusals import check_options
@@ -92,7 +92,7 @@ class Commands(Mapping[str, typer.core.TyperCommand]):
             raise KeyError(name)
         if name == DEV:
             return cast(typer.core.TyperCommand, typer.main.get_command(make_app(ABOUT_DEV, Checks)))
-        module, function = importlib.import_module(MODULES[name]), name.replace("-", "_")
+        module, function = importlib.import_module(COMMANDS[name].module), name.replace("-", "_")
         alone = _new_app()
         alone.command(name, cls=Command)(getattr(module, function, None) or getattr(module, f"{function}_"))
         return cast(typer.core.TyperCommand, typer.main.get_command(alone))
@@ -119,13 +119,13 @@ class Checks(Group):
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the list of all checks."""
-        formatter.write("\n".join(sections({"Commands": {name: SUMMARIES[name] for name in CHECKS}})) + "\n")
+        formatter.write("\n".join(sections({"Commands": {name: COMMANDS[name].summary for name in CHECKS}})) + "\n")
 
 
 class AllCommands(Group):
     """The command group ``eskin``."""
 
-    names = (*(name for name in MODULES if name not in CHECKS), DEV)
+    names = (*(name for name in COMMANDS if name not in CHECKS), DEV)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return a command by name; checks are only available in ``dev``."""

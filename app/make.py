@@ -15,37 +15,17 @@ import subprocess
 import sys
 from typing import Any
 
-from eskin.app.catalogue import GROUPS, MODULES, SUMMARIES, sections, words_of
+from eskin.app.catalogue import COMMANDS, sections, summaries, words_of
 from eskin.app.leave import leave_quietly
-from eskin.app.setup import BASE, VENV, groups, install, install_apart, missing, python
+from eskin.app.setup import APART, BASE, VENV, groups, install, install_apart, missing, python
 from eskin.app.uv import SetupError
 
 EXIT_INPUT_ERROR = 2
 YES, NO = ("1", "yes", "true"), ("", "0", "no", "false")
 
-NEEDS = {
-    "sim": "sim replay touch agree soak gatesim asic gatepower coverage",
-    "snn": "train crossval predict sweep quantise export import agree",
-    "events": "convert export import",
-    "asic": "gatesim asic gatepower layout",
-    "board": "demo play listen load rescue",
-    "fpga": "fpga",
-    "dev": "coverage",
-    "registers": "coverage",
-}
-"""Commands that need each group of packages beside ``base``."""
+SWITCHES = {tuple(found.switch.split()): name for name, found in COMMANDS.items() if found.switch}
+"""Command that runs instead of a target, by the target and a variable that a user sets to 1."""
 
-SWITCHES = {("sim", "GATES"): "gatesim"}
-"""Command that runs instead if a user sets a variable to 1."""
-
-DEFAULTS = {
-    "verilog": {"OUT": "out/verilog"},
-    "properties": {"OUT": "out/verilog"},
-    "layout": {"ROWS": "2", "COLUMNS": "2"},
-}
-"""Variables that a target sets if the user does not."""
-
-APART = ("layout",)  # commands with an environment of the same name
 LINT = ("-m ruff format --check .", "-m ruff check .", "-m mypy")
 MEASURED = "benchmarks/results"
 STEPS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -100,7 +80,7 @@ eskin COMMAND --help lists the options; the checks of the project are eskin dev 
 make sim GATES=1 runs gatesim.
 Example: make sim ROWS=12 COLUMNS=16 ENCODING=nlcs RESOLUTION=6 SIM=icarus WAVES=1"""
 
-TARGETS = [*OWN, *STEPS, *MODULES]
+TARGETS = [*OWN, *STEPS, *COMMANDS]
 BUILT = ("build", ".pytest_cache", ".mypy_cache", ".ruff_cache", ".hypothesis")
 INSIDE = "--inside"  # argument of the launcher in the environment's interpreter
 
@@ -128,12 +108,12 @@ def options_of(target: str) -> dict[str, Any]:
     """Return the parameters of a target by variable name."""
     if target == "setup":
         return {"FOR": None}
-    if target not in MODULES:
+    if target not in COMMANDS:
         return {name: None for step in STEPS[target][1] for name in re.findall(r"\$(\w+)", step)}
     from eskin.app.cli import Commands
 
     found = {}
-    for parameter in Commands(MODULES)[target].params:
+    for parameter in Commands(COMMANDS)[target].params:
         words = [word for word in parameter.opts if word.startswith("--")] or [str(parameter.name)]
         found[words[0].lstrip("-").replace("-", "_").upper()] = parameter
     return {name: parameter for name, parameter in found.items() if name != "HELP"}
@@ -142,25 +122,25 @@ def options_of(target: str) -> dict[str, Any]:
 def needs_of(target: str, variables: dict[str, str]) -> list[str]:
     """Return the extras that a target needs."""
     if target == "setup" and (words := variables.get("FOR", "").split()):
-        if unknown := [word for word in words if word not in (*groups(), *MODULES, *STEPS)]:
-            raise SetupError(f"there is no command or group {unknown[0]}{_nearest(unknown[0], [*MODULES, *groups()])}")
+        if unknown := [word for word in words if word not in (*groups(), *COMMANDS, *STEPS)]:
+            raise SetupError(f"there is no command or group {unknown[0]}{_nearest(unknown[0], [*COMMANDS, *groups()])}")
         found = [group for word in words for group in ([word] if word in groups() else needs_of(word, {}))]
         return list(dict.fromkeys([BASE, *found]))
     if target in ("setup", "test", "check"):  # the quick tests are of all blocks
         return groups()
     if target in ("format", "pins"):
         return [BASE, "dev"]
-    if target not in MODULES:
+    if target not in COMMANDS:
         return [BASE, "sim", "snn", "dev", *(["docs"] if target == "docs" else [])]
     more = ["registers"] if variables.get("REGISTERS") == "spi" else []
     more += ["lint"] if "DUT" in variables else []
-    return list(dict.fromkeys([BASE, *(group for group, names in NEEDS.items() if target in names.split()), *more]))
+    return list(dict.fromkeys([BASE, *COMMANDS[target].needs.split(), *more]))
 
 
 def command_lines(target: str, parameters: dict[str, Any], variables: dict[str, str]) -> list[list[str]]:
     """Return the command lines of a target."""
-    if target in MODULES:
-        given = DEFAULTS.get(target, {}) | variables
+    if target in COMMANDS:
+        given = dict(word.split("=") for word in COMMANDS[target].variables.split()) | variables
         return [[python(), "-m", "eskin", *words_of(target), *_arguments(parameters, given)]]
 
     def filled(word: str) -> list[str]:
@@ -215,7 +195,7 @@ def _make(name: str, variables: dict[str, str], dry: bool) -> None:
         print_help() if target == "help" else _clean(dry)
         return
     wanted = needs_of(target, variables)
-    if target in MODULES:
+    if target in COMMANDS:
         if missing([BASE]) and not dry:
             install(wanted)
         if os.path.exists(python()) and INSIDE not in sys.argv:
@@ -264,7 +244,7 @@ def _call(line: list[str]) -> None:
 def print_help() -> None:
     """Print the targets, and how to set options of a command."""
     project = OWN | {name: text for name, (text, _) in STEPS.items()}
-    listed = {"Project": project} | {heading: {n: SUMMARIES[n] for n in names} for heading, names in GROUPS.items()}
+    listed = {"Project": project} | summaries()
     print("\n".join(["make TARGET [VARIABLE=value ...]", *sections(listed, width=999), "", ENDING]))
 
 

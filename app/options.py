@@ -9,7 +9,7 @@ import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_type_hints
+from typing import Annotated, Any, TypeVar, get_args, get_type_hints
 
 from typer.models import ArgumentInfo, OptionInfo
 
@@ -20,6 +20,7 @@ from eskin.model.encoders import registry
 from eskin.model.frame_config import OWN_FIELDS, SHARED_FIELDS
 
 Command = Callable[..., Any]
+Decorated = TypeVar("Decorated", bound=Command)
 
 TRAINED = Path("out/train/weights.npz")
 """Weights that ``eskin train`` writes; commands that read a network take them by default."""
@@ -29,6 +30,11 @@ READOUT, RECORDINGS, DETAIL = SHARED = ("Readout", "Reading your recordings", "R
 
 MAIN = ("rows", "columns", "encoding", "resolution", "sample_rate_hz")
 """Fields of ReadoutConfig under the heading ``READOUT``; the other fields follow under ``DETAIL``."""
+
+
+def command(heading: str, **declared: str) -> Callable[[Decorated], Decorated]:
+    """Declare a command under a heading of the help; ``eskin.app.catalogue.Declaration`` explains the arguments."""
+    return lambda function: function
 
 
 # -- options and arguments of a command, and paths that it writes ------------------------------------

@@ -43,6 +43,7 @@ def test_ports_are_those_of_the_contract() -> None:
     assert widths == {"clk": 1, "rst": 1} | scan | converter | words | {"frame_overrun": 1}
 
 
+@pytest.mark.command("verilog")
 def test_command_writes_the_text_of_the_library(tmp_path: Path) -> None:
     out = written_in_two_processes(tmp_path, "--readout", "frame", "--rows", "2", "--word-bits", "12")
     suffixes = (".v", ".sdc", ".json", ".core", "_datasheet.md", "_start.svg", "_word.svg")

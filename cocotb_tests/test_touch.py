@@ -76,6 +76,7 @@ def test_every_image_has_a_network_that_has_not_learned_it() -> None:
         assert len(tested) == len(set(tested)) == images
 
 
+@pytest.mark.command("touch")  # a run takes half a minute
 def test_mistakes_are_one_sentence(tmp_path: Path) -> None:
     first = next((SHIPPED / "embedded").glob("*.npz"))
     loaded = IntegerWeights.load(first)

@@ -17,7 +17,7 @@ import typer
 from hypothesis import settings
 
 from eskin.app import make
-from eskin.app.catalogue import MODULES
+from eskin.app.catalogue import COMMANDS
 from eskin.app.cli import Command, Commands, app, run
 
 Call = Callable[..., tuple[int, str, str]]
@@ -64,7 +64,7 @@ def without_numbers(text: str) -> str:
 @cache
 def command(name: str) -> Command:
     """Return a command of ``eskin``."""
-    return cast(Command, Commands(MODULES)[name])
+    return cast(Command, Commands(COMMANDS)[name])
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""List of the tests of ``make check``, one per RTL block and per command, and order of all tests.
+"""List of the tests of ``make check`` beside those of commands, and order of all tests.
 
 Each entry is a test function, of which the first case is taken, or the beginning of one case's name. Choose what fails
 when the block is broken and takes a second or two; ``tests/test_quick.py`` says what is missing.
@@ -25,47 +25,6 @@ BLOCKS = {
     "yosys": "tests/rtl/test_yosys.py::test_the_stamp_goes_and_a_port_is_declared_once",
 }
 """A test for each file of rtl/, by its name."""
-
-COMMANDS = {
-    "encode": "tests/app/test_encode.py::test_encodes_floats_in_full_scale",
-    "decode": "tests/app/test_decode.py::test_all_signal_files_hold_the_same",
-    "compare": "tests/model/test_compare.py::test_different_files",
-    "rates": "tests/skin/test_rates.py::test_table_names_the_rate_and_follows_options",
-    "power": "tests/app/test_power.py::test_power_prints_the_breakdown_as_json",
-    "explore": "tests/app/test_power.py::test_explore_names_the_cheapest",
-    "frames": "tests/model/test_frame.py::test_frames_prints_a_line_for_each_readout",
-    "demo": "tests/board/test_demo.py::test_mistakes_are_one_sentence",  # the page takes seconds
-    "play": "tests/board/test_host.py::test_no_board_is_one_sentence",  # a run takes a simulation
-    "listen": "tests/board/test_host.py::test_listening_asks_and_ends",
-    "load": "tests/board/test_host.py::test_another_bitstream_is_refused",
-    "rescue": "tests/board/test_host.py::test_what_a_killed_recording_left_becomes_a_recording",
-    "fpga": "tests/board/test_bitstream.py::test_mistakes_are_one_sentence",  # place and route takes a minute
-    "verilog": "cocotb_tests/test_frame_verilog.py::test_command_writes_the_text_of_the_library",
-    "gates": "tests/flow/test_gate_count.py::test_command_compares_the_readouts_of_one_array",
-    "properties": "tests/verify/test_bind.py::test_the_command_writes_what_goes_with_the_verilog",
-    "asic": "tests/flow/test_asic_report.py::test_bad_input_is_one_sentence",  # runs take ten seconds and more
-    "layout": "tests/flow/test_layout.py::test_blif_and_spice",  # a layout takes half a minute
-    "tapeout": "tests/flow/test_tapeout.py::test_tiny_tapeout_finds_all_its_files",
-    "gatesim": "tests/flow/test_gates.py::test_cells_that_are_missing_or_say_nothing",
-    "gatepower": "tests/flow/test_power.py::test_a_net_that_is_missing_or_unknown",
-    "coverage": "tests/verify/test_coverage.py::test_a_waiver_that_explains_nothing_is_refused",  # builds take long
-    "formal": "tests/verify/test_proofs.py::test_the_command_ends_with_its_one_line",
-    "sim": "tests/app/test_simulate.py::test_sim_ends_with_its_one_line",
-    "soak": "tests/verify/test_soak.py::test_mistakes_are_one_sentence",
-    "touch": "cocotb_tests/test_touch.py::test_mistakes_are_one_sentence",  # a run takes half a minute
-    "agree": "tests/snn/test_integer.py::test_published_networks_are_bit_exact_in_the_rtl",
-    "replay": "tests/app/test_simulate.py::test_replay_is_bit_exact",
-    "train": "tests/snn/test_predict.py::test_an_intact_replay_passes",
-    "crossval": "tests/snn/test_train.py::test_crossval_prints_both_readings",
-    "sweep": "tests/snn/test_sweep.py::test_bad_options_get_one_sentence",
-    "predict": "tests/snn/test_predict.py::test_an_intact_replay_passes",
-    "export": "tests/snn/test_nir_network.py::test_networks_go_out_and_come_back",
-    "import": "tests/snn/test_nir_network.py::test_networks_go_out_and_come_back",
-    "convert": "tests/snn/test_nir_events.py::test_events_go_out_and_come_back",
-    "quantise": "tests/snn/test_integer.py::test_the_command_writes_the_network_and_its_images",
-    "cache": "tests/snn/test_cache.py::test_the_command_shows_and_clears",
-}
-"""A test for each command of the packages."""
 
 OTHERS = {
     "study": "tests/studies/test_power.py::test_fig6_data_are_the_model",
@@ -116,9 +75,7 @@ def fits(node: str, entry: str) -> bool:
 
 def chosen(nodes: list[str]) -> set[str]:
     """Return the first test selected by each list entry."""
-    firsts = {
-        next((node for node in nodes if fits(node, entry)), "") for entry in [*BLOCKS.values(), *COMMANDS.values()]
-    }
+    firsts = {next((node for node in nodes if fits(node, entry)), "") for entry in BLOCKS.values()}
     return (firsts - {""}) | {node for node in nodes for entry in OTHERS.values() if fits(node, entry)}
 
 

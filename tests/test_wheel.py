@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from eskin.app.catalogue import MODULES
+from eskin.app.catalogue import COMMANDS
 from tests.test_layers import ROOMS
 
 ROOT = Path(__file__).parents[1]
@@ -61,12 +61,12 @@ def test_every_file_of_the_packages_is_in_the_wheel(installed: Path) -> None:
 
 def test_every_command_is_there_elsewhere(installed: Path, tmp_path: Path) -> None:
     program = (
-        "import eskin; from eskin.app.cli import MODULES, Commands\n"
-        "print(eskin.__file__, *(name for name in MODULES if Commands(MODULES)[name].params))"
+        "import eskin; from eskin.app.cli import COMMANDS, Commands\n"
+        "print(eskin.__file__, *(name for name in COMMANDS if Commands(COMMANDS)[name].params))"
     )
     place, *names = run(installed, tmp_path, "-c", program).split()
     assert place.startswith(str(installed))
-    assert names == [*MODULES]
+    assert names == [*COMMANDS]
 
 
 def test_commands_work_elsewhere_and_write_nothing_beside_the_sources(installed: Path, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ import typer
 from packaging.requirements import Requirement
 
 from eskin.app import setup
-from eskin.app.catalogue import CHECKS, MODULES, SUMMARIES
+from eskin.app.catalogue import CHECKS, COMMANDS
 from eskin.app.cli import SHARED, make_app, run
 from eskin.app.options import LEAKY, build_config, field_options, option_name, parse_fields, with_config
 from eskin.base.errors import InputError
@@ -225,8 +225,8 @@ def test_help_comes_at_once_and_names_every_command() -> None:
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 0.3
     listed = {line.split()[0] for line in done.stdout.splitlines() if re.match("  [a-z]", line)}
-    assert listed == {name for name in MODULES if name not in CHECKS} | {"dev"}
-    assert [text for text in SUMMARIES.values() if not text.endswith(".")] == []  # no line is cut
+    assert listed == {name for name in COMMANDS if name not in CHECKS} | {"dev"}
+    assert [name for name, found in COMMANDS.items() if not found.summary.endswith(".")] == []  # no line is cut
     assert all(f" {name}," in done.stdout or f" {name}." in done.stdout for name in CHECKS)
     assert subprocess.run(MODEL, capture_output=True, text=True, check=True).stdout == done.stdout
     program = (
@@ -319,12 +319,12 @@ def test_files_are_converted_without_torch(tmp_path: Path) -> None:
 def test_the_options_of_every_command_are_known_without_any_group() -> None:
     """Check what make needs before it installs the group of a command, and what --help needs without the group."""
     program = (
-        "import sys; from eskin.app.cli import MODULES, Commands; from eskin.base.packages import GROUPS\n"
+        "import sys; from eskin.app.cli import COMMANDS, Commands; from eskin.base.packages import GROUPS\n"
         "sys.modules |= dict.fromkeys(package for packages in GROUPS.values() for package in packages)\n"
-        "print(sum(len(Commands(MODULES)[name].params) > 0 for name in MODULES))"
+        "print(sum(len(Commands(COMMANDS)[name].params) > 0 for name in COMMANDS))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert (done.stdout, done.stderr) == (f"{len(MODULES)}\n", "")
+    assert (done.stdout, done.stderr) == (f"{len(COMMANDS)}\n", "")
 
 
 def test_groups_are_those_of_the_project() -> None:

@@ -40,6 +40,7 @@ def test_decodes_within_the_bound(encoding: str, link: str, call: Any, folder: P
     assert Image.open(folder / "y.png").width > 1000
 
 
+@pytest.mark.command("decode")
 def test_all_signal_files_hold_the_same(call: Any, folder: Path) -> None:
     np.save("x.npy", waves())
     call(f"encode x.npy -o e.npz {SIZE} --encoding nlcs --sample-rate 1000")

@@ -25,6 +25,7 @@ def waves(ticks: int = 400, taxels: int = 12) -> np.ndarray[Any, Any]:
     return 0.9 * np.sin(2 * np.pi * np.arange(ticks)[:, None] / 200 + phase)
 
 
+@pytest.mark.command("encode")
 def test_encodes_floats_in_full_scale(call: Any, folder: Path) -> None:
     values = waves()
     values[7, 3] = 1.5

@@ -5,7 +5,7 @@ import re
 import shutil
 from pathlib import Path
 
-from eskin.app.catalogue import MODULES
+from eskin.app.catalogue import COMMANDS
 from eskin.app.commands.signals.recordings import FINGER
 from eskin.model.classifier.file import IntegerWeights
 from eskin.snn.data.bins import BinConfig
@@ -67,7 +67,7 @@ def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(call: Call, f
 
 
 def test_every_command_with_recordings_knows_the_name_of_the_finger(folder: Path) -> None:
-    names = [name for name in MODULES if any("--data" in option.opts for option in command(name).params)]
+    names = [name for name in COMMANDS if any("--data" in option.opts for option in command(name).params)]
     assert {"train", "crossval", "sweep", "sim", "replay", "predict", "touch", "play"} <= set(names)
     for name in names:
         words = [*(["weights.npz", "--port", "none"] if name == "play" else []), "--data", "finger"]

@@ -11,10 +11,8 @@ from typing import Any
 import pytest
 
 from eskin.app import setup
-from eskin.app.catalogue import MODULES, words_of
+from eskin.app.catalogue import COMMANDS, words_of
 from eskin.app.make import (
-    DEFAULTS,
-    NEEDS,
     OWN,
     STEPS,
     SWITCHES,
@@ -171,7 +169,7 @@ def test_every_target_shows_its_command(launch: Callable[..., Any]) -> None:
     for name in TARGETS:
         code, lines, err = launch(name)
         assert (code, err) == (0, "")
-        if name in MODULES:
+        if name in COMMANDS:
             words = ["-m", "eskin", *words_of(name)]
             assert [line[: len(words)] for line in lines] == [words]
         elif name in STEPS:
@@ -194,15 +192,14 @@ def test_the_help_lists_every_target_with_what_it_does(make: Make) -> None:
     assert all(len(text) > 10 for _, text in listed)
 
 
-def test_tables_name_commands_and_their_variables() -> None:
-    assert {name for names in NEEDS.values() for name in names.split()} <= set(MODULES)
-    assert {group: setup.requirements(group) for group in NEEDS}
-    assert not set(OWN) & set(MODULES)
-    assert not set(STEPS) & set(MODULES)
+def test_declarations_name_groups_targets_and_variables() -> None:
+    assert {group for found in COMMANDS.values() for group in found.needs.split()} <= set(setup.groups())
+    assert not set(OWN) & set(COMMANDS)
+    assert not set(STEPS) & set(COMMANDS)
     for (name, _), other in SWITCHES.items():
-        assert {name, other} <= set(MODULES)
-    for name, variables in DEFAULTS.items():
-        assert set(variables) <= set(options_of(name))
+        assert {name, other} <= set(COMMANDS)
+    for name, found in COMMANDS.items():
+        assert {word.partition("=")[0] for word in found.variables.split()} <= set(options_of(name))
 
 
 @pytest.mark.parametrize(

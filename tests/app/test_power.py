@@ -38,6 +38,7 @@ REPORT = {
 # -- power -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.command("power")
 def test_power_prints_the_breakdown_as_json(call):
     code, out, _ = call("power --mode paper --resolution 6 --noise 1e-4 --tau 0.2 --json")
     data = json.loads(out)
@@ -127,6 +128,7 @@ def without_origin(kept: dict[str, Any]) -> dict[str, Any]:
 # -- explore -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.command("explore")
 def test_explore_names_the_cheapest(call, folder):
     code, out, _ = call("explore --rows 12 --columns 16 --event-rate 3000 --bandwidth 500 --noise 1e-3 --json")
     data = json.loads(out)

@@ -8,7 +8,7 @@ from typing import Any, get_args
 import pytest
 import typer
 
-from eskin.app.catalogue import MODULES, words_of
+from eskin.app.catalogue import COMMANDS, words_of
 from eskin.app.options import option_name, outputs_of
 from eskin.app.refusals import IDLE, RANGES
 from eskin.base.errors import InputError
@@ -114,7 +114,7 @@ def numbers_of(name: str) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize("name", [name for name in MODULES if numbers_of(name)])
+@pytest.mark.parametrize("name", [name for name in COMMANDS if numbers_of(name)])
 def test_every_number_has_a_range(name: str, folder: Path) -> None:
     for option in numbers_of(name):
         for number in NUMBERS:
@@ -136,7 +136,7 @@ OUTPUTS = {"-o", "--out", "--keep", "--plot", "--data-out"}
 """Options under which commands take a place to write to."""
 
 
-@pytest.mark.parametrize("name", sorted(MODULES))
+@pytest.mark.parametrize("name", sorted(COMMANDS))
 def test_a_wrong_output_is_refused_before_the_work(name: str, call: Any, folder: Path) -> None:
     (folder / "file").touch()
     (folder / "folder").mkdir()

@@ -41,6 +41,7 @@ def counts(out: str) -> tuple[int, int]:
     return int(line[1]), int(line[3])
 
 
+@pytest.mark.command("sim")
 def test_sim_ends_with_its_one_line_and_leaves_picture_and_event_files(call: Call, folder: Path) -> None:
     options = "--rows 2 --columns 3 --encoding cw-lcs --sim icarus --textures 2 --ticks 60 --waves -o out"
     code, out, err = call("sim", options)
@@ -176,6 +177,7 @@ def test_a_damaged_image_is_one_sentence(command: str, call: Call, folder: Path)
     assert err.splitlines()[-1].startswith("error: image ")
 
 
+@pytest.mark.command("replay")
 def test_replay_is_bit_exact_and_does_only_what_is_missing(call: Call, folder: Path) -> None:
     for texture in embedded_dataset().limit(3):
         picture = folder / "textures" / f"{texture.name}.png"

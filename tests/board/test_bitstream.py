@@ -18,6 +18,7 @@ from eskin.board.sensor import MOST_ROWS
 BUILT = Built({"TRELLIS_COMB": 2000, "DP16KD": 4}, {"TRELLIS_COMB": 24288}, 51.25e6, 50e6, {f"{NAME}.bit": b"bits"})
 
 
+@pytest.mark.command("fpga")  # place and route takes a minute
 def test_mistakes_are_one_sentence(refuses: Any) -> None:
     boards = "ulx3s, ulx3s-45f, ulx3s-25f, ulx3s-12f"
     refuses(f"error: --board must be one of {boards}, not 'spartan'\n", "fpga --board spartan")

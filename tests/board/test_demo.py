@@ -164,6 +164,7 @@ def test_demo_and_encode_scale_a_file_equally(options: dict[str, str], form: str
     assert np.array_equal(made.codes, show.load("touch")[0])
 
 
+@pytest.mark.command("demo")  # the page takes seconds
 def test_mistakes_are_one_sentence(call: Call) -> None:
     taken = socket.create_server(("127.0.0.1", 0))
     port = taken.getsockname()[1]

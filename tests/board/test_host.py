@@ -114,6 +114,7 @@ def test_records_that_the_board_cannot_send_are_refused(data: bytes, sentence: s
 # -- journal -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.command("rescue")
 def test_what_a_killed_recording_left_becomes_a_recording(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "a.npz", ReadoutConfig(), {"name": "a"})
     journal.add([(5, 1, 2, True), (9, 3, 4, False)])
@@ -219,6 +220,7 @@ def test_a_mishap_is_one_sentence_and_what_came_before_is_kept(sentence: str) ->
             assert came == [EVENT]
 
 
+@pytest.mark.command("load")
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
@@ -279,6 +281,7 @@ def test_a_board_that_floods_and_never_acknowledges_is_left() -> None:
     assert received.count
 
 
+@pytest.mark.command("play")  # a run takes a simulation
 def test_no_board_is_one_sentence() -> None:
     with pytest.raises(InputError, match=r"no board at /dev/none: .*; give the name of its port"):
         Link("/dev/none", lambda records: None)
@@ -325,6 +328,7 @@ def test_what_comes_before_a_session_is_passed_over() -> None:
         assert EVENT not in came
 
 
+@pytest.mark.command("listen")
 def test_listening_asks_and_ends(tmp_path: Path) -> None:
     def answer(frame: Frame, board: FakeBoard) -> bytes | None:
         if frame.kind != Kind.STATUS:

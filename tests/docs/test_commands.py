@@ -24,7 +24,7 @@ from PIL import Image
 from typer._click.exceptions import MissingParameter
 
 from eskin.app import make
-from eskin.app.catalogue import DEV, MODULES, words_of
+from eskin.app.catalogue import COMMANDS, DEV, words_of
 from eskin.base.errors import InputError
 from tests.conftest import command
 from tests.skins import write_skin
@@ -128,7 +128,7 @@ def problem_of(words: list[str], whole: bool) -> str:
     if words == ["--help"]:
         return ""
     name = words[1] if words[:1] == [DEV] and len(words) > 1 else words[0]
-    if name not in MODULES or words[: len(words_of(name))] != words_of(name):
+    if name not in COMMANDS or words[: len(words_of(name))] != words_of(name):
         return "no such command"
     words = words[words.index(name) :]
     if not whole:

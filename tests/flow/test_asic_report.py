@@ -175,6 +175,7 @@ def test_a_wrong_table_of_a_cell_that_is_used_is_one_sentence(call: Any, folder:
     assert not (folder / "out").exists()
 
 
+@pytest.mark.command("asic")  # runs take ten seconds and more
 def test_bad_input_is_one_sentence_and_leaves_nothing(
     refuses: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

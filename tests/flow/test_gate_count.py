@@ -87,6 +87,7 @@ def test_a_classifier_is_counted_without_its_memories(call: Any, refuses: Any, f
     refuses(sentence, "gates --classifier integer.npz --rows 3")
 
 
+@pytest.mark.command("gates")
 def test_command_compares_the_readouts_of_one_array(call: Any) -> None:
     code, out, error = call("gates --rows 2 --columns 2 --json")
     assert code == 0, error

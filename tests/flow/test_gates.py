@@ -117,6 +117,7 @@ endmodule
     assert programs.icarus([models(made.library, {"PERCH", "SLUMBER"}), bench], "bench", tmp_path).split() == ["11x0x"]
 
 
+@pytest.mark.command("gatesim")
 def test_cells_that_are_missing_or_say_nothing_are_one_sentence(library: Library, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^the cell library .* has no cell OWL; give the library of the netlist$"):
         models(library, {"OWL"})

@@ -71,6 +71,7 @@ def test_a_constant_is_refused() -> None:
         circuit.of_json({"modules": {"top": design}}, "top")
 
 
+@pytest.mark.command("layout")  # a layout takes half a minute
 def test_blif_and_spice() -> None:
     small = Circuit("t", ("a",), ("z",), {"g0": ("inv_x0", {"nq": "z", "i": "a"})})
     assert small.blif() == ".model t\n.inputs a\n.outputs z\n.subckt inv_x0 nq=z i=a\n.end\n"

@@ -210,6 +210,7 @@ def test_closing_windows_have_a_power_of_their_own(tmp_path: Path, made: Made) -
     assert found["energy_per_lone_event_j"] == pytest.approx(added, abs=0)
 
 
+@pytest.mark.command("gatepower")
 def test_a_net_that_is_missing_or_unknown_in_the_dump_is_one_sentence(tmp_path: Path) -> None:
     dump = tmp_path / "few.vcd"
     dump.write_text(

@@ -61,6 +61,7 @@ def test_the_loaders_text_is_the_rtl() -> None:
     assert text.count("async_reg") == 3  # SCK, CS and MOSI are asynchronous
 
 
+@pytest.mark.command("tapeout")
 def test_tiny_tapeout_finds_all_its_files(call: Call, folder: Path) -> None:
     assert call(f"{BASE} --shuttle tt-sky --size 2x2 --top tt_um_skin -o chip")[0] == 0
     info = (folder / "chip/info.yaml").read_text()

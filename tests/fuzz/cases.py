@@ -13,7 +13,7 @@ import click
 import numpy as np
 from hypothesis import strategies as st
 
-from eskin.app.catalogue import CHECKS, COMMANDS, MODULES, words_of
+from eskin.app.catalogue import COMMANDS, words_of
 from eskin.app.cli import Commands
 from tests.fuzz.run import Command
 
@@ -30,19 +30,15 @@ HOSTILE_JSON = (
 HOSTILE_NUMBERS = (np.nan, np.float32(np.inf), -1, 2**62, "text", 1j)
 DEPTH = 200_000
 
-LONG = {command for command in (*CHECKS, *COMMANDS["Hardware"]) if command not in ("soak", "verilog", "gates")}
-"""Commands that no option makes short: other tests refuse their wrong options."""
-
 LISTED = tomllib.loads(Path(__file__).with_name("commands.toml").read_text())
-FILES = {file: [tuple(line.split()) for line in lines] for file, lines in LISTED["files"].items()}
-GOOD = {name: tuple(line.split()) for name, line in LISTED["good"].items()}
+FILES = {file: [tuple(line.split()) for line in lines] for file, lines in LISTED.items()}
+GOOD = {name: tuple(found.fuzz.split()) for name, found in COMMANDS.items() if found.fuzz is not None}
 
 
 @functools.cache
 def commands() -> dict[str, click.Command]:
     """Return every fuzzed command by name."""
-    assert set(MODULES) >= LONG
-    return dict(Commands(name for name in MODULES if name not in LONG))
+    return dict(Commands(GOOD))
 
 
 def options_of(name: str) -> list[str]:

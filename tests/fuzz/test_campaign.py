@@ -14,12 +14,13 @@ import typer
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
+from eskin.app.catalogue import COMMANDS
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
 from tests.fuzz import corpus
 from tests.fuzz import run as limits
 from tests.fuzz.attacks import ATTACKS, clean
-from tests.fuzz.cases import FILES, GOOD, commands
+from tests.fuzz.cases import FILES, GOOD
 from tests.fuzz.run import CASES, COUNTS, SEED, Seen, complaint, run_command
 
 CHEAP = 12
@@ -100,8 +101,9 @@ class Campaign:
         assert self.codes[2] > self.codes.total() // 20, self.codes
 
 
-def test_every_command_and_every_reader_has_a_place_in_the_campaign() -> None:
-    assert set(GOOD) == set(commands())
+def test_only_commands_that_always_take_long_are_left_out() -> None:
+    left_out = {found.heading for name, found in COMMANDS.items() if name not in GOOD}
+    assert left_out == {"Hardware", "Checks of the project"}
 
 
 @pytest.mark.parametrize("name", sorted(FILES))

@@ -140,6 +140,7 @@ def test_equal_files(call: Any, folder: Path) -> None:
     assert (folder / "a.png").exists()
 
 
+@pytest.mark.command("compare")
 def test_different_files(call: Any, folder: Path) -> None:
     two_recordings(folder)
     code, out, err = call("compare a.npz b.npz --plot a.png")

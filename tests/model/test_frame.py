@@ -230,6 +230,7 @@ def test_frames_compares_all_readouts_on_the_same_scans(call: Call) -> None:
         assert found["equal_frame_rate_hz"] * 27 == pytest.approx(rate * bits)
 
 
+@pytest.mark.command("frames")
 def test_frames_prints_a_line_for_each_readout(call: Call) -> None:
     code, out, err = call("frames --dataset embedded --limit 1 --rows 2 --columns 2 --preset physical")
     assert (code, err) == (0, "")

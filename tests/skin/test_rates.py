@@ -151,6 +151,7 @@ def test_json_is_one_object_and_nothing_else(call):
     assert report["scan_s"] == pytest.approx(0.1764)
 
 
+@pytest.mark.command("rates")
 def test_table_names_the_rate_and_follows_options(call, folder, monkeypatch):
     monkeypatch.setenv("ESKIN_DATA", "embedded")
     (folder / "c.json").write_text('{"sample_bits": 10, "rows": 2, "encoding": "cw-lcs", "window_period": 8}')

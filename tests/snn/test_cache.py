@@ -122,6 +122,7 @@ def test_the_entries_used_longest_ago_go_first(kept: Path, monkeypatch: pytest.M
     assert left == {"d.npz", "e.npz", "mine.txt"}, "what a killed writer left is gone, other files stay"
 
 
+@pytest.mark.command("cache")
 def test_the_command_shows_and_clears(kept: Path, eskin: Any) -> None:
     cache.kept("a", easy_data)
     assert eskin("cache")[0] == f"{kept.parent}: 1 recorded scans, 0.0 MB of at most 1074 MB\n"

@@ -111,6 +111,7 @@ def test_the_nearest_leak_is_taken_and_said() -> None:
     assert config.out_synapse_shift == 0
 
 
+@pytest.mark.command("agree")
 def test_published_networks_are_bit_exact_in_the_rtl(folder: Path, eskin: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run the NIR paper's Braille networks in RTL, and compare the classes with the float networks."""
     monkeypatch.setattr(progress, "SILENCE_S", 0.01)
@@ -174,6 +175,7 @@ def test_a_network_that_rounds_its_weights_learns_through_it_and_becomes_what_it
         to_nir(weights_of(made))
 
 
+@pytest.mark.command("quantise")
 def test_the_command_writes_the_network_and_its_images(folder: Path, eskin: Any) -> None:
     made = network(3, decay=0.8)
     save_weights(folder / "weights.npz", weights_of(made))

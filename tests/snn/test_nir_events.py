@@ -106,6 +106,7 @@ def test_the_array_of_event_tools() -> None:
         in_unit(original, "s")
 
 
+@pytest.mark.command("convert")
 def test_events_go_out_and_come_back(eskin: Any, folder: Path) -> None:
     original = recording()
     original.save(Path("e.npz"))

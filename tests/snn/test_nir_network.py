@@ -329,6 +329,7 @@ def test_metadata_that_contradict_the_nodes_are_refused() -> None:
         from_nir(graph)
 
 
+@pytest.mark.command("export", "import")
 def test_networks_go_out_and_come_back(eskin: Any, folder: Path) -> None:
     weights, x = made(), scans()
     save_weights(Path("w.npz"), weights)

@@ -229,6 +229,7 @@ def tampered(replayed: Path, folder: Path, metadata: dict[str, Any] | None = Non
     return path
 
 
+@pytest.mark.command("train", "predict")
 def test_an_intact_replay_passes(replayed: Path, predict: Any, tmp_path: Path) -> None:
     output, _ = predict("--events", replayed, "--events", replayed / "brick" / "brick-00.npz", "--check-model")
     events = sum(len(Recording.load(path).events) for path in replayed.rglob("*.npz"))

@@ -221,6 +221,7 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path, eskin
     assert frame["experiment"]["network"] == {"kind": "rnn", "input_rms": 1.0, "input_center": True, "hidden": 16}
 
 
+@pytest.mark.command("sweep")
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -483,6 +483,7 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_scans(
         refuses(sentence, command, "--dataset embedded --out out")
 
 
+@pytest.mark.command("crossval")
 def test_crossval_prints_both_readings(eskin: Any, folder: Path) -> None:
     (folder / "small.json").write_text(json.dumps({"rows": 1, "columns": 2}))
     options = "--dataset embedded --config small.json --bin 0.01 --set hidden=16 --workers 1"

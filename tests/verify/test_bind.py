@@ -62,6 +62,7 @@ def test_the_whole_readout_or_its_host_is_bound(registers: str, whole: type[Chec
     assert ("host.column_request" in arbiter["request"]) == (whole is HostChecker)
 
 
+@pytest.mark.command("properties")
 def test_the_command_writes_what_goes_with_the_verilog(call: Any, folder: Path) -> None:
     code, _, error = call("dev properties --rows 1 --columns 1 --link four_phase -o out")
     assert code == 0, error

@@ -77,6 +77,7 @@ def test_what_is_not_reached_needs_a_reason() -> None:
     assert judge(reached, listed).problems == [f"not reached, and no reason given: {point.said}"]
 
 
+@pytest.mark.command("coverage")  # builds take long
 def test_a_waiver_that_explains_nothing_is_refused() -> None:
     waiver, other = Waiver("branch", "eskin_a", "why not"), Waiver("toggle", "eskin_a", "none", "low")
     reached = Reached(Counter({construct("branch", "if"): 0}))

@@ -18,6 +18,7 @@ SMALL = [proof for proof in proofs() if proof.small]
 CONFIG = ReadoutConfig(rows=1, columns=1, link="four_phase")
 
 
+@pytest.mark.command("formal")
 def test_the_command_ends_with_its_one_line(call: Any) -> None:
     code, out, error = call("dev formal --block link --small")
     assert code == 0, error

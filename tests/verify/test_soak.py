@@ -82,6 +82,7 @@ def test_damaged_totals_are_refused_before_the_work(content: str, tmp_path: Path
         soak.soak(soak.Plan(60, 0, 1, "icarus", tmp_path / "x.json"), print)
 
 
+@pytest.mark.command("soak")
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from eskin.app.cli import echo
 from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import OwnData
-from eskin.app.options import arg, opt, out_file, with_config
+from eskin.app.options import arg, command, opt, out_file, with_config
 from eskin.base.errors import InputError
 from eskin.base.progress import watched
 from eskin.model.config import ReadoutConfig
@@ -32,6 +32,7 @@ Network = Annotated[Path, arg(..., "INTEGER.npz", "integer network, from eskin q
 WINDOW_S = 3.0  # seconds in the raster of a foreign chip
 
 
+@command("Board", needs="board", fuzz="good/nothing.npz --port good/nothing -o new.npz")
 def play(
     weights: Network,
     port: Port,
@@ -100,6 +101,7 @@ def play(
     print("events and classes equal the model's" if check else "not compared with the model")
 
 
+@command("Board", needs="board", fuzz="--port good/nothing -o new.npz")
 @with_config
 def listen(
     config: ReadoutConfig,
@@ -145,6 +147,7 @@ def listen(
         common.fail(f"LOST {lost} events: the chip sent them faster than the serial line can carry")
 
 
+@command("Board", needs="board", fuzz="good/nothing.npz --port good/nothing")
 def load(weights: Network, port: Port, baud: Baud = BAUD, patience: Patience = 3.0) -> None:
     """Load the weights of a network into a board, and verify them."""
     from eskin.board import session
@@ -158,6 +161,7 @@ def load(weights: Network, port: Port, baud: Baud = BAUD, patience: Patience = 3
     print(f"loaded {network.network.config.memory_bits / 8192:.1f} kB of weights")
 
 
+@command("Board", needs="board", fuzz="good/nothing.npz.part")
 def rescue(journal: Path = arg(..., "FILE.npz.part", "partial file of a killed recording")) -> None:
     """Convert the partial file of a killed recording into an event file."""
     from eskin.board.journal import convert

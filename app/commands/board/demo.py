@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from eskin.app.cli import echo
 from eskin.app.commands.board.board import Udp, sending
 from eskin.app.commands.signals.recordings import DEFAULTS, PREPARATION, named_place, scale_text
-from eskin.app.options import RECORDINGS, arg, opt, with_fields
+from eskin.app.options import RECORDINGS, arg, command, opt, with_fields
 from eskin.base.units import counted
 from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.options import Preparation
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from eskin.board.demo import DemoResult
 
 
+@command("A first look", needs="board", fuzz="good/nothing.npz --no-browser --port 0")
 @with_fields(ReadoutConfig, ("encoding", "resolution", "sample_rate_hz"), "readout")
 @with_fields(Preparation, PREPARATION, "prepared", DEFAULTS, RECORDINGS)
 def demo(

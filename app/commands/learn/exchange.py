@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eskin.app.cli import echo, printable
-from eskin.app.options import TRAINED, arg, opt, out_file
+from eskin.app.options import TRAINED, arg, command, opt, out_file
 from eskin.base.errors import InputError
 from eskin.base.progress import bar
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from eskin.snn.exchange.weights import Weights
 
 
+@command("Classifier", needs="snn events", fuzz="good/train/weights.npz -o new.nir")
 def export(
     out: Path = out_file(..., "FILE", "graph .nir, or archive .npz"),
     weights: Path = arg(TRAINED, "WEIGHTS.npz", "trained network"),
@@ -69,6 +70,7 @@ def _tell_lacks(path: Path, weights: Weights) -> None:
     print(f"accuracy of the {images} test images: {', then '.join(parts)}")
 
 
+@command("Classifier", needs="snn events", fuzz="good/network.nir -o new.npz")
 def import_(
     graph: Path = arg(..., "GRAPH.nir", "NIR graph of a network"),
     out: Path = out_file(..., "WEIGHTS.npz", "archive to write"),
@@ -89,6 +91,7 @@ def import_(
     echo(f"{out}: {network.inputs} inputs, {network.hidden} hidden neurons, classes {names}")
 
 
+@command("Classifier", needs="snn", fuzz="good/train/weights.npz -o new.npz")
 def quantise(
     weights: Path = arg(TRAINED, "WEIGHTS.npz", "trained network"),
     bits: int = opt(8, "bits of all weights", min=2, max=8),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from eskin.app.cli import echo, printable
 from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import events_of, named_place
-from eskin.app.options import TRAINED, arg, opt, out_file
+from eskin.app.options import TRAINED, arg, command, opt, out_file
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
 from eskin.base.progress import bar
@@ -29,6 +29,7 @@ MOST_LINES = 20  # recordings listed one by one; of more, only those without a c
 MOST_CLASSES = 12  # classes of a printed confusion matrix
 
 
+@command("Classifier", needs="snn", fuzz="good/train/weights.npz --events good/events.npz -o new.json")
 def predict(
     weights: Path = arg(TRAINED, "WEIGHTS.npz", "trained network"),
     events: list[Path] | None = opt(

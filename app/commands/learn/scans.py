@@ -1,8 +1,9 @@
 """The command cache: recorded scans (docs/guide/classifier.md)."""
 
-from eskin.app.options import opt
+from eskin.app.options import command, opt
 
 
+@command("Classifier", fuzz="")
 def cache(clear: bool = opt(False, "--clear", "remove all recorded scans")) -> None:
     """Print the number of cached scans and their folder, or remove them with --clear."""
     from eskin.base import cache as place

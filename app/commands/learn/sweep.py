@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, get_args
 from eskin.app.cli import command_line, echo
 from eskin.app.commands import common
 from eskin.app.commands.learn.options import NOT_OF_A_SWEEP, Folds, Seeds, Workers, build_experiment, with_experiment
-from eskin.app.options import LEAKY, opt, out_folder
+from eskin.app.options import LEAKY, command, opt, out_folder
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
 from eskin.base.progress import progress_of, watched
@@ -27,6 +27,7 @@ DEFAULT_POINTS = "lcs:2,lcs:4,lcs:6,lcs:8,nlcs:4,nlcs:6,nlcs:8,nlcs:10"
 UNSAID: dict[str, Any] = dict.fromkeys(NOT_OF_A_SWEEP)  # options that a point does not set
 
 
+@command("Classifier", needs="snn", fuzz="--points lcs:4,lcs:4 -o new")
 @with_experiment
 def sweep(
     *,

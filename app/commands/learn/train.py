@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from eskin.app.cli import echo, printable
 from eskin.app.commands.learn.options import Folds, Seeds, Workers, check_device, output_folder, with_experiment
 from eskin.app.commands.signals.recordings import scale_text
-from eskin.app.options import opt, out_folder
+from eskin.app.options import command, opt, out_folder
 from eskin.base.errors import InputError
 from eskin.base.progress import bar, progress_of, watched
 
@@ -29,6 +29,7 @@ OUT = Path("out/train")
 FILES = ("checkpoint.pt", "result.json", "weights.npz")
 
 
+@command("Classifier", needs="snn", fuzz="--events good/events --folds 2 --fold 9")
 @with_experiment
 def train(
     make: Any,
@@ -178,6 +179,7 @@ def _epochs(made: Experiment, data: ScanData) -> Iterator[Callable[[Epoch], None
         yield show
 
 
+@command("Classifier", needs="snn", fuzz="--events good/events --folds 99")
 @with_experiment
 def crossval(
     make: Any,

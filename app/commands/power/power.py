@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from eskin.app.commands import common
-from eskin.app.options import opt, with_fields
+from eskin.app.options import command, opt, with_fields
 from eskin.app.tables import new_table, print_report, print_table, show
 from eskin.base.errors import InputError
 from eskin.base.progress import bar
@@ -25,6 +25,7 @@ SENSOR = ("rows", "columns", "signal_bandwidth_hz", "supply_v", "pads_voltage_v"
 """Parameters of the power model with an option; ``--set`` changes the other parameters."""
 
 
+@command("Power and data rate", fuzz="")
 def power(
     mode: str | None = opt(None, "paper|consistent", "published model, or with all corrections [paper]"),
     resolution: int = opt(6, "N", "LSB = 2**-N of full scale, 1..10"),
@@ -129,6 +130,7 @@ def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
     print_table(("correction", "meaning"), CORRECTIONS.items(), left=(0, 1))
 
 
+@command("Power and data rate", fuzz="-o new")
 @with_fields(PowerParameters, SENSOR, "sensor", {"signal_bandwidth_hz": "that of the textures"})
 def explore(
     sensor: dict[str, Any],

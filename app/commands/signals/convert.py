@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from eskin.app.cli import echo
-from eskin.app.options import arg, opt, option_name, out_file, with_config
+from eskin.app.options import arg, command, opt, option_name, out_file, with_config
 from eskin.base.errors import InputError
 from eskin.base.figures.style import check_picture_path
 from eskin.model.config import ReadoutConfig
@@ -16,6 +16,7 @@ from eskin.skin.figures.raster import plot_signals
 KINDS = (".npz", ".aedat4", ".nir", ".npy", ".csv")
 
 
+@command("Signals to events and back", needs="events", fuzz="good/events.npz -o new.npy")
 @with_config
 def convert(
     config: ReadoutConfig,

@@ -21,7 +21,7 @@ from eskin.app.commands.signals.recordings import (
     scale_text,
     warn,
 )
-from eskin.app.options import RECORDINGS, arg, opt, option_name, out_file, with_config, with_fields
+from eskin.app.options import RECORDINGS, arg, command, opt, option_name, out_file, with_config, with_fields
 from eskin.app.tables import new_table, show
 from eskin.base.errors import InputError
 from eskin.base.figures.style import check_picture_path
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 _MOST_LINES = 32  # differing taxels that compare lists
 
 
+@command("Signals to events and back", fuzz="good/samples.npz --rows 1 --columns 4 -o new.npz")
 @with_config
 @with_fields(Preparation, PREPARATION, "prepared", DEFAULTS, heading=RECORDINGS)
 def encode(
@@ -147,6 +148,7 @@ def _at(counts: NDArray[np.int64], index: int) -> str:
     return f"{counts[row, column]} (row {row}, column {column})"
 
 
+@command("Signals to events and back", fuzz="good/events.npz -o new.csv")
 def decode(
     source: Path = arg(..., "EVENTS", "event file"),
     out: Path = out_file(..., "FILE", "signals: .npz, .npy or .csv"),
@@ -169,6 +171,7 @@ def decode(
     print(f"from {len(recording.events)} events, {low:+.4f}..{high:+.4f} of full scale")
 
 
+@command("Signals to events and back", fuzz="good/events.npz good/events.npz")
 def compare(
     a: Path = arg(..., "A", "event file"),
     b: Path = arg(..., "B", "event file"),

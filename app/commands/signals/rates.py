@@ -3,7 +3,7 @@
 from typing import Any
 
 from eskin.app.commands import common
-from eskin.app.options import check_leaks, opt, with_config, with_fields
+from eskin.app.options import check_leaks, command, opt, with_config, with_fields
 from eskin.app.tables import CELLS, filled, print_report, print_table, show_facts
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig
@@ -14,6 +14,7 @@ from eskin.skin.textures.presets import preset
 from eskin.skin.textures.rates import PAPER_TAU_S, compare_traffic, measure_rates, published_rate_hz
 
 
+@command("Power and data rate", fuzz="--dataset good/images --limit 1")
 @with_config(fields=("encoding", "resolution", "rows", "columns"))
 def rates(
     config: ReadoutConfig,
@@ -64,6 +65,7 @@ def _print_rates(report: dict[str, Any]) -> None:
     show_facts(rows)
 
 
+@command("Power and data rate", fuzz="--dataset good/images --limit 1")
 @with_config(fields=("resolution", "rows", "columns"), every=True)
 @with_fields(FrameConfig, ("word_bits",), "own")
 def frames(

@@ -5,7 +5,7 @@ from typing import Any
 
 from eskin.app.commands import common
 from eskin.app.commands.silicon.verilog import READOUTS, spiking_or_frame
-from eskin.app.options import opt, out_folder, with_config, with_fields
+from eskin.app.options import command, opt, out_folder, with_config, with_fields
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
 from eskin.base.files import origin
@@ -13,6 +13,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import OWN_FIELDS, FrameConfig
 
 
+@command("Hardware", needs="sim asic", switch="sim GATES")
 @with_config
 def gatesim(
     config: ReadoutConfig,
@@ -44,6 +45,7 @@ def gatesim(
     print(common.bit_exact(tally))
 
 
+@command("Hardware", needs="sim asic")
 @with_config
 @with_fields(FrameConfig, OWN_FIELDS, "own")
 def asic(
@@ -83,6 +85,7 @@ def asic(
     common.conclude(found.problems, found.closing_line())
 
 
+@command("Hardware", needs="sim asic")
 @with_config
 def gatepower(
     config: ReadoutConfig,

@@ -6,7 +6,7 @@ from shutil import which
 from typing import cast
 
 from eskin.app.commands import common
-from eskin.app.options import LOGIC, opt, out_folder, with_config
+from eskin.app.options import LOGIC, command, opt, out_folder, with_config
 from eskin.base.errors import InputError
 from eskin.base.files import origin
 from eskin.board.bitstream.boards import BOARDS
@@ -14,6 +14,7 @@ from eskin.board.sensor import PartName, SensorConfig
 from eskin.model.config import ReadoutConfig
 
 
+@command("Hardware", needs="asic", variables="ROWS=2 COLUMNS=2")
 @with_config(fields=LOGIC)
 def layout(
     config: ReadoutConfig,
@@ -35,6 +36,7 @@ def layout(
     common.conclude(found.problems, found.closing_line())
 
 
+@command("Hardware", needs="fpga")
 def fpga(
     board: str = opt("ulx3s", "|".join(BOARDS), "board; ulx3s has 85 k LUTs"),
     weights: Path | None = opt(None, "integer network of the chip [network of the embedded textures, fold 0]"),
@@ -76,6 +78,7 @@ def fpga(
     common.conclude((), report.closing_line(name, built), failed=not aims[0].met)
 
 
+@command("Hardware")
 @with_config
 def tapeout(
     config: ReadoutConfig,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eskin.app.commands import common
-from eskin.app.options import LOGIC, check_frame, opt, option_name, out_folder, with_config, with_fields
+from eskin.app.options import LOGIC, check_frame, command, opt, option_name, out_folder, with_config, with_fields
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
 from eskin.base.units import counted
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 READOUTS = ("spiking", "frame")
 
 
+@command("Hardware", variables="OUT=out/verilog", fuzz="-o good/config.json/new")
 @with_config
 @with_fields(FrameConfig, OWN_FIELDS, "own")
 def verilog(
@@ -106,6 +107,7 @@ def _deliver(config: Config, out: Path, prove: bool, report: Path | None = None,
         )
 
 
+@command("Hardware", fuzz="--liberty good/nothing.lib")
 @with_config(fields=[name for name in LOGIC if name != "encoding"], every=True)
 def gates(
     config: ReadoutConfig,

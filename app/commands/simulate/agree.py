@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from eskin.app.cli import asked_for, echo, printable
 from eskin.app.commands import common
 from eskin.app.commands.learn.options import output_folder
-from eskin.app.options import arg, opt, out_folder
+from eskin.app.options import arg, command, opt, out_folder
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from eskin.snn.exchange.weights import Weights
 
 
+@command("RTL against model", needs="sim snn", fuzz="good/train/weights.npz --bits 9 -o new")
 def agree(
     weights: list[Path] = arg(..., "WEIGHTS.npz...", "trained or imported networks"),
     bits: str = opt("8,7,6,5,4,3,2", "BITS,...", "bits of the weights, 2..8"),

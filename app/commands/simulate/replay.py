@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from eskin.app.cli import asked_for, echo
 from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, warn, with_preparation
-from eskin.app.options import opt, out_file, out_folder, with_config
+from eskin.app.options import command, opt, out_file, out_folder, with_config
 from eskin.base.files import origin, write_json
 from eskin.base.outputs import has_earlier
 from eskin.base.progress import bars, reported
@@ -27,6 +27,7 @@ KEPT = {"runs": [{"configuration": {"encoding": str}}]}
 """Shape of the file of --keep."""
 
 
+@command("RTL against model", needs="sim", fuzz="--dataset good/images --only no-such-texture")
 @with_config
 @with_preparation
 def replay(
@@ -93,6 +94,7 @@ def _conclude(plan: Plan, played: int, now: dict[str, Any], keep: Path | None) -
     print(f"bit-exact: {count} runs, {summary['clocks']} clocks, {summary['events']} events, 0 mismatches")
 
 
+@command("RTL against model", needs="sim", fuzz="--only no-such-texture")
 def touch(
     weights: Path | None = opt(
         None, "integer network, or a folder with one for each fold [the project's own; --data: from eskin quantise]"

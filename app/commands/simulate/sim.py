@@ -10,7 +10,7 @@ import typer
 from eskin.app.cli import asked_for, echo
 from eskin.app.commands import common
 from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, warn, with_preparation
-from eskin.app.options import opt, out_file, out_folder, with_config
+from eskin.app.options import command, opt, out_file, out_folder, with_config
 from eskin.base.files import origin, write_json
 from eskin.base.progress import bars
 from eskin.model.cases import axes, cases
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from eskin.cocotb_tests.runner.sim import Plan
 
 
+@command("RTL against model", needs="sim", fuzz="--only no-such-texture")
 @with_config(every=True)
 @with_preparation
 def sim(

@@ -6,13 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eskin.app.commands import common
-from eskin.app.options import opt, out_file
+from eskin.app.options import command, opt, out_file
 from eskin.model.cases import values_of
 
 if TYPE_CHECKING:
     from eskin.cocotb_tests.runner.process import Tally
 
 
+@command("Checks of the project", needs="sim", fuzz="--sim good/nothing -o new")
 def soak(
     hours: float = opt(0.1, "hours after which no further run starts"),
     seed: int = opt(0, "seed of the first runs; the next ones add 1"),

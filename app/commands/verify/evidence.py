@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eskin.app.commands import common
-from eskin.app.options import LOGIC, opt, out_file, out_folder, with_config
+from eskin.app.options import LOGIC, command, opt, out_file, out_folder, with_config
 from eskin.base.errors import InputError
 from eskin.base.files import Pieces, atomic_write, origin, pieces_of, write_json
 from eskin.model.config import ReadoutConfig
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from eskin.verify.proofs.plan import Proof
 
 
+@command("Checks of the project")
 def formal(
     block: str = opt(
         "",
@@ -62,6 +63,7 @@ def formal(
     common.conclude((), run.closing_line(problems), failed=any(problems))
 
 
+@command("Checks of the project", needs="sim dev registers")
 def coverage(
     small: bool = opt(False, "run only a few simulations"),
     only: str = opt("", "run only simulations whose names begin with this text"),
@@ -89,6 +91,7 @@ def coverage(
     common.conclude(verdict.problems, closing_line(reached, verdict), mark="")
 
 
+@command("Checks of the project", variables="OUT=out/verilog")
 @with_config(fields=LOGIC)
 def properties(config: ReadoutConfig, out: Path = out_folder(..., "output folder, created if missing")) -> None:
     """Write eskin_readout_properties.sv, SystemVerilog assertions bound to the modules of eskin_readout.v."""
