@@ -143,6 +143,6 @@ def _make_environment(folder: Path) -> None:
 def _lock(folder: Path) -> Iterator[None]:
     """Lock a folder so that only one make at a time installs packages."""
     folder.mkdir(exist_ok=True)
-    with open(folder / ".lock", "w") as file:
+    with open(folder / ".installing", "w") as file:  # uv itself locks .lock
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
