@@ -35,7 +35,8 @@ FIRST = (
 """Modules that users of a part call, in the order of the list."""
 
 PACKAGES = ("model", "rtl", "skin", "power", "cocotb_tests", "snn", "board", "flow", "verify", "base")
-AT_THE_TOP = ("CONTRIBUTING.md", "CHANGELOG.md")
+OUTSIDE = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md", "studies/README.md": "studies.md"}
+"""Pages outside this folder, with their names on the site."""
 API = "reference/api"
 
 
@@ -109,11 +110,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         head = "---\nsearch:\n  boost: 0.2\n---\n"  # search lists guides first
         text = f"{head}# {name}\n\n`{path.relative_to(ROOT)}`\n\n::: {module}\n"
         files.append(File.generated(config, f"{API}/{name}.md", content=text))
-    for name in AT_THE_TOP:
-        text = (ROOT / name).read_text().replace("](docs/", "](")
-        for other in AT_THE_TOP:
-            text = text.replace(f"]({other}", f"]({other.lower()}")
-        files.append(File.generated(config, name.lower(), content=text))
+    for place, name in OUTSIDE.items():
+        text = (ROOT / place).read_text().replace("](docs/", "](")
+        for other, page in OUTSIDE.items():
+            text = text.replace(f"]({other}", f"]({page}")
+        files.append(File.generated(config, name, content=text))
     notebook = jupytext.reads(source(), fmt="md")
     notebook.metadata["kernelspec"] = {"display_name": "Python 3", "language": "python", "name": "python3"}
     files.append(File.generated(config, "tutorial.ipynb", content=jupytext.writes(notebook, fmt="ipynb")))
