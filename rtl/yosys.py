@@ -34,6 +34,12 @@ _WEBASSEMBLY = _STOPPABLE + (
 )
 
 
+ABC_LOG = "abc.log"
+RUN_ABC = f"read_verilog one_gate.v; prep; simplemap; tee -q -o {ABC_LOG} abc -script solve.abc"
+ONE_GATE = b"module one_gate(input a, b, output y); assign y = a & b; endmodule\n"
+MAPPED_GATE = b".model netlist\n.inputs a b\n.outputs y\n.names a b y\n11 1\n.end\n"
+
+
 class YosysError(RuntimeError):
     """Raised if Yosys fails; ``reason`` is its message, without "ERROR: "."""
 
@@ -63,6 +69,18 @@ def run_for(
         if failure := _start(script, folder):
             raise YosysError(reason_of((folder / "yosys.log").read_text(errors="replace")) or failure)
         return {result: (folder / result).read_text(errors="replace") for result in results}
+
+
+def run_abc(
+    script: str, rtlil: str, commands: Sequence[str], result: str = ABC_LOG, files: Mapping[str, bytes] | None = None
+) -> str:
+    """Run ABC commands on files that a Yosys script writes, and return the text of an output file.
+
+    By default the file has the messages of ABC. Yosys runs ABC to map gates, so its design has one gate afterwards.
+    """
+    solve = "\n".join([*commands, "read_blif gate.blif", "strash\n"])
+    own = {"one_gate.v": ONE_GATE, "gate.blif": MAPPED_GATE, "solve.abc": solve.encode()}
+    return run(script + RUN_ABC, rtlil, result, own | dict(files or {}))
 
 
 def _start(script: str, folder: Path) -> str:

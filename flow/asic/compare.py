@@ -13,15 +13,11 @@ from eskin.rtl.gates.cells import cell_of, highest_net
 FLOP = re.compile(r"\$_DFF_P([PN]?)([01]?)_")
 """Flops with a rising clock edge, with level and value of their asynchronous reset, if any."""
 
-# ABC runs within a pass that maps gates: it gets one to map, and its script looks at the design instead.
 MITER = (
     "read_json both.json; read_verilog miter.v; hierarchy -top miter; flatten; opt_clean; aigmap; opt_clean; "
     "write_aiger miter.aig; design -reset; "
-    "read_verilog one_gate.v; prep; simplemap; abc -script solve.abc"
 )
-ONE_GATE = b"module one_gate(input a, b, output y); assign y = a & b; endmodule\n"
-MAPPED_GATE = b".model netlist\n.inputs a b\n.outputs y\n.names a b y\n11 1\n.end\n"
-SOLVE = b"read_aiger miter.aig\nstrash\nifraig\nfraig -C 1000000\nwrite_aiger done.aig\nread_blif gate.blif\nstrash\n"
+SOLVE = ("read_aiger miter.aig", "strash", "ifraig", "fraig -C 1000000", "write_aiger done.aig")
 
 
 @dataclass
@@ -55,11 +51,8 @@ def compare(gold: dict[str, Any], gate: dict[str, Any]) -> tuple[int, list[str]]
     files = {
         "both.json": json.dumps({"modules": {"gold": gold, "gate": gate}}).encode(),
         "miter.v": miter.encode(),
-        "one_gate.v": ONE_GATE,
-        "gate.blif": MAPPED_GATE,
-        "solve.abc": SOLVE,
     }
-    head, *proved = yosys.run(MITER, "", "done.aig", files).split("\n")
+    head, *proved = yosys.run_abc(MITER, "", SOLVE, "done.aig", files).split("\n")
     equal = [line == "0" for line in proved[: int(head.split()[4])]]  # a bit of `differ` that is the constant 0
     names = [min(named.get(ours[flop].held, {flop})) for flop, _ in pairs]
     for port, width in outputs.items():

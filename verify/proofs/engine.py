@@ -5,7 +5,7 @@ ABC, a part of the pinned Yosys, does both; it looks at the design as gates, an 
 
 import re
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -21,9 +21,6 @@ TO_GATES = (
     "write_aiger -I -zinit -no-startoffset search.aig; "
     "delete -port o:seen_*; opt_clean; write_aiger -I -zinit -no-startoffset proof.aig; design -reset; "
 )
-RUN_ABC = "read_verilog one_gate.v; prep; simplemap; tee -q -o said.txt abc -script solve.abc"
-ONE_GATE = b"module one_gate(input a, b, output y); assign y = a & b; endmodule\n"
-MAPPED_GATE = b".model netlist\n.inputs a b\n.outputs y\n.names a b y\n11 1\n.end\n"
 ASSERTED = re.compile(r"Output\s+(\d+) was asserted in frame\s+(\d+) \(solved")
 """Message of bounded search with output and clock; the number in a message of the proof is not a clock."""
 CONVERGED = re.compile(r"Proved output\s+(\d+) in frame")
@@ -52,16 +49,6 @@ class Verdict:
         return cls(frozenset(proved), failed, reached, depth, time.monotonic() - started)
 
 
-def ask(to_gates: str, rtlil: str, commands: Sequence[str], files: Mapping[str, bytes] | None = None) -> str:
-    """Return the output of ABC for commands that read what a script of Yosys has written.
-
-    Yosys runs ABC to map gates, so its design has one gate.
-    """
-    script = "\n".join([*commands, "read_blif gate.blif", "strash\n"])
-    own = {"one_gate.v": ONE_GATE, "gate.blif": MAPPED_GATE, "solve.abc": script.encode()}
-    return yosys.run(to_gates + RUN_ABC, rtlil, "said.txt", own | dict(files or {}))
-
-
 def solve(checker: Checker[Any], depth: int, limit_s: int = 120, rtlil: str = "", cases: bool = True) -> Verdict:
     """Search for counterexamples and covered cases, then prove the properties.
 
@@ -77,7 +64,8 @@ def solve(checker: Checker[Any], depth: int, limit_s: int = 120, rtlil: str = ""
     commands = [f"read_aiger {searched}", "strash", *shrink, f"bmc3 -a -x -F {depth}"]
     if limit_s:
         commands += ["read_aiger proof.aig", "strash", ways.format(limit_s)]
-    said = ask(TO_GATES.format(top=TOP, cut=cutting(checker), expose=exposing(checker)), text, commands)
+    to_gates = TO_GATES.format(top=TOP, cut=cutting(checker), expose=exposing(checker))
+    said = yosys.run_abc(to_gates, text, commands)
     if "Error:" in said:
         raise AssertionError(f"the solvers did not search {checker.block.module_name}: {said}")
     found = {names[int(n)]: int(clock) for n, clock in ASSERTED.findall(said)}
