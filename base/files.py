@@ -152,18 +152,19 @@ class Pieces:
         """Store a partial result under a name and return it."""
         piece = self._known[name] = {"name": name, "code": self.code, **result}
         if self.path:
-            keep_line(self.path, {"seal": _seal(piece), **piece})
+            keep_line(self.path, {"seal": digest(piece), **piece})
         return piece
 
     def _whole(self, piece: Any) -> bool:
         """Return True if a line is an undamaged result of the current code."""
         if not isinstance(piece, dict) or piece.get("code") != self.code:
             return False
-        return bool(piece.pop("seal", None) == _seal(piece))
+        return bool(piece.pop("seal", None) == digest(piece))
 
 
-def _seal(piece: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(piece).encode()).hexdigest()[:12]
+def digest(content: Any) -> str:
+    """Return a short digest of content that JSON can hold."""
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:12]
 
 
 def pieces_of(out: Path) -> Path:

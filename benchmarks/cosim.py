@@ -19,9 +19,10 @@ from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 from measure import JOB, MEASURED, RESULTS, JsonFile, in_simulator, spread, timed, versions, write
 
+from eskin.base.files import digest
 from eskin.cocotb_tests.bench.readout import Bench
 from eskin.cocotb_tests.bench.textures import scan
-from eskin.cocotb_tests.runner.build_cache import BUILD, digest
+from eskin.cocotb_tests.runner.build_cache import BUILD
 from eskin.cocotb_tests.runner.cocotb_runners import VERILATOR_FLAGS, build_environment
 from eskin.cocotb_tests.runner.simulator import build
 from eskin.model.config import ReadoutConfig

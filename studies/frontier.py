@@ -11,8 +11,6 @@ validation, which trains on 160 of the 200 training images and is judged on the 
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,7 +22,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.figures.style import dress, legend_below, new_figure, save_figure
-from eskin.base.files import Pieces, plain
+from eskin.base.files import Pieces, digest
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig
 from eskin.power.readouts import EQUATIONS
@@ -285,8 +283,8 @@ class Frontier:
         return self._known(point, trainings, inner)
 
     def _names(self, point: Point, trainings: Sequence[tuple[int, int]], inner: bool) -> dict[tuple[int, int], str]:
-        digest = _digest(point.experiment(self._dataset).to_dict())
-        return {(fold, seed): f"{point.name}/{fold}/{seed}{'/inner' * inner}/{digest}" for fold, seed in trainings}
+        found = digest(point.experiment(self._dataset).to_dict())
+        return {(fold, seed): f"{point.name}/{fold}/{seed}{'/inner' * inner}/{found}" for fold, seed in trainings}
 
     def _known(self, point: Point, trainings: Sequence[tuple[int, int]], inner: bool) -> list[dict[str, Any]]:
         found = (self._pieces.known(name) for name in self._names(point, trainings, inner).values())
@@ -531,11 +529,7 @@ def _result(labels: str, words: list[str]) -> dict[str, Any]:
 
 def _scans_digest(experiment: Experiment) -> str:
     """Return a digest of an experiment without its network and training."""
-    return _digest(experiment.to_dict() | {"network": None, "train": None})
-
-
-def _digest(fields: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(plain(fields), sort_keys=True).encode()).hexdigest()[:12]
+    return digest(experiment.to_dict() | {"network": None, "train": None})
 
 
 def course_of(network: Any, data: ScanData, images: NDArray[np.int64], device: str) -> dict[str, Any]:

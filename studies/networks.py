@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import itertools
-import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import Pieces, read_json
+from eskin.base.files import Pieces, digest, read_json
 from eskin.skin.textures.dataset import open_dataset
 from eskin.snn.data.scans import ScanData
 from eskin.snn.exchange.weights import Weights, load_weights
@@ -126,8 +125,7 @@ def tested(
     - ``make``: returns labels and answers.
     """
     about = {name: getattr(subject, name) for name in ("network", "fold", "seed")} | {"images": subject.images.tolist()}
-    said = json.dumps([subject.digest, about["images"], case])
-    name = f"{subject.name}/{hashlib.sha256(said.encode()).hexdigest()[:12]}"
+    name = f"{subject.name}/{digest([subject.digest, about['images'], case])}"
     return work.of(name, lambda: {**about, **case, **make()})
 
 

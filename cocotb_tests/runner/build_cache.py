@@ -4,7 +4,6 @@ import contextlib
 import fcntl
 import hashlib
 import importlib.metadata
-import json
 import os
 import shutil
 import tempfile
@@ -15,7 +14,7 @@ from typing import Any
 
 from eskin import model, rtl
 from eskin.base import cache
-from eskin.base.files import atomic_write
+from eskin.base.files import atomic_write, digest
 from eskin.rtl import yosys
 from eskin.rtl.verilog import Config, verilog
 
@@ -40,11 +39,6 @@ def sources(places: Iterable[tuple[Any, str]]) -> str:
         for path in files:
             read.update(f"{path.relative_to(folder.parent)}\0".encode() + path.read_bytes() + b"\0")
     return read.hexdigest()
-
-
-def digest(recipe: Any) -> str:
-    """Return a short digest of the inputs of a build."""
-    return hashlib.sha256(json.dumps(recipe).encode()).hexdigest()[:12]
 
 
 def versions(*packages: str) -> dict[str, str]:

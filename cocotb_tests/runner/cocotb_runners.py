@@ -16,8 +16,9 @@ from cocotb_tools.runner import Icarus, Runner
 from cocotb_tools.runner import Verilator as VerilatorRunner
 
 from eskin.base.cache import private_folder
+from eskin.base.files import digest
 from eskin.cocotb_tests.bench.block import Simulator
-from eskin.cocotb_tests.runner.build_cache import BUILD, digest, locked, versions
+from eskin.cocotb_tests.runner.build_cache import BUILD, locked, versions
 
 VERILATOR_FLAGS = [
     "--timing",

@@ -15,10 +15,10 @@ from cocotb_tools.runner import get_results
 
 from eskin.base.cache import is_private, private_folder
 from eskin.base.errors import InputError
-from eskin.base.files import refusing_a_full_disk
+from eskin.base.files import digest, refusing_a_full_disk
 from eskin.base.packages import missing as remedy_for
 from eskin.cocotb_tests.runner import cocotb_runners as runners
-from eskin.cocotb_tests.runner.build_cache import BUILD, digest, scratch_folder, trim, verilog_text, versions
+from eskin.cocotb_tests.runner.build_cache import BUILD, scratch_folder, trim, verilog_text, versions
 from eskin.cocotb_tests.runner.cocotb_runners import (
     HIERARCHY,
     PORTS,

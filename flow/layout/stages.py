@@ -1,6 +1,5 @@
 """Cache the stages of a long run, each in a folder that is valid until its inputs change."""
 
-import hashlib
 import json
 import os
 import shutil
@@ -8,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from eskin.base.cache import is_private
-from eskin.base.files import make_folder
+from eskin.base.files import digest, make_folder
 
 
 class Stages:
@@ -24,8 +23,7 @@ class Stages:
 
         The folder gets its name when complete: an interrupted stage begins anew. Folders of other inputs are removed.
         """
-        digest = hashlib.sha256(json.dumps(inputs).encode()).hexdigest()[:12]
-        whole = self.folder / f"{stage}-{digest}"
+        whole = self.folder / f"{stage}-{digest(inputs)}"
         time_file = whole / "seconds.json"
         if is_private(whole) and time_file.is_file():  # it holds programs and decks, which are run
             self.on_stage(f"{stage}: kept from an earlier run")

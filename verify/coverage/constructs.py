@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from eskin.cocotb_tests.runner.build_cache import digest
+from eskin.base.files import digest
 from eskin.verify.coverage.points.render import MACROS
 
 KINDS = {"v_line": "line", "v_branch": "branch", "v_expr": "condition", "v_toggle": "toggle", "v_user": "point"}

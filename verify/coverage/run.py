@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from eskin import cocotb_tests, model, rtl
-from eskin.base.files import Pieces
+from eskin.base.files import Pieces, digest
 from eskin.board.config import BoardConfig
-from eskin.cocotb_tests.runner.build_cache import digest, scratch_folder, sources, verilog_text
+from eskin.cocotb_tests.runner.build_cache import scratch_folder, sources, verilog_text
 from eskin.cocotb_tests.runner.cocotb_runners import VERILATOR_FLAGS
 from eskin.cocotb_tests.runner.simulator import Build, Instruments, instrumented
 from eskin.rtl.verilog import Config
