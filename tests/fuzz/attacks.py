@@ -35,7 +35,7 @@ from eskin.flow.liberty.library import read
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.recordings.folder import sources_of
-from eskin.skin.samples import ARRAY_SUFFIXES
+from eskin.skin.samples import SIGNAL_SUFFIXES
 from eskin.verify.soak import TOTALS, Plan, soak
 from tests.fuzz.cases import FILES, _cut, _flipped, _other_value, damaged, hostile_commands
 from tests.fuzz.corpus import LIBERTY
@@ -293,7 +293,7 @@ def folders(draw: Draw, root: Path) -> None:
     for number in range(draw(st.integers(1, 6))):
         label = root / "skin" / draw(st.sampled_from(["tap", "press", "a/b", ".hidden", "x.csv"]))
         label.mkdir(parents=True, exist_ok=True)
-        kind, suffix = draw(st.sampled_from(KINDS)), draw(st.sampled_from([*ARRAY_SUFFIXES, ".CSV"]))
+        kind, suffix = draw(st.sampled_from(KINDS)), draw(st.sampled_from([*SIGNAL_SUFFIXES, ".CSV"]))
         path = label / f"{number}{suffix}"
         hidden = ".hidden" in path.parts
         if kind == "file":
@@ -304,7 +304,7 @@ def folders(draw: Draw, root: Path) -> None:
             path.symlink_to(root / "far.csv")
             wanted |= set() if hidden else {path}
         elif kind in ("hidden", "text"):
-            (label / (f".{path.name}" if kind == "hidden" else f"{number}.txt")).touch()
+            (label / (f".{path.name}" if kind == "hidden" else f"{number}.doc")).touch()
         elif kind == "ring":
             (label / f"ring{number}").symlink_to(root / "skin")
         else:
