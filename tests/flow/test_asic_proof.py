@@ -15,10 +15,14 @@ from eskin.flow.asic.synthesis import Netlist, synthesise
 from eskin.flow.gatesim.flat_netlist import flatten
 from eskin.flow.liberty.library import Library, read
 from eskin.flow.power.liberty_power import LibertyPower
+from eskin.model.cases import AXES, singles, values_of
 from eskin.model.config import ReadoutConfig
 from tests.flow import example_library
 
 CONFIG = ReadoutConfig(rows=2, columns=1, link="four_phase")
+FEW = ReadoutConfig(sample_bits=6, resolution=3, window_period=3, leak_period=9, closing_shift=1, fraction_bits=2)
+NETLISTS = singles(FEW, **AXES)
+"""Small readouts with every value of every axis."""
 
 
 @functools.cache
@@ -50,6 +54,13 @@ def test_every_flop_and_output_is_proved() -> None:
     assert not proof.unproved
     assert proof.proved == proof.of == proof.flops + outputs
     assert proof.flops > proof.gated_flops > proof.flops // 2
+
+
+@pytest.mark.parametrize("config", NETLISTS, ids=lambda config: "-".join(values_of(config).values()))
+def test_the_netlist_of_every_kind_of_readout_is_proved(config: ReadoutConfig, library: Library) -> None:
+    netlist = synthesise(config, library)
+    assert prove(netlist).holds
+    assert "SLUMBER" in netlist.text  # clock gates
 
 
 def test_flops_that_hold_the_inverse_are_proved_too() -> None:

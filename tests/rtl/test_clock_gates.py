@@ -11,6 +11,7 @@ from eskin.cocotb_tests.test_chip import chip
 from eskin.cocotb_tests.test_verilog import lint
 from eskin.cocotb_tests.touch.noise import play
 from eskin.flow.datasheet.page import deliver
+from eskin.model.cases import AXES, singles, values_of
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.delivery import write
 from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE, TEST
@@ -31,6 +32,15 @@ def test_every_flop_and_output_is_proved_and_a_gate_that_sleeps_too_much_is_foun
             prove_gated(FEW, text.replace(good, bad))
     with pytest.raises(Different, match=r"has another clock than clk$"):
         prove_gated(FEW, text.replace("gate_0 (\n    .clk(clk)", "gate_0 (\n    .clk(rst)", 1))
+
+
+GATED = singles(FEW.replace(link="stream", leak_period=9, window_period=3, closing_shift=1, resolution=3), **AXES)
+"""Small readouts with every value of every axis."""
+
+
+@pytest.mark.parametrize("config", GATED, ids=lambda config: "-".join(values_of(config).values()))
+def test_every_kind_of_readout_with_clock_gates_is_proved(config: ReadoutConfig) -> None:
+    assert prove_gated(config) > 20
 
 
 def test_every_large_enable_and_every_awake_has_a_gate_and_all_test_enables_are_a_port() -> None:

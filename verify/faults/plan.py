@@ -2,16 +2,21 @@
 
 from dataclasses import dataclass
 
+from eskin.model.cases import AXES, LISTED, axes, cases, singles
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
-from eskin.model.encoders import registry
+from eskin.model.encoders.fields import KINDS
 from eskin.model.frame_config import FrameConfig
 from eskin.model.tiles.config import TilesConfig
 
 FEW = ReadoutConfig(rows=2, columns=2, sample_bits=6, resolution=2, leak_period=3, leak_shift=3, fraction_bits=3)
+FEW = FEW.replace(window_period=3)
 """Few bits, so that the ends of the scale and of every counter are near."""
 FIELDS = FEW.replace(fields="both")
 """A readout with receptive fields."""
+
+LEFT_OUT = {("fields", LISTED): "a trial ends with a swing that every taxel answers; a list may switch taxels off"}
+"""Values without a trial, and the reason."""
 
 Config = ReadoutConfig | FrameConfig | ClassifierConfig
 """A ``TilesConfig``, which is a ``ReadoutConfig`` too, means the merge, or a relay station if it has one."""
@@ -47,36 +52,41 @@ class Trial:
 
 def trials(small: bool = False) -> list[Trial]:
     """Return all trials, or a small selection."""
-    closing, handshake = _with("cw-lcs", FEW), FEW.replace(link="four_phase")
-    every = [_with(encoding, FEW) for encoding in registry.NAMES]
+    handshakes = [c for c in cases(FEW, **axes("link")) if c.protocol.asynchronous]
+    every = list(cases(FEW, **axes("encoding")))
+    first, *others = hosts()
     if small:
         found = [Trial(config, True, stride=19 if config.encoder.late else 7) for config in every]
-        found += [Trial(handshake, False, stride=13), Trial(frames()[0], stride=5)]
-        found += [Trial(tiles()[1], stride=5), Trial(hosts()[0], stride=67), Trial(hosts()[-1], stride=67)]
-        return [*found, Trial(hosts()[0], stride=67, mode=2), Trial(classifiers()[0], stride=13)]
+        found += [Trial(config, False, stride=13) for config in handshakes]
+        found += [Trial(frames()[0], stride=5), Trial(tiles()[1], stride=5)]
+        found += [Trial(first, stride=67), Trial(others[-1], stride=67), Trial(first, stride=67, mode=2)]
+        return [*found, Trial(classifiers()[0], stride=13)]
     sides = {"rows": 3, "columns": 3}
+    shapes = AXES | {"registers": ("none",), "frontend": ("digital",), "fields": KINDS}
     stream = [
         *(config.replace(**sides) for config in every),
-        *(c.replace(frontend="analog", decide_every="sample" if c.encoder.late else "clock") for c in every),
+        *(
+            c
+            for c in cases(FEW, **axes("encoding"), frontend=("analog",), decide_every=("clock", "sample"))
+            if c.encoder.late == (c.decide_every == "sample")
+        ),
+        *singles(FEW, **shapes),
         FEW.replace(sample_bits=12, resolution=6),
         FIELDS,
     ]
     found = [Trial(config, calm) for config in stream for calm in (True, False)]
     for calm in (True, False):
-        found += [Trial(handshake, calm), Trial(handshake, calm, 3, 3)]
-        found += [Trial(closing.replace(link="four_phase"), calm, 0, 3)]
+        for config in handshakes:
+            found += [
+                Trial(config, calm),
+                Trial(config, calm, 3, 3),
+                Trial(config.replace(encoding="cw-lcs"), calm, 0, 3),
+            ]
     found += [*map(Trial, frames()), *map(Trial, tiles())]
-    first, *others = hosts()
     others.append(first.replace(fields="settable"))
     found += [Trial(first, stride=3), *(Trial(config, stride=37) for config in others)]
     found += [Trial(first, stride=37, mode=mode) for mode in (1, 2)]
     return [*found, *(Trial(config, stride=2) for config in classifiers())]
-
-
-def _with(encoding: str, config: ReadoutConfig) -> ReadoutConfig:
-    """Return a configuration with a given encoder and a short window period."""
-    period = 3 if registry.named(encoding).windowed else config.window_period
-    return ReadoutConfig.from_dict(config.to_dict() | {"encoding": encoding, "window_period": period})
 
 
 def tiles() -> list[TilesConfig]:
@@ -88,7 +98,7 @@ def tiles() -> list[TilesConfig]:
 def hosts() -> list[ReadoutConfig]:
     """Return readouts with registers, with three rows and columns so that unused addresses exist."""
     config = FEW.replace(rows=3, columns=3, leak_period=5, registers="spi")
-    return [_with(encoding, config) for encoding in registry.NAMES]
+    return list(cases(config, **axes("encoding")))
 
 
 def classifiers() -> list[ClassifierConfig]:
@@ -118,9 +128,10 @@ def frames() -> list[FrameConfig]:
 
 def surroundings(small: bool = False) -> list[ReadoutConfig]:
     """Return the readouts to test with hostile inputs."""
-    closing, leaky = FEW.replace(encoding="cw-lcs", window_period=3), FEW.replace(encoding="nlcs")
-    found = [FEW, closing, leaky, FEW.replace(frontend="analog"), FEW.replace(link="four_phase")]
-    return found[-1:] if small else found
+    handshakes = [c for c in cases(FEW, **axes("link")) if c.protocol.asynchronous]
+    if small:
+        return handshakes
+    return [*cases(FEW, **axes("encoding")), FEW.replace(frontend="analog"), *handshakes]
 
 
 def most_changed(config: Config, block: str) -> int:
