@@ -14,8 +14,9 @@ from typing import Annotated, Any, TypeVar, get_args, get_type_hints
 from typer.models import ArgumentInfo, OptionInfo
 
 from eskin.base import outputs
+from eskin.base.configuration import option_of
 from eskin.base.errors import InputError
-from eskin.model.config import NO_LOGIC, ReadoutConfig, option_of
+from eskin.model.config import NO_LOGIC, ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.frame_config import OWN_FIELDS, SHARED_FIELDS
 

@@ -4,8 +4,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from eskin.base.configuration import option_of
 from eskin.base.errors import InputError
-from eskin.model.config import ReadoutConfig, option_of
+from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import SHARED_FIELDS
 
 FRAME_OPTIONS = "--word-bits --settle-clocks --conversion-clocks"

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Literal
 
+from eskin.base.configuration import Configuration
 from eskin.base.errors import InputError
 from eskin.board.sensor import SensorConfig
 from eskin.model.classifier.chip_config import ChipConfig
@@ -27,7 +28,7 @@ MOST_WORDS = 1 << 16
 
 
 @dataclass(frozen=True, kw_only=True)
-class SerialConfig:
+class SerialConfig(Configuration):
     """Parameters of the serial line: 8 bits, no parity, one stop bit."""
 
     clock_hz: int = 50_000_000  # clock of the board
@@ -37,6 +38,7 @@ class SerialConfig:
     records: int = 1024  # largest number of words that wait for the line, a power of two
 
     def __post_init__(self) -> None:
+        self._check_types()
         if self.baud < 1:
             raise InputError(f"baud of the serial line must be at least 1, not {self.baud}")
         if self.clocks_per_bit < LEAST_CLOCKS:
@@ -52,7 +54,7 @@ class SerialConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BoardConfig:
+class BoardConfig(Configuration):
     """All parameters of the design in the FPGA of a board.
 
     Raises InputError if the chip takes no samples, or has more classes or addresses than a record holds.
@@ -63,6 +65,7 @@ class BoardConfig:
     sensor: SensorConfig | None = None  # a skin at the pins of a player: its samples need no host
 
     def __post_init__(self) -> None:
+        self._check_types()
         if self.chip is None:
             if self.sensor is not None:
                 raise InputError("a receiver has no converter; build a player for a skin at the board")

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from eskin.base.configuration import Configuration
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 
@@ -41,17 +42,18 @@ PARTS: dict[str, Part] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensorConfig:
+class SensorConfig(Configuration):
     """A skin at the pins of a board: one output for each row, one channel of the converter for each column."""
 
     part: PartName
     settle_s: float = 5e-6  # from the drive of a row to its first frame
 
     def __post_init__(self) -> None:
-        if self.part not in PARTS:
-            raise InputError(f"the converter must be one of {', '.join(PARTS)}, not {self.part!r}")
-        if not 0 <= self.settle_s <= MOST_SETTLE_S:
-            raise InputError(f"settle_s must be in 0..{MOST_SETTLE_S:g}, not {self.settle_s:g}")
+        self._check_types()
+        self._check_range("settle_s", 0, MOST_SETTLE_S)
+
+    def _label(self, name: str) -> str:
+        return "the converter" if name == "part" else name
 
     def check(self, readout: ReadoutConfig, clock_hz: int) -> None:
         """Raise InputError if the converter has too few channels for a readout, or is too slow."""

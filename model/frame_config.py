@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any, Self
 
+from eskin.base.configuration import Configuration, parameter
 from eskin.base.errors import InputError
-from eskin.model.config import Configuration, ReadoutConfig, parameter
+from eskin.model.config import ReadoutConfig
 
 MAX_WORD_BITS = 64
 MAX_CLOCKS = 1024

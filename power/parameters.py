@@ -8,8 +8,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from eskin.base.configuration import parameter
 from eskin.base.errors import InputError
-from eskin.model.config import MAX_SIDE, parameter
+from eskin.model.config import MAX_SIDE
 
 PAPER = "Alea et al., BioCAS 2022"
 SCRIPTS = "mdalea/intuitive, BioCAS22/plots"

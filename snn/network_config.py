@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from eskin.base.errors import InputError
-from eskin.snn.fields import check_types, refuse_unknown
+from eskin.snn.fields import NetworkFields
 from eskin.snn.kernels.rule import NeuronReset, NeuronRule
 
 Kind = Literal["spiking", "rnn", "gru", "cnn"]
@@ -18,8 +18,10 @@ KINDS = get_args(Kind)
 
 
 @dataclass(frozen=True, kw_only=True)
-class NetworkConfig:
+class NetworkConfig(NetworkFields):
     """All parameters of a network; immutable and validated. The defaults are those of the paper."""
+
+    noun = ("the fields of a network", "network")
 
     inputs: int
     classes: int
@@ -72,10 +74,9 @@ class NetworkConfig:
 
     def __post_init__(self) -> None:
         fields_of(self.kind)
-        check_types(self)
+        self._check_types()
         for name in ("inputs", "classes", "hidden"):
-            if getattr(self, name) < 1:
-                raise InputError(f"{name} must be at least 1, not {getattr(self, name)}")
+            self._check_least(name, 1)
         for name in ("input_scale", "output_scale"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 raise InputError(f"{name} must be a positive number, not {getattr(self, name)!r}")
@@ -85,8 +86,6 @@ class NetworkConfig:
             raise InputError(f"input_offset must be a number, not {self.input_offset!r}")
         if not 0 <= self.dropout < 1:
             raise InputError(f"dropout must be a probability below 1, not {self.dropout!r}")
-        if self.readout not in get_args(OutputMode):
-            raise InputError(f"readout must be one of {', '.join(get_args(OutputMode))}, not {self.readout!r}")
         for name in ("decay", "output_decay"):
             value = getattr(self, name)
             if not 0 < value <= 1:
@@ -110,16 +109,13 @@ class NetworkConfig:
         """Constants of every neuron."""
         return NeuronRule(**{field.name: getattr(self, field.name) for field in dataclasses.fields(NeuronRule)})
 
-    def to_dict(self) -> dict[str, Any]:
-        return dataclasses.asdict(self)
-
     @classmethod
     def from_dict(cls, fields: Any) -> NetworkConfig:
         """Return the network configuration for a dictionary; fields of other kinds are ignored.
 
         Raise InputError if a field is unknown, has the wrong type, or is out of range.
         """
-        refuse_unknown(fields, FIELDS, "network")
+        cls._check_dict(fields)
         if missing := [name for name in ("inputs", "classes") if name not in fields]:
             raise InputError(f"the fields of a network need {missing[0]}")
         known = [*fields_of(fields.get("kind", "spiking")), *BASELINE]

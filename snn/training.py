@@ -12,7 +12,6 @@ from torch import nn
 from eskin.base.errors import InputError
 from eskin.snn.adam import Adam
 from eskin.snn.data.augment import AugmentConfig
-from eskin.snn.fields import check_types, refuse_unknown
 
 LARGE_GRADIENT = 1e4
 """Norm of the gradient, before clipping, that is reported as a sign of divergence."""
@@ -32,6 +31,8 @@ SILENT, SATURATED = 1e-4, 0.5
 class TrainConfig(AugmentConfig):
     """Settings of a training; the paper uses Adam 1e-3, batches of 32, and up to 500 epochs."""
 
+    noun = ("the fields of a training", "training")
+
     epochs: int = 100
     batch: int = 32
     learning_rate: float = 1e-3
@@ -49,11 +50,10 @@ class TrainConfig(AugmentConfig):
     """Every class has an equal weight in the loss, for any number of scans."""
 
     def __post_init__(self) -> None:
-        check_types(self)
+        self._check_types()
         super().__post_init__()
         for name, least in (("epochs", 1), ("batch", 1), ("windows", 1), ("window_steps", 0)):
-            if getattr(self, name) < least:
-                raise InputError(f"{name} must be at least {least}, not {getattr(self, name)}")
+            self._check_least(name, least)
         if not 0 < self.learning_rate <= LARGEST_RATE:
             raise InputError(
                 f"learning_rate must be above 0 and at most {LARGEST_RATE:g}, not {self.learning_rate!r}: "
@@ -71,12 +71,6 @@ class TrainConfig(AugmentConfig):
         """
         found = {name: getattr(self, name) for name in (*type(self).__annotations__, *AugmentConfig.__annotations__)}
         return {name: value for name, value in found.items() if name not in _OF_WINDOWS or value != _OF_WINDOWS[name]}
-
-    @classmethod
-    def from_dict(cls, fields: Any) -> TrainConfig:
-        """Return the training settings for a dictionary; raise an error for unknown fields and wrong types."""
-        refuse_unknown(fields, get_type_hints(cls), "training")
-        return cls(**fields)
 
     def rate_at(self, epoch: int) -> float:
         """Return the learning rate of an epoch, counted from 0."""

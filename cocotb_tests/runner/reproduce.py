@@ -6,7 +6,8 @@ import shlex
 from collections.abc import Collection
 from typing import Any
 
-from eskin.model.config import ReadoutConfig, option_of
+from eskin.base.configuration import option_of
+from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.skin.recordings.options import Preparation, Scale, scale_option
 

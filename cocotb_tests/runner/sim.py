@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eskin.base.configuration import option_of
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write, make_folder
 from eskin.base.progress import reported
@@ -23,7 +24,7 @@ from eskin.cocotb_tests.runner.process import Tally, play_runs, scenario_runs
 from eskin.cocotb_tests.runner.reproduce import options, reproduce
 from eskin.cocotb_tests.runner.simulator import build, require_programs
 from eskin.model.address_events import Events
-from eskin.model.config import NO_LOGIC, ReadoutConfig, option_of
+from eskin.model.config import NO_LOGIC, ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.model.readout import simulate
 from eskin.rtl.delivery import ports

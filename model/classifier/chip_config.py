@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
 
+from eskin.base.configuration import Configuration
 from eskin.base.errors import InputError
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.run import work_clocks
@@ -27,7 +28,7 @@ def with_room(readout: ReadoutConfig, classifier: ClassifierConfig) -> ReadoutCo
 
 
 @dataclass(frozen=True, kw_only=True)
-class ChipConfig:
+class ChipConfig(Configuration):
     """The configurations of a readout and a classifier that fit together.
 
     The readout has the stream link. The classifier has one input per taxel, or two with separate ON and OFF. Reset and
@@ -39,6 +40,7 @@ class ChipConfig:
     classifier: ClassifierConfig
 
     def __post_init__(self) -> None:
+        self._check_types()
         readout, classifier = self.readout, self.classifier
         if not readout.protocol.streams:
             raise InputError(f"the readout of a chip must have the link stream, not {readout.link}")

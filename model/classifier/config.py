@@ -4,8 +4,9 @@ import math
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
+from eskin.base.configuration import Configuration, parameter
 from eskin.base.errors import InputError
-from eskin.model.config import Configuration, Reset, parameter
+from eskin.model.config import Reset
 
 NeuronReset = Literal["zero", "subtract"]
 OutputMode = Literal["spikes", "membrane"]

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eskin.base.configuration import parameter
 from eskin.base.errors import InputError
 from eskin.model.address_events import Events
-from eskin.model.config import ReadoutConfig, parameter
+from eskin.model.config import ReadoutConfig
 
 MAX_TILES = 64
 """Most tiles of a skin: their requests fit one 64-bit word of the model."""

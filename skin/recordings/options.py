@@ -4,10 +4,10 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
+from eskin.base.configuration import Configuration, option_of, parameter
 from eskin.base.errors import InputError
-from eskin.model.config import parameter
 
 Decimal = Literal["auto", "point", "comma"]
 TimeUnit = Literal["auto", "s", "ms", "us", "ns"]
@@ -24,7 +24,7 @@ FINGER = Path(__file__).parent / "finger"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Preparation:
+class Preparation(Configuration):
     """Options for all steps from sensor files to codes; numbers of columns count from 1."""
 
     taxel_columns: str = parameter("", "", GUIDE, "taxel columns of the file, such as 2-17 or s1,s2 [all]")
@@ -52,18 +52,9 @@ class Preparation:
     """One factor, or one for each taxel as ``0.5,2``. A percentile is that of the magnitudes of all recordings."""
 
     def __post_init__(self) -> None:
-        for name, choices in (
-            ("decimal", Decimal),
-            ("time_unit", TimeUnit),
-            ("baseline", Baseline),
-            ("label_of", LabelOf),
-        ):
-            if (value := getattr(self, name)) not in get_args(choices):
-                option = "--" + name.replace("_", "-")
-                raise InputError(f"{option} must be one of {', '.join(get_args(choices))}, not {value!r}")
+        self._check_types(but=("names",))
         for name in ("skip_lines", "frame_lines"):
-            if type(value := getattr(self, name)) is not int or value < 0:
-                raise InputError(f"--{name.replace('_', '-')} is a number of lines from 0, not {value!r}")
+            self._check_least(name, 0)
         if len(self.delimiter) > 1 and self.delimiter not in ("tab", "space"):
             raise InputError(f"--delimiter is one character, tab or space, not {self.delimiter!r}")
         if not (math.isfinite(self.highpass_hz) and self.highpass_hz > 0):
@@ -80,6 +71,9 @@ class Preparation:
         if not all(isinstance(name, str) for name in self.names):
             raise InputError(f"the names of columns must be texts, not {self.names!r}")
         object.__setattr__(self, "names", tuple(self.names))
+
+    def _label(self, name: str) -> str:
+        return option_of(type(self).__dataclass_fields__[name])
 
     def chosen(self) -> dict[str, Any]:
         """Return the fields with non-default values, except the scale."""

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin.base.errors import InputError
+from eskin.snn.fields import NetworkFields
 
 if TYPE_CHECKING:
     from torch import Tensor
 
 
 @dataclass(frozen=True, kw_only=True)
-class AugmentConfig:
+class AugmentConfig(NetworkFields):
     """Ranges of the random changes applied to every training scan in each epoch.
 
     Start rows are not drawn here: they are scans of their own (``record_dataset``).
@@ -30,8 +31,7 @@ class AugmentConfig:
     """Probability with which a taxel is silent for the whole scan."""
 
     def __post_init__(self) -> None:
-        if self.shift_steps < 0:
-            raise InputError(f"shift_steps must be at least 0, not {self.shift_steps}")
+        self._check_least("shift_steps", 0)
         if not 0 <= self.speed_spread < 1:
             raise InputError(f"speed_spread must be from 0 to below 1, not {self.speed_spread!r}")
         if not 0 <= self.drop_taxels < 1:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
+from eskin.base.configuration import refuse_unknown
 from eskin.base.errors import InputError
 from eskin.base.files import plain
 from eskin.model.config import ReadoutConfig
@@ -23,7 +24,6 @@ from eskin.snn.data.frames import frame_dataset, frames_of_recordings
 from eskin.snn.data.record import Tick, Variant, record_dataset
 from eskin.snn.data.recordings import event_files, read_recordings
 from eskin.snn.data.scans import ScanData, load_recordings
-from eskin.snn.fields import refuse_unknown
 from eskin.snn.network_config import FIELDS, NetworkConfig
 from eskin.snn.training import TrainConfig, parted
 

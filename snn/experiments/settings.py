@@ -9,9 +9,10 @@ from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.frame_steps import FRAMES, FrameKind, FrameSteps
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.recipes import BASELINES, RECIPES
-from eskin.snn.fields import NOUNS
 from eskin.snn.network_config import NetworkConfig, fields_of
 from eskin.snn.training import TrainConfig, parted
+
+NOUNS = {bool: "true or false", int: "a whole number", float: "a number", str: "a word"}
 
 VARIANTS = {encoder.name: ("", "on") if encoder.polarity else ("",) for encoder in registry.ENCODERS}
 """Variants of an encoder's events (``eskin.snn.data.record``), written after the resolution: lcs:6:on."""

@@ -20,10 +20,11 @@ from eskin.app import setup
 from eskin.app.catalogue import CHECKS, COMMANDS
 from eskin.app.cli import SHARED, make_app, run
 from eskin.app.options import LEAKY, build_config, field_options, option_name, parse_fields, with_config
+from eskin.base.configuration import option_of
 from eskin.base.errors import InputError
 from eskin.base.packages import GROUPS
 from eskin.model.address_events import no_events
-from eskin.model.config import Encoding, ReadoutConfig, option_of
+from eskin.model.config import Encoding, ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.events.recording import Recording
 from eskin.model.frame_config import FrameConfig
