@@ -7,13 +7,14 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
 
-SILENCE_S = 15.0  # time between two lines about a long step without a bar
+SILENCE_S = 15.0  # time between two lines about long steps where no terminal shows a bar
 
 
 def watched() -> bool:
@@ -45,7 +46,7 @@ def progress_of(*words: str, spinner: bool = False, time_left: bool = False, tra
 
 @contextmanager
 def bar(text: str, total: int | None = None) -> Iterator[Callable[[], None]]:
-    """Yield a function that advances a progress bar by 1; without a terminal, show nothing."""
+    """Yield a function that advances a progress bar by 1."""
     with bars(spinner=False, transient=True) as show:
         yield show(text, total)[0]
 
@@ -54,9 +55,13 @@ def bar(text: str, total: int | None = None) -> Iterator[Callable[[], None]]:
 def bars(
     spinner: bool = True, transient: bool = False
 ) -> Iterator[Callable[[str, int | None], tuple[Callable[[], None], Callable[[str], None]]]]:
-    """Yield a function that adds a progress bar and returns functions to advance and rename the bar."""
+    """Yield a function that adds a progress bar and returns functions to advance and rename the bar.
+
+    Without a terminal, print a line about every unfinished bar every ``SILENCE_S``.
+    """
     if not watched():
-        yield lambda text, total: (lambda: None, lambda words: None)
+        with _lines() as tasks:
+            yield lambda text, total: _added(tasks, _Task(text, total))
         return
     with progress_of("{task.description}", spinner=spinner, transient=transient) as shown:
 
@@ -70,18 +75,58 @@ def bars(
 @contextmanager
 def reported(text: str) -> Iterator[None]:
     """Report a long step; without a terminal, print the elapsed seconds every ``SILENCE_S``."""
-    done, started = threading.Event(), time.monotonic()
+    if watched():
+        yield
+        return
+    with _lines() as tasks:
+        tasks.append(_Task(text, 0))
+        yield
+
+
+@dataclass
+class _Task:
+    """A step that takes long."""
+
+    text: str
+    total: int | None  # 0: without a count
+    done: int = 0
+
+    @property
+    def line(self) -> str:
+        """What is done so far."""
+        if self.total == 0:
+            return self.text
+        return f"{self.text}: {self.done}{'' if self.total is None else f' of {self.total}'}"
+
+    def advance(self) -> None:
+        """Count one more."""
+        self.done += 1
+
+    def rename(self, words: str) -> None:
+        """Change the text."""
+        self.text = words
+
+
+def _added(tasks: list[_Task], task: _Task) -> tuple[Callable[[], None], Callable[[str], None]]:
+    tasks.append(task)
+    return task.advance, task.rename
+
+
+@contextmanager
+def _lines() -> Iterator[list[_Task]]:
+    """Yield a list of tasks; print a line about each unfinished one every ``SILENCE_S``."""
+    tasks, done, started = list[_Task](), threading.Event(), time.monotonic()
 
     def report() -> None:
         while not done.wait(SILENCE_S):
-            note(f"{text}: {time.monotonic() - started:.0f} s so far")
+            for task in tasks:
+                if not task.total or task.done < task.total:
+                    note(f"{task.line}, {time.monotonic() - started:.0f} s so far")
 
     thread = threading.Thread(target=report, daemon=True)
-    if not watched():
-        thread.start()
+    thread.start()
     try:
-        yield
+        yield tasks
     finally:
         done.set()
-        if thread.is_alive():
-            thread.join()
+        thread.join()

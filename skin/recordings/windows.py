@@ -62,7 +62,7 @@ def parts_of(
     window, hop, guard = (round(seconds * rate_hz) for seconds in (options.window_s, options.hop_s, options.guard_s))
     if options.window_s and not window:
         raise InputError(f"--window {options.window_s:g} is shorter than a sample; give at least {1 / rate_hz:.3g} s")
-    alone = len(tables) == 1 and tables[0].groups is None
+    alone = len(tables) == 1 and tables[0].groups is None and tables[0].labels is not None
     left_out = LeftOut()
     found = []
     for table, count in zip(tables, ticks, strict=True):

@@ -146,3 +146,15 @@ def test_slip_is_trained_with_files_as_groups(folder: Path, call: Call) -> None:
     assert "a test window and a training window never share a file" in output + error
     accuracy = float(output.split("test accuracy ")[1].split("%")[0])
     assert accuracy > 80
+    write(folder / "new.csv", ["no"] * 200 + ["yes"] * 200)
+    lines = [line.rpartition(",")[0] for line in Path("new.csv").read_text().splitlines()]  # without its labels
+    Path("new.csv").write_text("\n".join(lines) + "\n")
+    code, output, error = call("predict out/train/weights.npz --data new.csv --out p.json")
+    assert code == 0, error
+    assert "classes over time: p.csv, p.png" in output
+    rows = [row.split(",") for row in Path("p.csv").read_text().splitlines()]
+    assert rows[0] == ["file", "end_s", "predicted", "class"]
+    assert [float(row[1]) for row in rows[1:]] == pytest.approx(np.arange(0.5, 4.01, 0.25))
+    wanted = ["no" if float(row[1]) <= 2 else "yes" for row in rows[1:]]
+    assert sum(row[2] == kind for row, kind in zip(rows[1:], wanted, strict=True)) >= 13
+    assert Path("p.png").stat().st_size > 3000

@@ -85,13 +85,26 @@ def predict(
     if check_model:
         with bar("model", len(files)) as step:
             check = work.check_model(recordings, counts, logits, trained, dataset, data, step)
-    write_json(out, work.predictions(recordings, logits, trained, scores, check))
+    report = work.predictions(recordings, logits, trained, scores, check)
+    write_json(out, report)
     echo(f"predictions: {out}")
+    _write_over_time(report, out)
     if check is not None:
         again = ["eskin", "predict", str(weights), "--events", str(files[check.where].path)]
         again += ["--check-model", *([] if dataset is None else ["--dataset", dataset])]
         again += [] if data is None else ["--data", str(data)]
         _print_check(check, recordings, shlex.join(again))
+
+
+def _write_over_time(report: dict[str, Any], out: Path) -> None:
+    """Write the classes of windows over time, as a table and as a picture."""
+    from eskin.snn.figures.over_time import over_time, plot_over_time, write_over_time
+
+    if windows := over_time(report["images"]):
+        table, picture = out.with_suffix(".csv"), out.with_suffix(".png")
+        write_over_time(windows, table)
+        plot_over_time(windows, report["class_names"], picture)
+        echo(f"classes over time: {table}, {picture}")
 
 
 def _own_events(trained: Trained, data: Path | None, check_model: bool) -> Path:

@@ -6,6 +6,7 @@ import hashlib
 import json
 import shlex
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,7 +17,7 @@ from eskin.app.commands.learn.options import Folds, Seeds, Workers, check_device
 from eskin.app.commands.signals.recordings import scale_text
 from eskin.app.options import command, opt, out_folder
 from eskin.base.errors import InputError
-from eskin.base.progress import bar, progress_of, watched
+from eskin.base.progress import SILENCE_S, bar, progress_of, watched
 
 if TYPE_CHECKING:
     from eskin.snn.data.scans import ScanData
@@ -146,7 +147,7 @@ def _name_of(made: Experiment, fold: Fold, seed: int) -> str:
 def _epochs(made: Experiment, data: ScanData) -> Iterator[Callable[[Epoch], None]]:
     """Yield a function that reports an epoch, and prints each kind of warning once on standard error.
 
-    Without a terminal, only every tenth epoch is printed.
+    Without a terminal, every tenth epoch is printed, and one whenever ``SILENCE_S`` have passed.
     """
     network, epochs, told = made.network_config(data), made.train.epochs, set[str]()
 
@@ -157,8 +158,12 @@ def _epochs(made: Experiment, data: ScanData) -> Iterator[Callable[[Epoch], None
                 told.add(kind)
                 yield f"warning: epoch {epoch.number}: {warning}"
 
+    said_at = time.monotonic()
+
     def line(epoch: Epoch) -> None:
-        if epoch.number % 10 == 0 or epoch.number == epochs:
+        nonlocal said_at
+        if epoch.number % 10 == 0 or epoch.number == epochs or time.monotonic() - said_at > SILENCE_S:
+            said_at = time.monotonic()
             words = f"loss {epoch.loss:.3f}, training accuracy {epoch.accuracy:.1%}"
             print(f"epoch {epoch.number}/{epochs}: {words}", flush=True)
         for warning in warnings(epoch):

@@ -143,6 +143,7 @@ def _conclude_touch(plan: TouchPlan, now: dict[str, Any], noun: str) -> None:
     """Write and print the totals of all results; exit with 1 if results are missing or no event occurred."""
     from eskin.cocotb_tests.touch.picture import draw
     from eskin.cocotb_tests.touch.plan import summarise
+    from eskin.snn.figures.over_time import over_time, plot_over_time, write_over_time
 
     summary = summarise(plan)
     if summary["missing"] or not summary["events"]:
@@ -163,6 +164,14 @@ def _conclude_touch(plan: TouchPlan, now: dict[str, Any], noun: str) -> None:
         f"at most {summary['latency_clocks']} clocks from bin end to class"
     )
     echo(f"answers: {plan.folder / 'summary.json'}" + (f"; picture: {picture}" if picture else ""))
+    windows = over_time(
+        [{"name": n, "predicted": a["class"], "class": a["true"]} for n, a in summary["answers"].items()]
+    )
+    if windows:
+        table, drawn = plan.folder / "over_time.csv", plan.folder / "over_time.png"
+        write_over_time(windows, table)
+        plot_over_time(windows, plan.networks[plan.names[0]].weights.class_names, drawn)
+        echo(f"classes over time: {table}, {drawn}")
     judged = f"{summary['right']} right" if summary["labelled"] else "true classes not known"
     print(
         f"touch to class: {summary['images']} {noun}, {summary['events']} events, {summary['mismatches']} mismatches, "
