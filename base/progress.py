@@ -95,8 +95,8 @@ class _Task:
     def line(self) -> str:
         """What is done so far."""
         if self.total == 0:
-            return self.text
-        return f"{self.text}: {self.done}{'' if self.total is None else f' of {self.total}'}"
+            return f"{self.text}:"
+        return f"{self.text}: {self.done}{'' if self.total is None else f' of {self.total}'},"
 
     def advance(self) -> None:
         """Count one more."""
@@ -121,7 +121,7 @@ def _lines() -> Iterator[list[_Task]]:
         while not done.wait(SILENCE_S):
             for task in tasks:
                 if not task.total or task.done < task.total:
-                    note(f"{task.line}, {time.monotonic() - started:.0f} s so far")
+                    note(f"{task.line} {time.monotonic() - started:.0f} s so far")
 
     thread = threading.Thread(target=report, daemon=True)
     thread.start()

@@ -2,8 +2,6 @@
 
 import time
 
-import pytest
-
 from eskin.base import progress
 
 
@@ -14,7 +12,7 @@ def test_a_log_gets_a_line_with_a_count_while_a_step_lasts(monkeypatch, capsys):
         time.sleep(0.2)
     lines = capsys.readouterr().err.splitlines()
     assert "encoding: 1 of 3, 0 s so far" in lines
-    assert "building, 0 s so far" in lines
+    assert "building: 0 s so far" in lines
 
 
 def test_a_finished_or_quick_step_says_nothing(monkeypatch, capsys):
@@ -24,8 +22,7 @@ def test_a_finished_or_quick_step_says_nothing(monkeypatch, capsys):
     with progress.bar("done", 1) as step:
         step()
         time.sleep(0.15)
-    with pytest.raises(KeyError), progress.bars() as show:
+    with progress.bars() as show:
         show("unknown length", None)
-        time.sleep(0.1)
-        raise KeyError
-    assert capsys.readouterr().err.splitlines()[:1] == ["unknown length: 0, 0 s so far"]
+        time.sleep(0.15)
+    assert set(capsys.readouterr().err.splitlines()) == {"unknown length: 0, 0 s so far"}
