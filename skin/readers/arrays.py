@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
+from eskin.base.packages import missing
 from eskin.skin.readers.frame import Frame, check_size, frame_of
 from eskin.skin.samples import arrays_in
 
@@ -127,8 +128,4 @@ def needed(module: str, path: Path) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError:
-        package = module.partition(".")[0]
-        raise InputError(
-            f"reading {path} needs the package {package}, which is not installed; run make setup FOR=files, or "
-            f"pip install {package}"
-        ) from None
+        raise InputError(f"cannot read {path}: {missing(module.partition('.')[0])}") from None

@@ -1,5 +1,6 @@
 """Test make: variables reach the programs unchanged, and invalid variables are rejected."""
 
+import fcntl
 import os
 import shlex
 import subprocess
@@ -255,7 +256,13 @@ def asked(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     for program in ("python", "pip", "uv"):
         (checkout / ".venv" / "bin" / program).symlink_to("/bin/true")
     installed: list[list[str]] = []
-    monkeypatch.setattr(setup, "install_packages", installed.append)
+
+    def install(command: list[str]) -> None:
+        with open(checkout / ".venv" / ".lock", "w") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # as uv does, which would wait for five minutes
+        installed.append(command)
+
+    monkeypatch.setattr(setup, "install_packages", install)
     return installed
 
 
