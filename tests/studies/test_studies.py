@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from eskin.app.catalogue import MODULES
+from eskin.app.catalogue import COMMANDS
 from eskin.base.errors import InputError
 from studies.study import ROOT, Result, run
 
@@ -51,7 +51,7 @@ def test_every_line_names_a_program_or_a_target() -> None:
         if program == "cp":
             program, *words = shlex.split(line.split(" && ")[0])
         if program == "make":
-            assert words[0] in MODULES
+            assert words[0] in COMMANDS
         else:
             assert (program, words[0]) == (".venv/bin/python", "-m")
             assert find_spec(words[1]), line
