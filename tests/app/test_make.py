@@ -352,8 +352,8 @@ NO_GPU, WITH_GPU = "+ torch==2.13.0+cpu", "+ nvidia-nvtx==13\n + torch==2.13.0"
         ("+ numpy==2", "", [], ""),
         (NO_GPU, "", [], "PyTorch without libraries for GPUs: 0.2 GB to download"),
         (WITH_GPU, NO_GPU, ["--torch-backend=auto"], "PyTorch without libraries for GPUs: 0.2 GB to download"),
-        (WITH_GPU, WITH_GPU, ["--torch-backend=auto"], "PyTorch with its libraries for GPUs: 2.4 GB to download"),
-        (WITH_GPU, "", [], "PyTorch with its libraries for GPUs: 2.4 GB to download"),
+        (WITH_GPU, WITH_GPU, ["--torch-backend=auto"], "PyTorch with its libraries for GPUs: 2.7 GB to download"),
+        (WITH_GPU, "", [], "PyTorch with its libraries for GPUs: 2.7 GB to download"),
     ],
 )
 def test_the_build_of_torch_suits_the_machine(
