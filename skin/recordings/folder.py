@@ -24,7 +24,7 @@ from eskin.skin.recordings.fitting import Fit, other_leak, steepest_step, with_c
 from eskin.skin.recordings.options import Preparation, Scale
 from eskin.skin.recordings.prepare import Prepared, prepare
 from eskin.skin.recordings.quality import MUCH_LATE, Quality, encoded, pooled
-from eskin.skin.recordings.table import read_table, text_of
+from eskin.skin.recordings.table import Table, read_table, text_of
 from eskin.skin.recordings.windows import Part, parts_of
 from eskin.skin.samples import array_of
 
@@ -147,60 +147,32 @@ def read_set(
     - ``fit``: chooses encoder, resolution and scale from recordings, where these are not given.
     """
     sources, left_out = sources_of(place, flat or options.splits, options.strict)
-    tables = []
     rate_hz = config.sample_rate_hz if "sample_rate_hz" in given else None
-    for source in sources:
-        tables.append(read_table(source.path, options, rate_hz, needs_labels=not flat))
-        if progress is not None:
-            progress()
-    tables, options = match_columns(tables, options)
-    notes = tuple(dict.fromkeys(note for table in tables for note in table.notes))
-    if not options.taxel_columns:
-        sized = {"rows", "columns"} & set(given)
-        tables, no_taxels = only_taxels(tables, config.taxels if sized else None)
-        notes += no_taxels
-        if no_taxels:  # other recordings get the same columns
-            names = tables[0].names
-            options = dataclasses.replace(options, taxel_columns=text_of(names), names=names if options.names else ())
-    bits = config.sample_bits
-    files, parts = range(len(sources)), [[Part(0, sys.maxsize, None, "", "")] for _ in sources]
-    if options.splits:
-        whole = prepare(tables, options, bits, rate_hz)
-        parts, said = parts_of(tables, [len(codes) for codes in whole.codes], whole.rate_hz, options)
-        notes += said
-    of_file = [number for number, found in zip(files, parts, strict=True) for _ in found]
-    starts_s = {s.name: t.start_s for s, t in zip(sources, tables, strict=True) if t.time_s is not None}
-    if options.splits:
-        sources = tuple(s.part(part) for s, found in zip(sources, parts, strict=True) for part in found)
-        starts_s = {}
-
-    def cut(prepared: Prepared) -> list[NDArray[np.int32]]:
-        """Return the codes of each source."""
-        pairs = zip(prepared.codes, parts, strict=True)
-        return [codes[part.begin : part.end] for codes, found in pairs for part in found]
-
+    taxels = config.taxels if {"rows", "columns"} & set(given) else None
+    tables, options, notes = _tables_of(sources, options, rate_hz, taxels, flat, progress)
+    pieces = _pieces_of(sources, tables, options, config.sample_bits, rate_hz)
+    sources, tau_s = pieces.sources, fit.tau_s if fit else None
     classes = [str(source.class_name) for source in sources]
     groups = [source.group or source.name for source in sources]
     learned = fit.learned([source.name for source in sources], classes, groups) if fit else range(len(sources))
-    learned_files = sorted({of_file[number] for number in learned})
-    prepared = prepare(tables, options, bits, rate_hz, learned_files)
-    taxels = tables[0].values.shape[1]
-    config = _with_array(config, taxels, given, tables[0].path, tables[0].shape)
-    tau_s = fit.tau_s if fit else None
+    files = sorted({pieces.files[number] for number in learned})
+    tried = {options.scale: prepare(tables, options, config.sample_bits, rate_hz, files)}
+    prepared = tried[options.scale]
+    config = _with_array(config, tables[0], given)
     config = with_seconds(config.replace(sample_rate_hz=prepared.rate_hz), given, tau_s)
     if fit and not {"encoding", "resolution"} <= set(given):
-        tried = {options.scale: prepared}
         for scale in fit.other_scales if options.scale == "max" and "scale" not in given else ():
             other = dataclasses.replace(options, scale=scale)
-            tried[scale] = prepare(tables, other, bits, rate_hz, learned_files)
-        codes = {scale: [every[number] for number in learned] for scale, one in tried.items() for every in [cut(one)]}
+            tried[scale] = prepare(tables, other, config.sample_bits, rate_hz, files)
+        codes = {scale: [every[n] for n in learned] for scale, one in tried.items() for every in [pieces.cut(one)]}
         tick = progress or (lambda: None)
         config, scale, note = fit.choose(config, given, [classes[number] for number in learned], codes, tick)
         prepared, options = tried[scale], dataclasses.replace(options, scale=scale)
         notes += (note,) if note else ()
-    codes_of_all = cut(prepared)
+    codes_of_all = pieces.cut(prepared)
     if "clocks_per_sample" not in given:
         config = with_clock(config, codes_of_all)
+    leak = other_leak(config, given) if tau_s is None else ()
     return RecordingSet(
         name=place.resolve().name if place.is_dir() else place.stem,
         sources=sources,
@@ -209,27 +181,77 @@ def read_set(
         options=options,
         scale=prepared.scale,
         clipped=prepared.clipped,
-        notes=(*notes, *prepared.notes, *(other_leak(config, given) if tau_s is None else ())),
+        notes=(*notes, *pieces.notes, *prepared.notes, *leak),
         warnings=(*left_out, *prepared.warnings, *negative_part_lost(config, codes_of_all)),
         columns=tables[0].names if tables[0].named else (),
-        starts_s=starts_s,
+        starts_s=pieces.starts_s,
     )
 
 
-def _with_array(
-    config: ReadoutConfig, taxels: int, given: Collection[str], path: Path, shape: tuple[int, int] | None
-) -> ReadoutConfig:
-    """Return the configuration with an array for a number of taxels, after checking a user's array.
+def _tables_of(
+    sources: Sequence[Source],
+    options: Preparation,
+    rate_hz: float | None,
+    taxels: int | None,
+    flat: bool,
+    progress: Callable[[], object] | None,
+) -> tuple[list[Table], Preparation, tuple[str, ...]]:
+    """Return the recordings of files with the same taxels, the options that choose these again, and notes."""
+    tables = []
+    for source in sources:
+        tables.append(read_table(source.path, options, rate_hz, needs_labels=not flat))
+        if progress is not None:
+            progress()
+    tables, options = match_columns(tables, options)
+    notes = tuple(dict.fromkeys(note for table in tables for note in table.notes))
+    if options.taxel_columns:
+        return tables, options, notes
+    tables, no_taxels = only_taxels(tables, taxels)
+    if no_taxels:  # other recordings get the same columns
+        names = tables[0].names
+        options = dataclasses.replace(options, taxel_columns=text_of(names), names=names if options.names else ())
+    return tables, options, (*notes, *no_taxels)
 
-    ``shape`` are rows and columns in the file, if it has them.
-    """
+
+@dataclass(frozen=True)
+class _Pieces:
+    """Parts of files, each of which is a recording; by default each file is one part."""
+
+    sources: tuple[Source, ...]
+    files: list[int]  # number of each source's file
+    parts: list[list[Part]]  # of each file
+    starts_s: Mapping[str, float]
+    notes: tuple[str, ...]
+
+    def cut(self, prepared: Prepared) -> list[NDArray[np.int32]]:
+        """Return the codes of each source."""
+        pairs = zip(prepared.codes, self.parts, strict=True)
+        return [codes[part.begin : part.end] for codes, found in pairs for part in found]
+
+
+def _pieces_of(
+    sources: Sequence[Source], tables: Sequence[Table], options: Preparation, bits: int, rate_hz: float | None
+) -> _Pieces:
+    if not options.splits:
+        starts_s = {s.name: t.start_s for s, t in zip(sources, tables, strict=True) if t.time_s is not None}
+        whole = [[Part(0, sys.maxsize, None, "", "")] for _ in tables]
+        return _Pieces(tuple(sources), list(range(len(sources))), whole, starts_s, ())
+    prepared = prepare(tables, options, bits, rate_hz)
+    parts, notes = parts_of(tables, [len(codes) for codes in prepared.codes], prepared.rate_hz, options)
+    found = [(n, source.part(part)) for n, source in enumerate(sources) for part in parts[n]]
+    return _Pieces(tuple(source for _, source in found), [n for n, _ in found], parts, {}, notes)
+
+
+def _with_array(config: ReadoutConfig, table: Table, given: Collection[str]) -> ReadoutConfig:
+    """Return the configuration with an array for the taxels of a recording, after checking a user's array."""
+    taxels, shape = table.values.shape[1], table.shape
     if shape is not None and not {"rows", "columns"} & set(given) and max(shape) <= MAX_SIDE:
         return config.replace(rows=shape[0], columns=shape[1])
     if {"rows", "columns"} & set(given) or config.taxels == taxels:
         if config.taxels != taxels:
+            array = f"{config.rows} x {config.columns} = {config.taxels}"
             raise InputError(
-                f"{path} has {taxels} taxels, but the array has {config.rows} x {config.columns} = {config.taxels}; "
-                f"give --rows and --columns, or neither, or choose columns with --taxel-columns"
+                f"{table.path} has {taxels} taxels, but the array has {array}; give --rows and --columns, or neither, or choose columns with --taxel-columns"
             )
         return config
     if (size := array_of(taxels)) is None:

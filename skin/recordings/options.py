@@ -19,6 +19,8 @@ PER_TAXEL = "per-taxel"  # text of ``Preparation.scale`` that maps the largest m
 Scale = float | tuple[float, ...]
 """Factor from the unit of the files to full scale, common to all taxels or one for each taxel."""
 
+MAX_LINES, MAX_WINDOW_S = 10**6, 1e6
+
 FINGER = Path(__file__).parent / "finger"
 """Recordings that come with the project: a robot finger slides over four fabrics."""
 
@@ -54,15 +56,15 @@ class Preparation(Configuration):
     def __post_init__(self) -> None:
         self._check_types(but=("names",))
         for name in ("skip_lines", "frame_lines"):
-            self._check_least(name, 0)
+            self._check_range(name, 0, MAX_LINES)
         if len(self.delimiter) > 1 and self.delimiter not in ("tab", "space"):
             raise InputError(f"--delimiter is one character, tab or space, not {self.delimiter!r}")
         if not (math.isfinite(self.highpass_hz) and self.highpass_hz > 0):
             raise InputError(f"--highpass must be a positive number of hertz, not {self.highpass_hz!r}")
         for name in ("window_s", "hop_s", "guard_s"):
             value, option = getattr(self, name), name.removesuffix("_s")
-            if not (math.isfinite(value) and value >= 0):
-                raise InputError(f"--{option} must be a number of seconds from 0, not {value!r}")
+            if not 0 <= value <= MAX_WINDOW_S:
+                raise InputError(f"--{option} must be in 0..{MAX_WINDOW_S:g} seconds, not {value:g}")
             if value and not self.window_s:
                 raise InputError(f"--{option} needs windows; add --window SECONDS")
         if self.window_s and not self.hop_s:

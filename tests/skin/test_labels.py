@@ -124,7 +124,7 @@ def test_default_leaks_exist_at_every_rate(rate_hz):
     [
         ("--window 1", "name the column of the class with --label-column"),
         ("--label-column slip --hop 1", "--hop needs windows; add --window SECONDS"),
-        ("--label-column slip --window -1", "--window must be a number of seconds from 0, not -1"),
+        ("--label-column slip --window -1", "--window must be in 0..1e+06 seconds, not -1"),
         ("--label-column sip --window 1", "has no column 'sip'; it has 6: time_s, a, b, c, d, slip"),
         ("--label-column slip --window 9", "no window of 9 s has a class; give a shorter --window or --guard"),
         ("--label-column slip --window 0.3 --encoding nlcs --tau 0.001", "tau 0.001 s is not reachable"),

@@ -67,6 +67,7 @@ def encode(
     """Encode an image, a file of samples, or a folder of sample files into address events."""
     if model not in get_args(Model):
         raise InputError(f"--model must be one of {', '.join(get_args(Model))}, not {model!r}")
+    Preparation(**prepared)  # refuses what is out of range before any work
     if source.is_dir():
         own = {"--preset": preset, "--start-row": start_row, "--name": name, "--class": label}
         own["--model functional"] = None if model == "cycle" else model
